@@ -1,4 +1,4 @@
-"""The reference pages that are made from the program: protocols, commands, configuration, exit codes, limits.
+"""The reference pages that are made from the program: protocols, measurands, commands, files, exit codes, limits.
 
 Nothing here is written twice: protocols come from their parameter models, commands from the command
 line's own tables, words of the configuration from its schema.
@@ -6,6 +6,7 @@ line's own tables, words of the configuration from its schema.
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import re
 import sys
@@ -155,6 +156,152 @@ def limits() -> Iterable[str]:
         yield f"| `{cause}` | {row.action.value} | {cell(row.what)} | {cell(row.remedy)} |"
 
 
+def gear_file() -> Iterable[str]:
+    """Every word of a gear's parameter file."""
+    from model import gear_file as file
+    from model.gear import ModelOptions
+
+    yield "# The gear file"
+    yield ""
+    yield (
+        f'TOML with `format = "{file.FORMAT}"`, `name` (the part number), the tables below, the list '
+        "`kinematic_error.orders` and the table `options`. `rig gear new` makes one, `rig gear check` looks it over. "
+        "Every number is a line of `{ value, unit, provenance, source, standard_uncertainty }`; the last three may be "
+        "left away."
+    )
+    yield from _origins()
+    for name, kind in file.SECTIONS.items():
+        yield from _section(name, kind)
+    yield "\n## kinematic_error.orders\n"
+    yield "Each `{ order, cosine, sine, unit, provenance, source, standard_uncertainty }`: cycles per input revolution,"
+    yield "and amplitudes of at most one degree."
+    yield "\n## options\n"
+    yield "\n".join(inspect.cleandoc(ModelOptions.__doc__ or "").splitlines()[:1])
+    yield "\n| word | kind |\n|---|---|"
+    for name, hint in typing.get_type_hints(ModelOptions).items():
+        yield f"| `{name}` | {cell(kind_text(hint))} |"
+
+
+def motor_file() -> Iterable[str]:
+    """Every word of a motor's parameter file."""
+    from model import motor
+
+    yield "# The motor file"
+    yield ""
+    yield (
+        f'TOML with `format = "{motor.FORMAT}"`, `name` and the table `motor`, lines as in the gear file. '
+        "`rig motor new` makes one, `rig motor check` looks it over, `motor` in `rig.toml` names it."
+    )
+    yield from _origins()
+    yield from _section("motor", motor.ServoMotor)
+
+
+def _origins() -> Iterable[str]:
+    from model.gear import Provenance
+    from model.quantities import UNITS
+
+    yield (
+        "\n*provenance* is one of " + ", ".join(typing.get_args(Provenance)) + "; *source* is text."
+    )
+    yield "Units besides SI: " + ", ".join(f"`{unit}`" for unit in UNITS) + "."
+
+
+def _section(name: str, kind: Any) -> Iterable[str]:
+    from model.gear import allowed_range, is_unknown
+
+    yield f"\n## {name}\n"
+    yield plain((kind.__doc__ or "").partition("\n")[0])
+    yield "\n| word | symbol | SI unit | allowed | what |\n|---|---|---|---|---|"
+    for f in dataclasses.fields(kind):
+        if "unit" in f.metadata:
+            meta = f.metadata
+            what = meta["description"] + ("; may be left away" if is_unknown(f, None) else "")
+            limit = cell(allowed_range(meta))
+            yield f"| `{f.name}` | {meta['symbol']} | {meta['unit']} | {limit} | {cell(what)} |"
+
+
+def acceptance_file() -> Iterable[str]:
+    """Every word of an acceptance file, and the quantities that can be limited."""
+    from experiments import catalogue
+    from rig.gears import acceptance
+
+    yield "# The acceptance file"
+    yield ""
+    yield plain(inspect.cleandoc(acceptance.__doc__ or ""))
+    yield f'\n## top level\n\n`format = "{acceptance.FORMAT}"`, and'
+    yield "\n| word | kind |\n|---|---|"
+    yield "| `name` | text: what the file is called |"
+    yield "| `source` | text: the document it was taken from |"
+    yield f"| `use` | {kind_text(acceptance.Use)}: which runs it may judge |"
+    yield "\n## limits[]\n"
+    yield plain(inspect.cleandoc(acceptance.Limit.__doc__ or ""))
+    yield "\n| word | kind | needed |\n|---|---|---|"
+    hints = typing.get_type_hints(acceptance.Limit)
+    for f in dataclasses.fields(acceptance.Limit):
+        needed = "yes" if f.default is dataclasses.MISSING else ""
+        yield f"| `{f.name}` | {cell(kind_text(hints[f.name]))} | {needed} |"
+    yield "\n## What can be limited\n"
+    yield "`PROTOCOL.QUANTITY`; these are looked for first, and any other that a protocol finds can be limited too."
+    yield "\n| quantity | SI unit | what |\n|---|---|---|"
+    for entry in catalogue.ENTRIES:
+        if entry.has_plan:
+            for q in catalogue.load(entry.name).quantities:
+                if q.is_key:
+                    yield f"| `{entry.name}.{q.name}` | {q.unit} | {cell(q.title)} |"
+
+
+def measurands() -> Iterable[str]:
+    """Each measurand as its protocol declares it."""
+    from experiments import catalogue
+    from experiments.parameters import parameter_fields
+
+    yield "# Measurands"
+    yield ""
+    yield (
+        "What exactly is meant by each quantity that a protocol finds, as the protocol declares it. "
+        "A word in braces stands for a member of a family: `{way}` is forward or reverse, `{speed}` r/min at "
+        "the input, `{order}` cycles per input revolution. The lines of one result's budget stand in its report."
+    )
+    for entry in catalogue.ENTRIES:
+        experiment = catalogue.load(entry.name)
+        shown = [q for q in experiment.quantities if q.is_key or q.definition]
+        if not entry.has_plan or not shown:
+            continue
+        yield f"\n## {entry.name}\n"
+        yield f"{entry.summary[0].upper()}{entry.summary[1:]}."
+        plan = [
+            f"{f.name.replace('_', ' ')} {default_text(f.default)} {f.unit}".strip()
+            for f in parameter_fields(experiment.parameters)
+            if default_text(f.default)
+        ]
+        yield f"\nConditions unless the plan says otherwise: {cell('; '.join(plan))}."
+        for q in dict.fromkeys(shown):
+            yield f"\n### {cell(q.headed(q.name))}\n"
+            yield from _measurand(entry.name, q)
+
+
+def _measurand(kind: str, q: Any) -> Iterable[str]:
+    ways = {"way": "each direction of turning for itself"}
+    rows = [
+        ("name", f"`{kind}.{q.name}`"),
+        ("unit", q.unit + (f", shown in {q.shown}" if q.shown else "")),
+        ("definition", cell(q.definition)),
+        ("direction", ways.get(q.placeholder, "") or ("with its sign" if q.is_signed else "")),
+        ("comparable at equal", cell(", ".join(q.conditions))),
+        ("U of a useful result", cell(" ".join((q.target_text, q.target_reason)).strip())),
+    ]
+    if q.catalogue is not None:
+        rows += [
+            ("reference: definition of catalogues", cell(q.catalogue.definition)),
+            ("reference: conditions of catalogues", cell(q.catalogue.conditions)),
+            ("reference: rating", f"`ratings.{q.catalogue.rating}`"),
+        ]
+    yield "| | |\n|---|---|"
+    for name, text in rows:
+        if text:
+            yield f"| {name} | {text} |"
+
+
 def arms(annotation: Any) -> Iterable[Any]:
     """The kinds that an annotation is made of."""
     if typing.get_origin(annotation) in (tuple, typing.Union, types.UnionType, typing.Annotated):
@@ -218,6 +365,10 @@ PAGES = {
     "configuration": configuration,
     "exit-codes": exit_codes,
     "limits": limits,
+    "gear-file": gear_file,
+    "motor-file": motor_file,
+    "acceptance-file": acceptance_file,
+    "measurands": measurands,
 }
 """Every page that is made, by its name."""
 

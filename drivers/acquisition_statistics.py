@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,15 +75,19 @@ class AcquisitionStatistics:
         self._last_ns = None
 
     def add(
-        self, time_ns: NDArray[np.int64], latency_ns: NDArray[np.int64], flags: NDArray[np.uint16]
+        self,
+        time_ns: NDArray[np.int64],
+        latency_ns: NDArray[np.int64] | None,
+        flags: NDArray[np.uint16],
     ) -> None:
-        """Count a block: stamps (n,), latencies (n,), flags (n,)."""
+        """Count a block: stamps (n,), latencies (n,), None where they are not known, flags (n,)."""
         if not len(time_ns):
             return
         self._cycles += len(time_ns)
-        for flag in CycleFlag:
-            if flag:
-                self._flags[flag] += int(np.count_nonzero(flags & flag))
+        if flags.any():
+            for flag in CycleFlag:
+                if flag:
+                    self._flags[flag] += int(np.count_nonzero(flags & flag))
         before = [] if self._last_ns is None else [self._last_ns]
         deviation = (
             np.diff(np.concatenate([np.array(before, dtype=np.int64), time_ns])).astype(float)
@@ -95,9 +99,10 @@ class AcquisitionStatistics:
             self._sum += float(deviation.sum())
             self._sum_squares += float(np.dot(deviation, deviation))
             self._jitter_max = max(self._jitter_max, float(np.abs(deviation).max()))
-            np.add.at(self._jitter, np.searchsorted(_BINS, np.abs(deviation)), 1)
-        self._latency_max = max(self._latency_max, float(latency_ns.max()))
-        np.add.at(self._latency, np.searchsorted(_BINS, latency_ns), 1)
+            self._jitter += _histogram(np.abs(deviation))
+        if latency_ns is not None:
+            self._latency_max = max(self._latency_max, float(latency_ns.max()))
+            self._latency += _histogram(latency_ns)
 
     def report(self) -> AcquisitionReport:
         """The figures so far."""
@@ -128,6 +133,11 @@ class AcquisitionStatistics:
             overruns=self.overruns,
             pauses=self.pauses,
         )
+
+
+def _histogram(times: NDArray[Any]) -> NDArray[np.int64]:
+    """How many times [ns] (n,) lie between which edges."""
+    return np.bincount(np.searchsorted(_BINS, times), minlength=len(_BINS) + 1)
 
 
 def _percentile(histogram: NDArray[np.int64], share: float) -> float:

@@ -13,7 +13,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final, Literal, Protocol, runtime_checkable
+from typing import Final, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from drivers.channel import Channel
 from drivers.samples import Break, SampleBlock
 
 Origin = Literal["simulated", "replay", "hardware"]
+Rows = TypeVar("Rows", bound=np.generic)
 
 
 class Mode(Enum):
@@ -321,8 +322,8 @@ class GuardWatch:
         if not (guard.bounds or guard.stale_cycles) or not len(counts):
             return None
         keep = min(guard.history, len(self._tail))
-        joined = np.concatenate([self._tail[len(self._tail) - keep :], counts])
-        good = np.concatenate([self._tail_good[len(self._tail) - keep :], (flags & 1) == 0])
+        joined = _followed(self._tail[len(self._tail) - keep :], counts)
+        good = _followed(self._tail_good[len(self._tail) - keep :], (flags & 1) == 0)
         times = None
         if self._cycle_ns and time_ns is not None:
             times = np.concatenate([self._tail_time[len(self._tail_time) - keep :], time_ns])
@@ -338,9 +339,9 @@ class GuardWatch:
     ) -> None:
         """Remember the rows that were really returned, with their times if they are judged with them."""
         if time_ns is not None:
-            self._tail_time = np.concatenate([self._tail_time, time_ns])[-self._memory :]
-        self._tail = np.concatenate([self._tail, counts])[-self._memory :]
-        self._tail_good = np.concatenate([self._tail_good, (flags & 1) == 0])[-self._memory :]
+            self._tail_time = last_rows(self._tail_time, time_ns, self._memory)
+        self._tail = last_rows(self._tail, counts, self._memory)
+        self._tail_good = last_rows(self._tail_good, (flags & 1) == 0, self._memory)
 
     def _stale(self, cycles: int, good: NDArray[np.bool_], keep: int) -> Break | None:
         if cycles <= 0 or good[keep:].all():
@@ -379,10 +380,14 @@ class GuardWatch:
                 times[bound.lag :] - times[: -bound.lag], nominal
             )
         total += bound.offset
+        if not bound.allowance and total.min() >= bound.low and total.max() <= bound.high:
+            return None
         if bound.allowance:
             allowed = np.abs(self._sum(bound.allowance, joined, bound.allowance_lag))
             total = np.copysign(np.maximum(np.abs(total) - allowed, 0.0), total)
         outside = ((total < bound.low) | (total > bound.high)) & good
+        if not outside.any():
+            return None
         for lag in bound.looks_back:
             outside[:lag] = False
             outside[lag:] &= good[:-lag]
@@ -398,3 +403,12 @@ class GuardWatch:
         return Break(
             row, bound.cause, value, bound.high if value > bound.high else bound.low, bound.is_trip
         )
+
+
+def last_rows(before: NDArray[Rows], new: NDArray[Rows], most: int) -> NDArray[Rows]:
+    """The last rows, `most` of them at most, of what was kept before and new rows (n, ...)."""
+    return new[-most:] if len(new) >= most else _followed(before, new)[-most:]
+
+
+def _followed(before: NDArray[Rows], new: NDArray[Rows]) -> NDArray[Rows]:
+    return np.concatenate([before, new]) if len(before) else new

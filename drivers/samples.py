@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntFlag
@@ -101,6 +102,16 @@ class SampleBlock:
     def interval_ns(self) -> NDArray[np.int64]:
         """The times (n,) whose differences are the time between two SYNCs; no stamp of reception is among them."""
         return self.time_ns if self.sync_ns is None else self.sync_ns
+
+    @functools.cached_property
+    def complete(self) -> NDArray[np.bool_]:
+        """In which cycles (n,) every channel arrived."""
+        return (self.flags & np.uint16(CycleFlag.INCOMPLETE)) == 0
+
+    @functools.cached_property
+    def complete_counts(self) -> NDArray[np.int64]:
+        """The counts of the complete cycles; those of the block itself, not copied, where every cycle is one."""
+        return self.counts if self.complete.all() else self.counts[self.complete]
 
     def __len__(self) -> int:
         return len(self.time_ns)

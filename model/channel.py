@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from model.angle_certificate import AngleCertificate
 from model.errors import ParameterError
 from model.units import REVOLUTION
 
@@ -19,7 +20,7 @@ from model.units import REVOLUTION
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """Why a channel's scale can be believed. Uncertainties are standard uncertainties in the
-    channel's unit or relative.
+    channel's unit or relative. `curve` is what a certificate states of an encoder, point by point.
     """
 
     certificate: str = ""
@@ -28,6 +29,7 @@ class Calibration:
     scale_relative_uncertainty: float = 0.0
     offset_uncertainty: float = 0.0
     accuracy: float = 0.0
+    curve: AngleCertificate | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

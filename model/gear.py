@@ -57,8 +57,12 @@ def quantity(
     above: float = -math.inf,
     low: float = -math.inf,
     high: float = math.inf,
+    may_be_unknown: bool = False,
 ) -> Any:
-    """Declare a physical quantity: `above` is an exclusive lower bound, `low` and `high` are inclusive."""
+    """Declare a physical quantity: `above` is an exclusive lower bound, `low` and `high` are inclusive.
+
+    What `may_be_unknown` is None where nobody stated it, and then left away from files and tables.
+    """
     meta = {
         "unit": unit,
         "description": description,
@@ -67,7 +71,12 @@ def quantity(
         "low": low,
         "high": high,
     }
-    return field(metadata=meta)
+    return field(default=None, metadata=meta) if may_be_unknown else field(metadata=meta)
+
+
+def is_unknown(f: dataclasses.Field[Any], value: object) -> bool:
+    """Whether this declared quantity is one that nobody stated, and need not."""
+    return value is None and f.default is None
 
 
 def allowed_range(meta: Mapping[str, Any]) -> str:
@@ -104,6 +113,8 @@ class Section:
             if "unit" not in f.metadata:
                 continue
             value = getattr(self, f.name)
+            if is_unknown(f, value):
+                continue
             meta = f.metadata
             if not is_finite_number(value):
                 refuse(self.section, f.name, value, allowed_range(meta), "is not a finite number")
@@ -459,6 +470,24 @@ class Ratings(Section):
         "N m/rad", "catalogue stiffness between T1 and T2", symbol="K2", above=0.0
     )
     stiffness_3: float = quantity("N m/rad", "catalogue stiffness above T2", symbol="K3", above=0.0)
+    average_torque_limit: float | None = quantity(
+        "N m",
+        "limit for the cubic mean of the load torque at the output",
+        above=0.0,
+        may_be_unknown=True,
+    )
+    ratcheting_torque: float | None = quantity(
+        "N m",
+        "torque at the output at which teeth jump; never reach it",
+        above=0.0,
+        may_be_unknown=True,
+    )
+    buckling_torque: float | None = quantity(
+        "N m",
+        "torque at the output at which the flexspline buckles; never reach it",
+        above=0.0,
+        may_be_unknown=True,
+    )
 
     def __post_init__(self) -> None:
         Section.__post_init__(self)
@@ -547,6 +576,8 @@ class HarmonicDrive:
                 for q in dataclasses.fields(part):  # type: ignore[arg-type]
                     path = f"{f.name}.{q.name}"
                     meta = q.metadata
+                    if is_unknown(q, getattr(part, q.name)):
+                        continue
                     origin = self.origins.get(path, Origin("assumed"))
                     yield Value(
                         path,

@@ -71,6 +71,24 @@ def load_motor(path: str | Path) -> ServoMotor:
     return motor_from_mapping(quantities.read_toml(path), str(path))
 
 
+def save_motor(motor: ServoMotor, path: str | Path) -> None:
+    """Write a parameter file that reads back to exactly this motor."""
+    quantities.write_text(motor_to_toml(motor), path)
+
+
+def motor_to_toml(motor: ServoMotor) -> str:
+    """The motor as the text of a parameter file."""
+    lines = [
+        "# Parameters of a servo motor. Every line holds value, unit, provenance and source.",
+        f"format = {quantities.quote(FORMAT)}",
+        f"name = {quantities.quote(motor.name)}",
+        "",
+        "[motor]",
+        *quantities.section_lines(motor, motor.origins),
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def motor_from_mapping(mapping: Mapping[str, Any], where: str) -> ServoMotor:
     """The motor of plain data (a parsed TOML file)."""
     try:

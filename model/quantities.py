@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args
 
 from model.errors import ParameterError
-from model.gear import Origin, Provenance, Section, allowed_range
+from model.gear import Origin, Provenance, Section, allowed_range, is_unknown
 from model.units import ARCMIN, ARCSEC, DEGREE, RPM
 
 LARGEST_FILE = 1_000_000
@@ -185,6 +185,8 @@ def read_section(
     origins: dict[str, Origin] = {}
     for f in fields:
         path = f"{where}.{f.name}"
+        if f.name not in table and is_unknown(f, None):
+            continue
         if f.name not in table:
             remedy = f"Give the {f.metadata['description']} in {f.metadata['unit']}."
             raise ParameterError(
@@ -271,6 +273,7 @@ def section_lines(part: Section, origins: Mapping[str, Origin]) -> list[str]:
     return [
         quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown))
         for f in fields
+        if not is_unknown(f, getattr(part, f.name))
     ]
 
 

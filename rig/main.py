@@ -15,6 +15,7 @@ from rig import exits
 from rig.commands import (
     analysis,
     campaigning,
+    certifying,
     configuring,
     doctoring,
     drilling,
@@ -22,6 +23,7 @@ from rig.commands import (
     gears,
     library,
     modelling,
+    motors,
     planning,
     reporting,
     running,
@@ -54,9 +56,16 @@ PANELS = {
         reporting.demo,
         configuring.config,
         gears.gear,
+        motors.motor,
         simulating.sim,
     ),
-    "Fit and compare": (analysis.fit, analysis.compare, reporting.report, modelling.model),
+    "Fit and compare": (
+        analysis.fit,
+        analysis.compare,
+        certifying.certificate,
+        reporting.report,
+        modelling.model,
+    ),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (
         files.runs,

@@ -443,6 +443,14 @@ def _drawn(
     )
 
 
+def bench_encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
+    """The "input" or "output" encoder of a bench over its own angle, whatever is mounted on it."""
+    stated = on.sizes.stated
+    if stated is None:
+        return _encoder(on, which, bench_seed)
+    return _switched(stated.input_encoder if which == "input" else stated.output_encoder, on)
+
+
 def _encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
     """The errors of the "input" or "output" encoder."""
     sizes = on.sizes

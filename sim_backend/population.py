@@ -76,14 +76,15 @@ REFERENCE = 20.0
 """degC at which drawn friction holds."""
 
 _RATINGS = {
-    50: (39.0, 98.0, 186.0, 2.5e4, 3.4e4, 4.4e4, 0.15),
-    80: (63.0, 137.0, 255.0, 3.1e4, 5.0e4, 5.7e4, 0.114),
-    100: (67.0, 157.0, 284.0, 3.1e4, 5.0e4, 5.7e4, 0.100),
-    120: (67.0, 167.0, 304.0, 3.1e4, 5.0e4, 5.7e4, 0.090),
-    160: (67.0, 176.0, 314.0, 3.1e4, 5.0e4, 5.7e4, 0.076),
+    50: (39.0, 98.0, 186.0, 2.5e4, 3.4e4, 4.4e4, 0.15, 55.0, 450.0),
+    80: (63.0, 137.0, 255.0, 3.1e4, 5.0e4, 5.7e4, 0.114, 87.0, 680.0),
+    100: (67.0, 157.0, 284.0, 3.1e4, 5.0e4, 5.7e4, 0.100, 108.0, 500.0),
+    120: (67.0, 167.0, 304.0, 3.1e4, 5.0e4, 5.7e4, 0.090, 108.0, 470.0),
+    160: (67.0, 176.0, 314.0, 3.1e4, 5.0e4, 5.7e4, 0.076, 108.0, 450.0),
 }
 """By ratio, size 25 of the catalogue: rated, repeated and momentary peak torque [N m], K1, K2, K3
-[N m/rad]; starting torque [N m] between the two ratios for which one is stated, as a power of N."""
+[N m/rad]; starting torque [N m] between the two ratios for which one is stated, as a power of N; limit of the
+average torque and torque of ratcheting [N m]."""
 _RATED = (
     "rated_torque",
     "repeated_peak_torque",
@@ -92,6 +93,8 @@ _RATED = (
     "stiffness_2",
     "stiffness_3",
     "starting_torque",
+    "average_torque_limit",
+    "ratcheting_torque",
 )
 
 

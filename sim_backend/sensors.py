@@ -149,7 +149,8 @@ class Instruments:
         set-points in counts.
         """
         n = len(rows)
-        counts = np.zeros((n, len(self.channels)), dtype=np.int64)
+        # One channel after the other in memory: everybody behind the port works on whole channels.
+        counts = np.zeros((n, len(self.channels)), dtype=np.int64, order="F")
         late = lateness_ns.astype(np.float64) * NANOSECOND
         put = self.column
         inputs, outputs = self.input.read(rows, late), self.output.read(rows, late)

@@ -27,9 +27,11 @@ class CycleNoise:
     """Standard normal noise of one channel, one number per SYNC cycle."""
 
     def __init__(self, seed: int, name: str) -> None:
-        self._key = np.array(
-            [seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode()) | 1 << 40], dtype=np.uint64
-        )
+        key = [seed & 0xFFFFFFFFFFFFFFFF, zlib.crc32(name.encode()) | 1 << 40]
+        self._bits = np.random.Philox(key=np.array(key, dtype=np.uint64))
+        self._generator = np.random.Generator(self._bits)
+        # Put back with another counter for each chunk: half as long as a new generator takes.
+        self._begin = self._bits.state
         self._drawn: dict[int, FloatArray] = {}
 
     def at(self, first_cycle: int, cycles: int) -> FloatArray:
@@ -48,8 +50,7 @@ class CycleNoise:
         if chunk not in self._drawn:
             while len(self._drawn) > 1:
                 del self._drawn[min(self._drawn)]
-            bits = np.random.Philox(
-                key=self._key, counter=np.array([0, 0, 0, chunk], dtype=np.uint64)
-            )
-            self._drawn[chunk] = np.random.Generator(bits).standard_normal(CHUNK)
+            self._begin["state"]["counter"][3] = chunk
+            self._bits.state = self._begin
+            self._drawn[chunk] = self._generator.standard_normal(CHUNK)
         return self._drawn[chunk]

@@ -1,13 +1,43 @@
-"""What every test has: benches whose state lies in a folder of the session, never in this computer's own."""
+"""What every test has: benches whose state lies in a folder of the session, never in this computer's own; and the
+order of the files on several cores.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from rig.bench.state import VARIABLE
+
+TESTS = Path(__file__).parent
+LONGEST_FIRST = (
+    "rig/trial/test_drill.py",
+    "rig/trial/test_drill_proofs.py",
+    "docs/test_documentation.py",
+    "end_to_end/test_coverage_study.py",
+    "end_to_end/test_every_protocol.py",
+    "end_to_end/test_truth_is_recovered.py",
+    "rig/trial/test_demo.py",
+    "rig/commands/test_ending_commands.py",
+    "sim_backend/test_certificate.py",
+    "experiments/test_certified.py",
+)
+"""Files that take long and have few tests. A worker takes a whole file: one that begins last is waited for alone."""
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Workers take the files in the order below; of itself xdist begins with those that have the most tests."""
+    if hasattr(config.option, "loadscopereorder"):
+        config.option.loadscopereorder = False
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The longest files first, the others as they were."""
+    rank = {TESTS / name: place for place, name in enumerate(LONGEST_FIRST)}
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))
 
 
 @pytest.fixture(scope="session", autouse=True)

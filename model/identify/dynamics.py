@@ -27,11 +27,13 @@ from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.step_data import StepData
 from model.identify.step_fit import (
+    BAD_STEP,
     BASIS,
     Problem,
     Shape,
     Solution,
     StepArrays,
+    bounded,
     fit_all,
     reweighted,
     step_arrays,
@@ -41,8 +43,11 @@ from model.units import ARCSEC, REVOLUTION, RPM
 
 LADDER = ("rigid", "paper", "linear", "hardening", "hysteresis")
 FITTED = LADDER[2:]
-WORTH = 0.001
-"""Share by which a richer rung must predict left-out steps better to be chosen."""
+WORTH = 12.0
+"""By how much a richer rung must lower the cost (in squares of the noise, its priors counted) to be chosen."""
+SHOWN, LEAST_COUNTS, SEEN = 30.0, 0.5, 4.0
+"""How much cost a mode must save against a rigid gear; counts of transient below which none is told, and beyond
+which it surely is."""
 UNKNOWN_ERROR, GIVEN_ERROR = 20.0 * ARCSEC, 5.0 * ARCSEC
 """How wide coefficients of the kinematic error are believed to lie, from nothing and about an identified error."""
 BEARING_TORQUE = 1.0
@@ -52,8 +57,6 @@ SCANNED, SCAN_TIME = 6, 0.5
 KNOWN_WITHIN = 1.7
 """Factor to either side of an expected frequency within which the mode is looked for."""
 LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
-STRAY = 3.0
-"""How many times the median of the steps' residuals makes a step a bad one."""
 EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
 RINGS, RUNG_DOWN = 0.25, 0.4
@@ -62,14 +65,19 @@ RINGS_ON = 1.15
 """Ratio of what a fit leaves in the two beyond which the mode is not explained; noise alone makes it 1 within 0.03."""
 AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
-LEAST_SEARCHES, SEARCHED = 2, 60_000
-"""Starts of a rung that are tried at least, and samples to fit in all of them."""
-SOFTENED = 0.05
-"""Logarithm by which the spring is softer beside a hysteresis element."""
+LEAST_SEARCHES, SEARCHED = 2, 30_000
+"""Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
+SLIDING = ((0.05, 0.0), (0.2, -1.0))
+"""Where a hysteresis element begins: its stiffness over K/J_o, by which the spring is softer, and what is taken off
+the logarithm of the damping."""
+OTHERS, LOOKS = 30.0, 3
+"""Cost beyond the least within which another frequency of the first look is searched from, too."""
 BENT = 0.02
 """Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
 PASSES, ROUNDS_PER_PASS = 4, 8
 """How often the weights of the steps are looked at again, and rounds of Gauss-Newton between."""
+RIGID = 6.0
+"""Logarithm by which a spring is stiffer that stands for a rigid gear."""
 LEAST_RELAXATION = 1e-6
 """s; stands for a wave-generator bearing without damping."""
 SHARE_DOUBT = 0.3
@@ -116,11 +124,8 @@ class Rung:
 
     @property
     def prediction(self) -> float:
-        """Root mean square over all left-out steps [rad]; a bad step counts no more than three times the median."""
-        ceiling = STRAY * float(np.median(self.left_out))
-        return math.sqrt(
-            float(np.average(np.minimum(self.left_out, ceiling) ** 2, weights=self.counts))
-        )
+        """Root mean square over all left-out steps [rad]; a bad step counts as its weight has it."""
+        return math.sqrt(float(np.average(bounded(self.left_out**2), weights=self.counts)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,11 +189,11 @@ def fit_ladder(
         error_width=GIVEN_ERROR if error_given else UNKNOWN_ERROR,
         model=_models(expected),
     )
-    solutions = _climb(problem, expected, noise, richest, period)
+    answers = _climb(problem, expected, noise, richest, period)
+    solutions = {name: found[0] for name, found in answers.items()}
     rungs = _null_rungs(steps, solutions["linear"].values["skew"], paper)
     rungs += [_rung(name, solution) for name, solution in solutions.items()]
-    chosen = _chosen([r for r in rungs if r.name in solutions])
-    return _stated(steps, problem, solutions, tuple(rungs), chosen, expected)
+    return _stated(steps, problem, answers, tuple(rungs), _chosen(solutions), expected)
 
 
 def _models(expected: Expected) -> Callable[[Mapping[str, float]], TorsionModel]:
@@ -254,27 +259,49 @@ def _shapes(
 
 def _climb(
     problem: Problem, expected: Expected, noise: float, richest: str, period: float
-) -> dict[str, Solution]:
-    """The fits of the rungs, each begun where the one below ended."""
+) -> dict[str, list[Solution]]:
+    """The answers of the rungs, the best first, each begun where the one below ended."""
     still = np.zeros(2 * len(problem.basis))
-    frequency = _first_look(problem, expected, noise, period)
-    shapes, added = _shapes(expected, frequency)
+    frequencies = _first_look(problem, expected, noise, period)
+    shapes, added = _shapes(expected, frequencies[0])
     card = {**added["linear"], "stiffness": math.log(expected.stiffness)}
-    solutions: dict[str, Solution] = {}
+    answers: dict[str, list[Solution]] = {}
+    few = max(1, SEARCHED // sum(len(step.stamps) for step in problem.steps))
     for rung in FITTED[: FITTED.index(richest) + 1]:
         card |= added[rung] if rung != "linear" else {}
-        starts = [(card, still)]
+        around = [({**card, "stiffness": card["stiffness"] + away}, still) for away in AWAY]
         if rung == "linear":
-            starts.insert(0, (added["linear"], still))
+            looks = [
+                ({**card, "stiffness": 2.0 * math.log(REVOLUTION * f)}, still) for f in frequencies
+            ]
+            starts, least = [*looks, (card, still), *around], len(looks)
         elif rung == "hardening":
-            starts = _bends(solutions["linear"], added[rung]) + starts
+            starts = [*_bends(answers["linear"][0], added[rung]), (card, still), *around]
+            least = 1
         else:
-            below = solutions["hardening"]
-            softer = {"stiffness": below.values["stiffness"] - SOFTENED}
-            starts.insert(0, (below.values | added[rung] | softer, below.error))
-        starts += [({**card, "stiffness": card["stiffness"] + away}, still) for away in AWAY]
-        solutions[rung] = _best(problem, shapes[rung], starts, noise)
-    return solutions
+            starts = _slides(answers["hardening"][0], added[rung], expected)
+            least = min(len(starts), few)
+        answers[rung] = _answers(problem, shapes[rung], starts, noise, least)
+    return answers
+
+
+def _slides(
+    below: Solution, added: Mapping[str, float], expected: Expected
+) -> list[tuple[dict[str, float], Array]]:
+    """Starts of the hysteresis rung beside a hardening spring: an element that takes over some or most of its loss."""
+    return [
+        (
+            {
+                **below.values,
+                **added,
+                "soft": math.log(share * expected.stiffness),
+                "stiffness": below.values["stiffness"] - share,
+                "damping": below.values["damping"] + less,
+            },
+            below.error,
+        )
+        for share, less in SLIDING
+    ]
 
 
 def _bends(linear: Solution, added: Mapping[str, float]) -> list[tuple[dict[str, float], Array]]:
@@ -284,21 +311,32 @@ def _bends(linear: Solution, added: Mapping[str, float]) -> list[tuple[dict[str,
     return [(hardly, linear.error), ({**values, **added, "stiffness": stiff - BENT}, linear.error)]
 
 
-def _best(
-    problem: Problem, shape: Shape, starts: Sequence[tuple[dict[str, float], Array]], noise: float
-) -> Solution:
-    """The best of the fits from several starts.
+def _answers(
+    problem: Problem,
+    shape: Shape,
+    starts: Sequence[tuple[dict[str, float], Array]],
+    noise: float,
+    least_starts: int,
+) -> list[Solution]:
+    """The fits from several starts, the best first.
 
     Where an order of the kinematic error passes near the mode, a spring has several answers, and each start leads
-    to one of them. The search ends with an answer that leaves what counting does, or that two starts lead to. The
-    many speeds of a long run leave one answer: it is searched from fewer starts.
+    to one of them. After `least_starts` the search ends with an answer that leaves what counting does, or that two
+    starts lead to. The many speeds of a long run leave one answer: it is searched from fewer starts.
     """
     found: list[Solution] = []
     samples = sum(len(step.stamps) for step in problem.steps)
-    for values, error in starts[: max(LEAST_SEARCHES, SEARCHED // samples)]:
+    # The linear rung of a gear that hardens is never explained: the next rung searches on.
+    fewest = LEAST_SEARCHES if "second" in shape.names else 1
+    most = max(fewest, least_starts, SEARCHED // samples)
+    for tried, (values, error) in enumerate(starts[:most], start=1):
         one = _settled(problem, shape, values, error, noise)
         found.append(one)
-        if "second" in shape.names and float(np.min(one.weights)) < 0.9:
+        if (
+            "second" in shape.names
+            and "soft" not in shape.names
+            and float(np.min(one.weights)) < 0.9
+        ):
             # Steps that were left aside may fit, once the others have found the spring.
             ones = np.ones(len(problem.steps))
             held = replace(shape, names=("bearing", "skew"))
@@ -308,11 +346,13 @@ def _best(
             )
         found.sort(key=lambda s: s.robust_cost())
         least = found[0].robust_cost()
+        if tried < least_starts:
+            continue
         if least < EXPLAINED**2 * found[0].samples:
             break
         if len(found) > 1 and found[1].robust_cost() < SAME * least:
             break
-    return found[0]
+    return found
 
 
 def _settled(
@@ -327,7 +367,7 @@ def _settled(
     if weights is None:
         at_start = problem.normals(shape, values, error, gradient=False)
         rms = np.array([n.rms for n in at_start])
-        weights = np.asarray(np.minimum(1.0, (1.5 * np.median(rms) / rms) ** 4), dtype=float)
+        weights = np.asarray(np.minimum(1.0, (BAD_STEP * np.median(rms) / rms) ** 4), dtype=float)
     left = PASSES
     while True:
         solution = fit_all(
@@ -336,12 +376,17 @@ def _settled(
         values, error, left = solution.values, solution.error, left - 1
         wanted = reweighted(solution)
         if not left or float(np.max(np.abs(wanted - weights))) < 0.05:
-            return solution
+            if solution.is_converged:
+                return solution
+            return fit_all(problem, shape, values, error, noise=noise, weights=weights)
         weights = wanted
 
 
-def _first_look(problem: Problem, expected: Expected, noise: float, period: float) -> float:
-    """The frequency [Hz] at which the rises of the liveliest steps are best explained, kinematic error included."""
+def _first_look(problem: Problem, expected: Expected, noise: float, period: float) -> list[float]:
+    """The frequencies [Hz] at which the rises of the liveliest steps are explained best, kinematic error included.
+
+    The best first, then the other minima that leave no more than `OTHERS` beyond it, at most three in all.
+    """
     lively = sorted(problem.steps, key=lambda s: -_liveliness(s))[:SCANNED]
     basis = tuple(pair for pair in problem.basis if pair[1] == 0)
     short = replace(problem, steps=tuple(_shortened(s) for s in lively), basis=basis)
@@ -368,8 +413,11 @@ def _first_look(problem: Problem, expected: Expected, noise: float, period: floa
         )
         total = total + np.diag((noise / widths) ** 2)
         left = sum(n.square for n in normals) - float(pull @ np.linalg.solve(total, pull))
-        trials.append((left, float(frequency)))
-    return min(trials)[1]
+        trials.append((left / noise**2, float(frequency)))
+    cost = np.array([math.inf, *(left for left, _ in trials), math.inf])
+    low_points = (cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:])
+    near = sorted(trial for trial, low_point in zip(trials, low_points, strict=True) if low_point)
+    return [f for left, f in near if left < near[0][0] + OTHERS][:LOOKS]
 
 
 def _liveliness(step: StepArrays) -> float:
@@ -422,24 +470,23 @@ def _rung(name: str, solution: Solution) -> Rung:
     )
 
 
-def _chosen(rungs: Sequence[Rung]) -> str:
-    """The lowest rung that no higher one predicts left-out steps better than by `WORTH`."""
-    best = min(r.prediction for r in rungs)
-    return next(r.name for r in rungs if r.prediction <= best * (1.0 + WORTH))
+def _chosen(solutions: Mapping[str, Solution]) -> str:
+    """The lowest rung that no higher one explains the steps better than by `WORTH`."""
+    best = min(s.robust_cost() for s in solutions.values())
+    return next(name for name, s in solutions.items() if s.robust_cost() <= best + WORTH)
 
 
 def _stated(
     steps: Sequence[StepData],
     problem: Problem,
-    solutions: Mapping[str, Solution],
+    answers: Mapping[str, Sequence[Solution]],
     rungs: tuple[Rung, ...],
     chosen: str,
     expected: Expected,
 ) -> LadderFit:
-    solution = solutions[chosen]
+    solution = answers[chosen][0]
     model = problem.model(solution.values)
-    richer = FITTED[FITTED.index(chosen) + 1 :][:1]
-    beside = solutions.get(richer[0]) if richer else None
+    beside = _beside(chosen, {name: found[0] for name, found in answers.items()})
     tables = model.step(problem.interval)
     predicted: list[Array] = []
     rigid: list[Array] = []
@@ -447,7 +494,7 @@ def _stated(
     transient: list[float] = []
     for step, arrays in zip(steps, problem.steps, strict=True):
         ideal = problem.ideal(arrays, solution.error)
-        angle, speed, _ = problem.response(arrays, solution.values, ideal, tables)
+        angle, speed, _, _ = problem.response(arrays, solution.values, ideal, tables)
         at = step.time + solution.values["skew"]
         predicted.append(np.interp(at, arrays.fine, angle) + step.output_angle[0])
         rigid.append(np.interp(at, arrays.fine, ideal) + step.output_angle[0])
@@ -455,14 +502,9 @@ def _stated(
         transient.append(float(np.max(np.abs(ideal - angle))))
     largest = np.array(transient)
     quantum = steps[0].output_quantum
-    if not np.any(largest > quantum):
-        raise IdentificationError(
-            "no step has a transient above one output count",
-            where="velocity steps",
-            value=f"{len(steps)} steps",
-            remedy="Use faster steps, more inertia at the output, or a finer output encoder.",
-        )
-    estimates = _estimates(steps, problem, solution, beside, expected)
+    if float(np.max(largest)) < SEEN * quantum:
+        _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
+    estimates = _estimates(steps, problem, answers[chosen], beside, expected)
     return LadderFit(
         estimates=estimates,
         warnings=tuple(_warnings(steps, solution, largest, quantum)),
@@ -481,6 +523,49 @@ def _stated(
         },
         metrics={"largest_torque": float(np.max(largest)) * model.stiffness * expected.inertia},
     )
+
+
+def _beside(chosen: str, solutions: Mapping[str, Solution]) -> tuple[str, Solution] | None:
+    """The rung that tells how much of a law may be missing: the next richer one, or of the richest the next below.
+
+    What the last step of the ladder changed is the most that another one is believed to.
+    """
+    place = FITTED.index(chosen)
+    for name, note in ((FITTED[place + 1 :][:1], TO_RICHER), (FITTED[:place][-1:], FROM_BELOW)):
+        if name and name[0] in solutions:
+            return note, solutions[name[0]]
+    return None
+
+
+TO_RICHER, FROM_BELOW = "to the next richer rung", "what the richest rung changed, rectangular"
+
+
+def _refuse_unseen(
+    steps: Sequence[StepData], problem: Problem, solution: Solution, counts: float
+) -> None:
+    """A mode is refused that explains the steps hardly better than a rigid gear with the same kinematic error.
+
+    Many samples of a moving output tell a transient (`counts` of the output encoder) below one count: the motion
+    spreads what counting takes away. So not its size is asked for but what it explains of all steps together. While
+    an output moves by less than a count per sample, its samples are no more independent than its counts; and a
+    transient of less than half a count may be all rounding.
+    """
+    stiff = {**solution.values, "stiffness": solution.values["stiffness"] + RIGID}
+    shape = replace(solution.shape, names=("bearing", "skew"))
+    rigid = fit_all(
+        problem, shape, stiff, solution.error, noise=solution.noise, weights=solution.weights
+    )
+    saved = (rigid.square - solution.square) / solution.noise**2 + rigid.pull - solution.pull
+    moved = [abs(s.output_angle[-1] - s.output_angle[0]) / len(s.time) for s in steps]
+    saved *= min(1.0, float(np.median(moved)) / steps[0].output_quantum)
+    if saved < SHOWN or counts < LEAST_COUNTS:
+        raise IdentificationError(
+            "no step has a transient that is told from a rigid gear",
+            where="velocity steps",
+            value=f"{counts:.2g} counts, {max(saved, 0.0):.3g} squares of the noise explained, {len(steps)} steps",
+            limit=f">= {LEAST_COUNTS:g} counts, >= {SHOWN:g} squares",
+            remedy="Use faster steps, more inertia at the output, or a finer output encoder.",
+        )
 
 
 def _warnings(
@@ -504,7 +589,7 @@ def _warnings(
         )
     rms = np.array([n.rms for n in solution.normals])
     for step, left, weight in zip(steps, rms, solution.weights, strict=True):
-        if left > 1.5 * float(np.median(rms)):
+        if left > BAD_STEP * float(np.median(rms)):
             way = "forward" if step.target > 0 else "reverse"
             warnings.append(
                 f"{abs(step.target) / RPM:.0f} r/min {way}: leaves {left / ARCSEC:.2g} arcsec, the median step "
@@ -528,6 +613,10 @@ leaving out a direction may move one by.
 """
 
 
+WANTED = {"damping_ratio": 0.01}
+"""Half widths of the interval above which a number is weak whose target is absolute, as its quantity declares it."""
+
+
 def _numbers(model: TorsionModel, skew: float, amplitude: float) -> Array:
     frequency, damping = model.mode(amplitude)
     return np.array(
@@ -544,11 +633,12 @@ def _numbers(model: TorsionModel, skew: float, amplitude: float) -> Array:
 def _estimates(
     steps: Sequence[StepData],
     problem: Problem,
-    solution: Solution,
-    beside: Solution | None,
+    answers: Sequence[Solution],
+    beside: tuple[str, Solution] | None,
     expected: Expected,
 ) -> dict[str, Estimate]:
     """The stated numbers with their budgets, and those of which a direction alone has something to say."""
+    solution = answers[0]
     names = solution.shape.names
     amplitude = expected.amplitude / expected.inertia
 
@@ -559,10 +649,16 @@ def _estimates(
     here = solution.vector
     model, centre = problem.model(solution.values), numbers(here)
     error, freedom = _standard_error(solution, _slopes(numbers, here, len(names)))
+    error = np.hypot(error, _between_answers(answers, numbers))
     lines = _lines(model, centre)
     if beside is not None:
-        richer = _numbers(problem.model(beside.values), beside.values["skew"], amplitude)
-        lines.append(("choice of the rung", "to the next richer rung", np.abs(richer - centre)))
+        note, other = beside
+        moved = np.abs(
+            _numbers(problem.model(other.values), other.values["skew"], amplitude) - centre
+        )
+        lines.append(
+            ("choice of the rung", note, moved if note == TO_RICHER else moved / math.sqrt(3.0))
+        )
     if model.hysteresis[1] == 0.0:
         lines.append(("hysteresis", "not part of this rung", _unfitted_hysteresis(model)))
     ringing = _ringing_left(problem, solution)
@@ -625,7 +721,7 @@ class _Told:
             for source, note, share in self.lines
             if share[index] > 0.0
         ]
-        verdict, note = self._verdict(relative) if is_log else ("yes", "")
+        verdict, note = self._verdict(name, relative, half) if is_log else ("yes", "")
         return Estimate(
             name=name,
             value=value,
@@ -637,8 +733,12 @@ class _Told:
             budget=(noise, *lines),
         )
 
-    def _verdict(self, relative: float) -> tuple[Identifiable, str]:
-        if relative > WEAK:
+    def _verdict(self, name: str, relative: float, half: float) -> tuple[Identifiable, str]:
+        if name in WANTED:
+            if half > WANTED[name]:
+                note = f"the steps tell it within {half:.2g}, and {WANTED[name]:g} is asked for"
+                return ("weakly" if half <= 4.0 * WANTED[name] else "no"), note
+        elif relative > WEAK:
             note = f"the steps tell it to {100.0 * relative:.0f} %"
             return ("weakly" if relative <= POOR else "no"), note
         if self.ringing > RINGS_ON:
@@ -687,6 +787,15 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
     if not (early[1] and late[0]):
         return 1.0
     return math.sqrt(early[0] / early[1] / (late[0] / late[1]))
+
+
+def _between_answers(answers: Sequence[Solution], numbers: Callable[[Array], Array]) -> Array:
+    """Standard deviation of the numbers over several answers, each as likely as exp(-cost/2) has it."""
+    cost = np.array([a.robust_cost() for a in answers])
+    likely = np.exp(-0.5 * (cost - cost[0]))
+    stated = np.array([numbers(a.vector) for a in answers])
+    mean = likely @ stated / likely.sum()
+    return np.sqrt(likely @ (stated - mean) ** 2 / likely.sum())
 
 
 def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:

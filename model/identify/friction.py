@@ -45,6 +45,7 @@ from model.units import RPM
 
 Object = Literal["gear", "motor + gear"]
 SCATTER = "scatter between revolutions and points"
+TARE_SCATTER = "scatter of the tare"
 NO_DIP = "no Stribeck dip"
 UNITS = {
     "coulomb": "N",
@@ -215,15 +216,16 @@ def fit_friction(
     chosen: TorqueBalance = balance or gear.options.torque_balance
     points = pair_directions(holds)
     warnings = list(points.warnings)
-    tare_torque, tare_error = np.zeros_like(points.speed), np.zeros_like(points.speed)
+    tare_torque = np.zeros_like(points.speed)
     subject: Object = "motor + gear"
     if tare is not None:
-        tare_torque, tare_error, beyond = tare.at(points.speed)
+        tare_torque, _, beyond = tare.at(points.speed)
+        common = [*common, tare_scatter(tare, np.array([abs(h.speed) for h in holds]))]
         if beyond.any():
             fastest = float(points.speed[beyond].max()) / RPM
             warnings.append(
                 f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's "
-                "range: its ends are used there."
+                "range: a straight line through it is used there."
             )
         subject = "gear" if tare.valid else "motor + gear"
         if tare.note:
@@ -233,7 +235,7 @@ def fit_friction(
             "Without a valid tare this is the friction of motor and gear together, not of the gear."
         )
     torque = points.friction - tare_torque
-    error = np.hypot(pooled_errors(points), tare_error)
+    error = pooled_errors(points)
     if spread is not None:
         error = np.hypot(error, spread.point * np.abs(torque))
     drag_of = bearing_torque or (lambda speed: nominal_bearing_torque(gear, speed, chosen))
@@ -290,6 +292,11 @@ def fit_friction(
     estimates = _estimates(found, ends) | _offset(points)
     warnings += _judge(fit, estimates, points, holds)
     return replace(found, estimates=estimates, warnings=tuple(warnings))
+
+
+def tare_scatter(tare: Tare, speed: Array) -> CommonError:
+    """The errors of a tare's points, which all holds at the same speeds [rad/s] share."""
+    return CommonError(source=TARE_SCATTER, effect=tare.columns(speed), kind="A")
 
 
 def nominal_bearing_torque(gear: HarmonicDrive, speed: Array, balance: TorqueBalance) -> Array:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from model.angle_certificate import CERTIFIED_ORDERS
 from model.errors import IdentificationError
 from model.identify import polar, torsion
 from model.identify.angle_regression import (
@@ -82,8 +83,10 @@ class Encoders:
     the scale included. The curve cannot be told from the gear's own output orders and input orders,
     so it enters the budget (type B): with a rectangular distribution as a whole (u = a/sqrt 3),
     and at single orders with equal shares of that variance, output encoder orders 1 to 8, motor
-    encoder orders 1, 2 and 4. Eccentricities are of the gear's seat, amplitudes at the output once per
-    output and once per input revolution.
+    encoder orders 1, 2 and 4. Where its certificate's curve was taken out, the certificate's standard
+    uncertainty (0: it was not) stands in place of the class: any one order may carry all of it.
+    Eccentricities are of the gear's seat, amplitudes at the output once per output and once per input
+    revolution.
     """
 
     output_quantum: float = math.nan
@@ -92,13 +95,22 @@ class Encoders:
     input_accuracy: float = 0.0
     output_eccentricity: float = 0.0
     input_eccentricity: float = 0.0
+    output_certified: float = 0.0
+    input_certified: float = 0.0
 
     def at_order(self, order: float, ratio: float) -> tuple[BudgetLine, ...]:
         """What they may add to one order of the kinematic error, per component of the vector [rad at the output]."""
         lines = [
-            *_share("output encoder", self.output_accuracy, order * ratio, OUTPUT_ENCODER_ORDERS),
-            *_share("motor encoder", self.input_accuracy / ratio, order, MOTOR_ENCODER_ORDERS),
+            *_certified("output encoder", self.output_certified, order * ratio),
+            *_certified("motor encoder", self.input_certified / ratio, order),
         ]
+        if not self.output_certified:
+            own = order * ratio
+            lines += _share("output encoder", self.output_accuracy, own, OUTPUT_ENCODER_ORDERS)
+        if not self.input_certified:
+            lines += _share(
+                "motor encoder", self.input_accuracy / ratio, order, MOTOR_ENCODER_ORDERS
+            )
         for once, eccentricity in (
             (1.0 / ratio, self.output_eccentricity),
             (1.0, self.input_eccentricity),
@@ -116,22 +128,34 @@ class Encoders:
 
     def waves(self, ratio: float) -> dict[float, float]:
         """Standard uncertainty of a cosine or sine at every order to which they may add [rad]."""
-        orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [
-            float(k) for k in MOTOR_ENCODER_ORDERS
-        ]
+        motor = CERTIFIED_ORDERS if self.input_certified else MOTOR_ENCODER_ORDERS
+        orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [float(k) for k in motor]
+        # All orders at once: together they have no more than what the certificate says of the curve.
+        share = 1.0 / math.sqrt(len(CERTIFIED_ORDERS))
+        shared = replace(
+            self,
+            output_certified=share * self.output_certified,
+            input_certified=share * self.input_certified,
+        )
         return {
-            order: math.hypot(*(line.standard_uncertainty for line in self.at_order(order, ratio)))
+            order: math.hypot(
+                *(line.standard_uncertainty for line in shared.at_order(order, ratio))
+            )
             for order in orders
         }
 
     def bound(self, order: float, ratio: float) -> float:
-        """What they can add to one order at most: an encoder's order is no larger than its class [rad]."""
+        """What they can add to one order at most: an encoder's order is no larger than its class, or than the
+        expanded uncertainty of its certificate [rad].
+        """
+        output = 2.0 * self.output_certified or self.output_accuracy
+        motor = 2.0 * self.input_certified or self.input_accuracy
         total = 0.0
         for line in self.at_order(order, ratio):
             if line.cause is Cause.OUTPUT_ENCODER:
-                total += self.output_accuracy
+                total += output
             elif line.cause is Cause.MOTOR_ENCODER:
-                total += self.input_accuracy / ratio
+                total += motor / ratio
             else:
                 total += math.sqrt(2.0) * line.standard_uncertainty
         return total
@@ -139,21 +163,22 @@ class Encoders:
     def of_curve(self, ratio: float) -> tuple[BudgetLine, ...]:
         """What they may add to the peak-to-peak of the kinematic error [rad]."""
         rectangle = 1.0 / math.sqrt(3.0)
+        output = self.output_accuracy * rectangle
+        output_note = (
+            "its class; cannot be told from the gear without turning the gear on the encoder"
+        )
+        motor, motor_note = self.input_accuracy / ratio * rectangle, "its class over the ratio"
+        if self.output_certified:
+            output = math.sqrt(2.0) * self.output_certified
+            output_note = "its certificate, at two places of the curve"
+        if self.input_certified:
+            motor = math.sqrt(2.0) * self.input_certified / ratio
+            motor_note = "its certificate, at two places of the curve, over the ratio"
         lines = (
             BudgetLine(
-                "output encoder, whole curve",
-                "B",
-                self.output_accuracy * rectangle,
-                "its class; cannot be told from the gear without turning the gear on the encoder",
-                Cause.OUTPUT_ENCODER,
+                "output encoder, whole curve", "B", output, output_note, Cause.OUTPUT_ENCODER
             ),
-            BudgetLine(
-                "motor encoder, whole curve",
-                "B",
-                self.input_accuracy / ratio * rectangle,
-                "its class over the ratio",
-                Cause.MOTOR_ENCODER,
-            ),
+            BudgetLine("motor encoder, whole curve", "B", motor, motor_note, Cause.MOTOR_ENCODER),
             BudgetLine(
                 "eccentricity of the mounting",
                 "B",
@@ -162,6 +187,16 @@ class Encoders:
             ),
         )
         return tuple(line for line in lines if line.standard_uncertainty > 0.0)
+
+
+def _certified(what: str, standard_uncertainty: float, order: float) -> list[BudgetLine]:
+    """What is left of an encoder's curve at one of its orders after its certificate; none without a certificate."""
+    near = min(abs(order - own) for own in CERTIFIED_ORDERS)
+    if not standard_uncertainty > 0.0 or near > 1e-6:
+        return []
+    cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
+    note = "its certificate, whose curve is taken out; all of its uncertainty may be at one order"
+    return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, cause)]
 
 
 def _share(what: str, half_width: float, order: float, orders: tuple[int, ...]) -> list[BudgetLine]:

@@ -57,8 +57,9 @@ def followed(
     whole = abs(ratio - round(ratio)) <= LATTICE_TOLERANCE
     if not whole or fit.cells.revolutions < WHOLE_TURN * ratio:
         return fit
+    turning = _turning(fit.cells, ratio)
     for _ in range(ROUNDS):
-        found = _above_the_noise(fit, highest, rounding, slowest)
+        found = _above_the_noise(fit, turning, highest, rounding, slowest)
         if not found:
             break
         labels = tuple(lattice_label(v, ratio) for v in found)
@@ -67,11 +68,15 @@ def followed(
 
 
 def _above_the_noise(
-    fit: AngleFit, highest: int, rounding: LockedRounding | None, slowest: float
+    fit: AngleFit,
+    turning: tuple[Array, Array],
+    highest: int,
+    rounding: LockedRounding | None,
+    slowest: float,
 ) -> tuple[float, ...]:
     """Orders outside the basis whose line is too strong for the noise beside it; the strongest of them."""
     basis = fit.basis
-    orders, power = _lattice_power(fit.cells, fit.residual, basis.ratio, highest)
+    orders, power = _lattice_power(fit.cells, fit.residual, turning, basis.ratio, highest)
     taken = np.array(basis.orders)
     new = np.abs(orders[:, None] - taken[None, :]).min(axis=1) > 1e-9
     new &= orders >= slowest
@@ -90,16 +95,26 @@ def _above_the_noise(
     return tuple(float(v) for v in np.sort(orders[strongest]))
 
 
+def _sidebands(ratio: float) -> int:
+    return min(SIDEBANDS, math.ceil(ratio / 2.0) - 1)
+
+
+def _turning(cells: Cells, ratio: float) -> tuple[Array, Array]:
+    """e^(-j theta/N) at the cells (c,), and where it stands at the lowest sideband; the same for every residual."""
+    step = np.exp((-1j / ratio) * cells.angle)
+    return step, step.conj() ** _sidebands(ratio)
+
+
 def _lattice_power(
-    cells: Cells, residual: Array, ratio: float, highest: int
+    cells: Cells, residual: Array, turning: tuple[Array, Array], ratio: float, highest: int
 ) -> tuple[Array, Array]:
     """Orders n + m/N above zero, and the squared amplitude of the residual at each."""
-    side = min(SIDEBANDS, math.ceil(ratio / 2.0) - 1)
+    side = _sidebands(ratio)
     weighted = cells.count * residual * (2.0 / float(cells.count.sum()))
     sides = np.arange(-side, side + 1)
     folded = np.empty((len(sides), CELLS), dtype=np.complex128)
-    step = np.exp((-1j / ratio) * cells.angle)
-    turned = weighted * step.conj() ** side
+    step, lowest = turning
+    turned = weighted * lowest
     for row in folded:
         row[:] = turned.reshape(cells.rows, CELLS).sum(axis=0)
         turned *= step

@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
@@ -26,6 +27,10 @@ from model.units import DEGREE, REVOLUTION, RPM
 FEW_REVOLUTIONS = 6
 NOISY_RANGE = 4.0
 """Range of a handful of visits, in standard errors, that noise alone explains."""
+FEW_POINTS = 6
+"""Speeds of a tare below which nobody can say whether it is a straight line."""
+BENT = 0.2
+"""Relative standard uncertainty of the slope with which a tare goes on above its fastest speed."""
 REST_LIMIT = 5.0 * DEGREE
 """Standstill, in angle that a steady speed would have turned, above which a hold counts as stick."""
 
@@ -283,17 +288,57 @@ class Tare:
     note: str = ""
 
     def at(self, speed: Array) -> tuple[Array, Array, np.ndarray]:
-        """Torque and standard error at speeds [rad/s], linear in speed, and which speeds lie beyond the range."""
-        torque = np.interp(speed, self.speed, self.torque)
-        right = np.clip(np.searchsorted(self.speed, speed), 1, len(self.speed) - 1)
-        left = right - 1
-        width = self.speed[right] - self.speed[left]
-        share = np.clip((speed - self.speed[left]) / width, 0.0, 1.0)
-        error = np.hypot(
-            (1.0 - share) * self.standard_error[left], share * self.standard_error[right]
-        )
+        """Torque and standard error at speeds [rad/s], and which speeds lie beyond the range.
+
+        On the straight line through all of its points where they lie on one, else linear between them and parallel to
+        that line above the fastest.
+        """
+        torque = self._shares(speed) @ self.torque
+        error = np.sqrt(np.sum(self.columns(speed) ** 2, axis=1))
         beyond = (speed < self.speed[0] * 0.97) | (speed > self.speed[-1] * 1.03)
         return torque, error, beyond
+
+    def columns(self, speed: Array) -> Array:
+        """What one standard error of each of its points does at speeds [rad/s], and what a line that does not go on
+        does above the fastest; (n, points + 1) [N m].
+        """
+        scatter = self._shares(speed) * self.standard_error
+        above = np.maximum(speed - self.speed[-1], 0.0)
+        bent = BENT * abs(float(self._slope @ self.torque)) * above
+        return np.column_stack([scatter, bent])
+
+    def _shares(self, speed: Array) -> Array:
+        """The share of each of its torques in that at speeds [rad/s] (n, points)."""
+        if self.is_straight:
+            weight = self._weight / self._weight.sum()
+            return weight + np.outer(speed - float(weight @ self.speed), self._slope)
+        inside = np.clip(speed, self.speed[0], self.speed[-1])
+        right = np.clip(np.searchsorted(self.speed, inside), 1, len(self.speed) - 1)
+        share = (inside - self.speed[right - 1]) / (self.speed[right] - self.speed[right - 1])
+        shares, rows = np.zeros((len(speed), len(self.speed))), np.arange(len(speed))
+        shares[rows, right - 1], shares[rows, right] = 1.0 - share, share
+        return shares + np.outer(np.maximum(speed - self.speed[-1], 0.0), self._slope)
+
+    @property
+    def _slope(self) -> Array:
+        """The share of each torque in the slope of a straight line over speed, weighed by the errors [s/rad]."""
+        away = self._weight * (self.speed - np.average(self.speed, weights=self._weight))
+        return away / float(away @ self.speed)
+
+    @property
+    def _weight(self) -> Array:
+        return 1.0 / np.maximum(self.standard_error, 1e-12) ** 2
+
+    @functools.cached_property
+    def is_straight(self) -> bool:
+        """Whether its points, enough of them to tell, lie on a straight line as far as their errors say."""
+        if len(self.speed) < FEW_POINTS:
+            return False
+        weight, slope = self._weight, float(self._slope @ self.torque)
+        residual = self.torque - np.average(self.torque, weights=weight)
+        residual -= slope * (self.speed - np.average(self.speed, weights=weight))
+        limit = scipy.special.chdtri(len(self.speed) - 2.0, 0.05)
+        return float(weight @ residual**2) <= float(limit)
 
     def reaches(self, speed: Array, factor: float) -> np.ndarray:
         """Which speeds [rad/s] are at most this factor above its fastest."""

@@ -30,9 +30,13 @@ LONGEST = 3.0
 """s of a step that are fitted: its ring-down and a few revolutions."""
 FALLING = 6.0
 """rad/s over which the wind-up by friction falls from rest (the Stribeck velocity, roughly)."""
-ROUNDS = 12
+ROUNDS = 24
 NEARBY = 0.05
 """Share of the largest change of a number within which derivatives by the kinematic error are used again."""
+TRIALS, LEAST_DAMPED, STIFFER = 6, 1e-3, 8.0
+"""Steps that are tried in a round, least damping of one (Marquardt's, as a share of the diagonal), and its factor."""
+BAD_STEP = 1.5
+"""How many times the median residual of the steps makes one count less."""
 CONVERGED = 3e-5
 """Relative gain of the sum of squares below which a fit has converged."""
 BASIS: tuple[tuple[int, int], ...] = (
@@ -160,13 +164,14 @@ class Problem:
 
     def response(
         self, step: StepArrays, values: Mapping[str, float], ideal: Array, tables: Array
-    ) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Output angle, speed and piece of the spring on the fine grid."""
+    ) -> tuple[Array, Array, NDArray[np.int64], Array]:
+        """Output angle, speed and piece of the spring on the fine grid; how a Dahl element yields, (0, 2) for none."""
         from model.kernels import steps as kernel
 
         model = self.model(values)
         angle, speed = np.empty_like(ideal), np.empty_like(ideal)
         piece = np.zeros(len(ideal), dtype=np.int64)
+        yielding = np.zeros((len(ideal) if model.hysteresis[1] > 0.0 else 0, 2))
         kernel.respond(
             ideal,
             abs(values.get("bearing", 0.0)),
@@ -179,8 +184,9 @@ class Problem:
             angle,
             speed,
             piece,
+            yielding,
         )
-        return angle, speed, piece
+        return angle, speed, piece, yielding
 
     def at_samples(
         self, step: StepArrays, skew: float, angle: Array, speed: Array
@@ -237,12 +243,13 @@ class Problem:
         moved: list[tuple[str, float, dict[str, float], Array]],
         near: Normal | None,
     ) -> Normal:
+        from model.kernels import products
         from model.kernels import steps as kernel
 
         ideal = self.ideal(step, error)
-        angle, speed, piece = self.response(step, values, ideal, tables)
+        angle, speed, piece, yielding = self.response(step, values, ideal, tables)
         predicted, place, share = self.at_samples(step, values["skew"], angle, speed)
-        residual = step.measured - predicted
+        residual = (step.measured - predicted)[:, np.newaxis]
         columns = np.empty((len(place), len(moved)))
         for j, (name, h, there, table) in enumerate(moved):
             if name == "skew":
@@ -252,9 +259,9 @@ class Problem:
             columns[:, j] = (
                 self.at_samples(step, values["skew"], other[0], other[1])[0] - predicted
             ) / h
-        left = np.linalg.qr(self._own(step, tables, place, share))[0]
-        residual = residual - left @ (left.T @ residual)
-        columns = columns - left @ (left.T @ columns)
+        own = products.orthonormal(self._own(step, tables, place, share))
+        products.take_out(own, residual)
+        products.take_out(own, columns)
         size = len(moved)
         waves, block = np.empty((len(place), 0)), np.empty((0, 0))
         if moved and near is not None:
@@ -272,23 +279,26 @@ class Problem:
                 piece,
                 place,
                 share,
+                yielding,
                 waves,
             )
-            waves -= left @ (left.T @ waves)
-            block = waves.T @ waves
+            products.take_out(own, waves)
+            block = products.inner(waves, waves)
         matrix = np.empty((size + len(block), size + len(block)))
-        matrix[:size, :size] = columns.T @ columns
-        matrix[:size, size:] = columns.T @ waves
+        matrix[:size, :size] = products.inner(columns, columns)
+        matrix[:size, size:] = products.inner(columns, waves)
         matrix[size:, :size] = matrix[:size, size:].T
         matrix[size:, size:] = block
         return Normal(
             matrix=matrix,
-            gradient=np.concatenate([columns.T @ residual, waves.T @ residual]),
-            square=float(residual @ residual),
+            gradient=np.concatenate(
+                [products.inner(residual, columns)[0], products.inner(residual, waves)[0]]
+            ),
+            square=float(products.inner(residual, residual)[0, 0]),
             count=len(residual),
             columns=columns,
             waves=waves,
-            residual=residual,
+            residual=residual[:, 0],
         )
 
     def _own(
@@ -315,6 +325,7 @@ class Problem:
                 angle,
                 speed,
                 piece,
+                np.zeros((0, 2)),
             )
             kernel.sampled(angle, speed, step.interval, place, share, values)
             own.append(values)
@@ -342,6 +353,7 @@ class Solution:
     noise: float
     penalty: Array
     centre: Array
+    is_converged: bool = True
 
     @property
     def vector(self) -> Array:
@@ -388,11 +400,25 @@ class Solution:
         return sum(n.count for n in self.normals)
 
     def robust_cost(self) -> float:
-        """Squares over the noise's, no step counting more than three times the median one, and the prior's pull."""
+        """Squares over the noise's, a bad step as its weight has it, and the prior's pull."""
         squares = np.array([n.square / n.count for n in self.normals])
         counts = np.array([n.count for n in self.normals])
-        left = float(counts @ np.minimum(squares, 9.0 * np.median(squares)))
-        return left / self.noise**2 + float(self.penalty @ (self.vector - self.centre) ** 2)
+        return float(counts @ bounded(squares)) / self.noise**2 + self.pull
+
+    @property
+    def pull(self) -> float:
+        """What the prior adds to the cost."""
+        return float(self.penalty @ (self.vector - self.centre) ** 2)
+
+
+def bounded(squares: Array) -> Array:
+    """Mean squares of the steps (n,) as the weights of `reweighted` count them, which fall beyond c = 1.5 medians.
+
+    With the weight (c/r)^4 of a root mean square r, the cost whose slope by r^2 that is: r^2 up to c^2, then
+    2 c^2 - c^4/r^2. So a step that no model explains does not choose the answer.
+    """
+    knee = BAD_STEP**2 * float(np.median(squares))
+    return np.where(squares > knee, 2.0 * knee - knee**2 / np.maximum(squares, 1e-300), squares)
 
 
 def _regular(matrix: Array) -> Array:
@@ -410,7 +436,7 @@ def fit_all(
     weights: Array | None = None,
     rounds: int = ROUNDS,
 ) -> Solution:
-    """Gauss-Newton with step halving from a start; numbers with a prior are drawn to it."""
+    """Levenberg-Marquardt from a start; numbers with a prior are drawn to it."""
     names, size = shape.names, len(shape.names)
     weights = np.ones(len(problem.steps)) if weights is None else weights
     penalty = np.concatenate([np.zeros(size), np.full(len(error), problem.error_width**-2.0)])
@@ -426,35 +452,42 @@ def fit_all(
         return float(fitted) / noise**2 + float(penalty @ (vector - centre) ** 2)
 
     vector = np.concatenate([[values[n] for n in names], error])
+    is_converged = True
     normals = problem.normals(shape, values, error)
-    best, wandered = cost(vector, normals), 0.0
+    best, wandered, damped = cost(vector, normals), 0.0, 0.0
     for _ in range(rounds):
         total: Array = np.diag(penalty * noise**2)
         pull: Array = -penalty * noise**2 * (vector - centre)
         for weight, normal in zip(weights, normals, strict=True):
             total = total + weight * normal.matrix
             pull = pull + weight * normal.gradient
-        change: Array = np.asarray(np.linalg.solve(_regular(total), pull), dtype=float)
-        change *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
-        scale = 1.0
-        while scale > 0.1:
-            trial: Array = np.asarray(vector + scale * change, dtype=float)
+        total = _regular(total)
+        for _ in range(TRIALS):
+            held = total + np.diag(damped * np.diag(total))
+            change: Array = np.asarray(np.linalg.solve(held, pull), dtype=float)
+            change *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
+            trial: Array = np.asarray(vector + change, dtype=float)
+            if not np.all(np.isfinite(trial)):
+                raise IdentificationError("the fit of the steps diverged", where="velocity steps")
             there = {**values, **dict(zip(names, trial[:size].tolist(), strict=True))}
             there["skew"] = min(max(there["skew"], -LARGEST_SKEW), LARGEST_SKEW)
             found = cost(trial, problem.normals(shape, there, trial[size:], gradient=False))
             if found <= best:
                 break
-            scale *= 0.4
+            damped = max(STIFFER * damped, LEAST_DAMPED)
         else:
             break
+        damped = damped / STIFFER if damped > LEAST_DAMPED else 0.0
         gained, best = best - found, found
         vector, values = trial, there
-        wandered += scale * _excess(names, change[:size])
+        wandered += _excess(names, change[:size])
         near = normals if wandered < NEARBY else ()
         normals = problem.normals(shape, values, vector[size:], near=near)
         wandered *= bool(near)
         if gained < CONVERGED * best:
             break
+    else:
+        is_converged = False
     if wandered:
         normals = problem.normals(shape, values, vector[size:])
     if not math.isfinite(best):
@@ -468,6 +501,7 @@ def fit_all(
         noise=noise,
         penalty=penalty,
         centre=centre,
+        is_converged=is_converged,
     )
 
 
@@ -485,4 +519,4 @@ def _excess(names: Sequence[str], change: Array) -> float:
 def reweighted(solution: Solution) -> Array:
     """Weights of the steps: one, less where a step's residual is well above the others' (more than 1.5 times)."""
     rms = np.array([n.rms for n in solution.normals])
-    return np.minimum(1.0, (1.5 * np.median(rms) / rms) ** 4)
+    return np.minimum(1.0, (BAD_STEP * np.median(rms) / rms) ** 4)

@@ -98,12 +98,15 @@ def respond(
     angle: FloatArray,
     speed: FloatArray,
     piece: IntArray,
+    yielding: FloatArray,
 ) -> None:
     """Output angle and speed on the fine grid (m,), and the piece of the spring in each step.
 
     `step` (pieces, 3, 6), `kinks` (pieces - 1) torsions at which the next piece begins, `offsets` (pieces) its
     acceleration at zero torsion; `drag`: most that the output's bearing takes, over the inertia; `dahl` (2):
     stiffness over inertia and limit over inertia, 0 for none; `start` theta_o and theta_o' at the first sample.
+    `yielding` (m, 2) gets what the Dahl element's force changes by in each step per torsion moved, and what share is
+    kept of a force before it.
     """
     theta, omega, bearing = start[0], start[1], 0.0
     last_kink = kinks.size
@@ -121,7 +124,11 @@ def respond(
         if dahl[1] > 0.0:
             moved = middle - torsion
             pull = 1.0 - math.copysign(memory / dahl[1], memory * moved)
-            memory = min(max(memory + dahl[0] * moved * pull, -dahl[1]), dahl[1])
+            pulled = memory + dahl[0] * moved * pull
+            if abs(pulled) < dahl[1]:
+                yielding[i, 0] = dahl[0] * pull
+                yielding[i, 1] = max(1.0 - dahl[0] * abs(moved) / dahl[1], 0.0)
+            memory = min(max(pulled, -dahl[1]), dahl[1])
             torsion = middle
             force += memory
         m = step[r]
@@ -156,14 +163,17 @@ def sensitivities(
     piece: IntArray,
     place: IntArray,
     share: FloatArray,
+    yielding: FloatArray,
     columns: FloatArray,
 ) -> None:
     """What unit cosines and sines of the kinematic error add to the output at the samples.
 
-    The tangent of `respond` along its own pieces: `columns` (n, 2 j) gets cosine and sine of each order beside
-    each other. Sample n lies at `share` (0..1) of the fine step `place`.
+    The tangent of `respond` along its own pieces and its Dahl element (`yielding` (m, 2); empty for none): `columns`
+    (n, 2 j) gets cosine and sine of each order beside each other. Sample n lies at `share` (0..1) of the fine step
+    `place`.
     """
     count = piece.size
+    has_dahl = yielding.shape[0] > 0
     for j in range(orders.size):
         n, k = orders[j], abs(bands[j])
         turn = 1.0 if bands[j] >= 0 else -1.0
@@ -172,6 +182,7 @@ def sensitivities(
         c, s, d, t = whole[n, 0, 0], whole[n, 1, 0], slow[k, 0, 0], turn * slow[k, 1, 0]
         cosine, sine = c * d - s * t, s * d + c * t
         theta_c, theta_s = cosine, sine
+        pull_c, pull_s, torsion_c, torsion_s = 0.0, 0.0, 0.0, 0.0
         sample = 0
         for i in range(count - 1):
             c, s, d, t = (
@@ -200,6 +211,19 @@ def sensitivities(
             bearing_s = (m[2, 0] * theta_s + m[2, 1] * omega_s + m[2, 2] * bearing_s) + (
                 m[2, 3] * sine + m[2, 4] * next_sine
             )
+            if has_dahl:
+                middle = 0.5 * (cosine + next_cosine) - theta_c - 0.5 * interval * omega_c
+                pull_c = yielding[i, 1] * pull_c + yielding[i, 0] * (middle - torsion_c)
+                torsion_c = middle
+                middle = 0.5 * (sine + next_sine) - theta_s - 0.5 * interval * omega_s
+                pull_s = yielding[i, 1] * pull_s + yielding[i, 0] * (middle - torsion_s)
+                torsion_s = middle
+                new_c += m[0, 5] * pull_c
+                fast_c += m[1, 5] * pull_c
+                bearing_c += m[2, 5] * pull_c
+                new_s += m[0, 5] * pull_s
+                fast_s += m[1, 5] * pull_s
+                bearing_s += m[2, 5] * pull_s
             while sample < place.size and place[sample] == i:
                 f = share[sample]
                 rise = f * f * (3.0 - 2.0 * f)

@@ -21,9 +21,10 @@ from experiments.quantity import Quantity, bare_quantity
 from experiments.recording import Recording, RunMetadata
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
+from rig.analysis.change_words import acquisition_unit, read_in, words_of
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.store import Analysis
-from rig.analysis.wording import show
+from rig.analysis.wording import laboratory_unit, number, show
 from rig.runfile.header import read_header
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.source import FileSource
@@ -81,9 +82,15 @@ class Change:
     own_uncertainty: float | None = None
     significant_without_shared: bool | None = None
     title: str = ""
-    """What an estimate is called; "" for everything else."""
+    """What it is called where people read it."""
     shown: str = ""
     """Difference ± U_c as it is read in a laboratory."""
+
+    def in_words(self, text: str) -> str:
+        """One of both values with its unit; a dash where there is none."""
+        if not text:
+            return "–"
+        return text if self.group == "results" else f"{text} {self.unit}".rstrip()
 
     def as_json(self) -> dict[str, Any]:
         """One line of `rig diff --json`."""
@@ -134,8 +141,14 @@ def difference(first: str | Path, second: str | Path) -> Difference:
         names = list(dict.fromkeys((*left, *right)))
         compared[group] = len(names)
         for name in names:
+            title, unit = words_of(group, name, _protocol(a), _protocol(b))
             change = Change(
-                group=group, name=name, first=left.get(name, ""), second=right.get(name, "")
+                group=group,
+                name=name,
+                first=left.get(name, ""),
+                second=right.get(name, ""),
+                title=title,
+                unit=unit,
             )
             (same if change.first == change.second else changes).append(change)
     results = list(_results(a, b))
@@ -143,6 +156,10 @@ def difference(first: str | Path, second: str | Path) -> Difference:
     for change in results:
         (same if _is_same(change) else changes).append(change)
     return Difference(a.run_id, b.run_id, tuple(changes), compared, tuple(same))
+
+
+def _protocol(facts: _Facts) -> str:
+    return facts.groups["parameters"].get("protocol", "")
 
 
 def _is_same(change: Change) -> bool:
@@ -194,7 +211,7 @@ def _groups(recording: Recording) -> dict[str, dict[str, str]]:
         "conditions": _flat({"operator": m.operator, **m.conditions, **_temperatures(recording)}),
         "calibrations": dict(_calibrations(recording)),
         "versions": _flat(process),
-        "acquisition": _flat(
+        "acquisition": _acquisition(
             {
                 "origin": m.origin,
                 "time base": m.time_base,
@@ -206,15 +223,25 @@ def _groups(recording: Recording) -> dict[str, dict[str, str]]:
     }
 
 
+def _acquisition(figures: Mapping[str, Any]) -> dict[str, str]:
+    """Figures of the acquisition, each with its unit."""
+    flat: dict[str, str] = {}
+    for name, text in _flat(figures).items():
+        unit = acquisition_unit(name)
+        try:
+            flat[name] = _quantity_text(float(text), unit) if unit else text
+        except ValueError:
+            flat[name] = text
+    return flat
+
+
 def _temperatures(recording: Recording) -> dict[str, str]:
     """Mean of every temperature that was recorded, to a tenth of a kelvin."""
     means: dict[str, str] = {}
     for name in TEMPERATURES:
         if recording.has(name) and recording.rows:
             total = sum(float(recording.si(name, rows).sum()) for rows in recording.blocks())
-            means[f"mean {name.replace('_', ' ')}"] = (
-                f"{total / recording.rows:.1f} {recording.signals[name].unit}"
-            )
+            means[f"mean {name.replace('_', ' ')}"] = f"{total / recording.rows:.1f} °C"
     return means
 
 
@@ -231,7 +258,13 @@ def _limit(entry: Any) -> Any:
     if not isinstance(entry, Mapping) or not isinstance(entry.get("value"), (int, float)):
         return entry
     tier = f" ({entry['tier']})" if entry.get("tier") else ""
-    return f"{_number(entry['value'])} {entry.get('unit', '')}{tier}"
+    return f"{_quantity_text(entry['value'], str(entry.get('unit', '')))}{tier}"
+
+
+def _quantity_text(value: float, unit: str) -> str:
+    """A number in SI with its unit as it is read in a laboratory, all its digits kept."""
+    shown, words = read_in(unit, value)
+    return f"{_number(shown)} {'' if words == '1' else words}".rstrip()
 
 
 def _gear(m: RunMetadata) -> dict[str, str]:
@@ -244,7 +277,7 @@ def _gear(m: RunMetadata) -> dict[str, str]:
     if m.gear is not None:
         facts["part"] = m.gear.name
         facts |= {
-            value.path: f"{_number(value.value)} {value.unit} ({value.origin.provenance})"
+            value.path: f"{_quantity_text(value.value, value.unit)} ({value.origin.provenance})"
             for value in m.gear.values()
         }
         facts |= {f"option {name}": str(value) for name, value in vars(m.gear.options).items()}
@@ -384,7 +417,8 @@ def _compared(
         return shown
     without = abs(change) > combined.own
     causes = " and ".join(combined.shared)
-    note = f"{causes} shared: without it U_c is {combined.own:.2g} {unit}".rstrip(" 1")
+    factor, words = laboratory_unit(unit, max(abs(change), combined.own), quantity.shown)
+    note = f"{causes} shared: without it U_c is {number(combined.own / factor, 2)} {words}".rstrip()
     if without != significant:
         note += ", and the difference significant"
     return replace(

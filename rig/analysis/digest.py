@@ -95,7 +95,7 @@ def digest(path: Path, created: str, kind: str = "", choices: Choices | None = N
     digest without a fit; a folder that cannot be written one whose fit is not stored. Raises what is
     wrong with the file, the gear's card, or a choice by hand.
     """
-    kind = kind or _protocol(path)
+    kind = kind or protocol_of(path)
     if kind not in catalogue.kinds():
         return Digest(path=path, in_force=InForce(kind=kind), because=(NO_ANALYSIS,))
     try:
@@ -117,7 +117,7 @@ def read_or_digest(
     The first analysis is no refit; a stale one is read as it is, and `InForce.stale` says so. No fit:
     the recording does not bear the analysis, and the digest says why.
     """
-    found = in_force(path, kind or _protocol(path))
+    found = in_force(path, kind or protocol_of(path))
     if found.analysis is None or not found.of_this_run:
         made = digest(path, created, kind)
         return made.fit, made.in_force, made
@@ -160,7 +160,12 @@ def choices_of(path: Path, found: InForce) -> Choices:
     )
 
 
-def _protocol(path: Path) -> str:
-    from rig.runfile.read import glance
+def protocol_of(path: Path) -> str:
+    """The protocol of a run file; "" for a recording of another rig."""
+    from rig.runfile import read
 
-    return glance(path).metadata.experiment
+    recording = read.open_run(path, digest=False, rows=False)
+    try:
+        return recording.metadata.experiment
+    finally:
+        read.close_recording(recording)

@@ -159,6 +159,7 @@ GREEK = {
     "beta": "β",
     "gamma": "γ",
     "delta": "δ",
+    "zeta": "ζ",
     "eta": "η",
     "theta": "θ",
     "lambda": "λ",

@@ -9,6 +9,7 @@ repeated peak torque, s = 0.8 the share of it that set-points may reach:
     torque step         2 N T_m (J_o/N^2)/(J_i + J_o/N^2)       <= s T_rp      (undamped: twice the static share)
     acceleration        2 J_o alpha/N                           <= s T_rp      and  (J_i + J_o/N^2) alpha + T_f <= s T_m
     torsion             K |theta_i/N + ke - theta_o|            <= 0.95 T_rp   (ke taken as margin, K the stiffest known)
+    never reached       torsion <= 0.5 of the torques of ratcheting and of buckling, where these are known
 
 The drive holds motor torque (0x6072), speed (0x6080) and ramps (0x6083-0x6085) itself; the supervisor holds the rest.
 """  # noqa: E501
@@ -55,6 +56,9 @@ SETPOINT_SHARE = 0.8
 """Share of a rating that set-points and predictions may use."""
 TRIP_SHARE = 0.95
 """Share of the repeated peak torque at which the torsion of the gear trips."""
+NEVER_SHARE = 0.5
+"""Share of the ratcheting and the buckling torque beyond which no torsion may go: a tooth that jumped once has
+damaged the gear, and its torque is known for a unit that was mounted and lubricated as it should be."""
 STEP_FACTOR = 2.0
 """Peak over static torque when a torque or an acceleration is applied at once to an undamped spring and mass."""
 SPEED_ROOM = 1.25
@@ -283,6 +287,12 @@ def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
         f"{TRIP_SHARE:g} x repeated peak {peak:g} N m",
         provenance,
     )
+    for name in ("ratcheting_torque", "buckling_torque"):
+        never = getattr(gear.ratings, name)
+        if never is not None:
+            words_never = f"{NEVER_SHARE:g} x {name.replace('_', ' ')} {never:g} N m"
+            origin = _provenance(gear, f"ratings.{name}")
+            yield Limit(TORSION_TORQUE, NEVER_SHARE * never, "rig", words_never, origin)
     alpha = allowed * load.ratio / (STEP_FACTOR * load.output_inertia)
     for quantity in (ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION):
         yield Limit(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands import gear_sets
 from rig.commands.terminal import console, print_json, table
 
 if TYPE_CHECKING:
@@ -35,6 +36,10 @@ Json = Annotated[
 HelpFlag = Annotated[
     bool, typer.Option("--help", "-h", help="Show this and the flags of every fact, and exit.")
 ]
+
+
+gear.command("new")(gear_sets.new)
+gear.command("check")(gear_sets.check)
 
 
 @gear.command("list")
@@ -113,10 +118,10 @@ def set_(
         GearFacts,
         card_for,
         now_text,
-        save_card,
         with_changes,
         with_confirmation,
     )
+    from rig.gears.making import write_card
 
     if not serial or serial.startswith("-"):
         raise typer.BadParameter("name the gear first, by its serial number", param_hint="SERIAL")
@@ -131,17 +136,18 @@ def set_(
     )
     if confirm:
         card = with_confirmation(card, by, now_text())
-    save_card(output, card)
+    write_card(output, card)
     _answer(card, json)
 
 
 @gear.command("confirm")
 def confirm_(serial: Serial, by: By, output: Folder = Path("runs"), json: Json = False) -> None:
     """Confirm by name that a gear is mounted as its card says."""
-    from rig.gears.card import now_text, save_card, with_confirmation
+    from rig.gears.card import now_text, with_confirmation
+    from rig.gears.making import write_card
 
     card = with_confirmation(_card(output, serial), by, now_text())
-    save_card(output, card)
+    write_card(output, card)
     _answer(card, json)
 
 
@@ -157,7 +163,7 @@ def _card(folder: Path, serial: str) -> GearCard:
             where=str(folder),
             value=serial,
             limit=serials,
-            remedy="Write one with `rig gear set`.",
+            remedy="Make one with `rig gear new`, or write one with `rig gear set`.",
         )
     return card
 

@@ -51,7 +51,13 @@ def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
     )
     rows = table(*headings, overflow="fold", box=None, header_style="dim")
     for change in changes:
-        row = [Text(change.name), Text(change.first or "-"), Text(change.second or "-")]
+        kind = change.name.partition(": ")[0] + ": " if results and change.title else ""
+        what = f"{kind}{change.title or change.name}"
+        row = [
+            Text(what),
+            Text(change.in_words(change.first)),
+            Text(change.in_words(change.second)),
+        ]
         if results:
             row += [Text(change.shown), _significance(change), Text(change.note)]
         rows.add_row(*row)

@@ -110,7 +110,7 @@ def report(
     if bool(runs) == bool(gear):
         raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
     asked = acceptance_named(acceptance) if acceptance else None
-    suffixes = _suffixes(output, format_, per_run)
+    suffixes = suffixes_of(output, format_, per_run=per_run)
     lines: list[str] = []
     written: list[Path] = []
     if gear:
@@ -181,7 +181,9 @@ def _told(report: Reports) -> dict[str, Any]:
     return {"runs": outcomes, **report.verdict.as_json()}
 
 
-def _suffixes(output: Path, format_: ReportFormat | None, per_run: bool) -> tuple[str, ...]:
+def suffixes_of(
+    output: Path, format_: ReportFormat | None, *, per_run: bool = False
+) -> tuple[str, ...]:
     """The suffixes of what is to be written. Raises `BadParameter` for one that no report has."""
     if format_ is ReportFormat.both:
         return (".html", ".pdf")

@@ -1,4 +1,4 @@
-"""`rig sim serve`: the simulated rig as a process of its own, where any CANopen tool can join."""
+"""`rig sim`: the simulated rig as a process of its own, for any CANopen tool; certificates of its encoders."""
 
 from __future__ import annotations
 
@@ -162,6 +162,61 @@ def serve(
         configuration=config_out,
         announce=announce,
     )
+
+
+@sim.command("certificate")
+def certificate(
+    bench_seed: Annotated[
+        int,
+        typer.Option("--bench-seed", metavar="B", min=0, help="Which bench: its encoders."),
+    ],
+    output: Annotated[Path, typer.Option(metavar="FILE", help="Where to write it; a new file.")],
+    channel: Annotated[
+        Literal["input", "output"], typer.Option(help="The motor's encoder, or that of the output.")
+    ] = "output",
+    population: PopulationName = "narrow",
+) -> None:
+    """Write the certificate of a simulated bench's encoder, as a laboratory would have measured it: with errors
+    of its own, within the uncertainty that it states.
+
+    `curve` in rig.toml names the file. A file that exists is left alone.
+    """
+    from datetime import UTC, datetime
+
+    from model.gear_file import shipped_gear
+    from model.motor import shipped_motor
+    from rig.bench.backends.assembly import RigRequest
+    from rig.bench.backends.simulated import certificate_of
+    from rig.bench.config.certificate_file import FORMAT, Header, certificate_text
+    from rig.errors import ConfigurationError
+
+    request = RigRequest(
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        world=world_choice(bench_seed=bench_seed, population=population),
+    )
+    curve = certificate_of(request, channel)
+    header = Header(
+        format=FORMAT,
+        certificate=f"simulated: {channel} encoder of bench {bench_seed}",
+        date=datetime.now(UTC).date(),
+        coverage_factor=curve.coverage_factor,
+        zero="index mark",
+        sense="counting up",
+        error="shown minus true",
+    )
+    try:
+        with output.open("x", encoding="utf-8") as file:
+            file.write(certificate_text(header, curve))
+    except FileExistsError as error:
+        raise ConfigurationError(
+            "exists already and is left alone", where=str(output), remedy="Name another file."
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot be written: {error.strerror or error}", where=str(output)
+        ) from error
+    typer.echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
 
 
 def _faults(texts: list[str]) -> list[Any]:

@@ -125,11 +125,11 @@ def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> lis
 
 def _in_order(runs: Sequence[Path]) -> list[Path]:
     """The runs in the order of their analyses: tares first, and last what builds on others."""
+    from rig.analysis.digest import protocol_of
     from rig.analysis.tare import tare_kind
-    from rig.runfile.read import glance
 
     def place(path: Path) -> tuple[bool, bool]:
-        protocol = glance(path).metadata.experiment
+        protocol = protocol_of(path)
         experiment = catalogue.declared(protocol)
         return protocol != tare_kind(), experiment is not None and bool(experiment.builds_on)
 

@@ -140,37 +140,49 @@ def _verdict_line(line: Verdict) -> VerdictLine:
 
 
 def estimate_grid(title: str, result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:
-    """Value ± U, unit, interval, identifiability, remark."""
+    """Value ± U, unit, identifiability, remark."""
     if not estimates:
         return None
     rows = []
     for name, estimate in estimates.items():
         quantity = result.quantity(name)
         s = show(estimate, quantity)
-        interval = f"{s.low} … {s.high}"
         rows.append(
             (
                 quantity.titled(name),
                 s.value,
                 s.expanded or "–",
                 s.unit,
-                interval,
                 estimate.identifiable,
                 estimate.note,
             )
         )
-    columns = (
-        "Quantity",
-        "Value",
-        "± U (k = 2)",
-        "Unit",
-        STATISTICAL_PART.capitalize(),
-        "Identifiable",
-        "Remark",
-    )
+    columns = ("Quantity", "Value", "± U (95 %)", "Unit", "Identifiable", "Remark")
     return without_empty(
-        Grid(title, columns, tuple(rows), (False, True, True, False, True, False, False))
+        Grid(title, columns, tuple(rows), (False, True, True, False, False, False))
     )
+
+
+def statistical_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:
+    """For the annex: the 95 % intervals of the data alone, k and degrees of freedom of every U."""
+    rows = []
+    for name, estimate in estimates.items():
+        quantity = result.quantity(name)
+        s = show(estimate, quantity)
+        freedom = estimate.degrees_of_freedom
+        rows.append(
+            (
+                quantity.titled(name),
+                f"{s.low} … {s.high}",
+                s.unit,
+                number(estimate.coverage_factor, 3),
+                number(freedom, 3) if freedom < 1e4 else "∞",
+            )
+        )
+    columns = ("Quantity", STATISTICAL_PART.capitalize(), "Unit", "k of U", "Degrees of freedom")
+    if not rows:
+        return None
+    return Grid("Statistical part", columns, tuple(rows), (False, True, False, True, True))
 
 
 def budget_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None:
@@ -334,7 +346,6 @@ def order_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None
                 a.value,
                 a.expanded or "–",
                 a.unit,
-                f"{a.low} … {a.high}",
                 *angle,
                 amplitude.identifiable,
             )
@@ -346,12 +357,11 @@ def order_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None
         "Amplitude",
         "± U (k = 2)",
         "Unit",
-        STATISTICAL_PART.capitalize(),
         "Phase [°]",
         "± U (k = 2)",
         "Identifiable",
     )
-    numeric = (False, True, True, False, True, True, True, False)
+    numeric = (False, True, True, False, True, True, False)
     return Grid("Orders, amplitude and phase", columns, tuple(rows), numeric)
 
 
@@ -492,7 +502,9 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
         metrics=metric_grid(result),
         tables=tuple(g for g in grids if len(g.rows) <= LONG_TABLE),
         annex=tuple(
-            replace(g, title=f"{title}: {g.title}") for g in grids if len(g.rows) > LONG_TABLE
+            replace(g, title=f"{title}: {g.title}")
+            for g in (statistical_grid(result, result.estimates), *grids)
+            if g is not None and (len(g.rows) > LONG_TABLE or g.title == "Statistical part")
         ),
         warnings=result.warnings,
         provenance=provenance_of(fit),

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import re
+import textwrap
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -34,10 +35,15 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1)))
 
 FULL_WIDTH = (7.1, 2.8)
-HALF_WIDTH = (3.5, 2.4)
+HALF_WIDTH = (3.5, 2.5)
 """Width and height [inch]: the whole text width of A4, and half of it; of the first panel."""
 TALL = 0.75
 """Share of the first panel's height that a panel of its full share adds: the axis of x is there once."""
+NUMERAL, CHARACTER = 0.067, 0.066
+"""Width [inch] of a numeral at an axis, and of a letter of its label."""
+_WIDTHS = {".": 0.034, "\N{MINUS SIGN}": 0.088, "e": 0.065}
+EDGE, UNDER, GAP, LETTER, LINE = 0.08, 0.44, 0.1, 0.13, 0.17
+"""Room [inch] at the edge of a figure, under its panels, between them; a letter, a line of the legend."""
 MARKED = 0.8
 """Share of the first panel's height from which the word of the origin stands in a further one too."""
 BESIDE = (2.4, 1.0)
@@ -182,7 +188,7 @@ def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Fig
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size)
     FigureCanvasAgg(figure)
     shares = [1.0, *(panel.share for panel in plot.panels)]
     grid = figure.add_gridspec(
@@ -204,14 +210,70 @@ def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Fig
             axes.tick_params(labelbottom=False)
         _ticks(axes, plot, "linear" if panel else plot.y_scale)
     (first, *lower)[-1].set_xlabel(plot.x_label)
+    legend = 0.0
     if any(np.isfinite(s.y).any() for s in plot.series):
-        _legend(first, lower, plot, size)
-    if plot.enlarged:
-        _enlarge(figure.add_subplot(grid[:, 1]), first, plot)
-    figure.align_ylabels([first, *lower])
+        legend = LINE * _legend(first, lower, plot, size)
+    beside = figure.add_subplot(grid[:, 1]) if plot.enlarged else None
+    if beside is not None:
+        _enlarge(beside, first, plot)
     if title:
-        figure.suptitle(title, x=0.02, ha="left", fontsize=9.0, fontweight="bold")
+        figure.text(0.02, 1.0 - 0.08 / size[1], title, va="top", fontsize=9.0, fontweight="bold")
+    margins = _Margins(max(legend, LINE if beside is not None else 0.0), 0.3 if title else 0.0)
+    _lay_out(figure, (first, *lower), beside, plot, margins)
     return figure
+
+
+@dataclass(frozen=True)
+class _Margins:
+    """Room around the panels [inch]: above them for the legend, and for a title."""
+
+    legend: float
+    title: float
+
+
+def _lay_out(
+    figure: Figure, panels: Sequence[Axes], beside: Axes | None, plot: Plot, margins: _Margins
+) -> None:
+    """Give every part its room: numbers and words outside the panels, panels of one width under each other.
+
+    By hand, because matplotlib's own layout takes longer than all the drawing.
+    """
+    width, height = figure.get_size_inches()
+    top = height - margins.title - margins.legend - EDGE
+    shares = [1.0, *(panel.share for panel in plot.panels)]
+    unit = (top - UNDER - GAP * (len(shares) - 1)) / sum(shares)
+    lines = max(_fold_label(a, unit * share) for a, share in zip(panels, shares, strict=True))
+    left = _beside_numbers(panels) + (lines + 0.4) * LETTER
+    right = width - EDGE
+    if beside is not None:
+        room = _beside_numbers([beside])
+        whole = right - left - room - GAP
+        inner = whole * BESIDE[1] / sum(BESIDE)
+        beside.set_position(
+            ((right - inner) / width, UNDER / height, inner / width, (top - UNDER) / height)
+        )
+        right -= inner + room + GAP
+    for axes, share in zip(panels, shares, strict=True):
+        size = unit * share
+        place = (left / width, (top - size) / height, (right - left) / width, size / height)
+        axes.set_position(place)
+        axes.yaxis.set_label_coords((lines * LETTER - left) / (right - left), 0.5)
+        top -= size + GAP
+
+
+def _fold_label(axes: Axes, height: float) -> int:
+    """Break the label of a panel of this height [inch] into lines that are no longer; how many they are."""
+    whole = re.sub(r"\[[^\]]*\]", lambda unit: unit[0].replace(" ", "\u00a0"), axes.get_ylabel())
+    text = textwrap.fill(whole, max(int(height / CHARACTER), 8), break_long_words=False)
+    axes.set_ylabel(text)
+    return text.count("\n") + 1
+
+
+def _beside_numbers(panels: Sequence[Axes]) -> float:
+    """Room [inch] for the numbers left of these axes."""
+    texts = [label.get_text() for axes in panels for label in axes.yaxis.get_majorticklabels()]
+    widest = max((sum(_WIDTHS.get(c, NUMERAL) for c in text) for text in texts), default=0.0)
+    return widest + 0.1
 
 
 def _paint(axes: Axes, plot: Plot, panel: int, bins: int) -> None:
@@ -272,7 +334,7 @@ def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look
     series = all_series[number]
     groups = list(dict.fromkeys(s.group for s in all_series if s.role == "data"))
     earlier = sum(
-        (s.group == series.group or s.role != "data")
+        (s.group == series.group or s.role == "null")
         and (s.role, s.panel) == (series.role, series.panel)
         and s.style in ("line", "steps")
         for s in all_series[:number]
@@ -284,7 +346,7 @@ def _look(all_series: Sequence[Series], number: int, logarithmic: bool) -> _Look
     return _Look(
         colour={"null": NULL, "limit": LIMIT}.get(series.role, own),
         marker=MARKERS[place % len(MARKERS)],
-        dash=DASHES[(earlier + (series.role == "limit")) % len(DASHES)],
+        dash=DASHES[1 if series.role == "limit" else earlier % len(DASHES)],
         shift=shift,
         foot=foot_of(all_series) if logarithmic else 0.0,
         behind=series.role == "null",
@@ -414,15 +476,16 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
     """The legend of all panels above the first one, in as many columns as fit: it hides nothing."""
     labels = list(dict.fromkeys(s.label for s in plot.series if s.label))
     if len(labels) < 2 and not (labels and plot.series[0].style == "points"):
-        return
+        return 0
     named = [axes.get_legend_handles_labels() for axes in (first, *lower)]
     handles = {
         label: handle
         for some, texts in reversed(named)
         for handle, label in zip(some, texts, strict=True)
     }
-    characters = max(len(label) for label in labels) + 6
-    columns = max(1, min(len(labels), int(size[0] * 15.5 / characters)))
+    characters = max(len(label) for label in labels) + (6 if size[0] > 5 else 4)
+    letters = 7.5 if size[0] > 5 else 6.0
+    columns = max(1, min(len(labels), int(size[0] * 15.5 * 7.5 / letters / characters)))
     legend = first.legend(
         [handles[label] for label in labels if label in handles],
         [label for label in labels if label in handles],
@@ -434,11 +497,13 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
         columnspacing=1.4,
         labelspacing=0.3,
         markerscale=1.0,
+        fontsize=letters,
     )
     for line in legend.get_lines():
         # A dot of a crowded curve is too small to tell its colour.
         line.set_markersize(max(line.get_markersize(), 3.4))
         line.set_alpha(1.0)
+    return -(-len(labels) // columns)
 
 
 def _ticks(axes: Axes, plot: Plot, y_scale: str) -> None:

@@ -12,8 +12,6 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drivers.acquisition_statistics import AcquisitionStatistics
 from drivers.errors import DriverError
 from drivers.port import RigPort, TellsAcquisition
@@ -22,6 +20,24 @@ from experiments.errors import ExperimentError
 from model.errors import ModelError
 from rig.errors import RigError
 from rig.run.logbook import Logbook
+
+READ_IN = {
+    "duration": (1.0, "s"),
+    "nominal_rate": (1.0, "Hz"),
+    "achieved_rate": (1.0, "Hz"),
+    "missed_share": (1e-2, "%"),
+}
+"""Figures of an acquisition that have a unit, besides the times below: how much of SI it is, and the unit."""
+SHORT_TIMES = ("jitter", "latency")
+"""How the names of those begin that are read in microseconds."""
+
+
+def _in_words(name: str, value: float) -> str:
+    """A figure of an acquisition as an event says it."""
+    factor, unit = READ_IN.get(name, (1.0, ""))
+    if name.startswith(SHORT_TIMES):
+        factor, unit = 1e-6, "µs"
+    return f"{name.replace('_', ' ')} {value / factor:.6g} {unit}".rstrip()
 
 
 class AcquisitionLog:
@@ -33,14 +49,14 @@ class AcquisitionLog:
 
     def put(self, block: SampleBlock) -> None:
         """Count a block."""
-        self._statistics.add(block.time_ns, np.zeros(len(block), dtype=np.int64), block.flags)
+        self._statistics.add(block.time_ns, None, block.flags)
 
     def figures(self, reviewed: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
         """Metrics for the report and figures for the file; `reviewed` is what the supervisor reviewed.
         An event says them too.
         """
         counted = self._counted()
-        line = ", ".join(f"{name} {value:.6g}" for name, value in counted.items())
+        line = ", ".join(_in_words(name, value) for name, value in counted.items())
         self._logbook.event("info", "acquisition", "port", line)
         skews = self._skews()
         metrics = {f"acquisition_{name}": value for name, value in counted.items()}

@@ -64,6 +64,8 @@ class Watch:
     torque_difference: float = 0.25
     torque_difference_window: float = 0.25
     torque_difference_windows: int = 2
+    torque_lag: float = 2e-3
+    """Time constant with which the port's torque may follow the drive's: what swings looks different meanwhile."""
     index_repeatability: int = 2
     """Counts by which an index mark may lie elsewhere than before."""
     index_lost_counts: int = 20

@@ -125,6 +125,8 @@ class IndexReview:
         if not len(rows):
             return []
         seen = latches[rows]
+        if state.latched is not None and (seen == state.latched).all():
+            return []
         before = seen[0] - 1 if state.latched is None else state.latched
         return rows[np.diff(seen, prepend=before) != 0].tolist()
 

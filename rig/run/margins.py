@@ -109,7 +109,6 @@ class MarginWatch:
 
     def after(self, peaks: Peaks, block: SampleBlock) -> Peaks:
         """The peaks after a block."""
-        good = (block.flags & 1) == 0
         values: dict[str, float] = {}
         before = peaks.input_tail[:, 0]
         inner, fastest = self._speed(INPUT_ANGLE, self.watch.speed_window, peaks.input_tail, block)
@@ -122,10 +121,10 @@ class MarginWatch:
             values[lim.INPUT_SPEED] = fastest
         if output is not None and self.geometry is not None:
             values[OUTPUT_SPEED] = output * self.geometry.ratio
-        if good.any():
-            values.update(self._values(block.counts[good]))
-        values.update(self._torsion(block.counts, good, before))
-        run, longest = _runs(~good, peaks.stale_run)
+        if len(block.complete_counts):
+            values.update(self._values(block.complete_counts))
+            values.update(self._torsion(block.complete_counts, before))
+        run, longest = _runs(~block.complete, peaks.stale_run)
         values[STALE] = float(longest)
         return Peaks(peaks.values, inner, outer, run).with_values(values)
 
@@ -139,7 +138,7 @@ class MarginWatch:
         """
         lag = max(1, round(window / self.period))
         moved = np.column_stack([block.counts[:, self.column[name]], block.interval_ns])
-        lost = np.flatnonzero(block.flags & 1)
+        lost = np.flatnonzero(~block.complete)
         moved = moved[lost[-1] + 1 :] if len(lost) else np.concatenate([tail, moved])
         if len(moved) <= lag:
             return moved, None
@@ -167,15 +166,14 @@ class MarginWatch:
         return values
 
     def _torsion(
-        self, counts: NDArray[np.int64], good: NDArray[np.bool_], before: NDArray[np.int64]
+        self, rows: NDArray[np.int64], before: NDArray[np.int64]
     ) -> Iterator[tuple[str, float]]:
-        """The largest torsion torque [N m] of the complete cycles, less what the guard allows for the skew of the
-        encoders; `before` are the input's counts in the last complete cycles before the block.
+        """The largest torsion torque [N m] of complete cycles, less what the guard allows for the skew of the
+        encoders; `before` are the input's counts in the last complete cycles before them.
         """
         for bound in self.bounds:
-            if bound.cause != TORSION_TORQUE or not good.any():
+            if bound.cause != TORSION_TORQUE:
                 continue
-            rows = counts[good]
             turned = np.concatenate([before, rows[:, self.column[INPUT_ANGLE]]])
             lag = min(bound.allowance_lag, len(turned) - 1)
             moved = np.zeros(len(turned))

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from drivers.channel import INDEX_SEEN, INPUT_ANGLE, INPUT_INDEX, OUTPUT_INDEX, STATUSWORD, Channel
 from drivers.drive_state import DriveState, drive_state
-from drivers.port import Bound, Command, Mode
-from drivers.samples import Break, CycleFlag, SampleBlock, is_stale
+from drivers.port import Bound, Command, Mode, last_rows
+from drivers.samples import Break, SampleBlock, is_stale
 from experiments.steps.kind import SegmentLabel
 from experiments.steps.profile import Constant, Profile
 
@@ -104,8 +104,8 @@ class Machine:
         if not self.rows:
             self.first = block.counts[0].copy()
         self.rows += len(block)
-        self._tail = np.concatenate([self._tail, block.counts])[-HISTORY:]
-        self._tail_flags = np.concatenate([self._tail_flags, block.flags])[-HISTORY:]
+        self._tail = last_rows(self._tail, block.counts, HISTORY)
+        self._tail_flags = last_rows(self._tail_flags, block.flags, HISTORY)
         self.mode = turn.command.mode
         self.setpoint = (
             float(turn.command.target[len(block) - 1]) if self.mode is Mode.SPEED else 0.0
@@ -198,11 +198,11 @@ class PhaseRunner:
 
     def _consume(self, phase: Phase, block: SampleBlock) -> None:
         self._done_cycles += len(block)
-        complete = (block.flags & CycleFlag.INCOMPLETE) == 0
-        self._incomplete += len(block) - int(np.count_nonzero(complete))
+        complete = block.complete_counts
+        self._incomplete += len(block) - len(complete)
         if phase.tally:
-            self._total += int(block.counts[complete, self._machine.column[phase.tally]].sum())
-            self._samples += int(np.count_nonzero(complete))
+            self._total += int(complete[:, self._machine.column[phase.tally]].sum())
+            self._samples += len(complete)
         # A trip ends the run, not the phase: make-safe leads from the next turn on.
         broken = block.broken if block.broken is not None and not block.broken.is_trip else None
         if broken is None and self._done_cycles < phase.cycles:

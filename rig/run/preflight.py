@@ -22,6 +22,7 @@ from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Chann
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.port import DriveLimits
 from drivers.samples import CycleFlag
+from model.units import RPM
 from rig.errors import LimitError, RigError
 from rig.run.dry_run import PlannedRun
 
@@ -207,8 +208,14 @@ def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:
                 limit=f"{value:.5g} as written",
                 remedy="Check that the drive accepts the object and its unit, then try again.",
             )
-    held = ", ".join(f"{name} {value:.4g}" for name, value in read.items())
+    held = ", ".join(_limit_words(name, value) for name, value in read.items())
     return Check("drive limits", "ok", f"read back: {held}")
+
+
+def _limit_words(name: str, value: float) -> str:
+    """A limit of the drive (SI) in the unit in which it is read."""
+    factor, unit = {"torque": (1.0, "N m"), "speed": (RPM, "r/min")}.get(name, (1.0, "rad/s²"))
+    return f"{name.replace('_', ' ')} {value / factor:.4g} {unit}"
 
 
 def standing_checks(

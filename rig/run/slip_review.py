@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
-from drivers.samples import CycleFlag, SampleBlock
+from drivers.samples import SampleBlock
 from model.units import ARCMIN
 from rig.run.bounds import Geometry, Watch
 from rig.run.trips import SLIP, Trip
@@ -59,7 +59,7 @@ class SlipReview:
         geometry, torque = self.geometry, TORQUE if TORQUE in self.column else DRIVE_TORQUE
         if geometry is None or torque not in self.column or not self.reference:
             return state, []
-        good = block.counts[(block.flags & CycleFlag.INCOMPLETE) == 0]
+        good = block.complete_counts
         if not len(good):
             return state, []
         inner = self._turned(INPUT_ANGLE, good)

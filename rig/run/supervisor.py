@@ -221,12 +221,15 @@ class Supervisor:
         state, new = self._slow(state, block, start)
         trips += new
         index, new, notes = self._index_review.reviewed(state.index, block, start)
-        state, trips = replace(state, index=index, notes=(*state.notes, *notes)), trips + new
-        peaks = self._margins.after(state.peaks, block).with_values(self._shares(state))
-        state = replace(state, peaks=peaks, rows=start + len(block))
-        if state.trip is None and trips:
-            state = replace(state, trip=trips[0])
-        return state
+        trips += new
+        return replace(
+            state,
+            index=index,
+            notes=(*state.notes, *notes),
+            peaks=self._margins.after(state.peaks, block).with_values(self._shares(state)),
+            rows=start + len(block),
+            trip=trips[0] if state.trip is None and trips else state.trip,
+        )
 
     def _shares(self, state: WatchState) -> dict[str, float]:
         """How far the review's own quantities have come."""
@@ -311,23 +314,7 @@ class Supervisor:
             )
         if rows >= length:
             rows = missed = 0
-        longest = LONGEST_STEP * self._cycle_ns
-        steps = self._steps(block.time_ns, state.last_time, lost)
-        sent = self._steps(block.interval_ns, state.last_sync, lost)
-        knows_sending = block.sync_ns is not None
-        # Where the computer itself was late, the stamps are right to say so.
-        late = np.maximum(sent - self._cycle_ns, 0) if knows_sending else np.zeros_like(sent)
-        overdue = (sent > longest) & (knows_sending and turn.enabled)
-        # Changing the mode goes by SDO and may take its time.
-        overdue[0] &= state.mode is turn.command.mode
-        for cause, raised, step in (
-            (LATE_TURN, overdue, sent),
-            (TIME_BASE, (steps <= 0) | (steps - late > longest), steps),
-        ):
-            if raised.any():
-                row = int(np.argmax(raised))
-                value, limit = float(step[row]) * 1e-6, longest * 1e-6
-                trips.append(Trip(cause, state.rows + row, value, limit, "ms between SYNCs"))
+        trips += self._intervals(state, block, turn, lost)
         state = replace(
             state,
             next_cycle=block.first_cycle + len(block),
@@ -340,6 +327,30 @@ class Supervisor:
             window_missed=missed,
         )
         return state, trips
+
+    def _intervals(
+        self, state: WatchState, block: SampleBlock, turn: Turn, lost: int
+    ) -> list[Trip]:
+        """SYNCs that the computer sent far too late, and stamps that run backwards or away from the SYNCs."""
+        longest = LONGEST_STEP * self._cycle_ns
+        steps = self._steps(block.time_ns, state.last_time, lost)
+        raised = [(TIME_BASE, (steps <= 0) | (steps > longest), steps)]
+        if block.sync_ns is not None:
+            sent = self._steps(block.sync_ns, state.last_sync, lost)
+            overdue = (sent > longest) & turn.enabled
+            # Changing the mode goes by SDO and may take its time.
+            overdue[0] &= state.mode is turn.command.mode
+            # Where the computer itself was late, the stamps are right to say so.
+            late = np.maximum(sent - self._cycle_ns, 0)
+            away = (steps <= 0) | (steps - late > longest)
+            raised = [(LATE_TURN, overdue, sent), (TIME_BASE, away, steps)]
+        trips: list[Trip] = []
+        for cause, rows, step in raised:
+            if rows.any():
+                row = int(np.argmax(rows))
+                value, limit = float(step[row]) * 1e-6, longest * 1e-6
+                trips.append(Trip(cause, state.rows + row, value, limit, "ms between SYNCs"))
+        return trips
 
     def _steps(self, times: NDArray[np.int64], last: int | None, lost: int) -> NDArray[np.int64]:
         """Times (n,) between a block's cycles and the ones before them [ns], without those of lost cycles."""
@@ -452,13 +463,12 @@ class Supervisor:
     ) -> tuple[WatchState, list[Trip]]:
         """What goes wrong slowly: slip between the encoders, a thermometer that does not move any more."""
         slip, trips = self._slip_review.reviewed(state.slip, block, start)
-        state = replace(state, slip=slip)
+        thermometer, notes = state.thermometer, ()
         if HOUSING_TEMPERATURE in self._column:
-            good = (block.flags & CycleFlag.INCOMPLETE) == 0
-            counts = block.counts[good, self._column[HOUSING_TEMPERATURE]]
+            counts = block.complete_counts[:, self._column[HOUSING_TEMPERATURE]]
             thermometer, notes = stood(state.thermometer, counts, self.watch, self._period)
-            state = replace(state, thermometer=thermometer, notes=(*state.notes, *notes))
-        return state, trips
+        notes = (*state.notes, *notes)
+        return replace(state, slip=slip, thermometer=thermometer, notes=notes), trips
 
     @property
     def _following_patience(self) -> float:
@@ -474,19 +484,15 @@ class Supervisor:
         if name not in self._column:
             return state, []
         torque = self._si(block, name)
-        heated, trips, _ = self._torque_review.heated(state.torque, torque, start)
-        state = replace(state, torque=heated)
+        reviewed, trips, notes = self._torque_review.heated(state.torque, torque, start)
         if TORQUE in self._column and DRIVE_TORQUE in self._column and state.trip is None:
-            good = (block.flags & CycleFlag.INCOMPLETE) == 0
+            good = block.complete
             drive = self._si(block, DRIVE_TORQUE)[good]
-            compared, new, notes = self._torque_review.compared(
-                state.torque, torque[good], drive, start
+            reviewed, new, notes = self._torque_review.compared(
+                reviewed, torque[good], drive, start
             )
-            state, trips = (
-                replace(state, torque=compared, notes=(*state.notes, *notes)),
-                trips + new,
-            )
-        return state, trips
+            trips = trips + new
+        return replace(state, torque=reviewed, notes=(*state.notes, *notes)), trips
 
     def acquisition(self) -> dict[str, object]:
         """What the review has seen of the acquisition: counts at the index marks, and torque port against drive."""

@@ -76,17 +76,66 @@ class Still:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Window:
+    """An open window of port against drive [N m]: so many complete cycles, their sums of (port - drive)^2, drive^2,
+    port, drive and (change of drive from cycle to cycle)^2, and the drive's last torque.
+    """
+
+    cycles: int = 0
+    sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    last: float = math.nan
+
+    def after(self, port: FloatArray, drive: FloatArray) -> Window:
+        """The same with further cycles (n,)."""
+        before = drive[0] if math.isnan(self.last) else self.last
+        terms = (
+            np.square(port - drive).sum(),
+            np.square(drive).sum(),
+            port.sum(),
+            drive.sum(),
+            np.square(np.diff(drive, prepend=before)).sum(),
+        )
+        sums = tuple(so_far + float(term) for so_far, term in zip(self.sums, terms, strict=True))
+        return Window(cycles=self.cycles + len(port), sums=sums, last=float(drive[-1]))
+
+    @property
+    def difference(self) -> float:
+        """Of port and drive, r.m.s."""
+        return math.sqrt(self.sums[0] / self.cycles)
+
+    @property
+    def drive(self) -> float:
+        """R.m.s."""
+        return math.sqrt(self.sums[1] / self.cycles)
+
+    @property
+    def mean_port(self) -> float:
+        return self.sums[2] / self.cycles
+
+    @property
+    def mean_drive(self) -> float:
+        return self.sums[3] / self.cycles
+
+    def lagging(self, lag: float, period: float) -> float:
+        """The largest difference r.m.s. that a port shows whose torque follows the drive's with a time constant of at
+        most `lag` [s], cycles of `period` [s].
+
+        At an angular frequency w it is |1 - 1/(1 + i w lag)| <= min(w lag, 1) of the drive's swing there.
+        """
+        rate = math.sqrt(self.sums[4] / self.cycles) / period
+        swing = math.sqrt(max(self.drive**2 - self.mean_drive**2, 0.0))
+        return min(lag * rate, swing)
+
+
+@dataclass(frozen=True, kw_only=True)
 class TorqueState:
-    """What is carried from block to block: the i2t integral (1 is the rating) and its largest, and
-    an open window of the
-    comparison: rows, sums of (port - drive)^2, drive^2, port, drive; share of the allowed
-    difference; windows in a row.
+    """What is carried from block to block: the i2t integral (1 is the rating) and its largest, an open window of the
+    comparison, the last one's share of the allowed difference, and windows in a row above it.
     """
 
     heat: float = 0.0
     hottest: float = 0.0
-    rows: int = 0
-    sums: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    window: Window = field(default_factory=Window)
     share: float = 0.0
     windows: int = 0
     zero: float | None = None
@@ -112,10 +161,10 @@ class TorqueReview:
         heat = heat_integral(
             state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time
         )
-        hot = np.flatnonzero(heat > 1.0)
+        hottest = float(heat.max())
         trips = []
-        if len(hot):
-            row = int(hot[0])
+        if hottest > 1.0:
+            row = int(np.argmax(heat > 1.0))
             trips.append(
                 Trip(
                     OVERLOAD,
@@ -126,7 +175,7 @@ class TorqueReview:
                 )
             )
         return (
-            replace(state, heat=float(heat[-1]), hottest=max(state.hottest, float(heat.max()))),
+            replace(state, heat=float(heat[-1]), hottest=max(state.hottest, hottest)),
             trips,
             (),
         )
@@ -139,38 +188,33 @@ class TorqueReview:
             return state, [], ()
         state, trips = self._frozen(state, port, drive, start)
         state = replace(state, agreement=state.agreement.after(port, drive))
-        rows = state.rows + len(port)
-        terms = (
-            float(np.square(port - drive).sum()),
-            float(np.square(drive).sum()),
-            float(port.sum()),
-            float(drive.sum()),
-        )
-        sums = tuple(before + more for before, more in zip(state.sums, terms, strict=True))
-        if rows * self.period < self.watch.torque_difference_window:
-            return replace(state, rows=rows, sums=sums), trips, ()
-        difference, reference = math.sqrt(sums[0] / rows), math.sqrt(sums[1] / rows)
-        allowed = self.watch.torque_offset + self.watch.torque_difference * reference
-        state = replace(state, rows=0, sums=(0.0, 0.0, 0.0, 0.0), share=difference / allowed)
-        detail = f"port {sums[2] / rows:.4g} N m, drive {sums[3] / rows:.4g} N m on average"
+        window = state.window.after(port, drive)
+        if window.cycles * self.period < self.watch.torque_difference_window:
+            return replace(state, window=window), trips, ()
+        (found, allowed), share = self._apart(window)
+        state = replace(state, window=Window(last=window.last), share=share)
+        means = window.mean_port, window.mean_drive
+        detail = f"port {means[0]:.4g} N m, drive {means[1]:.4g} N m on average"
         row = start + len(port) - 1
-        state, drifted = self._moved_apart(state, sums[2] / rows, sums[3] / rows, row)
-        if difference <= allowed:
+        state, drifted = self._moved_apart(state, *means, row)
+        if share <= 1.0:
             return replace(state, windows=0), trips + drifted, ()
         state = replace(state, windows=state.windows + 1)
-        text = f"torque port and drive differ by {difference:.4g} N m r.m.s., allowed {allowed:.4g} N m ({detail})"
+        text = f"torque port and drive differ by {found:.4g} N m r.m.s., allowed {allowed:.4g} N m ({detail})"
         if state.windows >= self.watch.torque_difference_windows:
-            trips.append(
-                Trip(
-                    TORQUE_DISAGREEMENT,
-                    row,
-                    difference,
-                    allowed,
-                    "N m r.m.s.",
-                    detail,
-                )
-            )
+            trips.append(Trip(TORQUE_DISAGREEMENT, row, found, allowed, "N m r.m.s.", detail))
         return state, trips + drifted, (("torque-disagreement", text),)
+
+    def _apart(self, window: Window) -> tuple[tuple[float, float], float]:
+        """What port and drive differ by over a window and what they may [N m], and the share of that.
+
+        The whole difference may be larger by what a lag makes of a torque that swings; its mean may not.
+        """
+        allowed = self.watch.torque_offset + self.watch.torque_difference * window.drive
+        mean = abs(window.mean_port - window.mean_drive)
+        lagging = allowed + window.lagging(self.watch.torque_lag, self.period)
+        pairs = (mean, allowed), (window.difference, lagging)
+        return max(((pair, pair[0] / pair[1]) for pair in pairs), key=lambda found: found[1])
 
     def _moved_apart(
         self, state: TorqueState, port: float, drive: float, row: int

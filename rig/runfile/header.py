@@ -15,6 +15,7 @@ import numpy as np
 
 from drivers.channel import Calibration, Channel
 from experiments.recording import Origin, RunMetadata, TimeBase
+from model.angle_certificate import AngleCertificate
 from model.errors import ModelError
 from model.gear import HarmonicDrive, Mounting
 from model.gear_file import gear_from_mapping, gear_to_mapping, gear_to_toml
@@ -154,6 +155,9 @@ def _write_instrument(file: h5py.File, header: RunHeader) -> None:
             layout.create_field(calibration, name, getattr(channel.calibration, name))
         for name in _NUMBERS:
             layout.create_field(calibration, name, float(getattr(channel.calibration, name)))
+        if channel.calibration.curve is not None:
+            curve = layout.to_json(dataclasses.asdict(channel.calibration.curve))
+            layout.create_field(calibration, "curve", curve)
 
 
 def read_columns(file: h5py.File) -> tuple[Column, ...]:
@@ -284,6 +288,7 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
     stored = _group(file, f"{layout.INSTRUMENT}/{name}/calibration")
     calibration: dict[str, Any] = {key: layout.read_text(stored, key) for key in _TEXTS}
     calibration |= {key: layout.read_number(stored, key, 0.0) for key in _NUMBERS}
+    calibration["curve"] = _read_curve(stored)
     gain = layout.number_attribute(dataset, "scale_factor")
     offset = layout.number_attribute(dataset, "add_offset")
     if not (math.isfinite(gain) and math.isfinite(offset) and gain != 0.0):
@@ -306,6 +311,23 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
         calibration=Calibration(**calibration),
     )
     return Column(channel, cast(Any, dtype))
+
+
+def _read_curve(calibration: h5py.Group) -> AngleCertificate | None:
+    """The curve of an encoder's certificate, in rad; None where there is none."""
+    text = layout.read_text(calibration, "curve")
+    if not text:
+        return None
+    where = f"{calibration.name}/curve"
+    try:
+        content = layout.from_json(text, where)
+        factor = float(content.pop("coverage_factor"))
+        columns = {name: tuple(float(x) for x in column) for name, column in content.items()}
+        return AngleCertificate(**columns, coverage_factor=factor)
+    except (AttributeError, KeyError, TypeError, ValueError, ModelError) as error:
+        raise RunFileError(
+            f"the curve of the certificate cannot be used: {error}", where=where
+        ) from error
 
 
 def _group(file: h5py.File, path: str) -> h5py.Group:

@@ -156,15 +156,13 @@ def create_field(group: h5py.Group, name: str, value: str | float | bool, unit: 
         return
     compact = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     compact.set_layout(h5py.h5d.COMPACT)
-    # The low-level call: the high-level one makes every dataset contiguous, which has no checksum.
+    # The low-level calls: the high-level one makes every dataset contiguous, which has no checksum.
     space = h5py.h5s.create(h5py.h5s.SCALAR)
-    created = h5py.h5d.create(
-        group.id, name.encode(), h5py.h5t.py_create(raw.dtype, logical=True), space, compact
-    )
-    dataset = h5py.Dataset(created)
-    dataset[()] = raw
+    kind = h5py.h5t.py_create(raw.dtype, logical=True)
+    created = h5py.h5d.create(group.id, name.encode(), kind, space, compact)
+    created.write(h5py.h5s.ALL, h5py.h5s.ALL, raw, kind)
     if unit:
-        dataset.attrs["units"] = text_attribute(unit)
+        h5py.Dataset(created).attrs["units"] = text_attribute(unit)
 
 
 def create_changing_field(group: h5py.Group, name: str, value: str | int, length: int = 0) -> None:

@@ -203,7 +203,7 @@ def _request(
 
 
 def _fitted(path: Path, tare: Path | None) -> Any:
-    from rig.analysis.fit import fit_files
+    from rig.analysis.fit_run import fit_files
 
     (fit,) = fit_files([path], tare=tare)
     return fit

@@ -12,7 +12,7 @@ import pytest
 from experiments import catalogue
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import fit_files
+from rig.analysis.fit_run import fit_files
 from rig.run.start import RunRequest, run_request
 from rig.runfile.read import open_run
 from rig.runfile.verify import verify_run

@@ -11,7 +11,8 @@ import pytest
 from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import Fit, fit_files
+from rig.analysis.fit import Fit
+from rig.analysis.fit_run import fit_files
 from rig.bench.backends.assembly import AMBIENT, WorldChoice
 from rig.run.start import RunRequest, run_request
 from sim_backend.imperfections import Imperfections, draw

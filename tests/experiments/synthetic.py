@@ -63,6 +63,8 @@ class Bench:
     noise: float = 0.002
     index: float = 1.0
     output_index: float = 0.02
+    output_shows: tuple[Harmonic, ...] = ()
+    """What the output encoder, which counts down, shows too much over its own angle from its mark [rad]."""
     mounted: bool = True
     seed: int = 1
     ratio: float = 0.0
@@ -222,9 +224,10 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
     turn_out = np.floor((output - bench.output_index) / REVOLUTION)
     seen_output = np.maximum.accumulate((turn_out != turn_out[0]).astype(int))
     latch_out = bench.output_index + REVOLUTION * turn_out
+    shown = -output + series_value(bench.output_shows, bench.output_index - output)
     arrays = {
         "input_angle": np.round(angle / q_in).astype(np.int64),
-        "output_angle": np.round(-output / q_out).astype(np.int64),
+        "output_angle": np.round(shown / q_out).astype(np.int64),
         "torque": np.round(torque / TORQUE_QUANTUM).astype(np.int64),
         "input_index": np.round(marks / q_in).astype(np.int64) * seen_input,
         "output_index": np.round(-latch_out / q_out).astype(np.int64) * seen_output,

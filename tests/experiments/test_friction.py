@@ -14,8 +14,9 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.protocols import motor_tare
 from experiments.protocols.friction import protocol as friction
-from experiments.protocols.friction.points import measure_friction, reproducibility
-from experiments.protocols.friction.temperature import VISCOUS, temperature_law
+from experiments.protocols.friction.estimates import at_20_degrees
+from experiments.protocols.friction.points import FittedCurve, measure_friction, reproducibility
+from experiments.protocols.friction.temperature import THERMOMETRY, VISCOUS, temperature_law
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import ServoOff
@@ -23,9 +24,12 @@ from experiments.torque.tare import read_tare
 from experiments.torque.zero import torque_zero
 from model.friction import friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
+from model.identify.common_errors import CommonError
+from model.identify.friction import fit_friction
 from model.identify.stribeck import NAMES
 from model.units import REVOLUTION, RPM
 from tests.experiments.synthetic import Bench, record
+from tests.model.identify.rigs import SPEEDS, sweep
 
 QUICK = {"genetic": False}
 
@@ -439,6 +443,29 @@ def test_points_off_the_curve_are_refused(friction_run: Recording, gear: Harmoni
     )
     with pytest.raises(AnalysisError, match="do not lie on the curve"):
         friction.analyse(bent, Evidence(gear, settings=QUICK))
+
+
+def test_a_thermometer_that_is_off_moves_what_is_brought_to_20_degrees_alone() -> None:
+    law = temperature_law({}, 30.0, 0.2)
+    assert law.dry_factor({THERMOMETRY: 1.0}) == pytest.approx(1.0 - 0.005 * 10.2)
+    assert law.viscous_factor({THERMOMETRY: -1.0}) == pytest.approx(math.exp(-0.0225 * 9.8))
+    assert temperature_law({}, math.nan, 0.2).viscous_factor({THERMOMETRY: 1.0}) == 1.0
+
+
+def test_the_budget_holds_the_thermometer_where_a_number_is_brought(gear: HarmonicDrive) -> None:
+    holds = sweep(gear, 1, SPEEDS)
+    off = CommonError(source=THERMOMETRY, effect=np.zeros(len(holds)))
+    fit = fit_friction(holds, gear, common=[off], profile=False)
+    curve = FittedCurve(
+        gear=gear,
+        balance=fit.torque_balance,
+        values=fit.stribeck.values,
+        law=temperature_law({}, 30.0, 0.2),
+    )
+    (brought,) = [e for e in at_20_degrees(fit, curve).values() if e.name.startswith("coulomb")]
+    lines = {line.source: line.standard_uncertainty for line in brought.budget}
+    assert lines[THERMOMETRY] == pytest.approx(0.2 * 0.005 / 0.95 * brought.value, rel=0.01)
+    assert THERMOMETRY not in {line.source for line in fit.estimates["coulomb"].budget}
 
 
 def test_the_law_of_temperature_brings_to_20_degrees() -> None:

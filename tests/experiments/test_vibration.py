@@ -89,6 +89,23 @@ def test_above_the_mode_the_torsion_is_the_error_and_below_what_the_motion_asks_
     assert high[4] / low[4] < 1.01
 
 
+def test_what_sampling_hides_is_no_more_than_its_alias_shows() -> None:
+    error, ratio = np.full(5, 10.0 * ARCSEC), np.full(5, 0.9)
+    turns = np.array([0.3, 0.7, 0.49, 1.02, 1.3])
+    quiet = np.full(5, 1.0 * ARCSEC)
+    low, high = vibration._sampled(turns, ratio, quiet, error)
+    seen = 0.81 * quiet
+    np.testing.assert_allclose(low[0], seen[0])
+    np.testing.assert_allclose(high[0], seen[0])
+    np.testing.assert_allclose(high[[1, 4]], 2.0 * seen[[1, 4]])
+    # An alias that alternates or stands still shows nothing: the stiffness alone bounds the motion, near resonance.
+    assert (high[[2, 3]] > 5.0 * error[[2, 3]]).all()
+    assert (low <= high).all()
+    # A loud alias bounds nothing beyond what the stiffness does.
+    _, loud = vibration._sampled(turns, ratio, np.full(5, 1e3 * ARCSEC), error)
+    np.testing.assert_allclose(loud[1:], high[2])
+
+
 def test_without_a_slow_hold_the_cards_accuracy_bounds_the_error(
     rippling: Recording, gear: HarmonicDrive
 ) -> None:

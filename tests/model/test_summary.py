@@ -53,7 +53,7 @@ def test_resonances_and_catalogue() -> None:
     names = {c.name: c for c in SUMMARY.catalogue}
     assert names["K1"].catalogue == 3.1e4
     assert names["K2"].ratio == pytest.approx(SUMMARY["K_HDf"].value / 5.0e4)
-    assert names["transmission_accuracy"].provenance == "recalled"
+    assert names["transmission_accuracy"].provenance == "catalogue"
 
 
 def test_json_is_plain_and_complete() -> None:

@@ -29,6 +29,7 @@ from experiments.evidence import check_recording, time_base_remark
 from experiments.protocols.friction.bearing import OutputBearing, output_bearing
 from experiments.protocols.friction.temperature import (
     DRY,
+    THERMOMETRY,
     VISCOUS,
     TemperatureLaw,
     temperature_law,
@@ -56,6 +57,7 @@ from model.identify.common_errors import (
     spread_beyond,
 )
 from model.identify.estimate import Cause
+from model.identify.friction import tare_scatter
 from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
 from model.identify.stribeck import stribeck_curve, stribeck_jacobian
 
@@ -85,7 +87,7 @@ does not show how the next one will be."""
 PORT_LAG = "lag of the torque port"
 LAG_RELATIVE = 1.0 / math.sqrt(3.0)
 """Relative standard uncertainty of the lag: 0 to twice as much."""
-THERMOMETRY, SCALE, ZERO = "thermometer", "torque scale", "torque zero"
+SCALE, ZERO = "torque scale", "torque zero"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,7 +166,9 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             for part in (holds, bracket)
         )
     law = temperature_law(
-        evidence.settings, float(np.mean([hold.torque.temperature for hold in holds]))
+        evidence.settings,
+        float(np.mean([hold.torque.temperature for hold in holds])),
+        _thermometer(recording),
     )
     heat = motor_heat(recording, law.mean)
     if tare is not None and evidence.tare is not None:
@@ -184,6 +188,13 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         output=output_bearing(recording, evidence.settings),
         heat=heat,
     )
+
+
+def _thermometer(recording: Recording) -> float:
+    """Standard uncertainty of the housing's temperature [K]."""
+    if not recording.has(TEMPERATURE):
+        return 0.0
+    return recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
 
 
 def _speeds(holds: list[Hold]) -> FloatArray:
@@ -344,9 +355,8 @@ def common_errors(
             )
         )
     if law.is_known:
-        slope = law.dry.value * (dry + still) + law.viscous.value * (viscous + moving * 2.0 / 3.0)
-        kelvin = recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
-        errors.append(CommonError(source=THERMOMETRY, effect=kelvin * slope))
+        # It moves no hold, only what is brought to 20 degC.
+        errors.append(CommonError(source=THERMOMETRY, effect=np.zeros_like(speed)))
     if measured.tare is not None:
         errors.append(
             CommonError(
@@ -441,6 +451,8 @@ def spread_of(
     speed = np.array([abs(h.torque.speed) for h in every])
     waves = place_columns(every, PLACE_ORDERS[: freedom // REPETITIONS_PER_ORDER])
     waves = points.mean_of(waves * curve.dry(speed)[:, None]) / whole[:, None]
+    if measured.tare is not None:
+        others = [*others, tare_scatter(measured.tare, speed)]
     known = np.column_stack([points.mean_of(c.columns) for c in others if c.is_fitted])
     known = known / whole[:, None]
     relative = (points.friction - tare) / whole - 1.0

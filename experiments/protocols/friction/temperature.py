@@ -22,6 +22,9 @@ REFERENCE = 20.0
 """degC at which catalogues state friction."""
 DRY, VISCOUS = "temperature of dry friction", "temperature of viscous friction"
 """Names of the two coefficients in budgets."""
+THERMOMETRY = "thermometer"
+"""Name of the thermometer's error in budgets: what is said of the run itself does not depend on it, only what is
+brought to another temperature."""
 _SPAN = math.sqrt(12.0)
 
 
@@ -52,11 +55,14 @@ ASSUMED = {
 
 @dataclass(frozen=True, kw_only=True)
 class TemperatureLaw:
-    """Both coefficients, and the mean housing temperature of the points [degC], NaN where it was not recorded."""
+    """Both coefficients, the mean housing temperature of the points [degC], NaN where it was not recorded, and the
+    thermometer's standard uncertainty [K].
+    """
 
     dry: Coefficient
     viscous: Coefficient
     mean: float
+    kelvin: float = 0.0
 
     @property
     def is_known(self) -> bool:
@@ -70,19 +76,28 @@ class TemperatureLaw:
 
     def dry_factor(self, shared: Mapping[str, float]) -> float:
         """Dry friction at the run's temperature over that at 20 degC."""
-        return max(1.0 + self.dry.at(shared.get(DRY, 0.0)) * self.warmer, 0.1)
+        return max(1.0 + self.dry.at(shared.get(DRY, 0.0)) * self._warmer(shared), 0.1)
 
     def viscous_factor(self, shared: Mapping[str, float]) -> float:
         """Viscous friction at the run's temperature over that at 20 degC."""
-        return math.exp(self.viscous.at(shared.get(VISCOUS, 0.0)) * self.warmer)
+        return math.exp(self.viscous.at(shared.get(VISCOUS, 0.0)) * self._warmer(shared))
+
+    def _warmer(self, shared: Mapping[str, float]) -> float:
+        """K by which the run was warmer than the reference, with a thermometer that is off."""
+        return self.warmer + self.kelvin * shared.get(THERMOMETRY, 0.0)
 
 
-def temperature_law(settings: Mapping[str, Any], mean: float) -> TemperatureLaw:
+def temperature_law(
+    settings: Mapping[str, Any], mean: float, kelvin: float = 0.0
+) -> TemperatureLaw:
     """The law of a run from its settings: `dry_per_kelvin` and `viscous_per_kelvin`, each value and U [1/K], with
-    `per_kelvin_source`.
+    `per_kelvin_source`; `mean` [degC] and its standard uncertainty [K].
     """
     return TemperatureLaw(
-        dry=_coefficient(settings, "dry"), viscous=_coefficient(settings, "viscous"), mean=mean
+        dry=_coefficient(settings, "dry"),
+        viscous=_coefficient(settings, "viscous"),
+        mean=mean,
+        kelvin=kelvin if math.isfinite(mean) else 0.0,
     )
 
 

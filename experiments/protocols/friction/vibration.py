@@ -43,6 +43,10 @@ SLOW, STILL = 0.1, 0.3
 STIFFNESS, HIGHEST_PEAK = 0.4, 10.0
 """Relative half-width of the stiffness of a gear about its card's; torsion over error at a resonance that sampling
 hides."""
+FOLDED = (0.05, 0.45)
+"""Turns per sample between which an alias shows the amplitude of what folds there."""
+SPLIT = 2.0
+"""Two orders that fold to one place share what stands there."""
 LAG = 1e-3
 """s by which a torque port lags, assumed; 0 to twice as much."""
 TURNED = 0.02
@@ -103,14 +107,28 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
         missing = 1.0 - np.sinc(orders * speed * period / math.pi)
         ripple.between[k] = float((swing * missing).real.sum())
         if shaken[k]:
-            seen = orders * speed * period < HIGHEST_SHARE * REVOLUTION
-            motion = np.sqrt(waves.squares(2))
-            torsion = _torsion(orders * speed / mode, np.where(seen, motion, math.nan), error)
+            turns = orders * speed * period / REVOLUTION
+            torsion = _sampled(turns, orders * speed / mode, np.sqrt(waves.squares(2)), error)
             loss = 0.5 * _damping(gear) * (orders * torsion) ** 2 * speed
             loss += orders * _hysteresis_loss(gear, torsion) / REVOLUTION
             low, high = loss.sum(axis=1)
             ripple.loss[k], ripple.unseen[k] = 0.5 * (low + high), 0.5 * (high - low)
     return ripple
+
+
+def _sampled(
+    turns: FloatArray, ratio: FloatArray, motion: FloatArray, error: FloatArray
+) -> FloatArray:
+    """Least and largest amplitude of the torsion as in `_torsion`, of orders that turn so many times between samples.
+
+    What sampling hides is not identified, but it is no more than what stands at its alias, where that neither stands
+    still nor alternates.
+    """
+    hidden, folded = turns >= HIGHEST_SHARE, np.abs(turns - np.round(turns))
+    found = _torsion(ratio, np.where(hidden, math.nan, motion), error)
+    shown = hidden & (folded > FOLDED[0]) & (folded < FOLDED[1])
+    most = np.where(shown, SPLIT * _torsion(ratio, motion, error), math.inf)
+    return np.minimum(found, most)
 
 
 def _torsion(ratio: FloatArray, motion: FloatArray, error: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ directions combined; figures 12, 13 and 16.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated
@@ -19,6 +19,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from experiments.angle.certified import CertifiedAngle, certified_angle
 from experiments.angle.phase_reference import PhaseReference, phase_reference
 from experiments.angle.traverses import traverses_of
 from experiments.budget import budget_table, scale_line
@@ -57,6 +58,8 @@ from experiments.result import Covariance, Result, way_of
 from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
+from model.arrays import FloatArray
+from model.channel import Channel
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path
 from model.identify.angle_regression import AngleFit, solve_angle
@@ -240,6 +243,13 @@ class _Context:
     highest_order: int
     accuracy_order: float | None
     edge_triggered: bool
+    certified: Mapping[str, CertifiedAngle]
+
+    def angle(self, channel: str, rows: slice) -> FloatArray:
+        """An encoder's angle [rad], without the errors that its certificate states."""
+        angle = self.recording.si(channel, rows)
+        certified = self.certified.get(channel)
+        return angle if certified is None else certified.corrected(angle)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -313,13 +323,17 @@ def _prepare(
             remedy="Record whole output revolutions at constant speed.",
         )
     ends = {"input": recording.signals["input_angle"], "output": recording.signals["output_angle"]}
+    certified, sentences = _certified(recording)
+    warnings += sentences
     encoders = Encoders(
         ends["output"].quantum or math.nan,
         ends["input"].quantum or math.nan,
-        ends["output"].calibration.accuracy,
-        ends["input"].calibration.accuracy,
+        _class_of(ends["output"]),
+        _class_of(ends["input"]),
         float(evidence.settings.get("output_eccentricity", OUTPUT_ECCENTRICITY)) * ARCSEC,
         float(evidence.settings.get("input_eccentricity", INPUT_ECCENTRICITY)) * ARCSEC,
+        output_certified=_uncertainty_of(certified.get("output_angle")),
+        input_certified=_uncertainty_of(certified.get("input_angle")),
     )
     reference = phase_reference(recording)
     warnings += reference.warnings()
@@ -337,10 +351,30 @@ def _prepare(
             highest_order=int(settings.get("highest_order", HIGHEST_ORDER)),
             accuracy_order=settings.get("accuracy_order"),
             edge_triggered=bool(settings.get("edge_triggered", False)),
+            certified=certified,
         ),
         segments,
         warnings,
     )
+
+
+def _certified(recording: Recording) -> tuple[dict[str, CertifiedAngle], list[str]]:
+    """The encoders whose certificate can be used, by channel, and why that of another one cannot."""
+    found = {name: certified_angle(recording, name) for name in ("input_angle", "output_angle")}
+    used = {name: one for name, (one, _) in found.items() if one is not None}
+    return used, [sentence for _, sentence in found.values() if sentence]
+
+
+def _class_of(encoder: Channel) -> float:
+    """Half the width of an encoder's whole curve [rad]: by its class, or where none is stated by its certificate."""
+    stated = encoder.calibration
+    if stated.accuracy > 0.0 or stated.curve is None:
+        return stated.accuracy
+    return stated.curve.half_width
+
+
+def _uncertainty_of(certified: CertifiedAngle | None) -> float:
+    return 0.0 if certified is None else certified.certificate.standard_uncertainty
 
 
 def spring_of(gear: HarmonicDrive, ratio: float) -> Torsion:
@@ -403,8 +437,8 @@ def _streamed(context: _Context, segment: Segment, timed: bool) -> KinematicErro
         if context.zero is not None and time is not None:
             beside.append(recording.si("torque", rows)[good] - context.zero.at(time))
         error.add(
-            recording.si("input_angle", rows)[good] - context.reference.input_angle,
-            recording.output_angle(rows)[good],
+            context.angle("input_angle", rows)[good] - context.reference.input_angle,
+            recording.metadata.output_sense * context.angle("output_angle", rows)[good],
             *beside,
         )
     return error
@@ -531,7 +565,10 @@ def _metrics(
 
 def _options(context: _Context) -> dict[str, object]:
     metadata = context.recording.metadata
-    return {
+    corrected: dict[str, object] = {}
+    if context.certified:
+        corrected["corrected_by_certificate"] = ", ".join(sorted(context.certified))
+    return corrected | {
         "mounting": metadata.mounting,
         "ratio": context.ratio,
         "sign": "positive: output leads in the direction of travel of a positive input",

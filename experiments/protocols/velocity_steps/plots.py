@@ -76,9 +76,7 @@ def _figure_19(
         )
         if paper is not None:
             published = paper[place][shown] / RPM
-            series += (
-                Series(label="equation 2, nothing fitted", x=x, y=published, role="null"),
-            )
+            series += (Series(label="equation 2, nothing fitted", x=x, y=published, role="null"),)
         note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
         plots.append(
             Plot(
@@ -100,9 +98,8 @@ def _commanded(step: RecordedStep, time: FloatArray) -> Series:
     height = step.segment.setpoint / step.data.ratio / RPM
     return Series(
         label="commanded input / N",
-        x=np.array([min(float(time[0]), 0.0), 0.0, float(time[-1])]),
-        y=np.array([0.0, height, height]),
-        style="steps",
+        x=np.array([min(float(time[0]), 0.0), 0.0, 0.0, float(time[-1])]),
+        y=np.array([0.0, 0.0, height, height]),
         role="null",
     )
 

@@ -167,7 +167,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     J_o alone cannot be told from the angles, and it is said.
     """
     gear = evidence.gear
-    richest = _choice(evidence, "ladder", "hardening", tuple(LADDERS))
+    richest = _choice(evidence, "ladder", "full", tuple(LADDERS))
     steps, origin, warnings = _steps_of(recording, gear, evidence)
     given = "parameter set" in origin
     if not given:
@@ -425,11 +425,10 @@ def _metrics(
 ) -> dict[str, float]:
     rings = ladder.transient > steps[0].data.output_quantum
     names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
+    # Where no step alone shows the mode, all of them are scored.
+    scored = [s for s, rung in zip(scores, rings, strict=True) if rung] or scores
     metrics = {
-        f"median_{name}": float(
-            np.median([s.metrics[name] for s, rung in zip(scores, rings, strict=True) if rung])
-        )
-        for name in names
+        f"median_{name}": float(np.median([s.metrics[name] for s in scored])) for name in names
     }
     left = {f"left_out_{r.name}": r.prediction for r in ladder.rungs}
     return {
@@ -546,7 +545,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=3,
+    version=4,
     live=("speed", "steps", "torque"),
     builds_on=("kinematic-error",),
     terms=(

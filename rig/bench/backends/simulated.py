@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 import zlib
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from drivers import channel as names
 from drivers.clock import Clock, VirtualClock
 from drivers.port import RigPort
+from model.angle_certificate import AngleCertificate
 from model.gear import HarmonicDrive
 from model.gear_file import gear_to_mapping
 from model.motor import ServoMotor
@@ -70,6 +71,14 @@ def parts_of(request: RigRequest) -> dict[str, Any]:
         "gear_mounted": request.gear_mounted,
         "disc_inertia": request.disc_inertia,
     }
+
+
+def certificate_of(request: RigRequest, which: Literal["input", "output"]) -> AngleCertificate:
+    """The certificate of an encoder of the request's bench, as a laboratory would have written it."""
+    from sim_backend.certificate import encoder_certificate
+
+    parts = parts_of(request)
+    return encoder_certificate(parts["imperfections"], which, parts["world"].bench_seed)
 
 
 def assembled(

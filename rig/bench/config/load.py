@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.bench.config.schema import FORMAT, Laboratory, RigConfiguration
+from rig.bench.config.schema import FOLDER, FORMAT, Laboratory, RigConfiguration
 from rig.errors import ConfigurationError
 
 DEFAULT_PATH = Path("rig.toml")
@@ -54,7 +54,7 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
     path = Path(path)
     content = _content(path)
     try:
-        return RigConfiguration.model_validate(content)
+        return RigConfiguration.model_validate(content, context={FOLDER: path.parent})
     except ValidationError as error:
         return tuple(_problem(entry) for entry in error.errors())
 

@@ -10,15 +10,28 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    ValidationInfo,
+    model_validator,
+)
 
 from drivers import channel as names
 from experiments.evidence.tare import AGE_LIMIT
 from model.units import RPM
+from rig.bench.config.certificate_file import CertificateFile, read_certificate
 from rig.bench.config.objects import read_object
 
+FOLDER = "folder"
+"""What a description is validated with: where the files lie that it names."""
 FORMAT = "harmonic-rig-1"
 """The value of `format` in the files that this program reads."""
 
@@ -26,6 +39,16 @@ FORMAT = "harmonic-rig-1"
 def _object_text(text: str) -> str:
     read_object(text)
     return text
+
+
+def _certificate(name: object, info: ValidationInfo) -> CertificateFile | None:
+    """The certificate that a word names, in the folder of the description."""
+    if name is None or isinstance(name, CertificateFile):
+        return name
+    if not isinstance(name, str):
+        raise ValueError("is not the name of a file")
+    folder = (info.context or {}).get(FOLDER, Path())
+    return read_certificate(folder, name) if name else None
 
 
 NodeId = Annotated[int, Field(strict=True, ge=1, le=127)]
@@ -36,6 +59,12 @@ Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 Milliseconds = Annotated[int, Field(strict=True, ge=1, le=60_000)]
 Word = Annotated[int, Field(strict=True, ge=0, le=0xFFFF_FFFF)]
+Curve = Annotated[
+    CertificateFile | None,
+    PlainValidator(_certificate),
+    PlainSerializer(lambda file: "" if file is None else file.path, return_type=str),
+]
+"""The file of an encoder's certificate, beside the file that names it; "" for none."""
 SpeedMode = Literal["cyclic velocity", "profile velocity"]
 TorqueMode = Literal["cyclic torque", "profile torque"]
 
@@ -59,7 +88,8 @@ class Part(BaseModel):
 class Calibration(Part):
     """Why a channel's scale can be believed: certificate, day, day on which it is due again, standard uncertainties.
 
-    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC).
+    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC). `curve` names the file of an
+    encoder's certificate, beside this one; what it says of number and days need not be said again.
     """
 
     certificate: str = ""
@@ -68,6 +98,20 @@ class Calibration(Part):
     scale_relative_uncertainty: NotNegative = 0.0
     offset_uncertainty: NotNegative = 0.0
     accuracy: NotNegative = 0.0
+    curve: Curve = None
+
+    @model_validator(mode="after")
+    def _as_certified(self) -> Calibration:
+        """With number and days of the certificate's file; what is said twice is the same."""
+        if self.curve is None:
+            return self
+        stated = {name: getattr(self.curve.header, name) for name in ("certificate", "date", "due")}
+        for name, value in stated.items():
+            if name in self.model_fields_set and getattr(self, name) != value:
+                raise ValueError(
+                    f"{name} = {getattr(self, name)} stands here and {value} in {self.curve.path}: leave it away here"
+                )
+        return self.model_copy(update=stated)
 
     @model_validator(mode="after")
     def _in_order(self) -> Calibration:
@@ -81,7 +125,9 @@ class Calibration(Part):
 
     def settings(self) -> dict[str, Any]:
         """As the channel has it: days as text."""
-        return super().settings() | {"date": str(self.date or ""), "due": str(self.due or "")}
+        curve = None if self.curve is None else self.curve.curve
+        days = {"date": str(self.date or ""), "due": str(self.due or "")}
+        return super().settings() | days | {"curve": curve}
 
 
 class Instrument(Part):
@@ -207,6 +253,16 @@ class Encoder(Instrument):
     index_status: ObjectText | None = None
     index_mask: Word = 0x0001
 
+    @model_validator(mode="after")
+    def _own_certificate(self) -> Encoder:
+        file = self.calibration.curve
+        if file is not None and file.header.serial_number not in ("", self.serial_number):
+            raise ValueError(
+                f"the certificate {file.path} is of serial number {file.header.serial_number!r}, "
+                f"the encoder's is {self.serial_number!r}"
+            )
+        return self
+
 
 class MotorEncoder(Encoder):
     """The motor's encoder as the drive reports it in 0x6064; `modulus` is where that count wraps."""
@@ -266,6 +322,8 @@ class AnalogInput(Instrument):
 
     @model_validator(mode="after")
     def _one_scale(self) -> AnalogInput:
+        if self.calibration.curve is not None:
+            raise ValueError("a curve over an angle is an encoder's, not that of an analogue input")
         is_torque = self.channel == names.TORQUE
         if is_torque and (
             self.volts_per_rated_torque is None or self.unit_per_volt is not None or self.unit
@@ -401,7 +459,7 @@ class RealTime(Part):
 
 
 class Laboratory(Part):
-    """Who tests and for whom, as it stands on a certificate. `logo` is a picture (PNG, JPEG or SVG) beside this file."""
+    """Who tests and for whom, as it stands on a certificate. `logo` is a picture beside this file (PNG, JPEG, SVG)."""
 
     name: str = Field(min_length=1)
     address: str = ""

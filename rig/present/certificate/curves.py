@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Series, Verdict
 from rig.analysis.fit import Fit
 from rig.analysis.passport.build import passport
@@ -46,18 +47,19 @@ def _limited(plot: Plot, lines: Sequence[Verdict]) -> Plot:
 def _torque_limits(plot: Plot, lines: Sequence[Verdict]) -> Iterator[Series]:
     """Limits of the running torque, each a short line at its speed."""
     reach = MARK * max(float(series.x.max()) for series in plot.series if len(series.x))
-    said = False
+    said: set[str] = set()
     for line in lines:
-        speed = line.quantity.member(line.estimate.name)
-        if not line.quantity.name.startswith("running_torque_{speed}") or not speed.isdigit():
+        speed, _, reference = line.estimate.name.removeprefix("running_torque_").partition("_rpm")
+        if not line.estimate.name.startswith("running_torque_") or not speed.isdigit():
             continue
+        label = "limit at 20 °C" if reference == at_reference("") else "limit"
         yield Series(
-            label="" if said else "limit",
+            label="" if label in said else label,
             x=float(speed) + np.array([-reach, reach]),
             y=np.full(2, line.limit * 1e3),
             role="limit",
         )
-        said = True
+        said.add(label)
 
 
 def _accuracy_limits(plot: Plot, lines: Sequence[Verdict]) -> Iterator[Series]:

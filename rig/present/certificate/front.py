@@ -6,6 +6,7 @@ import base64
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
@@ -28,15 +29,16 @@ VALUES = 5
 NO_LIMIT = "not listed"
 """What stands in the place of a verdict where the acceptance file says nothing of a quantity."""
 CURVES = (
-    ("kinematic-error", "kinematic-error-fit", (2.75, 1.0)),
-    ("friction", "friction-curve", (4.2, 1.75)),
+    ("kinematic-error", "kinematic-error-fit", (6.85, 1.1)),
+    ("friction", "friction-curve", (6.85, 1.85)),
 )
 """The curves of page one: kind, name of the figure, width and height of its first panel [inch]."""
 STYLES = {"PASS": "pass", "MARGINAL": "marginal", "FAIL": "fail"}
 COUNTED = {
-    "PASS": "keeps all {all} limits of",
-    "MARGINAL": "breaks none of the {all} limits of {name} for certain, but does not keep {bad} of them for certain",
-    "FAIL": "breaks {bad} of the {all} limits of",
+    "PASS": "keeps all {all} limits of the acceptance file {name}",
+    "MARGINAL": "breaks none of the {all} limits of the acceptance file {name} for certain, but does not keep {bad} of "
+    "them for certain",
+    "FAIL": "breaks {bad} of the {all} limits of the acceptance file {name}",
 }
 
 
@@ -46,8 +48,6 @@ class Curve:
 
     svg: Any
     title: str
-    share: float
-    """Width beside the others."""
 
 
 def front_page(gathered: Certified, laboratory: LaboratoryWords) -> dict[str, Any]:
@@ -130,8 +130,7 @@ def sentence_of(gathered: Certified) -> str:
         return f"{gear} is not judged: {verdict.because[0] if verdict.because else 'nothing was held against a limit'}."
     bad = sum(line.outcome == verdict.verdict for line in verdict.lines)
     words = COUNTED[verdict.verdict].format(all=len(verdict.lines), bad=bad, name=acceptance.name)
-    of_file = "" if acceptance.name in words else f" {acceptance.name}"
-    return f"{gear} {words}{of_file}."
+    return f"{gear} {words}."
 
 
 def _incomplete(gathered: Certified) -> str:
@@ -197,7 +196,7 @@ def _curves(fits: Sequence[Fit]) -> Iterator[Curve]:
                 continue
             origin = fit.recording.metadata.origin
             drawing = figures.draw_svg(_without_residuals(plot), origin, f"front-{kind}", size)
-            yield Curve(svg=Markup(drawing.svg), title=plot.title, share=size[0])
+            yield Curve(svg=Markup(drawing.svg), title=plot.title)
 
 
 def _without_residuals(plot: Plot) -> Plot:
@@ -250,7 +249,8 @@ def hash_grid(gathered: Certified) -> Grid:
     rows += dict.fromkeys(_gear_set(fit) for fit in gathered.fits if fit.gear_known)
     if gathered.acceptance is not None:
         acceptance = gathered.acceptance
-        rows.append(("acceptance file", acceptance.path, acceptance_sha256(acceptance)))
+        name = Path(acceptance.path).name
+        rows.append(("acceptance file", name, acceptance_sha256(acceptance)))
     columns = ("What", "Name", "SHA-256")
     return Grid("", columns, tuple(rows), (False, False, False), hashes=columns[2:])
 

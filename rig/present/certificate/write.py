@@ -9,6 +9,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from experiments.result import DECISION_RULE
 from rig.analysis.judging import GearVerdict
 from rig.gears.acceptance import Acceptance
 from rig.present import content, definitions, provenance
@@ -112,7 +113,7 @@ def certificate_context(
     origins = list(dict.fromkeys(fit.recording.metadata.origin for fit in fits))
     facts = [(part.title, part.provenance) for part in annexes]
     return {
-        "front": front_page(gathered, laboratory),
+        "front": front_page(replace(gathered, fits=fits), laboratory),
         "created": created,
         "number": _number(gathered),
         "heading": f"Certificate of gear {gathered.serial}",
@@ -126,6 +127,7 @@ def certificate_context(
         "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
         "states": (),
         "verdicts": (),
+        "decision_rule": DECISION_RULE,
         "catalogue": None,
         "key_results": (),
         "alarms": tuple(dict.fromkeys(alarm for _, one in facts for alarm in one.alarms)),

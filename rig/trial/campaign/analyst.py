@@ -12,7 +12,7 @@ import os
 import signal
 import traceback
 from collections.abc import Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,19 +40,29 @@ class Analyst:
     def __init__(self, created: str, pool: ProcessPoolExecutor | None) -> None:
         self._created = created
         self._pool = pool
-        self._waiting: list[Future[Analysed] | Analysed] = []
+        self._waiting: list[tuple[Path, Future[Analysed]]] = []
+        self._done: list[Analysed] = []
 
     def take(self, run: Path) -> None:
         """Analyse a run: now, or as soon as the process beside is free."""
         if self._pool is None:
-            self._waiting.append(analyse(run, self._created))
+            self._done.append(analyse(run, self._created))
         else:
-            self._waiting.append(self._pool.submit(analyse, run, self._created))
+            self._waiting.append((run, self._pool.submit(analyse, run, self._created)))
 
     def all(self) -> tuple[Analysed, ...]:
         """What came of every run that was taken since the last call, once it is there."""
         waiting, self._waiting = self._waiting, []
-        return tuple(one.result() if isinstance(one, Future) else one for one in waiting)
+        done, self._done = self._done, []
+        return (*done, *(_awaited(run, future) for run, future in waiting))
+
+
+def _awaited(run: Path, future: Future[Analysed]) -> Analysed:
+    """What came of one run in the process beside; a process that died costs the analysis, not the run."""
+    try:
+        return future.result()
+    except BrokenExecutor as error:
+        return Analysed(run=run, crashed=f"the process that analyses ended: {error}")
 
 
 @contextlib.contextmanager

@@ -68,9 +68,10 @@ def overlay(runs: Sequence[Overlaid], name: str) -> Overlay | None:
     return Overlay(plot, tuple(names), tuple(left_out))
 
 
-def axes_of(plot: Plot) -> tuple[str, str, str, str]:
+def axes_of(plot: Plot) -> tuple[str, ...]:
     """What must be the same for two figures to be drawn over each other."""
-    return plot.x_label, plot.y_label, plot.x_scale, plot.y_scale
+    panels = ", ".join(panel.y_label for panel in plot.panels)
+    return plot.x_label, plot.y_label, plot.x_scale, plot.y_scale, panels
 
 
 def short_names(runs: Mapping[str, tuple[int, str]]) -> dict[str, str]:

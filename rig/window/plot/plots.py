@@ -17,7 +17,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGraphicsItem, QGridLayout, QLabel, QSizePolicy, QWidget
 
-from experiments.result import Plot
+from experiments.result import Plot, SeriesRole
 from rig.window.plot.axis import LabAxis
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
@@ -25,6 +25,8 @@ from rig.window.shell.stack import in_column
 
 KEPT = QGraphicsItem.CacheMode.DeviceCoordinateCache
 """Qt keeps what it painted until the data, the colour or the range change."""
+BEHIND = -5.0
+"""Place of null models in the order of painting: under every curve, over bands."""
 MARK_HEIGHT = 16
 """Pixels of the row in which the mark stands."""
 CurveStyle = Literal["line", "dashed", "dotted", "points", "steps", "band", "bars"]
@@ -44,6 +46,8 @@ class Curve:
     dense: bool = False
     edges: tuple[Any, ...] = ()
     """The lines between which its band lies."""
+    role: SeriesRole = "data"
+    """A null model lies thin, grey and behind; a limit has a colour of its own."""
 
     def move(self, x: NDArray[np.float64]) -> None:
         """The same curve, and its band, over other values of x."""
@@ -159,6 +163,7 @@ class LabPlot(QWidget):
         *,
         dense: bool = False,
         still: bool = False,
+        role: SeriesRole = "data",
     ) -> Curve:
         """A new empty curve; give it data with `curve.item.setData(x, y)`.
 
@@ -176,7 +181,9 @@ class LabPlot(QWidget):
         if still:
             item.curve.setCacheMode(KEPT)
         self.item.addItem(item)
-        curve = Curve(item, name, group, style, dense)
+        curve = Curve(item, name, group, style, dense, role=role)
+        if role == "null":
+            item.setZValue(BEHIND)
         self._curves.append(curve)
         self._style_curve(curve, self._session.palette)
         self._draw_legend(self._session.palette)
@@ -233,12 +240,17 @@ class LabPlot(QWidget):
         high: NDArray[np.float64] | None = None,
         *,
         logs: tuple[bool, bool] = (False, False),
+        role: SeriesRole = "data",
     ) -> Curve:
         """Draw one series with its error bars (points) or its band (everything else)."""
         if style == "bars":
             return self._bars(name, x, y, group)
         curve = self.curve(
-            name, group, "line" if style == "band" else style, still=style != "points"
+            name,
+            group,
+            "line" if style == "band" else style,
+            still=style != "points",
+            role=role,
         )
         curve.item.setData(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
         if low is not None and high is not None and len(x):
@@ -304,7 +316,7 @@ class LabPlot(QWidget):
         return tuple(edges)
 
     def _style_curve(self, curve: Curve, palette: Palette) -> None:
-        colour = palette.series_colour(curve.group)
+        colour = colour_of(curve, palette)
         if curve.style == "bars":
             curve.item.setOpts(brush=pg.mkBrush(colour))
         elif curve.style == "points":
@@ -314,7 +326,7 @@ class LabPlot(QWidget):
             curve.item.setSymbolPen(pg.mkPen(palette.surface, width=0.5))
             curve.item.setSymbolBrush(pg.mkBrush(colour))
         else:
-            width = 1.0 if curve.dense else 1.4
+            width = 1.0 if curve.dense or curve.role == "null" else 1.4
             pen = pg.mkPen(colour, width=width, dash=_DASHES.get(curve.style))
             if _is_segmented(curve.style, curve.dense):
                 # Square ends of neighbouring strokes would lie over each other, as knots.
@@ -328,7 +340,7 @@ class LabPlot(QWidget):
                 sign = _LEGEND_SIGNS.get(curve.style, "━━")
                 name = curve.name.replace(" ", "&nbsp;")
                 parts.append(
-                    f'<span style="color:{palette.series_colour(curve.group)}">{sign}</span>&nbsp;{name}'
+                    f'<span style="color:{colour_of(curve, palette)}">{sign}</span>&nbsp;{name}'
                 )
         self._legend.setText("&nbsp;&nbsp; ".join(parts))
         self._place_legend()
@@ -362,6 +374,12 @@ class LabPlot(QWidget):
             self.item.layout.setRowFixedHeight(0, MARK_HEIGHT)
         else:
             self.item.layout.setRowFixedHeight(0, 6)
+
+
+def colour_of(curve: Curve, palette: Palette) -> str:
+    """The colour of a curve: that of its group; null models and limits have their own."""
+    own = {"null": palette.muted, "limit": palette.bad}
+    return own.get(curve.role, palette.series_colour(curve.group))
 
 
 def upright(

@@ -6,6 +6,7 @@ logarithmic axis), error bars and bands, and a sentence for what a logarithmic a
 
 from __future__ import annotations
 
+import html
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -15,7 +16,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QSignalBlocker, QSize
 from PySide6.QtGui import QTextDocument
-from PySide6.QtWidgets import QListWidgetItem, QWidget
+from PySide6.QtWidgets import QListWidgetItem, QVBoxLayout, QWidget
 
 from experiments.result import Plot, Series
 from rig.present.decimate import scatter_rows
@@ -31,37 +32,36 @@ MANY_POINTS = 1500
 """More points than this are thinned to those that fall on different pixels."""
 LONG_LINE = 4000
 """More points than this are thinned to the pixels of the view by their peaks."""
+LOWEST_PANEL, AXIS_WIDTH = 80, 70
+"""Pixels: least height of a lower panel, and width of the axes at the left where there are panels."""
 BAR_WIDTH, ARM_WIDTH = 4.0, 1.2
 """Pixels of a bar and of the arms of its uncertainty."""
 _DASHES: tuple[CurveStyle, ...] = ("line", "dashed", "dotted")
 
 
-class ResultPlot(LabPlot):
-    """One figure of a result. `shown` is what it draws, `remarks` what a reader must know about it."""
+class PanelPlot(LabPlot):
+    """One panel of a figure: the first one, or one under it."""
 
-    def __init__(self, session: WindowSession, *, mark: str = "") -> None:
-        super().__init__(session, mark=mark)
-        self._legend.setWordWrap(True)
-        self.shown: Plot | None = None
-        self.remarks: tuple[str, ...] = ()
-
-    def show_data(self, plot: Plot) -> None:
-        """Draw a figure: its series, error bars, bands, scales and labels."""
+    def show_series(self, plot: Plot, panel: int) -> None:
+        """Draw the series of one panel with its scales and its axis."""
         self.clear_data()
-        self.shown = plot
-        logs = plot.x_scale == "log", plot.y_scale == "log"
-        drawable, self.remarks = without_what_logs_lose(plot)
-        drawable = _with_edges_on_the_axis(drawable)
-        self.set_labels(plot.title, plot.x_label, plot.y_label)
+        logs = plot.x_scale == "log", plot.y_scale == "log" and not panel
         self.item.setLogMode(x=logs[0], y=logs[1])
-        for number, series in enumerate(drawable.series):
+        for number, series in enumerate(plot.series):
+            if series.panel != panel:
+                continue
             if series.style == "bars":
-                self._add_bars(drawable.series, number, logs)
+                self._add_bars(plot.series, number, logs)
             else:
-                self._add_line_or_points(drawable.series, number, logs)
-        if not any(np.isfinite(series.y).any() for series in drawable.series):
+                self._add_line_or_points(plot.series, number, logs)
+        if not any(np.isfinite(series.y).any() for series in plot.of_panel(panel)):
             self._say_no_data()
         self.item.enableAutoRange()
+
+    def hide_empty_head(self) -> None:
+        """Give the room above the canvas to the data where nothing stands there."""
+        self._title.setVisible(bool(self._title.text()))
+        self._legend.setVisible(bool(self._legend.text()))
 
     def _add_line_or_points(
         self, all_series: Sequence[Series], number: int, logs: tuple[bool, bool]
@@ -74,7 +74,9 @@ class ResultPlot(LabPlot):
             None if edge is None or len(rows) < len(edge) else edge
             for edge in (series.low, series.high)
         )
-        style = dash_of(all_series, number) if series.style in ("line", "band") else series.style
+        style: CurveStyle = series.style
+        if series.style in ("line", "band"):
+            style = "dashed" if series.role == "limit" else dash_of(all_series, number)
         curve = self.add_series(
             series.label,
             series.x[rows],
@@ -84,6 +86,7 @@ class ResultPlot(LabPlot):
             low=low,
             high=high,
             logs=logs,
+            role=series.role,
         )
         if series.style == "points":
             curve.item.setZValue(-1)
@@ -122,18 +125,81 @@ class ResultPlot(LabPlot):
         self._extras.append(restyle)
         self._draw_legend(self._session.palette)
 
+    def _say_no_data(self) -> None:
+        text = pg.TextItem("no data", anchor=(0.5, 0.5), color=self._session.palette.muted)
+        self.item.addItem(text, ignoreBounds=True)
+        text.setPos(0.5, 0.5)
+        self.item.setRange(xRange=(0, 1), yRange=(0, 1), disableAutoRange=False)
+
+
+class ResultPlot(PanelPlot):
+    """One figure of a result, its further panels under the first over the same x. `shown` is what it draws, `remarks`
+    what a reader must know about it.
+    """
+
+    def __init__(self, session: WindowSession, *, mark: str = "") -> None:
+        super().__init__(session, mark=mark)
+        self._legend.setWordWrap(True)
+        self.shown: Plot | None = None
+        self.remarks: tuple[str, ...] = ()
+        self.lower: tuple[PanelPlot, ...] = ()
+        """The panels under the first one."""
+
+    def show_data(self, plot: Plot) -> None:
+        """Draw a figure: its panels with their series, error bars, bands, scales and labels."""
+        self.shown = plot
+        drawable, self.remarks = without_what_logs_lose(plot)
+        drawable = _with_edges_on_the_axis(drawable)
+        self._make_panels(len(plot.panels))
+        self.set_labels(plot.title, "" if plot.panels else plot.x_label, plot.y_label)
+        self.show_series(drawable, 0)
+        for place, (panel, lower) in enumerate(zip(plot.panels, self.lower, strict=True), 1):
+            is_last = place == len(plot.panels)
+            # A low panel has no room for a label in one line.
+            label = html.escape(panel.y_label).replace(" [", "<br>[")
+            lower.set_labels("", plot.x_label if is_last else "", label)
+            lower.show_series(drawable, place)
+            lower.item.setXLink(self.item)
+            lower.hide_empty_head()
+            self._rows.setStretch(place + 1, round(10 * panel.share))
+        self._align()
+
+    def clear_figure(self) -> None:
+        """Show nothing."""
+        self._make_panels(0)
+        self.clear_data()
+        self.set_labels("", "", "")
+        self.shown = None
+
+    def _make_panels(self, count: int) -> None:
+        for lower in self.lower:
+            self._rows.removeWidget(lower)
+            lower.item.setXLink(None)
+            lower.setParent(None)
+            lower.deleteLater()
+        self.lower = tuple(PanelPlot(self._session) for _ in range(count))
+        for lower in self.lower:
+            lower.canvas.setMinimumHeight(LOWEST_PANEL)
+            self._rows.addWidget(lower)
+
+    @property
+    def _rows(self) -> QVBoxLayout:
+        rows = self.layout()
+        assert isinstance(rows, QVBoxLayout)
+        rows.setStretch(1, 10)
+        return rows
+
+    def _align(self) -> None:
+        """Panels begin at one place: over each other, the same x lies under the same x."""
+        for panel in (self, *self.lower):
+            panel.item.getAxis("left").setWidth(AXIS_WIDTH if self.lower else None)
+
     def _legend_width(self) -> float:
         """That of one line and some air: the label itself is content with as many lines as it likes."""
         text = QTextDocument()
         text.setDefaultFont(self._legend.font())
         text.setHtml(self._legend.text())
         return text.idealWidth() + 10.0
-
-    def _say_no_data(self) -> None:
-        text = pg.TextItem("no data", anchor=(0.5, 0.5), color=self._session.palette.muted)
-        self.item.addItem(text, ignoreBounds=True)
-        text.setPos(0.5, 0.5)
-        self.item.setRange(xRange=(0, 1), yRange=(0, 1), disableAutoRange=False)
 
 
 def _with_edges_on_the_axis(plot: Plot) -> Plot:
@@ -148,9 +214,12 @@ def _with_edges_on_the_axis(plot: Plot) -> Plot:
 
 def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:
     """How a line is dashed: by its place among the lines of its group."""
-    group = all_series[number].group
+    one = all_series[number]
     earlier = sum(
-        s.group == group and s.style in ("line", "steps", "band") for s in all_series[:number]
+        (s.group == one.group or s.role == "null")
+        and (s.role, s.panel) == (one.role, one.panel)
+        and s.style in ("line", "steps", "band")
+        for s in all_series[:number]
     )
     return _DASHES[earlier % len(_DASHES)]
 
@@ -198,8 +267,7 @@ class PlotGallery(QWidget):
                 item.setToolTip(title)
                 self.titles.addItem(item)
         if not plots:
-            self.plot.clear_data()
-            self.plot.set_labels("", "", "")
+            self.plot.clear_figure()
             self.note.clear()
             return
         names = [plot.name for plot in plots]

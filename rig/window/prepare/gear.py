@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 from experiments.errors import PlanError
 from experiments.parameters import parameter_fields
 from rig.errors import RigError
+from rig.gears.acceptance import shipped_names
 from rig.gears.card import (
     CHOICES,
     GearCard,
@@ -22,11 +23,11 @@ from rig.gears.card import (
     list_cards,
     make_facts,
     now_text,
-    save_card,
     stated_facts,
     with_changes,
     with_confirmation,
 )
+from rig.gears.making import write_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.session import WindowSession
@@ -54,7 +55,10 @@ class GearSection(QWidget):
         self.choice.setMinimumContentsLength(12)
         self.choice.activated.connect(lambda _: self.choose(self.choice.currentData() or ""))
         self.form = ParameterForm(
-            parameter_fields(GearFacts), _check_fact, CHOICES, {"part": shipped_parts()}
+            parameter_fields(GearFacts),
+            _check_fact,
+            CHOICES,
+            {"part": shipped_parts(), "acceptance": shipped_names()},
         )
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
         self.status = text_label(wraps=True, plain=True)
@@ -180,7 +184,7 @@ class GearSection(QWidget):
                 return
             card = with_changes(before, values, self._operator, now_text())
             self._stored = with_confirmation(card, self._operator, now_text())
-            save_card(folder, self._stored)
+            write_card(folder, self._stored)
         except PlanError as error:
             self.form.mark(error.where, error.what)
             self._session.message.emit(str(error))

@@ -9,7 +9,6 @@ from PySide6.QtWidgets import QComboBox, QLabel, QWidget
 
 from rig.analysis.difference import Change, Difference, difference
 from rig.analysis.wording import readable
-from rig.gears.card import UNITS, in_words
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import choice_box, in_column, in_row, text_label
@@ -77,14 +76,6 @@ class DifferenceView(QWidget):
         self.table.show_rows(COLUMNS, rows, (False, False, True, True, True, False, False))
 
 
-def _without_unit(name: str) -> tuple[str, str]:
-    """A parameter or a fact of a gear card as words, and its unit."""
-    for ending, unit in (("_rpm", "r/min"), ("_kg_m2", "kg m²"), ("_um", "µm"), ("_deg", "°")):
-        if name.endswith(ending):
-            return in_words(name), unit
-    return readable(name), UNITS.get(name, "")
-
-
 def _results_first(changes: Sequence[Change]) -> list[Change]:
     """The order in which a reader asks: what came out, then why."""
     return sorted(changes, key=lambda change: change.group != "results")
@@ -96,17 +87,11 @@ def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]
         change.name.partition(": ") if change.group == "results" else ("", "", change.name)
     )
     words = change.title or readable(name) or kind
-    if change.group in ("parameters", "conditions"):
-        # The unit is part of the name in files only.
-        words, unit = _without_unit(name)
-        first, second = (
-            f"{text} {unit}".strip() if text else "–" for text in (change.first, change.second)
-        )
-        return (change.group, words, first, second, "", "", change.note)
+    first, second = change.in_words(change.first), change.in_words(change.second)
     what = f"{kind}: {words}" if name and kind and several_kinds else words
     if change.difference is None or change.uncertainty is None:
-        return (change.group, what, change.first, change.second, "", "", change.note)
+        return (change.group, what, first, second, "", "", change.note)
     verdict = (
         "" if change.significant is None else "significant" if change.significant else "within U"
     )
-    return (change.group, what, change.first, change.second, change.shown, verdict, change.note)
+    return (change.group, what, first, second, change.shown, verdict, change.note)

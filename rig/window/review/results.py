@@ -243,11 +243,11 @@ class ResultsView(QWidget):
         full = [
             place
             for place in range(len(RESULT_COLUMNS))
-            if place < 5 or any(row[place] for row in rows)
+            if place < 4 or any(row[place] for row in rows)
         ]
         columns = [RESULT_COLUMNS[place] for place in full]
         self.table.show_rows(
-            columns, [[row[p] for p in full] for row in rows], [p in (1, 3) for p in full]
+            columns, [[row[p] for p in full] for row in rows], [p == 1 for p in full]
         )
         self._write_page()
         self._parts.show()

@@ -10,7 +10,7 @@ from experiments.result import Result, Verdict
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
 from rig.analysis.judging import GearVerdict, held_against, whose_limit
-from rig.analysis.wording import STATISTICAL_PART, laboratory_unit, number, readable, show
+from rig.analysis.wording import laboratory_unit, number, readable, show
 from rig.present.content import Grid, data_grid, metric_grid
 from rig.window.shell.palette import Palette
 
@@ -18,7 +18,6 @@ RESULT_COLUMNS = (
     "quantity",
     "value ± U (95 %)",
     "unit",
-    STATISTICAL_PART,
     "identifiable",
     "limit or catalogue",
     "remark",
@@ -38,14 +37,12 @@ def result_rows(
         limit = catalogue_words(quantity, estimate, gear)
         if verdict is not None:
             limit = f"{verdict.outcome} {limit_words(verdict)}"
-        interval = f"{s.low} … {s.high}"
         value = f"{s.value} ± {s.expanded or '?'}"
         rows.append(
             (
                 quantity.titled(name),
                 value,
                 s.unit,
-                interval,
                 estimate.identifiable,
                 limit,
                 estimate.note,

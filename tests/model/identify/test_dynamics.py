@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from model.identify.differentiation import speed_from_counts
 from model.identify.dynamics import Expected, LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
+from model.identify.step_fit import BAD_STEP, BASIS, Problem, Shape, bounded, step_arrays
 from model.identify.step_inertia import fit_inertia
 from model.identify.torsional_mode import TorsionModel
 from model.kernels.steps import respond
@@ -148,9 +150,21 @@ def test_a_bearing_holds_an_output_that_cannot_pull_free() -> None:
 
     def end(drag: float) -> float:
         angle, speed, piece = np.empty(200), np.empty(200), np.zeros(200, dtype=np.int64)
-        rest, none = np.zeros(2), np.zeros(0)
+        rest, none, yielding = np.zeros(2), np.zeros(0), np.zeros((0, 2))
+        tables = model.step(5e-4)
         respond(
-            ideal, drag, 5e-4, model.step(5e-4), none, np.zeros(1), rest, rest, angle, speed, piece
+            ideal,
+            drag,
+            5e-4,
+            tables,
+            none,
+            np.zeros(1),
+            rest,
+            rest,
+            angle,
+            speed,
+            piece,
+            yielding,
         )
         return float(np.max(np.abs(angle)))
 
@@ -170,10 +184,103 @@ def test_the_true_output_has_the_skill_that_counting_allows() -> None:
     assert score_step(data, truth).metrics["skill"] > 0.98
 
 
-def test_transients_below_one_count_are_refused() -> None:
+def test_transients_that_are_not_told_from_a_rigid_gear_are_refused() -> None:
     data = [step(speed, 1, duration=3.2)[0] for speed in (12.0, -12.0)]
-    with pytest.raises(IdentificationError, match="no step has a transient above one output count"):
+    with pytest.raises(IdentificationError, match="told from a rigid gear"):
         fit_ladder(data, EXPECTED, richest="linear", error_given=True)
+
+
+def test_a_transient_below_one_count_is_told_by_many_samples() -> None:
+    data = [step(speed, n, duration=3.2)[0] for n, speed in enumerate((60.0, -60.0) * 2)]
+    found = fit_ladder(data, EXPECTED, richest="linear", error_given=True)
+    assert np.max(found.transient) < OUTPUT_QUANTUM
+    told = found.estimates["frequency"]
+    assert told.low <= MODE.natural_frequency / (2.0 * np.pi) <= told.high
+
+
+@pytest.mark.parametrize("soft", [0.0, 0.2])
+def test_the_derivatives_by_the_kinematic_error_are_those_of_the_response(soft: float) -> None:
+    """Through a hardening spring and a sliding Dahl element as well: else a fit stops before its answer."""
+    data, _, _ = step(1800.0, 3)
+    arrays = step_arrays(data, 5e-4, BASIS)
+
+    def model(values: Mapping[str, float]) -> TorsionModel:
+        return TorsionModel(
+            stiffness=STATIC,
+            relaxation=2e-4,
+            share=0.4,
+            hysteresis=(soft * STATIC, 0.2 * soft * STATIC * 1e-4),
+        )
+
+    problem = Problem(steps=(arrays,), basis=BASIS, error_width=1e-4, model=model)
+    values, error = {"skew": 0.0}, np.zeros(2 * len(BASIS))
+    shape = Shape(names=("skew",))
+
+    def residual(at: np.ndarray) -> np.ndarray:
+        return problem.normals(shape, values, at)[0].residual
+
+    exact = problem.normals(shape, values, error)[0].waves
+    for column in (0, 6, 24):
+        moved = np.zeros_like(error)
+        moved[column] = 1e-8
+        change = (residual(-moved) - residual(moved)) / 2e-8
+        away = float(np.linalg.norm(change - exact[:, column]) / np.linalg.norm(change))
+        assert away < 0.02
+
+
+def test_a_direction_alone_is_in_doubt_by_as_much_as_it_leads_away(run, ladder: LadderFit) -> None:
+    """Of two directions that ring alike the line is small; where they disagree it is what parts them."""
+
+    def share(found: LadderFit, way: str) -> float:
+        estimate = found.estimates[f"frequency_{way}"]
+        (line,) = [line for line in estimate.budget if line.source == "first order"]
+        away = abs(np.log(estimate.value / found.estimates["frequency"].value))
+        assert line.kind == "B"
+        assert line.standard_uncertainty == pytest.approx(
+            away / np.sqrt(3.0) * estimate.value, rel=1e-6
+        )
+        return line.standard_uncertainty / estimate.value
+
+    late = [
+        dataclasses.replace(
+            data, output_angle=np.interp(data.time, data.time + 3e-3, data.output_angle)
+        )
+        if data.target < 0.0
+        else data
+        for data, _, _ in run
+    ]
+    parted = fit_ladder(late, EXPECTED, richest="linear", error_given=True)
+    for way in ("forward", "reverse"):
+        assert share(parted, way) > 3.0 * share(ladder, way)
+
+
+def test_an_inertia_is_in_doubt_by_what_a_wider_smoothing_changes(run, ladder: LadderFit) -> None:
+    def doubt(lag: float) -> float:
+        """Of the output's inertia, for torques whose ringing is `lag` later than the motion."""
+        torques = [
+            np.interp(data.time - lag, data.time, torque) + lag / 1e-3 * 0.05 * (data.time > 0.05)
+            for data, torque, _ in run
+        ]
+        found = fit_inertia(
+            [data for data, _, _ in run], torques, ladder.acceleration, GEAR.kinematic_error
+        )
+        return found.smoothing["output_inertia"]
+
+    exact = doubt(0.0)
+    assert 0.0 < exact < 0.02 * GEAR.inertia.output
+    # A torque that jumps while nothing moves is no part of the model: how it is smoothed decides what it does.
+    assert doubt(1e-3) > 2.0 * exact
+
+
+def test_a_step_that_no_model_explains_does_not_choose_the_answer() -> None:
+    good = np.array([1.0, 1.0, 1.2, 1.0])
+    assert bounded(good) == pytest.approx(good)
+    worse, far = (float(bounded(np.array([1.0, 1.0, 1.0, bad]))[3]) for bad in (9.0, 1e6))
+    assert far == pytest.approx(2.0 * BAD_STEP**2, rel=1e-3)
+    assert far - worse < 1.0
+    # Its slope is the weight with which such a step counts.
+    near = float(bounded(np.array([1.0, 1.0, 1.0, 9.0 + 1e-4]))[3])
+    assert (near - worse) / 1e-4 == pytest.approx((BAD_STEP / 3.0) ** 4, rel=1e-3)
 
 
 def test_inertia_from_torque(run, ladder: LadderFit) -> None:

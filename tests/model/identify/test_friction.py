@@ -13,8 +13,14 @@ from model.friction import conversion_factor, friction_torque
 from model.gear_file import shipped_gear
 from model.identify.common_errors import CommonError
 from model.identify.estimate import Cause
-from model.identify.friction import check_identifiable, fit_friction
-from model.identify.running_torque import average_torque, bracket_drift, pair_directions, tare_from
+from model.identify.friction import TARE_SCATTER, check_identifiable, fit_friction
+from model.identify.running_torque import (
+    Tare,
+    average_torque,
+    bracket_drift,
+    pair_directions,
+    tare_from,
+)
 from model.identify.stribeck import NAMES, stribeck_curve
 from model.units import REVOLUTION, RPM
 from tests.model.identify.rigs import SPEEDS, hold, sweep
@@ -82,6 +88,51 @@ def test_an_invalid_tare_does_not_make_it_the_gear(motor_holds, tare) -> None:
 def test_speeds_beyond_the_tare_are_named(motor_holds) -> None:
     short = tare_from(sweep(GEAR, 3, SPEEDS[SPEEDS < 1000.0], motor=0.012, geared=False))
     assert any("beyond the tare" in w for w in fit_friction(motor_holds, GEAR, tare=short).warnings)
+
+
+def motor_tare(speed: np.ndarray, bend: float = 0.0, error: float = 2e-4) -> Tare:
+    """A bare motor of 12 mN m and 40 uN m s/rad, its points alternately off by their errors, and bent by so much."""
+    off = error * np.where(np.arange(len(speed)) % 2 == 0, 0.6, -0.6)
+    torque = 0.012 + 4e-5 * speed + bend * np.sqrt(speed / speed[-1])
+    return Tare(speed, torque + off, np.full(len(speed), error))
+
+
+def test_a_tare_goes_on_above_its_fastest_speed() -> None:
+    tare = motor_tare(np.linspace(1.0, 200.0, 12))
+    torque, error, beyond = tare.at(np.array([100.0, 250.0]))
+    assert tare.is_straight
+    assert beyond.tolist() == [False, True]
+    np.testing.assert_allclose(torque, 0.012 + 4e-5 * np.array([100.0, 250.0]), atol=1e-4)
+    # Of twelve points, less than of one; what is not seen is known less well.
+    assert error[0] < 0.35 * 2e-4
+    assert error[1] > 0.2 * 4e-5 * 50.0
+
+
+def test_a_tare_that_bends_is_taken_as_it_is() -> None:
+    speed = np.linspace(1.0, 200.0, 12)
+    tare = motor_tare(speed, bend=0.01)
+    assert not tare.is_straight
+    torque, error, _ = tare.at(speed)
+    np.testing.assert_allclose(torque, tare.torque)
+    np.testing.assert_allclose(error, tare.standard_error)
+    (above,), _, _ = tare.at(np.array([220.0]))
+    assert above > tare.torque[-1] + 4e-5 * 20.0
+
+
+def test_too_few_points_do_not_make_a_straight_line() -> None:
+    assert not motor_tare(np.linspace(1.0, 200.0, 5)).is_straight
+
+
+def test_the_scatter_of_a_tare_is_shared_by_all_holds(motor_holds, tare) -> None:
+    fit = fit_friction(motor_holds, GEAR, tare=tare)
+    noisy = dataclasses.replace(tare, standard_error=20.0 * tare.standard_error)
+    lines = [
+        {line.source: line for line in f.estimates["coulomb"].budget}
+        for f in (fit, fit_friction(motor_holds, GEAR, tare=noisy))
+    ]
+    before, after = (line[TARE_SCATTER].standard_uncertainty for line in lines)
+    assert after > 5.0 * before > 0.0
+    assert lines[0][TARE_SCATTER].kind == "A"
 
 
 def test_one_direction_alone_takes_the_offset_for_friction_and_says_so(holds) -> None:

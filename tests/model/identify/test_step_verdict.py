@@ -8,7 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from model.identify.dynamics import RINGS_ON, STATED, _ringing_left, _Told
+from experiments.protocols.velocity_steps.quantities import ESTIMATES
+from model.identify.dynamics import RINGS_ON, STATED, WANTED, _ringing_left, _Told
 from model.identify.step_fit import Problem, Solution
 
 
@@ -53,3 +54,19 @@ def test_a_mode_that_leaves_a_ringing_is_weak_and_doubt_of_the_law_is_in_the_sta
     alone, doubted = told(1.0).estimate(0), told(1.0, doubt).estimate(0)
     assert doubted.high - doubted.low > 1.3 * (alone.high - alone.low)
     assert [line.source for line in doubted.budget][1:] == ["choice of the rung"]
+
+
+def test_a_damping_ratio_is_told_within_its_own_target() -> None:
+    """Its target is absolute: 0.01, however large it is."""
+    size = len(STATED)
+    index = [name for name, _ in STATED].index("damping_ratio")
+
+    def verdict(damping: float, error: float) -> str:
+        centre = np.full(size, np.log(damping))
+        told = _Told(centre, np.full(size, error / damping), np.full(size, 50.0), (), 1.0)
+        return told.estimate(index).identifiable
+
+    assert [verdict(0.02, e) for e in (0.004, 0.01, 0.04)] == ["yes", "weakly", "no"]
+    assert [verdict(0.1, e) for e in (0.004, 0.01, 0.04)] == ["yes", "weakly", "no"]
+    (quantity,) = [q for q in ESTIMATES if q.name == "damping_ratio"]
+    assert WANTED["damping_ratio"] == quantity.target_uncertainty

@@ -116,7 +116,7 @@ def calibrated(certificate: str, scale: float) -> tuple[Column, ...]:
                 "seed": ("3", "4"),
                 "backend": ("sim", "import"),
                 "origin": ("simulated", "imported"),
-                "sample rate": ("1000", "500"),
+                "sample rate": ("1000 Hz", "500 Hz"),
             },
         ),
         (

@@ -24,7 +24,7 @@ def test_full_motor_torque_would_exceed_the_repeated_peak() -> None:
     assert held.tier == "rig"
     assert held.value == pytest.approx(0.8 * 167.0 / 120.0)
     assert held.value * GEAR.ratio < GEAR.ratings.repeated_peak_torque
-    assert held.provenance == "recalled"
+    assert held.provenance == "computed"
 
 
 def test_a_full_torque_step_with_a_heavy_load_reaches_180_newton_metres() -> None:

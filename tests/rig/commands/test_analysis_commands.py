@@ -222,8 +222,9 @@ def test_a_set_is_compared_with_a_run(call: Call) -> None:
     assert "90" in shown
 
 
-def test_a_report_takes_the_tare_from_among_the_runs(call: Call) -> None:
-    called = call("report", "slow.h5", "friction.h5", "tare.h5", "--output", "out/report.html")
+def test_a_report_subtracts_the_tare_that_is_named(call: Call) -> None:
+    runs = ("slow.h5", "friction.h5", "--tare", "tare.h5")
+    called = call("report", *runs, "--output", "out/report.html")
     assert called.exit_code == 0, called.output
     page = Path("out/report.html").read_text()
     assert f"run {TARE_RESULT.run}" in page

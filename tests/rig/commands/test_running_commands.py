@@ -166,7 +166,12 @@ def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path
     assert printed.err == ""
     assert report["outcome"] == "COMPLETED"
     assert report["verdict"] == "NOT JUDGED"
-    assert report["because"] == [f"the run is not analysed: rig fit {report['path']}"]
+    (because,) = report["because"]
+    assert "no acceptance file is named for this gear" in because
+    assert report["analysis_error"] == ""
+    assert (report["analysis"]["kind"], report["analysis"]["number"]) == ("starting-torque", 1)
+    assert report["values"]
+    assert report["next"] == [f"rig report --gear G7 --runs {Path(report['path']).parent}"]
     assert report["make_safe"]["safe"]
     assert report["trip"] is None
     assert Path(report["path"]).is_file()

@@ -6,11 +6,12 @@ import io
 import xml.etree.ElementTree as ElementTree
 from functools import cache
 
+import matplotlib.axes
 import matplotlib.figure
 import numpy as np
 import pytest
 
-from experiments.result import Plot, Series
+from experiments.result import Panel, Plot, Series
 from rig.present import figure as figures
 from rig.present.decimate import peak_rows, scatter_rows
 from tests.rig.handmade import friction_plot
@@ -191,3 +192,73 @@ def test_scattered_points_keep_their_outline() -> None:
     assert x[rows].max() == np.nanmax(x)
     assert y[rows].min() == y[np.isfinite(x)].min()
     assert len(rows) < 50_000
+
+
+def layered() -> Plot:
+    """A figure with everything: two panels, a null model, a limit, and a part that is enlarged."""
+    x = np.linspace(0.0, 100.0, 50)
+    return plot(
+        Series(label="forward", x=x, y=x),
+        Series(label="rigid gear", x=x, y=0.9 * x, role="null", group=1),
+        Series(label="limit", x=x, y=np.full(50, 120.0), role="limit", group=2),
+        Series(label="reverse", x=x, y=2.0 * x, group=1, panel=1),
+        panels=(Panel("reverse [arcmin]", 1.0),),
+        enlarged=(0.0, 20.0),
+    )
+
+
+def axes_of(made: Plot, monkeypatch: pytest.MonkeyPatch) -> list[matplotlib.axes.Axes]:
+    """The axes of a figure as they are saved."""
+    seen: list[matplotlib.figure.Figure] = []
+    save = matplotlib.figure.Figure.savefig
+
+    def keep(figure: matplotlib.figure.Figure, *args: object, **kwargs: object) -> None:
+        save(figure, *args, **kwargs)  # type: ignore[arg-type]
+        seen.append(figure)
+
+    monkeypatch.setattr(matplotlib.figure.Figure, "savefig", keep)
+    figures.draw_svg(made, "hardware", "f1")
+    return seen[0].axes
+
+
+def test_directions_stand_in_panels_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, _ = axes_of(layered(), monkeypatch)
+    assert {line.get_label() for line in second.lines} == {"reverse"}
+    assert "reverse" not in {line.get_label() for line in first.lines}
+    assert first.get_xlim() == second.get_xlim()
+    upper, lower = first.get_position(), second.get_position()
+    assert upper.x0 == pytest.approx(lower.x0)
+    assert upper.y0 > lower.y1
+
+
+def test_a_null_model_lies_thin_and_grey_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = {line.get_label(): line for line in axes_of(layered(), monkeypatch)[0].lines}
+    null, data, limit = lines["rigid gear"], lines["forward"], lines["limit"]
+    assert null.get_color() == figures.NULL
+    assert limit.get_color() == figures.LIMIT
+    assert null.get_linewidth() < data.get_linewidth()
+    assert null.get_zorder() < data.get_zorder()
+
+
+def test_a_part_of_x_is_shown_enlarged_beside_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    first, _, beside = axes_of(layered(), monkeypatch)
+    low, high = beside.get_xlim()
+    assert -1.0 < low <= 0.0
+    assert 20.0 <= high < 21.0
+    assert first.get_position().x1 < beside.get_position().x0
+
+
+def test_a_label_is_no_longer_than_its_panel(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = plot(
+        Series(label="a", x=np.arange(9.0), y=np.arange(9.0)),
+        Series(label="", x=np.arange(9.0), y=np.arange(9.0), panel=1),
+        panels=(Panel("friction torque that the fit leaves [mN m]", 0.4),),
+    )
+    low = axes_of(made, monkeypatch)[1]
+    low.figure.draw_without_rendering()
+    assert low.yaxis.label.get_window_extent().height < 1.6 * low.get_window_extent().height
+
+
+def test_the_legend_names_the_series_of_every_panel() -> None:
+    shown = text_of(figures.draw_svg(layered(), "hardware", "f1").svg)
+    assert all(word in shown for word in ("forward", "reverse", "rigid gear", "limit"))

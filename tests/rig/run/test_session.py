@@ -200,7 +200,7 @@ def test_a_folder_that_is_none_is_refused_before_the_rig_is_opened(tmp_path: Pat
     assert rig.exchanged == []
     checks = static_checks(planned_of(*SHORT), tmp_path)
     assert [check.result for check in checks] == ["ok", "warning"]
-    assert "recalled" in checks[1].evidence
+    assert "computed" in checks[1].evidence
 
 
 def test_a_recorder_that_fails_ends_the_run_but_not_the_making_safe() -> None:

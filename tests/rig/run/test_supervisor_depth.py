@@ -68,6 +68,54 @@ def test_a_torque_that_hums_about_the_right_mean_is_an_event_and_then_a_trip() -
     assert calm.share < 0.5
 
 
+def disagreements(port: np.ndarray, drive: np.ndarray, watch: Watch, block: int) -> list[int]:
+    """The rows at which port and drive (n,) [N m], reviewed in blocks of cycles of 1 ms, are said to disagree."""
+    review, state, rows = TorqueReview(watch, 0.637, 1e-3), TorqueState(), list[int]()
+    for start in range(0, len(port), block):
+        part = slice(start, start + block)
+        state, trips, _ = review.compared(state, port[part], drive[part], start)
+        rows += [trip.row for trip in trips if trip.cause == "torque_disagreement"]
+    return rows
+
+
+def swinging(frequency: float, lag: float) -> tuple[np.ndarray, np.ndarray]:
+    """A torque about 0.25 N m that swings by 0.4 N m (n,), and what a port of that time constant [s] shows of it."""
+    swing = 0.4 * np.exp(2j * np.pi * frequency * 1e-3 * np.arange(3000))
+    return 0.25 + swing.imag, 0.25 + (swing / (1.0 + 2j * np.pi * frequency * lag)).imag
+
+
+@pytest.mark.parametrize("frequency", [20.3, 80.3, 150.3, 400.3])
+@pytest.mark.parametrize("lag", [0.5e-3, 2e-3])
+def test_a_port_that_lags_behind_a_torque_that_swings_is_right(
+    frequency: float, lag: float
+) -> None:
+    drive, port = swinging(frequency, lag)
+    assert not disagreements(port, drive, Watch(), 50)
+
+
+def test_it_is_the_lag_that_is_allowed_for_and_no_more() -> None:
+    drive, port = swinging(150.3, 2e-3)
+    assert disagreements(port, drive, Watch(torque_lag=0.0), 50)
+    # The same lag twenty times as long, behind a torque that swings slowly.
+    drive, port = swinging(4.3, 40e-3)
+    assert disagreements(port, drive, Watch(), 50)
+
+
+@pytest.mark.parametrize("gain", [-1.0, 0.0, 0.3, 2.0])
+@pytest.mark.parametrize("block", [7, 50, 250])
+def test_a_swing_hides_no_wrong_gain(gain: float, block: int) -> None:
+    drive, port = swinging(150.3, 2e-3)
+    (first, *_) = disagreements(gain * port, drive, Watch(), block)
+    assert first < 500 + 2 * block
+
+
+def test_a_torque_that_hums_beside_one_that_swings_is_seen() -> None:
+    drive, port = swinging(80.3, 1e-3)
+    hum = 0.8 * np.sin(2.0 * np.pi * 50e-3 * np.arange(len(port)))
+    assert disagreements(hum, drive, Watch(), 50)
+    assert not disagreements(port, drive, Watch(), 50)
+
+
 def test_a_clock_that_was_there_and_is_lost_trips_but_a_host_clock_does_not() -> None:
     def lose(rig: FakeRig) -> None:
         rig.physics.flags = int(CycleFlag.HOST_TIME)

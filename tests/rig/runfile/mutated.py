@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from rig import exits
-from rig.analysis.fit import fit_files
+from rig.analysis.fit_run import fit_files
 from rig.errors import ChangedRunError
 from rig.runfile.export import export_csv
 from rig.runfile.layout import PART_SUFFIX

@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.difference import difference
-from rig.analysis.fit import NOT_SEALED, fit_files
+from rig.analysis.fit import NOT_SEALED
+from rig.analysis.fit_run import fit_files
 from rig.analysis.passport.build import passport
 from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.replayed import replayed

@@ -15,9 +15,13 @@ from hypothesis import strategies as st
 
 from drivers.samples import CycleFlag, SampleBlock
 from experiments.recording import Event, Segment
+from model.angle_certificate import AngleCertificate
 from model.channel import Channel
 from model.gear_file import shipped_gear
+from model.units import REVOLUTION
 from rig.errors import RunFileError
+from rig.runfile.header import read_columns, write_header
+from rig.runfile.layout import Column, create_data
 from rig.runfile.read import (
     FileSource,
     close_recording,
@@ -37,6 +41,58 @@ from tests.rig.runfile.making import (
     header,
     write_run,
 )
+
+
+def certified(**changes: object) -> Column:
+    """The output encoder with the curve of its certificate."""
+    angles = np.arange(24) * (REVOLUTION / 24)
+    curve = AngleCertificate(
+        angles=tuple(angles.tolist()),
+        errors=tuple((1e-5 * np.cos(angles) / 3.0).tolist()),
+        expanded_uncertainties=(2e-6,) * 24,
+        coverage_factor=2.2,
+    )
+    calibration = replace(CALIBRATION, curve=curve)
+    return Column.of(replace(CHANNELS[1], calibration=calibration, **changes))  # type: ignore[arg-type]
+
+
+def written_with_curve(folder: Path) -> tuple[Path, Column]:
+    column = certified()
+    columns = (Column.of(CHANNELS[0]), column)
+    with h5py.File(folder / "header.h5", "w") as file:
+        write_header(file, replace(header(), columns=columns))
+        create_data(file, columns, 64, compress=False)
+    return folder / "header.h5", column
+
+
+def test_the_curve_of_a_certificate_comes_back_number_by_number(tmp_path: Path) -> None:
+    path, column = written_with_curve(tmp_path)
+    with h5py.File(path) as file:
+        plain, again = read_columns(file)
+    assert again.channel.calibration == column.channel.calibration
+    assert plain.channel.calibration.curve is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (b'"coverage_factor": 2.2', b'"coverage_factor": 9.2', "coverage factor"),
+        (b'"coverage_factor"', b'"coverage_fact0r"', "cannot be used"),
+        (b'"angles": [', b'"angles": {', "not JSON"),
+    ],
+)
+def test_a_curve_that_is_none_is_refused_with_its_place(
+    tmp_path: Path, old: bytes, new: bytes, words: str
+) -> None:
+    path, _ = written_with_curve(tmp_path)
+    name = "entry/instrument/output_angle/calibration/curve"
+    with h5py.File(path, "r+") as file:
+        text = bytes(file[name][()])  # type: ignore[index]
+        assert old in text
+        file[name][()] = text.replace(old, new)  # type: ignore[index]
+    with h5py.File(path) as file, pytest.raises(RunFileError, match=words) as caught:
+        read_columns(file)
+    assert name in str(caught.value)
 
 
 @pytest.mark.parametrize("compress", [True, False])

@@ -1,31 +1,29 @@
-"""The whole chain on the simulated rig, and what happens when one of its processes stops, fails or dies."""
+"""The whole chain on the simulated rig, and what happens when it is stopped, fails, or an analysis crashes."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import queue
-import signal
-import threading
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from experiments.errors import PlanError
 from model.gear_file import load_gear
+from rig.analysis.judging import not_judged
 from rig.analysis.store import json_text, read_analyses
 from rig.commands.demo_tables import print_demonstration
 from rig.errors import RigError
 from rig.run.start import run_request
+from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
+from rig.trial.campaign import journal as journals
+from rig.trial.campaign.analyst import Analysed
+from rig.trial.campaign.conduct import CampaignReport
+from rig.trial.campaign.journal import DoneStage
 from rig.trial.demo import chain as demo
-from rig.trial.demo import work as demo_work
-from rig.trial.demo.chain import Demonstration, demonstrate
-from rig.trial.demo.work import DemoOrder, Failed, Finished, Step
-from tests.rig.handmade import friction_result
+from rig.trial.demo.chain import Demonstration, DemoOrder, Finished, Step, demonstrate
 
 SHORT = {
     "motor-tare": {"lowest_rpm": 5.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
@@ -37,6 +35,7 @@ SHORT = {
         "settle_time": 0.2,
         "up_and_down": False,
     },
+    "starting-torque": {"positions": 2},
     "velocity-steps": {"speeds_rpm": (600.0, 1800.0), "repeats": 1},
 }
 CREATED = "2024-03-02T09:00:00+01:00"
@@ -46,15 +45,15 @@ CREATED = "2024-03-02T09:00:00+01:00"
 def made(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     seen: list[Step | Finished] = []
     order = DemoOrder(tmp_path_factory.mktemp("demo"), 3, CREATED, SHORT)
-    found = demonstrate(order, processes=1, show=seen.append)
+    found = demonstrate(order, beside=False, show=seen.append)
     assert [m.protocol for m in seen if isinstance(m, Finished)] == list(demo.ORDER)
-    assert {m.what for m in seen if isinstance(m, Step)} == {"preparing", "running", "fitting"}
+    assert {m.protocol for m in seen if isinstance(m, Step)} == set(demo.ORDER)
     return found
 
 
 def test_every_protocol_is_run_in_order_and_fitted(made: Demonstration) -> None:
     assert [f.result.kind for f in made.fits] == list(demo.ORDER)
-    assert [f.path.name[:5] for f in made.finished] == ["00001", "00002", "00003", "00004"]
+    assert [f.path.name[:5] for f in made.finished] == [f"0000{n}" for n in range(1, 8)]
     assert all(f.outcome == "COMPLETED" for f in made.finished)
     assert all(read_analyses(f.path)[0].kind == f.protocol for f in made.finished)
 
@@ -65,10 +64,10 @@ def test_the_order_in_which_runs_happen_changes_no_count(
     """The first run once more, after others of the same gear and day: neither number nor warmth are theirs."""
     first = made.finished[0]
     order = dataclasses.replace(made.order, folder=tmp_path)
-    for path in made.order.folder.glob("0000[234]-*.h5*"):
+    for path in made.order.folder.glob("0000[2-7]-*.h5*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    again = run_request(demo_work._request(first.protocol, order))
-    assert again.run_id.startswith("00005-")
+    again = run_request(demo.campaign_order(order, beside=False).walk.stages[0].request)
+    assert again.run_id.startswith("00008-")
     one, other = open_run(first.path), open_run(again.path)
     assert one.metadata.process["world"] == other.metadata.process["world"]
     assert all(np.array_equal(one.stored(name), other.stored(name)) for name in one.signals)
@@ -125,106 +124,66 @@ def test_json_and_people_get_the_same_story(
         str(made.report),
         "measurand",
         "bench sees",
-        "no verified limit",
+        made.campaign.verdict.verdict,
+        str(made.certificate[1]),
     ):
         assert words in shown
 
 
-def finished(protocol: str, outcome: str = "COMPLETED") -> Finished:
-    result = friction_result() if outcome == "COMPLETED" else None
-    return Finished(
-        protocol=protocol,
-        path=Path(f"{protocol}.h5"),
+def report_of(order: DemoOrder, outcome: str, crashed: str = "") -> CampaignReport:
+    """A campaign that ended so after its first run."""
+    wanted = demo.campaign_order(order, beside=False)
+    begun = journals.begin(order.folder, wanted.walk.plan, order.serial, {}, CREATED)
+    done = DoneStage(index=0, protocol="motor-tare", run="a.h5", outcome=outcome, message="because")
+    return CampaignReport(
+        walk=wanted.walk,
+        journal=begun.with_stage(done),
         outcome=outcome,
-        message="because",
-        result=result,
-        stored="",
-        seconds=1.0,
+        verdict=not_judged("nothing"),
+        verdict_rests_on=0,
+        analysed=(Analysed(run=Path("a.h5"), crashed=crashed),),
     )
-
-
-def collected(*messages: Any, branches: int = 1) -> list[Finished]:
-    box: queue.Queue[Any] = queue.Queue()
-    for message in messages:
-        box.put(message)
-    return demo._collect(box, branches, lambda message: None)
-
-
-def test_the_error_of_a_process_is_raised_here() -> None:
-    error = RigError("no room", where="/disk")
-    with pytest.raises(RigError, match="no room"):
-        collected(Failed(error, str(error)), None)
-    with pytest.raises(RuntimeError, match="Traceback of a defect"):
-        collected(Failed(None, "Traceback of a defect"), None)
-
-
-def test_a_process_that_dies_is_noticed() -> None:
-    class Dead:
-        exitcode = -9
-
-    with pytest.raises(RigError, match="exit code -9"):
-        demo._collect(queue.Queue(), 1, lambda message: None, [Dead()])
 
 
 @pytest.mark.parametrize(
-    ("outcome", "error"), [("ABORTED", KeyboardInterrupt), ("TRIPPED", RigError)]
+    ("outcome", "crashed", "error", "words"),
+    [
+        ("ABORTED", "", KeyboardInterrupt, "what was recorded is kept"),
+        ("TRIPPED", "", RigError, "motor-tare TRIPPED: because"),
+        ("COMPLETED", "no memory", RigError, "a.h5: no memory"),
+    ],
 )
-def test_a_run_that_did_not_reach_its_end_ends_the_demonstration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, outcome: str, error: type[BaseException]
+def test_a_campaign_that_did_not_reach_its_end_ends_the_demonstration(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    outcome: str,
+    crashed: str,
+    error: type[BaseException],
+    words: str,
 ) -> None:
-    monkeypatch.setattr(
-        demo,
-        "_in_this_one",
-        lambda order, show: [finished("motor-tare"), finished("friction", outcome)],
-    )
-    with pytest.raises(error):
-        demonstrate(DemoOrder(tmp_path, 1, CREATED), processes=1)
-
-
-def test_ctrl_c_stops_every_branch(tmp_path: Path) -> None:
-    shared = demo._Local(1)
-    box: queue.Queue[Any] = queue.Queue()
-    begun = {name: threading.Event() for name in demo.ORDER}
-    demo.work(demo.ORDER, DemoOrder(tmp_path, 1, CREATED), box, begun, shared)
-    assert box.get_nowait() is None
-    assert all(event.is_set() for event in begun.values())
-    assert demo_work.SharedStop(shared).level == 1
-    shared.value = 2
-    assert demo_work.SharedStop(shared).level == 2
-
-
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_a_closed_terminal_and_a_request_to_end_are_a_stop_too() -> None:
-    numbers = [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP]
-    before = [signal.getsignal(number) for number in numbers]
-    for number in numbers:
-        shared = demo._Local()
-        with demo._ctrl_c(shared):
-            signal.raise_signal(number)
-        assert shared.value == 1
-    assert [signal.getsignal(number) for number in numbers] == before
+    order = DemoOrder(tmp_path, 1, CREATED, SHORT)
+    monkeypatch.setattr(demo, "conduct", lambda wanted, crew: report_of(order, outcome, crashed))
+    with pytest.raises(error, match=words):
+        demonstrate(order, beside=False)
 
 
 def test_a_stop_while_running_seals_the_run(tmp_path: Path) -> None:
-    shared = demo._Local(0)
-    box: queue.Queue[Any] = queue.Queue()
+    stop = StopRequest()
+    seen: list[Step | Finished] = []
 
-    class Press(dict[str, Any]):
-        def __getitem__(self, name: str) -> Any:
-            shared.value = 1
-            return threading.Event()
+    def show(message: Step | Finished) -> None:
+        seen.append(message)
+        if isinstance(message, Step) and message.done > 0.0:
+            stop.stop()
 
-    demo.work(("motor-tare",), DemoOrder(tmp_path, 1, CREATED, SHORT), box, Press(), shared)
-    messages = [box.get_nowait() for _ in range(box.qsize())]
-    done = next(m for m in messages if isinstance(m, Finished))
+    with pytest.raises(KeyboardInterrupt):
+        demonstrate(DemoOrder(tmp_path, 1, CREATED, SHORT), stop=stop, beside=False, show=show)
+    (done,) = [message for message in seen if isinstance(message, Finished)]
     assert done.outcome == "ABORTED"
-    assert done.result is None
     assert done.path.is_file()
-    assert messages[-1] is None
 
 
-def test_an_error_crosses_from_a_process_as_what_it_was(tmp_path: Path) -> None:
-    wrong = {"motor-tare": {"points": -1}, "kinematic-error": {"speed_rpm": -1.0}}
+def test_a_wrong_parameter_is_refused_before_anything_runs(tmp_path: Path) -> None:
     with pytest.raises(PlanError, match="out of range"):
-        demonstrate(DemoOrder(tmp_path, 1, CREATED, wrong), processes=2)
+        demonstrate(DemoOrder(tmp_path, 1, CREATED, {"velocity-steps": {"repeats": -1}}))
     assert not list(tmp_path.glob("*.h5"))

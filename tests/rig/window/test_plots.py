@@ -12,9 +12,9 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
-from experiments.result import Plot, Result, Series
+from experiments.result import Panel, Plot, Result, Series
+from rig.analysis.result_data import plot_from_mapping, result_from_mapping, table_to_mapping
 from rig.analysis.result_data import plot_to_mapping as as_mapping
-from rig.analysis.result_data import result_from_mapping, table_to_mapping
 from rig.analysis.store import json_text
 from rig.window.plot.axis import LabAxis, log_ticks, plain
 from rig.window.plot.overlay import Overlaid, common_figures, mark_of, overlay, short_names
@@ -310,3 +310,50 @@ def test_the_mark_of_an_overlay_names_every_origin() -> None:
     assert mark_of([simulated, simulated]) == "SIMULATED"
     assert mark_of([hardware]) == ""
     assert mark_of([hardware, simulated]) == "HARDWARE + SIMULATED"
+
+
+def test_the_panels_of_a_figure_stand_under_each_other_over_one_x(
+    drawn: ResultPlot, session: WindowSession
+) -> None:
+    made = replace(
+        plot_of(
+            Series(label="measured", x=X, y=X),
+            Series(label="rigid gear", x=X, y=0.5 * X, role="null"),
+            Series(label="", x=X, y=0.1 * X, panel=1),
+        ),
+        panels=(Panel("residual [mN m]", 0.4),),
+    )
+    drawn.show_data(made)
+    (low,) = drawn.lower
+    assert [curve.name for curve in drawn.curves] == ["measured", "rigid gear"]
+    assert len(low.curves) == 1
+    assert low.item.getViewBox().linkedView(0) is drawn.item.getViewBox()
+    null = drawn.curves[1]
+    assert null.item.zValue() < drawn.curves[0].item.zValue()
+    assert null.item.opts["pen"].color().name() == session.palette.muted
+    drawn.show_data(plot_of(Series(label="alone", x=X, y=X)))
+    assert drawn.lower == ()
+
+
+def test_a_figure_of_other_panels_lies_over_other_axes() -> None:
+    whole = plot_of(Series(label="a", x=X, y=X))
+    parted = replace(whole, panels=(Panel("residual [mN m]"),))
+    runs = [Overlaid(f"r{k}", "", (p,), k) for k, p in enumerate((whole, whole, parted))]
+    found = overlay(runs, "p")
+    assert found is not None
+    assert found.runs == ("r0", "r1")
+    assert "residual [mN m]" in found.left_out[0]
+
+
+def test_a_figure_comes_back_from_json_with_panels_and_roles() -> None:
+    made = replace(
+        plot_of(Series(label="a", x=X, y=X, role="limit", panel=1)),
+        panels=(Panel("residual [mN m]", 0.4),),
+        enlarged=(0.0, 20.0),
+    )
+    back = plot_from_mapping(json.loads(json_text(as_mapping(made))))
+    assert (back.panels, back.enlarged) == (made.panels, made.enlarged)
+    assert (back.series[0].role, back.series[0].panel) == ("limit", 1)
+    older = as_mapping(made)
+    del older["panels"], older["enlarged"], older["series"][0]["role"], older["series"][0]["panel"]
+    assert plot_from_mapping(older).series[0].role == "data"

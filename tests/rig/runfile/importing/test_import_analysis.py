@@ -9,7 +9,7 @@ import pytest
 
 from experiments.recording import Recording
 from model.units import RPM
-from rig.analysis.fit import fit_files
+from rig.analysis.fit_run import fit_files
 from rig.exits import explain
 from rig.runfile.importing.convert import ImportOptions, import_mat, parse_channel
 from tests.rig.importing import bring_in, file_of, table

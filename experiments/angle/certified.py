@@ -1,0 +1,76 @@
+"""What an encoder's certificate takes off its angle: the curve, laid on the run by the index mark that the run saw.
+
+A certificate counts from the index mark. A run that saw no mark of this encoder, or marks that do
+not stand whole revolutions apart, does not tell where the curve begins: then nothing is taken off,
+the encoder's class stays in the budget, and the result says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.angle.phase_reference import INPUT_SEEN, OUTPUT_SEEN
+from experiments.recording import Recording
+from model.angle_certificate import AngleCertificate
+from model.arrays import FloatArray
+from model.units import DEGREE, REVOLUTION
+
+MARKS_AGREE = 0.1 * DEGREE
+"""rad; latches of one mark that stand further apart are not those of one curve: counts were lost."""
+_ENDS = {
+    "input_angle": ("motor encoder", "input_index", INPUT_SEEN),
+    "output_angle": ("output encoder", "output_index", OUTPUT_SEEN),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifiedAngle:
+    """A certificate on the angle of a recording: where the mark stands in the channel's own angle [rad], and the sense
+    of that angle against the encoder's counts.
+    """
+
+    certificate: AngleCertificate
+    mark: float
+    direction: int
+
+    def corrected(self, angle: FloatArray) -> FloatArray:
+        """The channel's angle [rad] without the encoder's errors; at the mark it stays as it is."""
+        own = self.direction * (angle - self.mark)
+        return angle - self.direction * self.certificate.error_at(own)
+
+
+def certified_angle(recording: Recording, channel: str) -> tuple[CertifiedAngle | None, str]:
+    """The certificate of "input_angle" or "output_angle" where it can be used; else None, and why it cannot ("" where
+    the channel has none).
+    """
+    signal = recording.signals[channel]
+    certificate = signal.calibration.curve
+    if certificate is None:
+        return None, ""
+    encoder, index, bit = _ENDS[channel]
+    refused = f"The certificate of the {encoder} is not used, its class stands in the budget: "
+    marks = _marks(recording, index, bit)
+    if not len(marks):
+        return None, f"{refused}the run saw no index mark of it, so that its curve has no zero."
+    away = np.remainder(marks - marks[0] + 0.5 * REVOLUTION, REVOLUTION) - 0.5 * REVOLUTION
+    apart = float(np.ptp(away))
+    if apart > MARKS_AGREE:
+        return None, (
+            f"{refused}its index marks stand {apart / DEGREE:.3g} degrees beside whole revolutions "
+            f"(limit {MARKS_AGREE / DEGREE:g}): counts were lost."
+        )
+    mark = float(marks[0] + np.median(away))
+    return CertifiedAngle(certificate=certificate, mark=mark, direction=signal.direction), ""
+
+
+def _marks(recording: Recording, index: str, bit: int) -> FloatArray:
+    """The different angles that were latched at the index marks [rad], in the order of their size."""
+    if not recording.has(index, "index_seen"):
+        return np.empty(0)
+    latched: set[float] = set()
+    for rows in recording.blocks(size=1 << 18):
+        seen = (recording.stored("index_seen", rows).astype(np.int64) & bit) > 0
+        latched.update(np.unique(recording.si(index, rows)[seen]).tolist())
+    return np.array(sorted(latched))

@@ -1,0 +1,182 @@
+"""The file of an encoder's certificate: a header in TOML behind "#", then the points as comma-separated values.
+
+    # format = "harmonic-rig-certificate-1"
+    # certificate = "D-K-15134 2026-03"
+    # date = 2026-03-01
+    # due = 2028-03-01
+    # coverage_factor = 2.0
+    # zero = "index mark"
+    # sense = "counting up"
+    # error = "shown minus true"
+    angle [deg],error [arcsec],expanded uncertainty [arcsec]
+    0,0.31,0.4
+
+Units stand in the names of the columns; signs and senses are asked for, never guessed.
+"""
+
+from __future__ import annotations
+
+import datetime
+import math
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from model.angle_certificate import AngleCertificate
+from model.errors import ParameterError
+from model.units import ARCSEC, DEGREE, REVOLUTION
+
+FORMAT: Final = "harmonic-rig-certificate-1"
+LARGEST_FILE = 10_000_000
+"""Bytes; a certificate has some dozens of points."""
+COLUMNS = ("angle", "error", "expanded uncertainty")
+UNITS = {"rad": 1.0, "deg": DEGREE, "arcsec": ARCSEC, "urad": 1e-6}
+
+
+class Header(BaseModel):
+    """What a certificate says beside its points. `sense`: whether its angle grows as the encoder counts up or down."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, str_strip_whitespace=True)
+
+    format: Literal["harmonic-rig-certificate-1"]
+    certificate: str = Field(min_length=1)
+    date: datetime.date
+    due: datetime.date | None = None
+    serial_number: str = ""
+    coverage_factor: Annotated[float, Field(ge=1.0, le=4.0, allow_inf_nan=False)]
+    zero: Literal["index mark"]
+    sense: Literal["counting up", "counting down"]
+    error: Literal["shown minus true", "true minus shown"]
+
+
+@dataclass(frozen=True)
+class CertificateFile:
+    """A certificate as its file has it: the header, and the curve in the sense in which the encoder counts up."""
+
+    path: str
+    header: Header
+    curve: AngleCertificate
+
+
+def read_certificate(folder: Path, name: str) -> CertificateFile:
+    """The certificate of a file. Raises `ValueError` that names file, line, column and value."""
+    path = folder / name
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror or error}") from error
+    if len(raw) > LARGEST_FILE:
+        raise ValueError(f"{path} has {len(raw)} bytes; a certificate has at most {LARGEST_FILE}")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{path} is not text in UTF-8 at byte {error.start}") from error
+    try:
+        return CertificateFile(name, *_read(text))
+    except ParameterError as error:
+        raise ValueError(f"{path}: {error}") from error
+    except ValueError as error:
+        raise ValueError(f"{path}, {error}") from error
+
+
+def certificate_text(header: Header, curve: AngleCertificate) -> str:
+    """The file of a certificate whose curve counts up and is shown minus true."""
+    values = header.model_dump(exclude_none=True)
+    values |= {"sense": "counting up", "error": "shown minus true"}
+    lines = [f"# {name} = {_toml(value)}" for name, value in values.items() if value != ""]
+    lines.append(f"{COLUMNS[0]} [deg],{COLUMNS[1]} [arcsec],{COLUMNS[2]} [arcsec]")
+    for angle, error, u in zip(
+        curve.angles, curve.errors, curve.expanded_uncertainties, strict=True
+    ):
+        lines.append(f"{angle / DEGREE:.12g},{error / ARCSEC:.9g},{u / ARCSEC:.9g}")
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    return str(value)
+
+
+def _read(text: str) -> tuple[Header, AngleCertificate]:
+    lines = text.splitlines()
+    count = next((i for i, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    header = _header("\n".join(line[1:].strip() for line in lines[:count]))
+    table = [
+        (number, line.split(","))
+        for number, line in enumerate(lines[count:], start=count + 1)
+        if line.strip()
+    ]
+    if len(table) < 2:
+        raise ValueError(f"line {count + 1}: there is no table of points behind the header")
+    factors = _factors(*table[0])
+    points = [_point(number, row, factors) for number, row in table[1:]]
+    return header, _curve(header, points)
+
+
+def _header(text: str) -> Header:
+    try:
+        return Header.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f'header: the lines behind "#" are not TOML: {error}') from error
+    except ValidationError as error:
+        found = [
+            f"{'.'.join(map(str, one['loc']))}"
+            + ("" if one["type"] == "missing" else f" = {one['input']!r}")
+            + f": {one['msg'][:1].lower()}{one['msg'][1:]}"
+            for one in error.errors()
+        ]
+        raise ValueError(f"header: {'; '.join(found)}") from error
+
+
+def _factors(number: int, row: list[str]) -> list[float]:
+    """What the columns are to be multiplied by to be in rad."""
+    if len(row) != len(COLUMNS):
+        raise ValueError(
+            f"line {number}: {len(row)} columns; expected {', '.join(f'{c} [unit]' for c in COLUMNS)}"
+        )
+    factors = []
+    for cell, name in zip(row, COLUMNS, strict=True):
+        word, _, unit = cell.strip().partition(" [")
+        unit = unit.removesuffix("]")
+        if word != name or unit not in UNITS:
+            raise ValueError(
+                f"line {number}: {cell.strip()!r} is not {name} [unit] with a unit of {', '.join(UNITS)}"
+            )
+        factors.append(UNITS[unit])
+    return factors
+
+
+def _point(number: int, row: list[str], factors: list[float]) -> tuple[float, float, float]:
+    if len(row) != len(COLUMNS):
+        raise ValueError(f"line {number}: {len(row)} values; expected {len(COLUMNS)}")
+    values = []
+    for cell, name, factor in zip(row, COLUMNS, factors, strict=True):
+        try:
+            value = float(cell) * factor
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise ValueError(f"line {number}, {name}: {cell.strip()!r} is not a number")
+        values.append(value)
+    return values[0], values[1], values[2]
+
+
+def _curve(header: Header, points: list[tuple[float, float, float]]) -> AngleCertificate:
+    """The points in the sense in which the encoder counts up, shown minus true."""
+    sign = 1.0 if header.error == "shown minus true" else -1.0
+    if header.sense == "counting down":
+        # What is shown too much in one sense is shown too little in the other. 0 and a whole turn are one place.
+        sign = -sign
+        points = [(REVOLUTION - angle, error, u) for angle, error, u in reversed(points)]
+    angles, errors, uncertainties = zip(*points, strict=True)
+    return AngleCertificate(
+        angles=angles,
+        errors=tuple(sign * error for error in errors),
+        expanded_uncertainties=uncertainties,
+        coverage_factor=header.coverage_factor,
+    )

@@ -1,0 +1,76 @@
+"""`rig certificate`: what the customer gets of a gear."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.reporting import ReportFormat, suffixes_of
+from rig.commands.terminal import console, echo, print_json
+
+
+def certificate(
+    gear: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
+    ],
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .pdf or .html.")
+    ] = Path("certificate.pdf"),
+    format_: Annotated[
+        ReportFormat | None,
+        typer.Option(
+            "--format", help="Instead of the suffix of FILE; both writes the two side by side."
+        ),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
+    acceptance: AcceptanceFile = "",
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            "--config",
+            metavar="FILE",
+            help="Description of the rig whose [laboratory] stands on the page; rig.toml, where there is one.",
+        ),
+    ] = None,
+    require_verdict: RequireVerdict = False,
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
+) -> None:
+    """Write the certificate of a gear: page one alone is enough; curves, numbers and a page for every run follow.
+
+    It reads the analyses in force of the newest run of every kind and fits nothing. INCOMPLETE stands
+    on it where a protocol that the acceptance file asks for has no analysed run. The exit code is the
+    verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from hardware have room for a
+    signature; all others are marked on every page.
+    """
+    from rig.bench.config.load import DEFAULT_PATH
+    from rig.commands.result_tables import print_verdict
+    from rig.exits import code_of_verdict
+    from rig.gears.acceptance import acceptance_named
+    from rig.present.certificate.laboratory import LaboratoryWords, laboratory_of
+    from rig.present.certificate.write import write_certificate
+
+    described = config or (DEFAULT_PATH if DEFAULT_PATH.is_file() else None)
+    written = write_certificate(
+        folder,
+        gear,
+        [output.with_suffix(suffix) for suffix in suffixes_of(output, format_)],
+        acceptance=acceptance_named(acceptance) if acceptance else None,
+        laboratory=laboratory_of(described) if described else LaboratoryWords(),
+    )
+    if json:
+        print_json(written.as_json())
+    else:
+        for path in written.paths:
+            echo(f"{path}: certificate {written.number}, {path.stat().st_size / 1e6:.1f} MB")
+        if written.missing:
+            echo(f"INCOMPLETE: no analysed run of {', '.join(written.missing)}")
+        print_verdict(console(), written.verdict)
+    raise typer.Exit(code_of_verdict(written.verdict.verdict, required=require_verdict))

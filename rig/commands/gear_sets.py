@@ -1,0 +1,230 @@
+"""`rig gear new` and `rig gear check`: a parameter set from a part number, and what contradicts itself in one."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.commands.terminal import console, print_json, table
+
+if TYPE_CHECKING:
+    from model.catalogue.contradictions import Contradiction
+    from model.gear import HarmonicDrive, Value
+    from rig.gears.making import NewGear
+
+Stated = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help='A value from the nameplate or the papers, with its unit: --set ratings.rated_torque="137 N m".',
+    ),
+]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
+]
+
+
+def new(
+    product: Annotated[
+        str,
+        typer.Argument(
+            metavar="PRODUCT", help="Part number with its unit type, such as SHG-32-100-2UH."
+        ),
+    ],
+    serial: Annotated[
+        str, typer.Option("--serial", metavar="SERIAL", help="Serial number of the gear.")
+    ],
+    by: Annotated[
+        str, typer.Option("--by", metavar="NAME", help="Who says so; kept in set and card.")
+    ],
+    set_: Stated = None,
+    mounting: Annotated[
+        str,
+        typer.Option(
+            "--mounting", metavar="WORD", help="circular-spline-fixed or flexspline-fixed."
+        ),
+    ] = "",
+    acceptance: Annotated[
+        str,
+        typer.Option(
+            "--acceptance",
+            metavar="FILE",
+            help="What it must show: a shipped acceptance file, or a TOML file.",
+        ),
+    ] = "",
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
+        ),
+    ] = Path("runs"),
+    json: Json = False,
+) -> None:
+    """Make the parameter set and the card of a gear from its part number.
+
+    Values come from makers' tables where these have the product; the rest is scaled and marked as assumed.
+    On a terminal the nameplate's values are asked one by one, and Enter keeps what is there; a script states them
+    with --set, or leaves them marked.
+    """
+    from model.catalogue.contradictions import contradictions, not_compared
+    from model.catalogue.table import read_product
+    from model.gear_file import SECTIONS
+    from rig.errors import ConfigurationError
+    from rig.gears.card import now_text
+    from rig.gears.making import made_gear, write_new_gear
+    from rig.gears.stating import declared, read_stated
+
+    if not by.strip():
+        raise ConfigurationError(
+            "nobody is named who would make the gear", where="--by", remedy="Give your name."
+        )
+    part, at = read_product(product), now_text()
+    known = declared(SECTIONS)
+    stated = read_stated(set_ or [], known)
+    gear = made_gear(part, stated, by, at)
+    if not json and sys.stdin.isatty():
+        stated |= asked(_questions(gear, stated), known)
+        gear = made_gear(part, stated, by, at)
+    path = str(Path(acceptance).resolve()) if acceptance.lower().endswith(".toml") else acceptance
+    facts = {"serial": serial, "mounting": mounting, "acceptance": path}
+    made = write_new_gear(output, gear, facts, by, at)
+    found, aside = contradictions(gear), not_compared(gear)
+    if json:
+        print_json(
+            {
+                "serial": made.card.serial,
+                "part": gear.name,
+                "file": str(made.path),
+                "assumed": list(made.open_questions),
+                "contradictions": [c.as_json() for c in found],
+                "not_compared": aside,
+            }
+        )
+        return
+    _print_made(made)
+    print_contradictions(found, aside)
+
+
+def check(
+    gear: Annotated[
+        str,
+        typer.Argument(
+            metavar="SERIAL|FILE", help="Serial number of a card, or a parameter set (TOML)."
+        ),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
+        ),
+    ] = Path("runs"),
+    json: Json = False,
+) -> None:
+    """Find what contradicts itself in a gear's parameter set, or contradicts the table of its series; 2 if anything."""
+    from model.catalogue.contradictions import contradictions, not_compared
+    from rig import exits
+
+    part = _named(gear, output)
+    found, aside = contradictions(part), not_compared(part)
+    if json:
+        print_json(
+            {
+                "part": part.name,
+                "contradictions": [c.as_json() for c in found],
+                "not_compared": aside,
+            }
+        )
+    else:
+        print_contradictions(found, aside, part.name)
+    if found:
+        raise typer.Exit(exits.USAGE)
+
+
+def _named(text: str, folder: Path) -> HarmonicDrive:
+    """The parameter set of a file, or of a card by its serial number."""
+    from model.gear_file import load_gear, shipped_gear
+    from rig.errors import ConfigurationError
+    from rig.gears.card import card_for, gear_of
+
+    if text.lower().endswith(".toml"):
+        return load_gear(text)
+    card = card_for(folder, text)
+    if card is None or not card.facts.part:
+        raise ConfigurationError(
+            "there is no card of this gear" if card is None else "its card names no part",
+            where=str(folder),
+            value=text,
+            remedy="Make one with `rig gear new`, or name a TOML file.",
+        )
+    return gear_of(card.facts, shipped_gear())
+
+
+def _questions(gear: HarmonicDrive, stated: Mapping[str, float]) -> Iterable[Value]:
+    from model.catalogue.proportions import NAMEPLATE
+
+    return [gear.value(path) for path in NAMEPLATE if path not in stated]
+
+
+def asked(
+    values: Iterable[Value],
+    known: Mapping[str, Mapping[str, Any]],
+    ask: Callable[[str], str] = input,
+) -> dict[str, float]:
+    """What somebody at the terminal answers: one question for each value; Enter or the end of input keeps it."""
+    from model.errors import ParameterError
+    from model.quantities import readable
+    from rig.gears.stating import value_of
+
+    answers: dict[str, float] = {}
+    for value in values:
+        (text,), unit = readable([value.value], value.unit)
+        question = f"{value.description} [{text} {unit}, {value.origin.provenance}]: "
+        while True:
+            try:
+                answer = ask(question).strip()
+            except EOFError:
+                return answers
+            if not answer:
+                break
+            try:
+                answers[value.path] = value_of(value.path, answer, known[value.path])
+                break
+            except ParameterError as error:
+                typer.echo(str(error))
+    return answers
+
+
+def print_contradictions(found: Iterable[Contradiction], not_compared: str, name: str = "") -> None:
+    """What was found, or that nothing was."""
+    out, listed = console(), list(found)
+    if listed:
+        shown = table("contradiction", "where", "value", "expected", "what to do", box=None)
+        for one in listed:
+            shown.add_row(one.name, one.where, one.value, one.expected, one.remedy)
+        out.print(shown)
+    else:
+        out.print(f"{name or 'the set'}: nothing contradicts itself", style="green")
+    if not_compared:
+        out.print(not_compared, style="yellow", soft_wrap=True)
+
+
+def _print_made(made: NewGear) -> None:
+    out = console()
+    gear = made.gear
+    out.print(f"Gear {made.card.serial}, {gear.name}: {made.path}", soft_wrap=True)
+    if made.open_questions:
+        out.print(
+            "Nobody has looked these up yet; they are assumed:", style="yellow", soft_wrap=True
+        )
+        for path in made.open_questions:
+            out.print(f"  {path}: {gear.value(path).description}", soft_wrap=True)
+    out.print(
+        f"Next: rig gear set {made.card.serial} --by NAME --mounting circular-spline-fixed, "
+        "then look at the gear and confirm the card.",
+        soft_wrap=True,
+    )
