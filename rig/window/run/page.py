@@ -244,7 +244,8 @@ class RunPage(QWidget):
         else:
             self.stages.stands(index, str(told["outcome"]))
             self.run_report = dict(told["report"])
-            self.plots.finish(Path(self.run_report["path"]))
+            if self.run_report.get("path"):
+                self.plots.finish(Path(self.run_report["path"]))
             self._take_origin()
             done = f"{protocol} is done"
             what = f"{done}; the last runs are being analysed" if self.stages.is_over else done

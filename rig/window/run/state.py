@@ -158,7 +158,7 @@ class RunState:
         if ended.outcome != "COMPLETED" or not ended.safe:
             return ended
         state = State.STOPPING if self.stop_asked else State.ANALYSING
-        return replace(ended, state=state, outcome="", what=what)
+        return replace(ended, state=state, outcome="", what=what, moved=True)
 
     def campaign_reported(self, report: dict[str, Any]) -> RunState:
         """After the report of a campaign: the verdict of all its runs, or what stopped it."""
