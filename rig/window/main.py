@@ -69,6 +69,7 @@ class MainWindow(QMainWindow):
         session.theme_changed.connect(lambda _: self._apply_theme())
         self.prepare.start_requested.connect(self.start)
         self.run.review_requested.connect(self.show_review)
+        self.review.run_requested.connect(self.prepare_run)
         self.run.state_changed.connect(self._show_state)
         self.run.closed_safely.connect(self.close)
         # Stopping works from everywhere: whoever looks at something else must not look for the button first.
@@ -142,6 +143,12 @@ class MainWindow(QMainWindow):
             self.run.start_campaign(prepared)
         else:
             self.run.start(prepared)
+
+    def prepare_run(self, serial: str, protocol: str) -> None:
+        """Bring up the page Prepare with a gear and a protocol."""
+        self.prepare.gear.choose(serial)
+        self.prepare.protocol.choose(protocol)
+        self.show_page("prepare")
 
     def show_review(self, path: Path) -> None:
         """Open a run on the Review page."""

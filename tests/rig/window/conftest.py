@@ -78,6 +78,7 @@ class EmptyPage(QWidget):
     """What the main window needs of a page that a test does not look at."""
 
     start_requested = Signal(object)
+    run_requested = Signal(str, str)
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
