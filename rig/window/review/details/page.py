@@ -432,6 +432,7 @@ class RunDetails(QWidget):
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
         self.results.show_result(result, self._gear, self._verdict_on(result))
         if order.keep:
+            self.bar.offer_renewal(None)
             self._read_analyses()
 
     def _take_refusal(self, order: FitOrder, complaint: str) -> None:
