@@ -102,7 +102,7 @@ class MainWindow(QMainWindow):
             button.setCheckable(True)
             button.setAccessibleName(name.capitalize())
             if name == "run":
-                button.setStyleSheet("min-width: 210px;")
+                button.setStyleSheet("min-width: 250px;")
             self._buttons.addButton(button, index)
             row.addWidget(button)
             shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)

@@ -331,6 +331,8 @@ class RunPage(QWidget):
         self.banner.show_state(self.state, self._title)
         self.buttons.set_active(self.is_active)
         self.events.set_active(self.is_active)
+        # Afterwards the outcome stands in their place.
+        self.plots.numbers.setVisible(self.is_active)
         self.state_changed.emit(
             "idle" if self.state.state is State.IDLE else look_of(self.state).word.lower()
         )
