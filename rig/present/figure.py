@@ -39,6 +39,8 @@ HALF_WIDTH = (3.5, 2.5)
 """Width and height [inch]: the whole text width of A4, and half of it; of the first panel."""
 TALL = 0.75
 """Share of the first panel's height that a panel of its full share adds: the axis of x is there once."""
+LETTER_WIDTH, SIGN = 0.0084, 0.42
+"""Width [inch] of a letter of one point, and of the sign and the gap before it in a legend."""
 NUMERAL, CHARACTER = 0.067, 0.066
 """Width [inch] of a numeral at an axis, and of a letter of its label."""
 _WIDTHS = {".": 0.034, "\N{MINUS SIGN}": 0.088, "e": 0.065}
@@ -279,7 +281,7 @@ def _beside_numbers(panels: Sequence[Axes]) -> float:
 def _paint(axes: Axes, plot: Plot, panel: int, bins: int) -> None:
     """The series of one panel."""
     if not any(np.isfinite(s.y).any() for s in plot.of_panel(panel)):
-        words = {"ha": "center", "va": "center", "color": FAINT}
+        words: dict[str, Any] = {"ha": "center", "va": "center", "color": FAINT}
         axes.text(0.5, 0.5, "no data", transform=axes.transAxes, **words)
         return
     logarithmic = plot.y_scale == "log" and not panel
@@ -472,8 +474,10 @@ _PAINTERS: dict[str, Callable[[Axes, Series, _Look, int], None]] = {
 }
 
 
-def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, float]) -> None:
+def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, float]) -> int:
     """The legend of all panels above the first one, in as many columns as fit: it hides nothing."""
+    from matplotlib.transforms import ScaledTranslation
+
     labels = list(dict.fromkeys(s.label for s in plot.series if s.label))
     if len(labels) < 2 and not (labels and plot.series[0].style == "points"):
         return 0
@@ -483,14 +487,16 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
         for some, texts in reversed(named)
         for handle, label in zip(some, texts, strict=True)
     }
-    characters = max(len(label) for label in labels) + (6 if size[0] > 5 else 4)
-    letters = 7.5 if size[0] > 5 else 6.0
-    columns = max(1, min(len(labels), int(size[0] * 15.5 * 7.5 / letters / characters)))
+    # In little room the legend begins left of the panel, over the numbers of its axis.
+    letters, begin = (7.5, 0.0) if size[0] > 5 else (6.0, -0.3)
+    columns = _columns(labels, size[0] - 0.65 - begin, letters)
+    place = first.transAxes + ScaledTranslation(begin, 0.0, figure_of(first).dpi_scale_trans)
     legend = first.legend(
         [handles[label] for label in labels if label in handles],
         [label for label in labels if label in handles],
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0),
+        bbox_transform=place,
         ncols=columns,
         borderaxespad=0.2,
         handlelength=1.9,
@@ -504,6 +510,24 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
         line.set_markersize(max(line.get_markersize(), 3.4))
         line.set_alpha(1.0)
     return -(-len(labels) // columns)
+
+
+def _columns(labels: Sequence[str], room: float, letters: float) -> int:
+    """Into how many columns a legend goes that has this room [inch] and letters of this size [pt]."""
+    for count in range(len(labels), 1, -1):
+        rows = -(-len(labels) // count)
+        columns = [labels[first : first + rows] for first in range(0, len(labels), rows)]
+        widths = [max(map(len, column)) * letters * LETTER_WIDTH + SIGN for column in columns]
+        if sum(widths) <= room:
+            return count
+    return 1
+
+
+def figure_of(axes: Axes) -> Figure:
+    """The figure in which axes stand."""
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure
 
 
 def _ticks(axes: Axes, plot: Plot, y_scale: str) -> None:

@@ -142,7 +142,7 @@ class ResultPlot(PanelPlot):
         self._legend.setWordWrap(True)
         self.shown: Plot | None = None
         self.remarks: tuple[str, ...] = ()
-        self.lower: tuple[PanelPlot, ...] = ()
+        self.below: tuple[PanelPlot, ...] = ()
         """The panels under the first one."""
 
     def show_data(self, plot: Plot) -> None:
@@ -153,7 +153,7 @@ class ResultPlot(PanelPlot):
         self._make_panels(len(plot.panels))
         self.set_labels(plot.title, "" if plot.panels else plot.x_label, plot.y_label)
         self.show_series(drawable, 0)
-        for place, (panel, lower) in enumerate(zip(plot.panels, self.lower, strict=True), 1):
+        for place, (panel, lower) in enumerate(zip(plot.panels, self.below, strict=True), 1):
             is_last = place == len(plot.panels)
             # A low panel has no room for a label in one line.
             label = html.escape(panel.y_label).replace(" [", "<br>[")
@@ -172,13 +172,13 @@ class ResultPlot(PanelPlot):
         self.shown = None
 
     def _make_panels(self, count: int) -> None:
-        for lower in self.lower:
+        for lower in self.below:
             self._rows.removeWidget(lower)
             lower.item.setXLink(None)
             lower.setParent(None)
             lower.deleteLater()
-        self.lower = tuple(PanelPlot(self._session) for _ in range(count))
-        for lower in self.lower:
+        self.below = tuple(PanelPlot(self._session) for _ in range(count))
+        for lower in self.below:
             lower.canvas.setMinimumHeight(LOWEST_PANEL)
             self._rows.addWidget(lower)
 
@@ -191,8 +191,8 @@ class ResultPlot(PanelPlot):
 
     def _align(self) -> None:
         """Panels begin at one place: over each other, the same x lies under the same x."""
-        for panel in (self, *self.lower):
-            panel.item.getAxis("left").setWidth(AXIS_WIDTH if self.lower else None)
+        for panel in (self, *self.below):
+            panel.item.getAxis("left").setWidth(AXIS_WIDTH if self.below else None)
 
     def _legend_width(self) -> float:
         """That of one line and some air: the label itself is content with as many lines as it likes."""

@@ -324,7 +324,7 @@ def test_the_panels_of_a_figure_stand_under_each_other_over_one_x(
         panels=(Panel("residual [mN m]", 0.4),),
     )
     drawn.show_data(made)
-    (low,) = drawn.lower
+    (low,) = drawn.below
     assert [curve.name for curve in drawn.curves] == ["measured", "rigid gear"]
     assert len(low.curves) == 1
     assert low.item.getViewBox().linkedView(0) is drawn.item.getViewBox()
@@ -332,7 +332,7 @@ def test_the_panels_of_a_figure_stand_under_each_other_over_one_x(
     assert null.item.zValue() < drawn.curves[0].item.zValue()
     assert null.item.opts["pen"].color().name() == session.palette.muted
     drawn.show_data(plot_of(Series(label="alone", x=X, y=X)))
-    assert drawn.lower == ()
+    assert drawn.below == ()
 
 
 def test_a_figure_of_other_panels_lies_over_other_axes() -> None:
