@@ -34,6 +34,25 @@ LONGEST = 120.0
 """s that a state may take."""
 COLOURS = 256
 """Colours of a picture: a window has few, and the files stay small."""
+SHORT_CAMPAIGN = """format = "campaign-1"
+name = "short"
+title = "Short inspection"
+
+[[protocol]]
+name = "motor-tare"
+values = { points = 12, measure_time = 1.0 }
+
+[[protocol]]
+name = "home"
+
+[[protocol]]
+name = "starting-torque"
+values = { positions = 4 }
+
+[[protocol]]
+name = "friction"
+values = { points = 12, measure_time = 0.5, lowest_rpm = 10.0 }
+"""
 SHORT_FRICTION = ("--points", "12", "--measure-time", "0.5", "--lowest-rpm", "10")
 
 
@@ -150,6 +169,41 @@ def prepare_ready(stage: Stage) -> None:
     page.checklist.tick_all()
 
 
+def prepare_campaign(stage: Stage) -> None:
+    """The acceptance campaign: all its runs walked, everything signed."""
+    _prepared(stage, "campaign:acceptance")
+    stage.window.prepare.checklist.tick_all()
+
+
+def _campaign(stage: Stage) -> None:
+    """A short campaign, started as the Prepare page does it."""
+    plan = stage.folder / "short.toml"
+    plan.write_text(SHORT_CAMPAIGN, encoding="utf-8")
+    page = stage.window.prepare
+    page.protocol._choose_plan = lambda: plan
+    _prepared(stage, "campaign of a plan file …")
+    page.checklist.tick_all()
+    page.start()
+    run = stage.window.run
+    stage.wait(lambda: run.prompt.is_armed and run.prompt.give.isEnabled())
+    run.prompt.give.click()
+
+
+def run_campaign(stage: Stage) -> None:
+    """A campaign in the middle: runs that are done, the one that is under way, those to come."""
+    _campaign(stage)
+    run = stage.window.run
+    stage.wait(lambda: run.stages.rows[3].standing == "under way" and run.bar.value() > 400)
+    stage.settle()
+
+
+def run_campaign_finished(stage: Stage) -> None:
+    """The end of a campaign: verdict with its reasons, and the certificate."""
+    _campaign(stage)
+    stage.wait(lambda: stage.window.run.state.ended)
+    stage.settle()
+
+
 def _prepared(stage: Stage, protocol: str, gear: bool = True) -> None:
     """The Prepare page with operator, gear card and protocol."""
     page = stage.window.prepare
@@ -167,6 +221,7 @@ def _prepared(stage: Stage, protocol: str, gear: bool = True) -> None:
             "load_inertia_uncertainty_kg_m2": "0.002",
             "output_radial_runout_um": "8",
             "output_axial_runout_um": "5",
+            "acceptance": "demonstration",
         }
         for name, text in told.items():
             page.gear.form.rows[name].set_value(text)
@@ -327,7 +382,7 @@ def _some_runs() -> Path:
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
     from rig.analysis.fit import store
-    from rig.analysis.fit_run import fit_files
+    from rig.analysis.fit_run import Choices, fit_run
     from rig.commands.running import read_flags
     from rig.run.start import RunRequest, run_request
 
@@ -350,7 +405,7 @@ def _some_runs() -> Path:
             )
         )
         path = max(folder.glob("*.h5"))
-        store(fit_files([path], tare=tare)[0], "2026-01-01T12:00:00+00:00")
+        store(fit_run(path, choices=Choices(tare=tare)), "2026-01-01T12:00:00+00:00")
         tare = tare or path
     return folder
 
@@ -377,6 +432,9 @@ STATES: dict[str, Callable[[Stage], None]] = {
     "prepare-output": prepare_output,
     "prepare-margins": prepare_margins,
     "prepare-ready": prepare_ready,
+    "prepare-campaign": prepare_campaign,
+    "run-campaign": run_campaign,
+    "run-campaign-finished": run_campaign_finished,
     "run-idle": run_idle,
     "run-armed": run_armed,
     "run-running": run_running,

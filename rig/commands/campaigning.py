@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.campaign_crew import program_crew, terminal_crew
 from rig.commands.result_tables import print_verdict
-from rig.commands.running import Config, Json, MountedHow, Parameters, SampleRate
+from rig.commands.running import (
+    Config,
+    Events,
+    Json,
+    MountedHow,
+    Parameters,
+    SampleRate,
+    StdinControl,
+)
 from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
 from rig.commands.worlds import (
     BenchSeed,
@@ -22,15 +32,11 @@ from rig.commands.worlds import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from rig.gears.acceptance import Acceptance
-    from rig.run.dry_run import PlannedRun
     from rig.run.start import RunRequest
-    from rig.trial.campaign.conduct import CampaignReport, Crew
-    from rig.trial.campaign.journal import DoneStage
+    from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew
     from rig.trial.campaign.plan import CampaignPlan
-    from rig.trial.campaign.walk import Walk, WalkedStage
+    from rig.trial.campaign.walk import Walk
 
 
 @outliving_the_terminal()
@@ -94,6 +100,8 @@ def campaign(
         typer.Option("--require-verdict", help="Exit with 7 where the gear was NOT JUDGED."),
     ] = False,
     json: Json = False,
+    events: Events = False,
+    stdin_control: StdinControl = False,
 ) -> None:
     """Take a gear through a campaign: protocols in order, one verdict, one certificate.
 
@@ -132,28 +140,44 @@ def campaign(
     if dry_run:
         print_json(walked.as_json()) if json else _print_walk(walked)
         return
-    report = _conducted(walked, pattern, acceptance, anew=anew, quiet=json)
-    certificate = _certificate(report, pattern, acceptance)
+    order = _order_of(walked, pattern, acceptance, anew=anew)
+    if events or stdin_control:
+        report = _conducted_for_a_program(order, pattern, events, stdin_control)
+    else:
+        with terminal_crew(walked, quiet=json) as crew:
+            report = _conducted(order, crew, pattern)
     if junit is not None:
         from rig.trial.campaign.junit import write_junit
 
-        write_junit(report, junit)
-    if json:
-        print_json({**report.as_json(), "certificate": certificate})
+        write_junit(report.campaign, junit)
+    if events:
+        pass
+    elif json:
+        print_json(report.as_json())
     else:
-        _print_report(report, certificate)
-    raise typer.Exit(_code_of(report, require_verdict))
+        _print_report(report.campaign, report.certificate)
+    raise typer.Exit(_code_of(report.campaign, require_verdict))
+
+
+@dataclass(frozen=True)
+class Conducted:
+    """A campaign as far as it came, and the files of its certificate."""
+
+    campaign: CampaignReport
+    certificate: list[str]
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `rig campaign --json` prints."""
+        return {**self.campaign.as_json(), "certificate": self.certificate}
 
 
 def _code_of(report: CampaignReport, require_verdict: bool) -> int:
     """First what stopped it, then an analysis that crashed, then the verdict."""
     from rig import exits
 
-    if not report.is_complete:
-        return exits.code_of_outcome(report.outcome)
-    if report.problems:
+    if report.is_complete and report.problems:
         return exits.ERROR
-    return exits.code_of_verdict(report.verdict.verdict, required=require_verdict)
+    return exits.code_of_run(report.outcome, report.verdict.verdict, required=require_verdict)
 
 
 def _plan_of(name: str, path: Path | None) -> CampaignPlan:
@@ -173,15 +197,13 @@ def _acceptance_of(pattern: RunRequest, named: str) -> Acceptance | None:
     return acceptance_named(named) if named else acceptance_for(pattern.output, pattern.gear_serial)
 
 
-def _conducted(
-    walked: Walk, pattern: RunRequest, acceptance: str, *, anew: bool, quiet: bool
-) -> CampaignReport:
+def _order_of(walked: Walk, pattern: RunRequest, acceptance: str, *, anew: bool) -> CampaignOrder:
     from rig.bench.backends.registry import is_simulated
     from rig.gears.card import now_text
     from rig.run.start import bench_for
-    from rig.trial.campaign.conduct import CampaignOrder, conduct
+    from rig.trial.campaign.conduct import CampaignOrder
 
-    order = CampaignOrder(
+    return CampaignOrder(
         walk=walked,
         serial=pattern.gear_serial,
         folder=pattern.output,
@@ -192,48 +214,38 @@ def _conducted(
         beside=is_simulated(pattern.backend),
         anew=anew,
     )
-    with _crew(walked, quiet) as crew:
-        return conduct(order, crew)
 
 
-@contextmanager
-def _crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
-    """STOP by signals, prompts at the terminal, each run armed by whoever sits there, and progress."""
-    from rig.commands.ordering import confirmed
-    from rig.commands.prompting import terminal_ask
-    from rig.run.progress import progress_line
-    from rig.run.stop import StopRequest, pressed_by_signals
-    from rig.trial.campaign.conduct import Crew
+def _conducted(order: CampaignOrder, crew: Crew, pattern: RunRequest) -> Conducted:
+    from rig.trial.campaign.conduct import conduct
+
+    report = conduct(order, crew)
+    return Conducted(report, _certificate(report, order, pattern))
+
+
+def _conducted_for_a_program(
+    order: CampaignOrder, pattern: RunRequest, events: bool, stdin_control: bool
+) -> Conducted:
+    """A campaign whose operator is another program: words on standard input, lines of JSON on standard output."""
+    from drivers.clock import WallClock
+    from rig.analysis.store import json_ready
+    from rig.run.remote import RemoteOperator
+    from rig.run.stop import StopRequest
+
+    def write(line: str) -> None:
+        if events:
+            sys.stdout.write(line + "\n")
+            sys.stdout.flush()
 
     stop = StopRequest()
-    number = len(walked.stages)
-
-    def begun(index: int, one: WalkedStage) -> None:
-        if not quiet:
-            typer.echo(f"[{index + 1}/{number}] {one.stage.protocol}", err=True)
-
-    def ended(done: DoneStage) -> None:
-        if not quiet:
-            typer.echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), err=True)
-
-    def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
-        return confirmed(request, planned, asks=not quiet)
-
-    with (
-        pressed_by_signals(stop),
-        progress_line(f"campaign {walked.plan.name}", walked.nominal, quiet) as (progress, _),
-    ):
-        yield Crew(
-            stop=stop,
-            ask=terminal_ask(stop),
-            prepare=prepare,
-            begun=begun,
-            ended=ended,
-            on_progress=progress,
-        )
+    remote = RemoteOperator(stop, write, WallClock())
+    with program_crew(order.walk, remote, stop, listens=stdin_control) as crew:
+        conducted = _conducted(order, crew, pattern)
+    remote.report(json_ready(conducted.as_json()))
+    return conducted
 
 
-def _certificate(report: CampaignReport, pattern: RunRequest, acceptance: str) -> list[str]:
+def _certificate(report: CampaignReport, order: CampaignOrder, pattern: RunRequest) -> list[str]:
     """Write the certificate of a campaign beside its runs, HTML and PDF; the paths, none where nothing is analysed."""
     from rig.present.certificate.laboratory import laboratory_of
     from rig.present.certificate.write import write_certificate
@@ -246,7 +258,7 @@ def _certificate(report: CampaignReport, pattern: RunRequest, acceptance: str) -
         pattern.output,
         pattern.gear_serial,
         outputs,
-        acceptance=_acceptance_of(pattern, acceptance),
+        acceptance=order.acceptance,
         protocols=[one.stage.protocol for one in report.walk.stages],
         laboratory=laboratory_of(pattern.configuration) if pattern.configuration else None,
     )

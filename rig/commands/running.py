@@ -84,6 +84,20 @@ Config = Annotated[
         help="The rig's configuration (rig.toml): gear, motor, limits, rate, folder.",
     ),
 ]
+Events = Annotated[
+    bool,
+    typer.Option(
+        "--events",
+        help="Tell events and progress as JSON lines on standard output, the report last.",
+    ),
+]
+StdinControl = Annotated[
+    bool,
+    typer.Option(
+        "--stdin-control",
+        help="Take STOP, ABORT and notes as lines on standard input; its end is a STOP.",
+    ),
+]
 
 
 @with_protocol_flags
@@ -146,20 +160,8 @@ def run(
         typer.Option("--all", help="All that was found and every margin, not only what matters."),
     ] = False,
     json: Json = False,
-    events: Annotated[
-        bool,
-        typer.Option(
-            "--events",
-            help="Tell events and progress as JSON lines on standard output, the report last.",
-        ),
-    ] = False,
-    stdin_control: Annotated[
-        bool,
-        typer.Option(
-            "--stdin-control",
-            help="Take STOP, ABORT and notes as lines on standard input; its end is a STOP.",
-        ),
-    ] = False,
+    events: Events = False,
+    stdin_control: StdinControl = False,
     show_help: Help = False,
 ) -> None:
     """Execute a protocol on a rig and keep it as one run file.

@@ -65,6 +65,8 @@ class Engine:
     ) -> None:
         self.plan = tuple(plan)
         self.index = 0
+        self.begun: list[int] = []
+        """Row at which each step began, so far."""
         self._machine = machine
         self._journal = journal
         self._ask = ask
@@ -90,6 +92,7 @@ class Engine:
     def _walk(self) -> Phases:
         for index, step in enumerate(self.plan):
             self.index = index
+            self.begun.append(self._machine.rows)
             match step:
                 case Mark():
                     self._journal.event("info", step.code, "protocol", step.text)

@@ -5,7 +5,7 @@ the progress.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Protocol
@@ -152,6 +152,8 @@ class Progress:
     """Peak, limit and share left of every limited quantity so far."""
     file: str = ""
     """The run file that grows."""
+    begun: Sequence[float] = ()
+    """When each step of the plan began, so far, since the start of the run [s]."""
 
 
 def _finite(value: float) -> float | None:

@@ -5,9 +5,15 @@ of the input is a STOP: a dead man's switch. Out (standard output), one object p
 by "kind":
 
     {"kind": "event", "time_ns", "level", "code", "source", "text"} {"kind": "progress", "step",
-    "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin", "margins", "file"}
+    "steps", "what", "elapsed", "left", "speed", "events", "nearest", "margin", "margins", "file", "begun"}
     {"kind": "prompt", "text", "key", "consent"}    consent: what is consented to; empty: text is wanted
     {"kind": "report", ...}     the object that `rig run --json` prints; always the last line
+
+A campaign tells of its stages as well, and its report is the object that `rig campaign --json` prints:
+
+    {"kind": "campaign", "campaign", "title", "gear", "stages": [{"protocol", "nominal", "longest"}]}
+    {"kind": "stage", "index", "protocol", "state", "run", "outcome", "message", "report"}
+        state: begun, ended (report: the object that `rig run --json` prints), counts (run before)
 """
 
 from __future__ import annotations
@@ -77,7 +83,7 @@ class RemoteOperator:
         """Put a prompt once; the answer, or None while there is none. Nobody there: not answered."""
         if self._asked is not prompt:
             self._asked = prompt
-            self._tell("prompt", asdict(prompt))
+            self.tell("prompt", asdict(prompt))
         if self._is_gone:
             return "(nobody there: not answered)"
         try:
@@ -90,7 +96,7 @@ class RemoteOperator:
 
     def on_event(self, event: Event) -> None:
         """Tell an event."""
-        self._tell("event", asdict(event))
+        self.tell("event", asdict(event))
 
     def on_progress(self, progress: Progress) -> None:
         """Tell progress, not more often than a window needs."""
@@ -98,13 +104,14 @@ class RemoteOperator:
         if self._reported_ns is not None and now - self._reported_ns < PROGRESS_INTERVAL * 1e9:
             return
         self._reported_ns = now
-        self._tell("progress", asdict(progress))
+        self.tell("progress", asdict(progress))
 
     def report(self, report: Mapping[str, Any]) -> None:
         """Tell how it ended: the object that `rig run --json` prints."""
-        self._tell("report", dict(report))
+        self.tell("report", dict(report))
 
-    def _tell(self, kind: str, fields: dict[str, Any]) -> None:
+    def tell(self, kind: str, fields: Mapping[str, Any]) -> None:
+        """One line: what it is, and its fields."""
         self._write(json.dumps({"kind": kind, **fields}, allow_nan=False, default=str))
 
 

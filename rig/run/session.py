@@ -410,6 +410,7 @@ class Session:
                 margin=margin,
                 margins=self._supervisor.margins(),
                 file=str(self._logbook.run.part),
+                begun=[row * machine.period for row in engine.begun],
             )
         )
 

@@ -37,7 +37,7 @@ from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, room_for, scrolled, text_label
 from rig.window.shell.theme import apply_theme, theme_named
-from rig.window.work.prepared import PreparedRun
+from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
 PAGES = ("prepare", "run", "review")
 """The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
@@ -69,6 +69,7 @@ class MainWindow(QMainWindow):
         session.theme_changed.connect(lambda _: self._apply_theme())
         self.prepare.start_requested.connect(self.start)
         self.run.review_requested.connect(self.show_review)
+        self.review.run_requested.connect(self.prepare_run)
         self.run.state_changed.connect(self._show_state)
         self.run.closed_safely.connect(self.close)
         # Stopping works from everywhere: whoever looks at something else must not look for the button first.
@@ -101,7 +102,7 @@ class MainWindow(QMainWindow):
             button.setCheckable(True)
             button.setAccessibleName(name.capitalize())
             if name == "run":
-                button.setStyleSheet("min-width: 210px;")
+                button.setStyleSheet("min-width: 250px;")
             self._buttons.addButton(button, index)
             row.addWidget(button)
             shortcut = QShortcut(QKeySequence(f"Ctrl+{index + 1}"), self)
@@ -130,15 +131,24 @@ class MainWindow(QMainWindow):
         self.stack.setCurrentIndex(index)
         self._buttons.button(index).setChecked(True)
 
-    def start(self, prepared: PreparedRun) -> None:
-        """Start a prepared run and watch it."""
+    def start(self, prepared: PreparedRun | PreparedCampaign) -> None:
+        """Start a prepared run, or a campaign of them, and watch it."""
         if self.run.is_active:
             self.session.message.emit(
                 "A run is going on: stop it or wait for its end before the next."
             )
             return
         self.show_page("run")
-        self.run.start(prepared)
+        if isinstance(prepared, PreparedCampaign):
+            self.run.start_campaign(prepared)
+        else:
+            self.run.start(prepared)
+
+    def prepare_run(self, serial: str, protocol: str) -> None:
+        """Bring up the page Prepare with a gear and a protocol."""
+        self.prepare.gear.choose(serial)
+        self.prepare.protocol.choose(protocol)
+        self.show_page("prepare")
 
     def show_review(self, path: Path) -> None:
         """Open a run on the Review page."""

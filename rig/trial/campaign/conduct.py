@@ -21,6 +21,7 @@ from rig.trial.campaign.standing import facts_of, outdated, refuse_another
 from rig.trial.campaign.walk import Walk, WalkedStage
 
 if TYPE_CHECKING:
+    from experiments.recording import Event
     from rig.gears.acceptance import Acceptance
     from rig.run.dry_run import PlannedRun
     from rig.run.engine import Ask
@@ -53,15 +54,18 @@ class CampaignOrder:
 class Crew:
     """Who has a say while a campaign goes on: STOP, prompts, the arming of each run, and what is shown.
 
-    `prepare` gives a stage's request its last words before it runs; `begun` hears of a stage that begins.
+    `prepare` gives a stage's request its last words before it runs; `begun` hears of a stage that
+    begins, `ended` of one that was run, `standing` of one that was run before and still counts.
     """
 
     stop: StopRequest
     ask: Ask
     prepare: Callable[[RunRequest, PlannedRun], RunRequest] = lambda request, planned: request
     begun: Callable[[int, WalkedStage], None] = lambda index, stage: None
-    ended: Callable[[DoneStage], None] = lambda done: None
+    ended: Callable[[DoneStage, RunReport], None] = lambda done, report: None
+    standing: Callable[[DoneStage], None] = lambda done: None
     on_progress: Callable[[Progress], None] | None = None
+    on_event: Callable[[Event], None] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,7 +172,9 @@ def _run_missing(
 
     report = None
     for index, one in enumerate(order.walk.stages):
-        if journal.counts(index):
+        before = journal.newest(index)
+        if before is not None and before.counts:
+            crew.standing(before)
             continue
         request = crew.prepare(one.request, one.planned)
         crew.begun(index, one)
@@ -178,6 +184,7 @@ def _run_missing(
             stop=crew.stop,
             ask=crew.ask,
             on_progress=crew.on_progress,
+            on_event=crew.on_event,
         )
         done = DoneStage(
             index=index,
@@ -188,7 +195,7 @@ def _run_missing(
             at=order.now(),
         )
         journal = journal.with_stage(done)
-        crew.ended(done)
+        crew.ended(done, report)
         if report.outcome != "COMPLETED":
             break
         analyses.take(report.path)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
-    from rig.run.order import Progress
+    from rig.run.order import Progress, RunReport
     from rig.run.stop import StopRequest
     from rig.trial.campaign.journal import DoneStage
 
@@ -152,7 +152,7 @@ class _Watcher:
             self._told = instant
             self._show(Step(self._protocol, now.elapsed, now.left, "running"))
 
-    def ended(self, done: DoneStage) -> None:
+    def ended(self, done: DoneStage, _: RunReport) -> None:
         finished = Finished(
             protocol=done.protocol,
             path=self._folder / done.run,

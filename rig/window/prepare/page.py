@@ -16,6 +16,7 @@ from PySide6.QtWidgets import (
     QFrame,
     QHBoxLayout,
     QLineEdit,
+    QStackedWidget,
     QWidget,
 )
 
@@ -23,29 +24,29 @@ from experiments.errors import ExperimentError
 from model.errors import ModelError
 from rig.errors import RigError
 from rig.run.preflight import Check
+from rig.window.prepare.campaign import look_ahead_campaign
 from rig.window.prepare.checklist import Checklist
 from rig.window.prepare.checklist_doctor import checks_from
 from rig.window.prepare.form import refusal_text
 from rig.window.prepare.gear import GearSection
+from rig.window.prepare.handover import handed_over, summary_of
 from rig.window.prepare.preview_plot import (
     PreviewPlots,
     short_name,
-    summary,
 )
 from rig.window.prepare.protocol import ProtocolSection
 from rig.window.prepare.request import (
     Intent,
     Outlook,
     RigChoice,
-    arguments_for,
     doctor_arguments,
     is_armed,
     look_ahead,
     obstacles,
     sign_off_notes,
-    title_of,
     write_parameters,
 )
+from rig.window.prepare.walk_table import WalkTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -59,7 +60,6 @@ from rig.window.shell.stack import (
     text_label,
 )
 from rig.window.work.background import BackgroundCommand, LatestTask, json_object, single_shot
-from rig.window.work.prepared import PreparedRun
 
 TYPING_PAUSE = 250
 """ms without a change after which the plan is worked out anew."""
@@ -86,7 +86,8 @@ class PreparePage(QWidget):
         self.operator = self._operator_field()
         self.gear = GearSection(session)
         self.protocol = ProtocolSection(session)
-        self.plots = PreviewPlots(session)
+        self.plots, self.walk = PreviewPlots(session), WalkTable(session)
+        self.preview = QStackedWidget()
         self.summary, self.refusal = text_label(wraps=True), text_label(wraps=True)
         self.checklist = Checklist()
         self.confirmation = line_field("Confirmation")
@@ -130,7 +131,7 @@ class PreparePage(QWidget):
             in_column(
                 _card("1  Operator", holder),
                 self.gear_card,
-                _card("3  Protocol", self.protocol),
+                _card("3  Campaign or protocol", self.protocol),
                 (None, 1),
                 margins=(8, 8, 8, 8),
                 spacing=8,
@@ -142,8 +143,10 @@ class PreparePage(QWidget):
         self.setLayout(in_column((whole, 1), margins=(0, 0, 0, 0)))
 
     def _right_side(self) -> QWidget:
+        for view in (self.plots, self.walk):
+            self.preview.addWidget(view)
         preview = room_for(
-            in_column(self.summary, self.refusal, (self.plots, 1), margins=(8, 8, 8, 4))
+            in_column(self.summary, self.refusal, (self.preview, 1), margins=(8, 8, 8, 4))
         )
         title = text_label("4  Pre-flight", "heading")
         # The one whose words change stands first, so that no other moves under the mouse.
@@ -196,6 +199,8 @@ class PreparePage(QWidget):
             card=self.gear.card if mounted else None,
             operator=self.operator.text().strip(),
             confirmation=self.confirmation.text(),
+            campaign=self.protocol.campaign,
+            anew=bool(self.protocol.campaign) and self.protocol.anew.isChecked(),
         )
 
     @property
@@ -227,7 +232,7 @@ class PreparePage(QWidget):
     def start(self) -> None:
         """Hand the prepared run over, if nothing stands in the way."""
         outlook = self.outlook
-        if self.obstacles or outlook is None or outlook.request is None or outlook.planned is None:
+        if self.obstacles or outlook is None or outlook.request is None:
             self._show_readiness()
             return
         try:
@@ -236,15 +241,9 @@ class PreparePage(QWidget):
             self._session.message.emit(str(error))
             return
         request = outlook.request
-        self._remember(request.operator, request.protocol)
-        prepared = PreparedRun(
-            request,
-            outlook.planned,
-            arguments_for(request, parameters),
-            outlook.preview,
-            title_of(request, outlook.planned),
-            sign_off_notes(self.checklist.checks, request.operator),
-        )
+        notes = sign_off_notes(self.checklist.checks, request.operator)
+        prepared = handed_over(outlook, request, parameters, notes)
+        self._remember(request.operator, self.protocol.chosen)
         # A signature and a confirmation are for one run.
         self.checklist.clear_ticks()
         self.confirmation.clear()
@@ -319,6 +318,10 @@ class PreparePage(QWidget):
 
         what = "the gear's serial number" if self.protocol.gear_mounted else WITHOUT_GEAR
         self.confirmation.setPlaceholderText(f"type {what} to arm")
+        # A campaign is armed run by run, on the page Run.
+        once = not self.protocol.campaign
+        self.confirmation.setVisible(self._session.is_hardware and once)
+        self.start_button.setText("&Start the run" if once else "&Start the campaign")
 
     def _ask_for_outlook(self) -> None:
         self._timer.start()
@@ -326,7 +329,8 @@ class PreparePage(QWidget):
 
     def _look_ahead(self) -> None:
         intent = self.intent
-        self.looking_ahead.start(lambda: look_ahead(intent))
+        look = look_ahead_campaign if intent.campaign else look_ahead
+        self.looking_ahead.start(lambda: look(intent))
 
     def _take_outlook(self, outlook: Outlook) -> None:
         self.outlook = outlook
@@ -339,7 +343,10 @@ class PreparePage(QWidget):
         if isinstance(problem, ExperimentError):
             self.protocol.form.mark(problem.where, refusal_text(problem))
         self.plots.show_preview(preview)
-        self.summary.setText(summary(preview) if preview is not None else "No plan.")
+        self.walk.show_walk(outlook.walk, outlook.done)
+        self.preview.setCurrentWidget(self.walk if outlook.intent.campaign else self.plots)
+        self.protocol.allow_anew(any(outlook.done))
+        self.summary.setText(summary_of(outlook))
         lines = [f"! {warning.text}" for warning in preview.warnings] if preview is not None else []
         if problem is not None:
             lines = [f"✗ {problem}"]

@@ -35,6 +35,7 @@ from rig.run.latch import TripLatch, latch_of
 from rig.run.preflight import Check, static_checks
 from rig.run.progress import in_words as time_in_words
 from rig.run.start import RunRequest, plan_request
+from rig.trial.campaign.walk import Walk
 
 KNOWN_BY_THE_RIG = ("mounting", "sync_rate")
 """Parameters of protocols that follow from the gear card and the rig: not asked for twice."""
@@ -69,6 +70,10 @@ class Intent:
     card: GearCard | None = None
     operator: str = ""
     confirmation: str = ""
+    campaign: str = ""
+    """A campaign that ships, or the file of a plan, instead of one run of `protocol`."""
+    anew: bool = False
+    """Whether that campaign begins again where an unfinished one could go on."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +86,10 @@ class Outlook:
     preview: PlanPreview | None = None
     checks: tuple[Check, ...] = ()
     problem: Exception | None = None
+    walk: Walk | None = None
+    """Of a campaign: all its runs."""
+    done: tuple[str, ...] = ()
+    """Of a campaign that goes on: the run that counts for each stage, "" where there is none."""
 
 
 def request_for(intent: Intent) -> RunRequest:
@@ -159,14 +168,12 @@ def look_ahead(intent: Intent) -> Outlook:
         checks += static_checks(planned, intent.rig.folder)
     if catalogue.load(intent.protocol).gear_mounted:
         serial = intent.facts.serial if intent.facts is not None else ""
-        checks[:0] = [
-            _for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)
-        ]
+        checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
     checks += latch_checks(intent.rig)
     return Outlook(intent, request, planned, preview, tuple(checks), problem)
 
 
-def _for_this_rig(check: Check, rig: RigChoice) -> Check:
+def for_this_rig(check: Check, rig: RigChoice) -> Check:
     """What is merely unknown matters on hardware; of a simulated gear nobody can know it."""
     if check.result == "warning" and not rig.is_hardware:
         return replace(check, result="ok", evidence=f"{check.evidence} (a simulated gear)")
@@ -254,8 +261,10 @@ def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
     if intent.rig.is_hardware:
         mounted = catalogue.load(intent.protocol).gear_mounted
         serial = intent.facts.serial if intent.facts is not None else ""
+        # A campaign is armed run by run, each when it begins.
+        typed = serial if intent.campaign else intent.confirmation
         try:
-            refuse_unarmed(Arming(intent.operator, serial, intent.confirmation, mounted))
+            refuse_unarmed(Arming(intent.operator, serial, typed, mounted))
         except ConfigurationError as error:
             reasons.append(short(error))
     return reasons
@@ -296,7 +305,20 @@ def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int
     `parameters` is the parameter file of the gear. Every value is tied to its flag by "=": none is
     taken for another flag.
     """
-    words = ["run", request.protocol, f"--backend={request.backend}", f"--output={request.output}"]
+    words = ["run", request.protocol, *rig_flags(request, parameters)]
+    if seed:
+        words.append(f"--seed={seed}")
+    if request.confirmation:
+        words.append(f"--confirm={request.confirmation}")
+    words += [
+        f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in request.values.items()
+    ]
+    return [*words, "--events", "--stdin-control"]
+
+
+def rig_flags(request: RunRequest, parameters: Path | None = None) -> list[str]:
+    """Which rig, gear and operator: what a run and a campaign are told alike."""
+    words = [f"--backend={request.backend}", f"--output={request.output}"]
     words.append(f"--mounting={request.mounting}")
     if request.gear_serial != "unknown":
         words.append(f"--gear={request.gear_serial}")
@@ -308,14 +330,7 @@ def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int
         words.append(f"--parameters={parameters}")
     if request.sample_rate != DEFAULT_SAMPLE_RATE:
         words.append(f"--sample-rate={request.sample_rate:g}")
-    if seed:
-        words.append(f"--seed={seed}")
-    if request.confirmation:
-        words.append(f"--confirm={request.confirmation}")
-    words += [
-        f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in request.values.items()
-    ]
-    return [*words, "--events", "--stdin-control"]
+    return words
 
 
 def doctor_arguments(

@@ -12,6 +12,9 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from experiments.result import Result
+from model.errors import WordedError
+from rig.analysis.digest import choices_of
+from rig.analysis.in_force import InForce
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
 from rig.analysis.tare import tare_kind
@@ -64,6 +67,21 @@ def order_of(analysis: Analysis, run: Path, runs: Mapping[str, Path]) -> FitOrde
         (name, _setting(value)) for name, value in analysis.content.get("settings", {}).items()
     )
     return FitOrder(run, analysis.kind, tare, None, settings)
+
+
+def renewal_of(run: Path, found: InForce) -> FitOrder | None:
+    """The fit that makes an analysis in force anew, with what was chosen by hand when it was made.
+
+    None where that was a parameter set, or to leave a tare away: both are chosen again by hand.
+    """
+    try:
+        choices = choices_of(run, found)
+    except WordedError:
+        return None
+    if choices.gear is not None or choices.no_tare or choices.largest_missed_share is not None:
+        return None
+    settings = tuple((name, _setting(value)) for name, value in choices.settings.items())
+    return FitOrder(run, found.kind, choices.tare, None, settings, keep=True)
 
 
 def tares_among(runs: Iterable[IndexedRun], origin: str) -> list[IndexedRun]:

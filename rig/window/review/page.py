@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from datetime import date
 from pathlib import Path
 
-from PySide6.QtCore import Qt, QTimer, QUrl
+from PySide6.QtCore import Qt, QTimer, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QShowEvent
 from PySide6.QtWidgets import QStackedWidget, QWidget
 
@@ -38,6 +38,9 @@ class ReviewPage(QWidget):
     """The page. `opener` opens a file on the desktop; `choose_file` asks for a parameter set; tests
     hand in their own.
     """
+
+    run_requested = Signal(str, str)
+    """Carries the serial number of a gear and the protocol of a run that it lacks."""
 
     def __init__(
         self,
@@ -74,6 +77,7 @@ class ReviewPage(QWidget):
         library.difference_requested.connect(lambda paths: self.show_difference(*paths))
         library.passport_requested.connect(self.show_passport)
         self.passport.run_chosen.connect(self.show_run)
+        self.passport.run_requested.connect(self.run_requested)
         self.passport.report_requested.connect(self.make_gear_report)
         library.report_requested.connect(self.make_report)
         self.details.report_requested.connect(self.make_report)

@@ -15,10 +15,12 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from model.errors import WordedError
 from rig.analysis.store import read_analyses
 from rig.analysis.tare import takes_tare
 from rig.analysis.wording import fixed, number
 from rig.errors import RigError
+from rig.gears.acceptance import acceptance_for
 from rig.library.index import IndexedRun
 from rig.window.plot.result_plot import PlotGallery
 from rig.window.review.fit import FitDesk, FitOrder, tares_among
@@ -53,6 +55,8 @@ class PassportView(QWidget):
     run_chosen = Signal(Path)
     report_requested = Signal(str, str)
     """Carries the serial number and the suffix of the report."""
+    run_requested = Signal(str, str)
+    """Carries the serial number and the protocol of a run that the gear lacks."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -70,6 +74,9 @@ class PassportView(QWidget):
             "motor tare; kept beside its run",
             act=self.fit_missing,
         )
+        self._lacking: tuple[str, ...] = ()
+        self.prepare = push_button("&Prepare a run", "primary", act=self._prepare)
+        self.prepare.hide()
         self.report = push_button(
             "Gear r&eport",
             tip="The report of this gear over all its runs, as a web page (HTML), and open it",
@@ -97,7 +104,7 @@ class PassportView(QWidget):
         self._show_busy(False)
 
     def _lay_out(self) -> None:
-        ways = (self.busy, self.cancel, self.analyse, self.report, self.pdf)
+        ways = (self.busy, self.cancel, self.prepare, self.analyse, self.report, self.pdf)
         head = in_row((self.title, 1), self.mark, *ways)
         self.tabs = QTabWidget()
         for page, name in (
@@ -183,6 +190,21 @@ class PassportView(QWidget):
         self.missing.show_rows(MISSING_COLUMNS, gaps)
         self.tabs.setTabText(3, f"Missing ({len(gaps)})" if gaps else "Nothing missing")
         self.says.setText("\n".join((summary(passport), *self._refusals)))
+        self._show_lacking()
+
+    def _show_lacking(self) -> None:
+        """The way to the next run that the gear's acceptance asks for and that nobody has made."""
+        self._lacking = lacking_runs(self._session.folder, self._serial, self._library)
+        self.prepare.setVisible(bool(self._lacking))
+        if self._lacking:
+            self.prepare.setText(f"&Prepare {self._lacking[0]}")
+            self.prepare.setToolTip(
+                f"The acceptance of this gear asks for runs that it lacks: {', '.join(self._lacking)}"
+            )
+
+    def _prepare(self) -> None:
+        if self._lacking:
+            self.run_requested.emit(self._serial, self._lacking[0])
 
     def _open_run(self, row: int) -> None:
         if self.passport is not None:
@@ -196,6 +218,26 @@ def _reader(folder: Path, serial: str) -> Callable[[], Passport]:
         return passport(folder, serial)
 
     return read
+
+
+def lacking_runs(folder: Path, serial: str, library: Sequence[IndexedRun]) -> tuple[str, ...]:
+    """The protocols that the gear's acceptance file has limits for, and of which it has no completed run.
+
+    Nothing for a gear without an acceptance file, or with one that cannot be read: its verdict says so.
+    """
+    try:
+        acceptance = acceptance_for(folder, serial)
+    except WordedError:
+        return ()
+    if acceptance is None:
+        return ()
+    made = {
+        run.protocol
+        for run in library
+        if run.gear_serial == serial and run.is_complete and run.outcome == "COMPLETED"
+    }
+    kinds = dict.fromkeys(limit.kind for limit in acceptance.limits)
+    return tuple(kind for kind in kinds if kind not in made)
 
 
 def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:

@@ -47,6 +47,8 @@ class FitBar(QWidget):
     """Carries a `FitOrder` whose parameter set is to be held against the run."""
     save_requested = Signal(object, Path)
     """Carries a `FitOrder` and the file that takes what it identifies as a parameter set."""
+    renew_requested = Signal(object)
+    """Carries the `FitOrder` that makes a stale analysis anew, as it was made."""
     cancelled = Signal()
 
     def __init__(self, session: WindowSession, choose_file: ChooseFile | None = None) -> None:
@@ -68,6 +70,14 @@ class FitBar(QWidget):
             tip="Identify the model from this run; the analysis is kept beside it",
             act=lambda: self.fit_requested.emit(self.order(keep=True)),
         )
+        self._renewal: FitOrder | None = None
+        self.renew = push_button(
+            "Re&new",
+            "primary",
+            tip="Make this analysis anew as it was made: what it rests on has changed",
+            act=lambda: self.renew_requested.emit(self._renewal),
+        )
+        self.renew.hide()
         self.compare = push_button(
             "&Compare",
             tip="Hold a parameter set against this run: what it predicts and what was measured",
@@ -98,7 +108,7 @@ class FitBar(QWidget):
             (self.parameters, 1),
         )
         row = in_row(*choices, self.fit, self.compare, self.save, spacing=6)
-        below = in_row(self.busy, (self.says, 1), self.cancel)
+        below = in_row(self.busy, (self.says, 1), self.renew, self.cancel)
         self.setLayout(in_column(row, below, margins=(0, 0, 0, 0), spacing=4))
 
     def show_run(
@@ -119,6 +129,7 @@ class FitBar(QWidget):
         self.parameters.addItem("the run's own", "")
         self.parameters.addItem("from a file …", "?")
         self._offer_tare()
+        self.offer_renewal(None)
         if used is not None and used.tare is not None:
             self.tare.setCurrentIndex(max(0, self.tare.findData(str(used.tare))))
         self.say("")
@@ -141,12 +152,25 @@ class FitBar(QWidget):
 
     def set_busy(self, busy: bool, words: str = "") -> None:
         """Whether a fit is at work."""
-        for widget in (self.fit, self.compare, self.save, self.kind, self.tare, self.parameters):
+        for widget in (
+            self.fit,
+            self.renew,
+            self.compare,
+            self.save,
+            self.kind,
+            self.tare,
+            self.parameters,
+        ):
             widget.setDisabled(busy)
         self.busy.setVisible(busy)
         self.cancel.setVisible(busy)
         if words or busy:
             self.say(words)
+
+    def offer_renewal(self, order: FitOrder | None) -> None:
+        """The fit that makes what is shown anew; None where it need not, or cannot by one press."""
+        self._renewal = order
+        self.renew.setVisible(order is not None)
 
     def say(self, text: str, part: str = "muted") -> None:
         """A sentence under the choices; `part` of the style sheet says how grave it is."""

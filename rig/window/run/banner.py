@@ -45,6 +45,7 @@ LOOKS: dict[State, Look] = {
     State.RUNNING: Look("RUNNING", "▶", "#0072b2", "#ffffff"),
     State.WAITING: Look("WAITING FOR YOU", "?", "#e7b3d2", "#16191d"),
     State.STOPPING: Look("STOPPING", "▼", "#e69f00", "#16191d"),
+    State.ANALYSING: Look("ANALYSING", "∿", "#cfd6dd", "#16191d"),
     State.TRIPPED: Look("TRIPPED", "✖", "#a3150c", "#ffffff"),
     State.FINISHED: Look("FINISHED", "■", "#cfd6dd", "#16191d"),
     State.REFUSED: Look("NOT STARTED", "⊘", "#8b939c", "#0d1014"),

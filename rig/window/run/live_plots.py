@@ -19,6 +19,7 @@ from rig.runfile.header import ORIGIN_WORDS
 from rig.window.plot.plots import LabPlot
 from rig.window.run.kinematic_view import OutputView, WaveView
 from rig.window.run.live_axes import RECENT
+from rig.window.run.live_numbers import LiveNumbers
 from rig.window.run.live_view import LiveContext, LiveView, SpeedView, temperature_view, torque_view
 from rig.window.run.pacing import Pacer
 from rig.window.run.points_view import StartingPoints, TorquePoints
@@ -67,8 +68,10 @@ class LivePlots(QWidget):
         self.plots: list[LabPlot] = []
         self.mark = ""
         self.protocol = ""
-        self.answers: list[int] = []
-        """Calendar time at which each prompt was answered [ns]."""
+        self.begun: list[float] = []
+        """When each step of the plan began, so far, since the start of the run [s]."""
+        self.numbers = LiveNumbers()
+        """The latest values, to be laid out by the page."""
         self._frames = 0
         self._pacer = Pacer()
         self._work: SegmentWork | None = None
@@ -87,8 +90,8 @@ class LivePlots(QWidget):
         self._recent.setCheckable(True)
         self._recent.setShortcut("Ctrl+L")
         self._recent.toggled.connect(lambda _: self._draw())
-        self._rows = text_label("", "muted")
-        foot = in_row(self._recent, (None, 1), self._rows)
+        self._rows = text_label("", "muted", align=Qt.AlignmentFlag.AlignRight)
+        foot = in_row(self._recent, (self._rows, 1))
         self._column = in_column((self._hint, 1), foot, margins=(0, 0, 0, 0), spacing=4)
         self.setLayout(self._column)
         self._recent.setVisible(False)
@@ -109,12 +112,13 @@ class LivePlots(QWidget):
         """A run is about to begin: forget the one before."""
         self.close_file()
         self.views, self.plots, self.mark, self.protocol = [], [], "", ""
+        self.numbers.clear()
         self._grid_holder.hide()
         self._recent.setVisible(False)
         self._rows.clear()
         self._hint.setText("The plots appear as soon as the run writes its file.")
         self._hint.setVisible(True)
-        self._context, self.answers = (planned, prediction), []
+        self._context, self.begun = (planned, prediction), []
 
     def open(self, path: Path) -> None:
         """Follow this file as soon as it can be opened."""
@@ -200,11 +204,13 @@ class LivePlots(QWidget):
         metadata = live.recording.metadata
         self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
         self._work = SegmentWork()
-        context = LiveContext(live.recording, *self._context, work=self._work, answers=self.answers)
+        context = LiveContext(live.recording, *self._context, work=self._work, begun=self.begun)
         # A recording of nobody's protocol gets the board of a protocol that asks for nothing special.
         experiment = catalogue.declared(self.protocol) or Experiment
         self._lay_out([VIEWS[name](self._session, context) for name in experiment.live])
-        live.want({name for view in self.views for name in view.wanted})
+        self.numbers.begin(live.recording)
+        wanted = (*self.numbers.wanted, *(name for view in self.views for name in view.wanted))
+        live.want(set(wanted))
 
     def _lay_out(self, views: Sequence[LiveView]) -> None:
         """Two columns: speed and torque on the left, what the protocol is about on the right."""
@@ -236,6 +242,7 @@ class LivePlots(QWidget):
     def _take_all(self, blocks: Sequence[Block]) -> int:
         """Give the views the rows of this frame; returns how many."""
         for block in blocks:
+            self.numbers.take(block)
             for view in self.views:
                 view.take(block)
         return sum(map(len, blocks))
@@ -266,6 +273,7 @@ class LivePlots(QWidget):
             view.draw(self._recent.isChecked())
 
     def _count(self) -> None:
+        self.numbers.show_latest()
         if self.live is not None:
             self._rows.setText(
                 f"{self.rows_read:,} of {self.live.rows:,} cycles drawn".replace(",", "\u202f")

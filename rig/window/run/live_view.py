@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.recording import Recording, Segment
 from rig.present.preview.plan import PlanPreview
@@ -19,6 +20,8 @@ from rig.window.work.segment_work import SegmentWork
 
 RUN_TIME = "time since the start of the run [s]"
 MILLI = 1e-3
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -30,8 +33,8 @@ class LiveContext:
     prediction: PlanPreview | None = None
     work: SegmentWork = field(default_factory=SegmentWork)
     """Where what a segment says is worked out."""
-    answers: list[int] = field(default_factory=list)
-    """Calendar time at which each prompt of the plan was answered, so far [ns]."""
+    begun: list[float] = field(default_factory=list)
+    """When each step of the plan began, so far, since the start of the run [s]."""
 
     @property
     def duration(self) -> float:
@@ -145,8 +148,8 @@ class TraceView(RowView):
 
 
 class PredictedTorque(TraceView):
-    """A trace over what was predicted of it: drawn in advance over the nominal times of the plan, and after
-    each prompt over the times since its answer.
+    """A trace over what was predicted of it: drawn in advance over the nominal times of the plan, and each
+    step over the times since it has begun.
     """
 
     def __init__(
@@ -159,7 +162,7 @@ class PredictedTorque(TraceView):
         seen: PlanPreview,
     ) -> None:
         super().__init__(session, title, y_label, signals, context.duration)
-        self._context, self._seen, self._answered = context, seen, 0
+        self._context, self._seen, self._known = context, seen, 0
         low, high = seen.torque.low / MILLI, seen.torque.high / MILLI
         self.predicted = self.plot.add_series(
             "predicted", seen.time, seen.torque.value / MILLI, "band", group=3, low=low, high=high
@@ -167,23 +170,30 @@ class PredictedTorque(TraceView):
         self.predicted.item.setZValue(-5)
 
     def draw(self, recent: bool) -> None:
-        """Bring the curves up to date; what is predicted moves by the time that was waited."""
-        answers = self._context.answers
-        if len(answers) != self._answered:
-            self._answered = len(answers)
-            stamps = self._context.recording.source.time_ns(0, 1)
-            marks = [mark.time for mark in self._seen.marks if mark.kind == "prompt"]
-            since = [1e-9 * (answer - int(stamps[0])) for answer in answers]
-            self.predicted.move(after_answers(self._seen.time, marks, since))
+        """Bring the curves up to date; what is predicted moves to where its steps have begun."""
+        begun = self._context.begun
+        if len(begun) != self._known:
+            self._known = len(begun)
+            self.predicted.move(since_begun(self._seen.time, self._seen.step, begun))
         super().draw(recent)
 
 
-def after_answers(time: Any, prompts: Sequence[float], answers: Sequence[float]) -> Any:
-    """Nominal times [s] as they are once prompts, at their nominal times, were answered at other ones."""
-    late = np.zeros_like(time)
-    for prompt, answer in zip(prompts, answers, strict=False):
-        late[time >= prompt] = answer - prompt
-    return time + late
+def since_begun(time: FloatArray, step: IntArray, begun: Sequence[float]) -> FloatArray:
+    """Nominal times [s] of instants, each in a `step` of the plan, as they are once steps have begun at `begun` [s].
+
+    A step that was over sooner than planned ends where the next one begins; what has not begun is as
+    late as the latest step that has.
+    """
+    if not len(time) or not len(begun):
+        return time
+    starts = np.asarray(begun, dtype=np.float64)
+    own = np.minimum(step, len(starts) - 1)
+    # Steps that take no time have no instants: one of them begins nominally where the next instant is.
+    nominal = time[np.minimum(np.searchsorted(step, np.arange(len(starts))), len(time) - 1)]
+    moved = time + (starts - nominal)[own]
+    ends = np.append(starts[1:], np.inf)
+    over = step < len(starts)
+    return np.where(over, np.minimum(moved, ends[own]), moved)
 
 
 class SpeedView(RowView):

@@ -6,6 +6,7 @@ What was found is worked out by `rig fit` in a process of its own, after the run
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,8 @@ from rig.window.work.background import BackgroundCommand
 
 MOST_LINES = 6
 """Results that are named here; all of them stand in review and report."""
+MOST_REASONS = 4
+"""Reasons of a campaign's verdict that are named here."""
 OBSERVERS = {
     "statusword": "the drive",
     "input_angle": "the input encoder",
@@ -59,10 +62,18 @@ class OutcomeView(QFrame):
             tip="Writes the report of this run and opens it in the browser",
             act=self._make_report,
         )
+        self.certificate = push_button(
+            "Open certificate", "primary", tip="The certificate of the campaign, in the browser"
+        )
+        self.certificate_pdf = push_button("Certificate as PDF", tip="The same for paper")
+        self.certificate.clicked.connect(lambda: self._open_certificate(".html"))
+        self.certificate_pdf.clicked.connect(lambda: self._open_certificate(".pdf"))
         words = in_column(self.headline, self.text, self.results, (None, 1))
-        ways = in_column(self.review, self.report, (None, 1))
+        papers = (self.certificate, self.certificate_pdf)
+        ways = in_column(*papers, self.review, self.report, (None, 1))
         self.setLayout(in_row((words, 1), ways, margins=(14, 8, 14, 8)))
         self._path: Path | None = None
+        self._certificates: list[Path] = []
         self._work: list[BackgroundCommand] = []
         self.open_report = True
         """Whether a report that was written is opened in the browser."""
@@ -74,11 +85,13 @@ class OutcomeView(QFrame):
             command.cancel()
         self._work.clear()
         self._path = None
+        self._offer_certificates(())
         self.hide()
 
     def show_end(self, state: RunState, report: dict[str, Any], path: Path | None) -> None:
         """The end of a run. `path` is its sealed file, None where there is none."""
         self._path = path
+        self.review.setText("Review this run")
         self.headline.setText(headline_of(state, report))
         session = self._session
         bench = option_of(session.backend, session.folder, session.configuration)
@@ -95,6 +108,40 @@ class OutcomeView(QFrame):
             self.results.setText("Working out the results …")
             self.results.show()
             self._run(["fit", str(path), "--json"], self._show_results)
+
+    def show_campaign(
+        self, state: RunState, report: dict[str, Any], run: dict[str, Any], path: Path | None
+    ) -> None:
+        """The end of a campaign; `run` is how its latest run ended, `path` the file of it."""
+        self._path = path
+        self.review.setText("Review the last run")
+        self.headline.setText(
+            campaign_headline(state, report) if report else headline_of(state, run)
+        )
+        session = self._session
+        bench = option_of(session.backend, session.folder, session.configuration)
+        # Of a completed campaign the verdict is told below; of a stopped one what stopped it comes first.
+        self.text.setText("" if report.get("complete") else sentence_of(state, run, bench))
+        self.text.setVisible(bool(self.text.text()))
+        self.results.setText("\n".join(campaign_lines(report)))
+        self.results.setVisible(bool(report))
+        self.review.setEnabled(path is not None)
+        self._offer_certificates(report.get("certificate", ()))
+        self.show()
+
+    def _offer_certificates(self, paths: Sequence[str]) -> None:
+        self._certificates = [Path(path) for path in paths]
+        self.report.setVisible(not paths)
+        suffixes = {path.suffix for path in self._certificates}
+        self.certificate.setVisible(".html" in suffixes)
+        self.certificate_pdf.setVisible(".pdf" in suffixes)
+
+    def _open_certificate(self, suffix: str) -> None:
+        for path in self._certificates:
+            if path.suffix == suffix:
+                self._session.message.emit(f"Certificate: {path}")
+                if self.open_report:
+                    self._open(path)
 
     def _run(self, arguments: list[str], then: Any) -> None:
         command = BackgroundCommand(arguments, self, then)
@@ -152,6 +199,34 @@ def headline_of(state: RunState, report: dict[str, Any]) -> str:
     if state.safe is False:
         return "STANDSTILL WAS NOT VERIFIED: press the emergency stop, do not touch the rig"
     return f"{state.outcome}   {report.get('run', '')}"
+
+
+def campaign_headline(state: RunState, report: dict[str, Any]) -> str:
+    """One line: how a campaign stands, and of which gear it is."""
+    if state.safe is False:
+        return headline_of(state, report)
+    what = f"Campaign {report.get('campaign', '')}, gear {report.get('gear', '')}"
+    if report.get("complete"):
+        return f"{what}: COMPLETED, {report.get('verdict', '')}"
+    return f"{what}: INCOMPLETE, {report.get('outcome', '')}"
+
+
+def campaign_lines(report: dict[str, Any]) -> list[str]:
+    """What a campaign found: the verdict with its reasons, what was done again, what went wrong, how it goes on."""
+    if not report:
+        return []
+    reasons = [str(why) for why in report.get("because", ())]
+    more = len(reasons) - MOST_REASONS
+    if more > 0:
+        reasons = [*reasons[:MOST_REASONS], f"{more} more: see the certificate"]
+    lines = [
+        verdict_line({"verdict": str(report["verdict"]), "because": reasons}),
+        *report.get("resumed", ()),
+    ]
+    lines += [f"Analysis: {problem}" for problem in report.get("problems", ())]
+    if not report.get("complete"):
+        lines.append("Start the same campaign again: it goes on from here.")
+    return lines
 
 
 def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:

@@ -20,10 +20,11 @@ from PySide6.QtWidgets import (
 from drivers.clock import Clock
 from experiments.recording import Event
 from experiments.steps.note import Prompt
-from rig.present.preview.plan import PlanPreview
+from rig.present.preview.plan import PlanPreview, preview_plan
 from rig.run.dry_run import PlannedRun
 from rig.run.order import Progress
 from rig.run.progress import in_words
+from rig.trial.campaign.walk import Walk
 from rig.window.run.banner import Banner, StopButtons, look_of
 from rig.window.run.close_question import CloseQuestion
 from rig.window.run.events_view import EventsView
@@ -31,6 +32,7 @@ from rig.window.run.live_plots import LivePlots
 from rig.window.run.margins_view import MarginBars
 from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
+from rig.window.run.stages_view import StageRow, StagesView
 from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -43,7 +45,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 from rig.window.work.child import Ending, RunProcess
-from rig.window.work.prepared import PreparedRun
+from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
 SIDE_WIDTH = 330
 """Logical pixels of the column of margins and events."""
@@ -71,10 +73,12 @@ class RunPage(QWidget):
         self.process: RunProcess | None = None
         self.state = RunState()
         self.report: dict[str, Any] = {}
+        self.run_report: dict[str, Any] = {}
+        """How the latest run ended: of a campaign, its latest one."""
+        self._walk: Walk | None = None
         self.close_question = CloseQuestion(session)
-        self._title = ""
+        self._title = self._campaign_title = ""
         self._closing = False
-        self._unanswered: Prompt | None = None
         self.banner, self.buttons = Banner(), StopButtons()
         self.prompt, self.outcome = PromptView(session, clock), OutcomeView(session)
         self.plots, self.margins, self.events = (
@@ -82,6 +86,7 @@ class RunPage(QWidget):
             MarginBars(session),
             EventsView(session),
         )
+        self.stages = StagesView(session)
         self._step, self._times = text_label("No run yet.", "heading"), text_label()
         self.bar = QProgressBar()
         self.side = self._side()
@@ -115,6 +120,18 @@ class RunPage(QWidget):
         seen = prepared.prediction if isinstance(prepared.prediction, PlanPreview) else None
         process = self._start_process(list(prepared.arguments))
         self._begin(process, prepared.planned, seen)
+        for note in prepared.notes:
+            process.note(note)
+
+    def start_campaign(self, prepared: PreparedCampaign) -> None:
+        """Start a prepared campaign and watch its runs one after the other."""
+        self._title = self._campaign_title = prepared.title or prepared.walk.plan.title
+        process = self._start_process(list(prepared.arguments))
+        self._begin(process, None, None)
+        self._walk = prepared.walk
+        self.stages.expect(
+            [StageRow(one.stage.protocol, one.planned.nominal) for one in prepared.walk.stages]
+        )
         for note in prepared.notes:
             process.note(note)
 
@@ -156,27 +173,32 @@ class RunPage(QWidget):
         self, process: RunProcess, planned: PlannedRun | None, prediction: PlanPreview | None
     ) -> None:
         self.process, self.report, self._closing = process, {}, False
-        self._unanswered = None
+        self._walk, self.run_report = None, {}
         process.event_received.connect(self._on_event)
         process.progress.connect(self._on_progress)
         process.prompt.connect(self._on_prompt)
+        process.stage.connect(self._on_stage)
         process.report.connect(self._on_report)
         process.finished.connect(self._on_finished)
         self.outcome.clear()
+        self.stages.clear_stages()
+        self._expect(planned, prediction)
+        self._change(RunState().armed())
+        self.buttons.stop.setFocus()
+        process.start()
+
+    def _expect(self, planned: PlannedRun | None, prediction: PlanPreview | None) -> None:
+        """A run is about to begin: nothing of the one before is left."""
         self.events.clear()
         self.margins.show_margins({})
         self.plots.expect(planned, prediction)
         self._step.setText("pre-flight")
         self._times.clear()
         self.bar.setRange(0, 0)
-        self._change(RunState().armed())
-        self.buttons.stop.setFocus()
-        process.start()
 
     # What the run tells.
 
     def _on_prompt(self, prompt: Prompt) -> None:
-        self._unanswered = prompt
         self.prompt.ask(prompt)
         self._change(self.state.asked(prompt.text))
 
@@ -187,14 +209,11 @@ class RunPage(QWidget):
 
     def _on_event(self, event: Event) -> None:
         self.events.add(event)
-        asked = self._unanswered
-        if asked is not None and (event.source, event.code) == ("operator", asked.key or "prompt"):
-            self._unanswered = None
-            self.plots.answers.append(event.time_ns)
         self._change(self.state.after(event))
 
     def _on_progress(self, progress: Progress) -> None:
         self._change(self.state.went_on(progress))
+        self.plots.begun[:] = progress.begun
         if progress.file:
             self.plots.open(Path(progress.file))
         if progress.what == MAKING_SAFE:
@@ -202,37 +221,71 @@ class RunPage(QWidget):
         if progress.margins:
             self.margins.show_margins(progress.margins)
         self._step.setText(f"step {progress.step} of {progress.steps}:  {progress.what}")
-        self._times.setText(f"{in_words(progress.elapsed)} done, {in_words(progress.left)} left")
+        self._times.setText(f"{in_words(progress.elapsed)} done")
+        self.plots.numbers.show_left(progress.left, self.stages.left)
         self.bar.setRange(0, 1000)
         whole = progress.elapsed + progress.left
         self.bar.setValue(round(1000 * progress.elapsed / whole) if whole > 0.0 else 0)
         self._take_origin()
 
+    def _on_stage(self, told: dict[str, Any]) -> None:
+        """A run of a campaign has begun or ended, or counts from before."""
+        index, protocol = int(told["index"]), str(told["protocol"])
+        if told["state"] == "begun":
+            self.stages.stands(index, "under way")
+            self.run_report = {}
+            planned = self._walk.stages[index].planned if self._walk is not None else None
+            self._expect(planned, None if planned is None else preview_plan(planned))
+            number = f"run {index + 1} of {len(self.stages.rows)}"
+            self._title = f"{self._campaign_title}, {number}: {protocol}"
+            self._change(self.state.stage_begun())
+        elif told["state"] == "counts":
+            self.stages.stands(index, "counts")
+        else:
+            self.stages.stands(index, str(told["outcome"]))
+            self.run_report = dict(told["report"])
+            if self.run_report.get("path"):
+                self.plots.finish(Path(self.run_report["path"]))
+            self._take_origin()
+            done = f"{protocol} is done"
+            what = f"{done}; the last runs are being analysed" if self.stages.is_over else done
+            self._change(self.state.stage_ended(self.run_report, what))
+            self._session.runs_changed.emit()
+
     def _on_report(self, report: dict[str, Any]) -> None:
         self.report = report
+        if self.stages.is_campaign:
+            self._change(self.state.campaign_reported(report))
+            return
+        self.run_report = report
         if report.get("margins"):
             self.margins.show_margins(report["margins"])
         self._change(self.state.reported(report))
 
     def _on_finished(self, ending: Ending) -> None:
         self._change(self.state.gone(ending.reported, ending.complaint, ending.killed))
-        path = Path(self.report["path"]) if self.report.get("path") else None
-        if path is not None:
-            self.plots.finish(path)
-        elif self.plots.live is not None:
+        run = self.run_report
+        path = Path(run["path"]) if run.get("path") else None
+        if path is None and self.plots.live is not None:
             path = self.plots.live.path
+        if path is not None:
             self.plots.finish(path)
         self._take_origin()
         completed = self.state.outcome == "COMPLETED"
         if completed or self.bar.maximum() == 0:
             self.bar.setRange(0, 1000)
             self.bar.setValue(1000 if completed else 0)
-        if self.report:
+        if run:
             self._step.setText(
                 "the plan was completed" if completed else f"ended at {self._step.text()}"
             )
-            self._times.setText(f"{self.report.get('rows', 0)} cycles")
-        self.outcome.show_end(self.state, self.report, path)
+            self._times.setText(f"{run.get('rows', 0)} cycles")
+        if self.stages.is_campaign:
+            self._title = self._campaign_title
+            self._show()
+            self.outcome.show_campaign(self.state, self.report, run, path)
+        else:
+            self.outcome.show_end(self.state, run, path)
         self._session.runs_changed.emit()
         self.outcome.review.setFocus()
         self._close_if_waiting()
@@ -278,6 +331,8 @@ class RunPage(QWidget):
         self.banner.show_state(self.state, self._title)
         self.buttons.set_active(self.is_active)
         self.events.set_active(self.is_active)
+        # Afterwards the outcome stands in their place.
+        self.plots.numbers.setVisible(self.is_active)
         self.state_changed.emit(
             "idle" if self.state.state is State.IDLE else look_of(self.state).word.lower()
         )
@@ -290,11 +345,13 @@ class RunPage(QWidget):
         strip = in_row(self._step, (self.bar, 1), self._times, self.fold, spacing=12)
         body = split((self.plots, 1), self.side, sizes=[10_000, SIDE_WIDTH])
         # What must be seen and reached stands still; what is only looked at is scrolled where the screen is small.
-        rest = scrolled(room_for(in_column(strip, (body, 1), margins=(0, 0, 0, 0), spacing=8)))
-        asked = (self.close_question, self.prompt)
-        self.setLayout(
-            in_column(top, *asked, self.outcome, (rest, 1), margins=(10, 8, 10, 6), spacing=8)
+        rest = scrolled(
+            room_for(
+                in_column(self.plots.numbers, strip, (body, 1), margins=(0, 0, 0, 0), spacing=8)
+            )
         )
+        shown = (self.close_question, self.prompt, self.stages, self.outcome)
+        self.setLayout(in_column(top, *shown, (rest, 1), margins=(10, 8, 10, 6), spacing=8))
 
     def _side(self) -> QWidget:
         """Margins over events, each with room of its own."""

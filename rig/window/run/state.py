@@ -30,6 +30,7 @@ class State(Enum):
     RUNNING = "running"
     WAITING = "waiting for you"
     STOPPING = "stopping"
+    ANALYSING = "analysing"
     TRIPPED = "tripped"
     FINISHED = "finished"
     REFUSED = "refused"
@@ -53,6 +54,8 @@ class RunState:
     moved: bool = False
     ended: bool = False
     """Whether the process has ended."""
+    stop_asked: bool = False
+    """Whether STOP or ABORT was pressed: the next run of a campaign will not begin."""
 
     @property
     def active(self) -> bool:
@@ -107,7 +110,7 @@ class RunState:
 
     def asked(self, question: str) -> RunState:
         """After a question of the run; one that comes while the rig is being stopped changes nothing."""
-        if self.state not in (State.ARMED, State.RUNNING):
+        if self.state not in (State.ARMED, State.RUNNING, State.ANALYSING):
             return self
         return replace(self, state=State.WAITING, what=question)
 
@@ -119,7 +122,7 @@ class RunState:
         """After the operator's STOP or ABORT, before the run says that it obeys."""
         if not self.active or self.state is State.TRIPPED:
             return self
-        return replace(self, state=State.STOPPING, what=f"{word} sent")
+        return replace(self, state=State.STOPPING, what=f"{word} sent", stop_asked=True)
 
     def reported(self, report: dict[str, Any]) -> RunState:
         """After the report: the outcome, and what it means."""
@@ -143,6 +146,32 @@ class RunState:
             safe=safe,
             what=message,
             remedy=remedy,
+        )
+
+    def stage_begun(self) -> RunState:
+        """After the begin of a campaign's next run; a STOP that was pressed before it is not forgotten."""
+        return self if self.stop_asked else self.armed()
+
+    def stage_ended(self, report: dict[str, Any], what: str) -> RunState:
+        """After the end of one run of a campaign; one that was completed is followed by `what`."""
+        ended = self.reported(report)
+        if ended.outcome != "COMPLETED" or not ended.safe:
+            return ended
+        state = State.STOPPING if self.stop_asked else State.ANALYSING
+        return replace(ended, state=state, outcome="", what=what, moved=True)
+
+    def campaign_reported(self, report: dict[str, Any]) -> RunState:
+        """After the report of a campaign: the verdict of all its runs, or what stopped it."""
+        because = "; ".join(str(why) for why in report.get("because", ()))
+        if not report.get("complete"):
+            return replace(self, outcome=str(report.get("outcome", "")))
+        return replace(
+            self,
+            state=State.FINISHED,
+            outcome="COMPLETED",
+            verdict=str(report.get("verdict", "")),
+            what=because,
+            remedy="",
         )
 
     def judged(self, verdict: str) -> RunState:

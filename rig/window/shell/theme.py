@@ -72,6 +72,7 @@ def style_sheet(p: Palette) -> str:
     QToolTip {{ color: {p.text}; background: {p.surface}; border: 1px solid {p.line}; padding: 4px; }}
     QLabel[part="title"] {{ font-size: 15pt; font-weight: 600; }}
     QLabel[part="heading"] {{ font-size: 11pt; font-weight: 600; }}
+    QLabel[part="number"] {{ font-size: 20pt; font-weight: 700; }}
     QLabel[part="muted"] {{ color: {p.muted}; }}
     QLabel[part="good"] {{ color: {p.good}; font-weight: 600; }}
     QLabel[part="warning"] {{ color: {p.warning}; font-weight: 600; }}

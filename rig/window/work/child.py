@@ -1,6 +1,6 @@
-"""The run's parent: starts `rig run` as a process of its own, hears its lines, speaks its words.
+"""The run's parent: starts `rig run` or `rig campaign` as a process of its own, hears its lines, speaks its words.
 
-    out of it   lines of JSON: event, progress, prompt, report              (`rig.run.remote`)
+    out of it   lines of JSON: event, progress, prompt, campaign, stage, report   (`rig.run.remote`)
     into it     STOP, ABORT, note TEXT, answer TEXT; the end of this pipe is a STOP
 
 No sample passes here: samples come from the growing run file. The process is not tied to the
@@ -60,8 +60,12 @@ class RunProcess(QObject):
     """A `Progress`, about ten times a second."""
     prompt = Signal(object)
     """A `Prompt` to the operator; `answer` answers it."""
+    campaign = Signal(dict)
+    """What a campaign is going to do: its stages."""
+    stage = Signal(dict)
+    """A stage of a campaign has begun, has ended, or counts from before."""
     report = Signal(dict)
-    """The object that `rig run --json` prints; the last line."""
+    """The object that `rig run --json`, or `rig campaign --json`, prints; the last line."""
     failed = Signal(str)
     """It ended without a report: what it said on standard error."""
     finished = Signal(object)
@@ -186,6 +190,10 @@ class RunProcess(QObject):
             self.progress.emit(_from_fields(Progress, message))
         elif kind == "prompt":
             self.prompt.emit(_from_fields(Prompt, message))
+        elif kind == "campaign":
+            self.campaign.emit(message)
+        elif kind == "stage":
+            self.stage.emit(message)
         elif kind == "report":
             self._reported = True
             self.report.emit(message)

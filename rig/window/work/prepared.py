@@ -1,4 +1,4 @@
-"""What the Prepare page hands to the Run page: a run that is planned, checked and signed off, and not yet started."""
+"""What the Prepare page hands to the Run page: a run, or a campaign of runs, planned, signed off, not yet started."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from rig.run.dry_run import PlannedRun
 from rig.run.start import RunRequest
+from rig.trial.campaign.walk import Walk
 
 
 @dataclass(frozen=True)
@@ -23,3 +24,13 @@ class PreparedRun:
     title: str = ""
     notes: tuple[str, ...] = ()
     """What is written into the run at its start: who signed which items of the checklist."""
+
+
+@dataclass(frozen=True)
+class PreparedCampaign:
+    """A campaign that may be started: as `PreparedRun`, all its runs walked; `arguments` begins with "campaign"."""
+
+    walk: Walk
+    arguments: list[str]
+    title: str = ""
+    notes: tuple[str, ...] = ()

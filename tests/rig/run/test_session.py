@@ -310,3 +310,19 @@ def _today():
     from datetime import date
 
     return date(2026, 1, 1)
+
+
+def test_progress_tells_when_each_step_began() -> None:
+    """Three steps that follow each other; the segment of the hold begins with its step."""
+    told: list[Progress] = []
+    run, report = run_short(on_progress=told.append)
+    assert report.outcome == "COMPLETED"
+    begun = list(told[-1].begun)
+    assert len(begun) == 3
+    assert begun == sorted(begun)
+    (hold,) = run.segments
+    period = 1e-3
+    assert begun[1] == pytest.approx(hold.start * period)
+    assert begun[2] == pytest.approx(hold.stop * period)
+    # Nothing is told of a step before it begins.
+    assert len(told[0].begun) == 1

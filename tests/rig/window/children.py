@@ -3,6 +3,7 @@
 trip      a simulated rig whose drive runs away in the middle of a hold: the supervisor trips, for real
 ask       asks the operator a question, notes what it is told, and ends by itself
 unsafe    ends without verified standstill
+campaign  two runs one after the other; the first one is done when the line "go on" comes
 mute      ends at once without a report
 """
 
@@ -80,6 +81,42 @@ def ask() -> None:
             break
     event("info", "made-safe", "make-safe", "zero torque: standstill verified by statusword")
     report("COMPLETED", safe=True)
+
+
+def campaign() -> None:
+    done = {"run": "00001-home-SN.h5", "outcome": "COMPLETED", "message": ""}
+    ended = {
+        "run": "00001-home-SN",
+        "outcome": "COMPLETED",
+        "path": "",
+        "rows": 10,
+        "message": "",
+        "trip": None,
+        "make_safe": {"action": "zero torque", "safe": True, "verified_by": ["statusword"]},
+        "margins": {},
+    }
+    for index, protocol in enumerate(("home", "friction")):
+        tell("stage", index=index, protocol=protocol, state="begun")
+        progress(1, f"turning in {protocol}")
+        for line in sys.stdin:
+            event("info", "note", "operator", line.strip())
+            break
+        event("info", "made-safe", "make-safe", "zero torque: standstill verified by statusword")
+        told = {**done, "index": index, "protocol": protocol, "report": ended}
+        tell("stage", state="ended", **told)
+    tell(
+        "report",
+        campaign="short",
+        gear="SN",
+        outcome="COMPLETED",
+        complete=True,
+        verdict="MARGINAL",
+        because=["starting torque: MARGINAL"],
+        problems=[],
+        resumed=[],
+        runs=[],
+        certificate=["/nowhere/certificate.html", "/nowhere/certificate.pdf"],
+    )
 
 
 def unsafe() -> None:
@@ -162,4 +199,4 @@ if __name__ == "__main__":
         sys.stderr.write("The configuration cannot be accepted: rig.toml: no such motor.\n")
         raise SystemExit(2)
     else:
-        {"ask": ask, "unsafe": unsafe}[kind]()
+        {"ask": ask, "unsafe": unsafe, "campaign": campaign}[kind]()

@@ -25,7 +25,7 @@ import rig.main
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit import store
-from rig.analysis.fit_run import fit_files
+from rig.analysis.fit_run import fit_run
 from rig.run.start import RunRequest, plan_request, run_request
 from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
@@ -78,6 +78,7 @@ class EmptyPage(QWidget):
     """What the main window needs of a page that a test does not look at."""
 
     start_requested = Signal(object)
+    run_requested = Signal(str, str)
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -188,7 +189,7 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
             seed=seed,
         )
         assert run_request(request).outcome == "COMPLETED"
-    store(fit_files(sorted(folder.glob("*.h5"))[1:])[0], "2025-11-21T05:00:00+00:00")
+    store(fit_run(sorted(folder.glob("*.h5"))[1]), "2025-11-21T05:00:00+00:00")
     return folder
 
 

@@ -42,6 +42,8 @@ def indexed(number: int, **changes: object) -> IndexedRun:
         outcome="COMPLETED",
         origin="simulated",
         backend="sim",
+        bench="",
+        mounting="",
         rows=61_000,
         problem="",
         notes="",

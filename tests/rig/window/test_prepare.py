@@ -365,6 +365,7 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(
     session = WindowSession(tmp_path / "runs", "hardware", configuration)
     stored_card(session.folder)
     session.remember("gear", "SN-0815")
+    session.remember("protocol", "kinematic-error")
     page = shown(session, qtbot, settle)
     assert page.confirmation.isVisible()
     assert not page.training_button.isVisible()

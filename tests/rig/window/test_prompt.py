@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,7 +17,6 @@ from pytestqt.qtbot import QtBot
 from drivers.clock import VirtualClock
 from experiments import catalogue
 from experiments.parameters import make_parameters
-from experiments.recording import Event
 from experiments.steps.note import Prompt
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -25,7 +25,7 @@ from rig.run.order import Progress
 from rig.run.start import RunRequest, plan_request
 from rig.window.main import MainWindow
 from rig.window.run.banner import LOOKS
-from rig.window.run.live_view import LiveContext, PredictedTorque, after_answers, torque_view
+from rig.window.run.live_view import LiveContext, PredictedTorque, since_begun, torque_view
 from rig.window.run.prompt_view import UNARMED_NS
 from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
@@ -205,45 +205,47 @@ def test_the_words_of_the_banner_are_read_from_three_metres(
         assert word.sizeHint().width() <= page.banner.width() * 0.62, state
 
 
-def test_what_is_predicted_moves_by_the_time_that_was_waited(session: WindowSession) -> None:
-    """Prompts at 2 s and 5 s of the plan, answered 30 s and 34 s late: each shifts what comes after it."""
+def test_what_is_predicted_begins_where_its_steps_have_begun(session: WindowSession) -> None:
+    """A prompt that was answered 30 s late, and a step that took 2 s longer than planned."""
     gear, motor = shipped_gear(), shipped_motor()
     request = RunRequest(protocol="motor-tare", gear=gear, motor=motor, output=session.folder)
     seen = preview_plan(plan_request(request))
-    (first,) = [mark.time for mark in seen.marks if mark.kind == "prompt"]
-    begin = 1_700_000_000_000_000_000
-    source = SimpleNamespace(time_ns=lambda start, stop: np.array([begin])[start:stop])
-    recording: Any = SimpleNamespace(has=lambda name: True, source=source)
+    (asked,) = [mark.step for mark in seen.marks if mark.kind == "prompt"]
+    recording: Any = SimpleNamespace(has=lambda name: True)
     context = LiveContext(recording, None, seen)
     view = torque_view(session, context)
     assert isinstance(view, PredictedTorque)
     view.draw(recent=False)
     np.testing.assert_array_equal(view.predicted.item.getOriginalDataset()[0], seen.time)
-    context.answers.append(begin + round(1e9 * (first + 30.0)))
+    moving = sorted(set(seen.step.tolist()))
+    slow = next(k for k in moving if k > asked + 1)
+    begun = [float(seen.time[np.searchsorted(seen.step, k)]) for k in range(slow + 2)]
+    late = [0.0 if k <= asked else 30.0 if k <= slow else 32.0 for k in range(slow + 2)]
+    context.begun.extend(start + delay for start, delay in zip(begun, late, strict=True))
     view.draw(recent=False)
-    later = seen.time >= first
-    assert later.any()
+    expected = seen.time + np.array([late[min(k, slow + 1)] for k in seen.step])
     for item in (view.predicted.item, *view.predicted.edges):
         x, _ = item.getOriginalDataset()
-        np.testing.assert_allclose(x[later], seen.time[later] + 30.0)
-        np.testing.assert_array_equal(x[~later], seen.time[~later])
+        np.testing.assert_allclose(x, expected)
     assert len(view.predicted.edges) == 2
-    two = after_answers(np.array([0.0, 2.0, 4.0, 5.0, 9.0]), [2.0, 5.0], [32.0, 39.0])
-    assert two.tolist() == [0.0, 32.0, 34.0, 39.0, 43.0]
 
 
-def test_the_answer_of_a_prompt_is_handed_to_the_plots_and_a_note_is_not(
+def test_a_step_that_is_over_early_ends_where_the_next_one_begins() -> None:
+    time, step = np.array([0.0, 2.0, 2.0, 6.0, 6.0, 9.0]), np.array([0, 0, 2, 2, 3, 3])
+    # Step 1 takes no time in the plan; the rig waited 10 s in it, and step 2 took 3 s instead of 4 s.
+    moved = since_begun(time, step, [0.5, 2.5, 12.5, 15.5])
+    assert moved.tolist() == [0.5, 2.5, 12.5, 15.5, 15.5, 18.5]
+    # What has not begun is as late as the latest that has; nothing has begun: the plan's own times.
+    assert since_begun(time, step, [0.5]).tolist() == [0.5, 2.5, 2.5, 6.5, 6.5, 9.5]
+    assert since_begun(time, step, []).tolist() == time.tolist()
+
+
+def test_the_begin_of_every_step_is_handed_to_the_plots(
     asking: SilentRun, window: MainWindow
 ) -> None:
-    def said(code: str, time_ns: int) -> None:
-        asking.event_received.emit(Event(time_ns, "info", code, "operator", "x"))
-
-    said("gear-removed", 1)
-    asking.prompt.emit(GEAR_OFF)
-    said("note", 2)
-    said("gear-removed", 3)
-    said("gear-removed", 4)
-    assert window.run.plots.answers == [3]
+    for begun in ([0.0], [0.0, 1.5, 31.5]):
+        asking.progress.emit(replace(progress("hold"), begun=begun))
+        assert window.run.plots.begun == begun
 
 
 def test_only_readings_want_text() -> None:

@@ -50,7 +50,7 @@ def test_a_stored_analysis_shows_verdict_interval_and_catalogue(
         zip(results.table.texts("quantity"), results.table.texts("limit or catalogue"), strict=True)
     )
     assert catalogue["running torque 500 r/min"].startswith("catalogue 100 mN m (recalled: ")
-    assert "20 C" in catalogue["running torque 500 r/min"]
+    assert "20 degC" in catalogue["running torque 500 r/min"]
     assert catalogue["Coulomb friction"] == ""
     assert "Without a valid tare" in results.page.toPlainText()
 

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt, QUrl
 from pytestqt.qtbot import QtBot
 
 from model.gear_file import load_gear, save_gear, shipped_gear
-from rig.analysis.fit_run import fit_files
+from rig.analysis.fit_run import fit_run
 from rig.analysis.store import read_analyses
 from rig.window.review.fit import FitOrder, ResultCache
 from rig.window.review.page import ReviewPage, report_path
@@ -25,7 +25,7 @@ def filled(page: ReviewPage, runs: list[Path]) -> ResultCache:
     cache = page.overlay.desk.cache
     for number, path in enumerate(runs):
         order = FitOrder(path, "friction" if number else "")
-        cache[order.key()] = fit_files([path])[0].result
+        cache[order.key()] = fit_run(path).result
     return cache
 
 

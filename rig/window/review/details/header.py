@@ -16,6 +16,8 @@ from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
 
+LEFT_BEHIND = "left behind"
+"""What the library calls a run whose acquisition ended without sealing it."""
 SHOWN_HASH = 16
 """Characters of the SHA-256 that are shown; the whole of it is in the tip and can be copied."""
 
@@ -32,13 +34,20 @@ class RunHeaderView(QFrame):
         self.facts = text_label(wraps=True, plain=True, selectable=True)
         self.file = text_label("", "muted", wraps=True, plain=True, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.recover = push_button(
+            "&Recover this run",
+            "primary",
+            tip="Make a run file of the rows that an acquisition left behind, and seal it",
+        )
+        self.recover.hide()
         self.report = push_button(
             "Open &report", tip="Write the report of this run as a web page (HTML) and open it"
         )
         self.pdf = push_button(
             "PDF", tip="Write the report of this run for paper (PDF) and open it"
         )
-        first = in_row((self.title, 1), self.mark, self.outcome, self.report, self.pdf, spacing=14)
+        ways = (self.recover, self.report, self.pdf)
+        first = in_row((self.title, 1), self.mark, self.outcome, *ways, spacing=14)
         self.setLayout(in_column(first, self.facts, self.file, margins=(12, 7, 12, 7), spacing=2))
 
     def show_recording(self, recording: Recording, path: Path, state: str) -> None:
@@ -48,6 +57,7 @@ class RunHeaderView(QFrame):
         self.title.setToolTip(str(path))
         self.mark.setText(ORIGIN_WORDS[m.origin])
         self.allow_report(state == "sealed")
+        self.recover.setVisible(state == LEFT_BEHIND)
         self._show_outcome(m.outcome or (state if state != "sealed" else ""))
         gear = (
             " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part)
@@ -73,8 +83,9 @@ class RunHeaderView(QFrame):
         self.report.setEnabled(allowed)
         self.pdf.setEnabled(allowed)
 
-    def show_problem(self, path: Path) -> None:
-        """A file that cannot be read."""
+    def show_problem(self, path: Path, state: str = "") -> None:
+        """A file that cannot be read; `state` as the library knows it."""
+        self.recover.setVisible(state == LEFT_BEHIND)
         self.title.setText(path.name)
         self.mark.clear()
         self.allow_report(False)

@@ -31,7 +31,15 @@ from rig.window.review.details.events import RunEventsView
 from rig.window.review.details.facts import Facts, facts_of
 from rig.window.review.details.files import RunFilesView
 from rig.window.review.details.header import RunHeaderView
-from rig.window.review.fit import FitDesk, FitOrder, ResultCache, in_words, order_of, tares_among
+from rig.window.review.fit import (
+    FitDesk,
+    FitOrder,
+    ResultCache,
+    in_words,
+    order_of,
+    renewal_of,
+    tares_among,
+)
 from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals import SignalsView
@@ -67,6 +75,7 @@ class RunDetails(QWidget):
         self._wanted: FitOrder | None = None
         self._facts: Facts | None = None
         self._comparing: BackgroundCommand | None = None
+        self._recovering: BackgroundCommand | None = None
         self.header = RunHeaderView(session)
         self.desk = FitDesk(cache, self)
         self.bar = FitBar(session, choose_file)
@@ -106,6 +115,8 @@ class RunDetails(QWidget):
     def _connect(self) -> None:
         self.header.report.clicked.connect(lambda: self.report_requested.emit([self.path], HTML))
         self.header.pdf.clicked.connect(lambda: self.report_requested.emit([self.path], PDF))
+        self.header.recover.clicked.connect(self.recover)
+        self.bar.renew_requested.connect(self.fit)
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
         self.bar.compare_requested.connect(self.compare)
@@ -171,6 +182,31 @@ class RunDetails(QWidget):
         self._wanted = order
         self.bar.set_busy(True, f"Fitting {order.run.name} …")
         self.desk.ask(order)
+
+    def recover(self) -> None:
+        """Make a run file of what was left behind, in a process of its own, and open it."""
+        path = self.path
+        if path is None or self._recovering is not None:
+            return
+        self.header.recover.setEnabled(False)
+        self._recovering = BackgroundCommand(
+            ["recover", str(path), "--json"],
+            self,
+            lambda code, _, aside: self._take_recovered(path, code, aside),
+        )
+        self._recovering.start()
+
+    def _take_recovered(self, path: Path, code: int, complaint: str) -> None:
+        self._recovering = None
+        self.header.recover.setEnabled(True)
+        final = path.with_name(path.name.removesuffix(".part"))
+        if code != 0 or not final.exists():
+            self._session.message.emit(f"Not recovered: {in_words(complaint)}")
+            return
+        self._session.message.emit(f"Recovered: {final}")
+        self._session.runs_changed.emit()
+        if self.path == path:
+            self.show_run(final)
 
     def compare(self, order: FitOrder) -> None:
         """Hold a parameter set against the run, in a process of its own."""
@@ -241,7 +277,7 @@ class RunDetails(QWidget):
     def _show_problem(self, path: Path, problem: str) -> None:
         self.recording = None
         self._growing.stop()
-        self.header.show_problem(path)
+        self.header.show_problem(path, self._state)
         self.tabs.hide()
         self.problem.setText(f"This file cannot be read.\n\n{problem}")
         self.problem.show()
@@ -301,8 +337,9 @@ class RunDetails(QWidget):
         assert self.path is not None
         found = in_force(self.path, analysis.kind)
         stale = found.stale if found.number == analysis.number else ()
+        self.bar.offer_renewal(renewal_of(self.path, found) if stale else None)
         if stale:
-            self.bar.say(f"{said} Stale: {'; '.join(stale)}. Press Fit to renew it.", "warning")
+            self.bar.say(f"{said} Stale: {'; '.join(stale)}. ", "warning")
         else:
             self.bar.say(said)
         if front:
@@ -395,6 +432,7 @@ class RunDetails(QWidget):
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
         self.results.show_result(result, self._gear, self._verdict_on(result))
         if order.keep:
+            self.bar.offer_renewal(None)
             self._read_analyses()
 
     def _take_refusal(self, order: FitOrder, complaint: str) -> None:

@@ -1,0 +1,148 @@
+"""Who looks after a campaign: a person at the terminal, or another program by lines of JSON."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import typer
+
+from experiments.steps.note import Prompt
+
+if TYPE_CHECKING:
+    from rig.run.dry_run import PlannedRun
+    from rig.run.order import RunReport
+    from rig.run.remote import RemoteOperator
+    from rig.run.start import RunRequest
+    from rig.run.stop import StopRequest
+    from rig.trial.campaign.conduct import Crew
+    from rig.trial.campaign.journal import DoneStage
+    from rig.trial.campaign.walk import Walk, WalkedStage
+
+
+@contextmanager
+def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
+    """STOP by signals, prompts at the terminal, each run armed by whoever sits there, and progress."""
+    from rig.commands.ordering import confirmed
+    from rig.commands.prompting import terminal_ask
+    from rig.run.progress import progress_line
+    from rig.run.stop import StopRequest, pressed_by_signals
+    from rig.trial.campaign.conduct import Crew
+
+    stop = StopRequest()
+    number = len(walked.stages)
+
+    def begun(index: int, one: WalkedStage) -> None:
+        if not quiet:
+            typer.echo(f"[{index + 1}/{number}] {one.stage.protocol}", err=True)
+
+    def ended(done: DoneStage, _: RunReport) -> None:
+        if not quiet:
+            typer.echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), err=True)
+
+    def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
+        return confirmed(request, planned, asks=not quiet)
+
+    with (
+        pressed_by_signals(stop),
+        progress_line(f"campaign {walked.plan.name}", walked.nominal, quiet) as (progress, _),
+    ):
+        yield Crew(
+            stop=stop,
+            ask=terminal_ask(stop),
+            prepare=prepare,
+            begun=begun,
+            ended=ended,
+            on_progress=progress,
+        )
+
+
+@contextmanager
+def program_crew(
+    walked: Walk, remote: RemoteOperator, stop: StopRequest, *, listens: bool
+) -> Iterator[Crew]:
+    """Words on standard input where it `listens`, lines of JSON on standard output, STOP by signals as well."""
+    from rig.commands.prompting import terminal_ask
+    from rig.run.remote import lines_of
+    from rig.run.stop import pressed_by_signals
+    from rig.trial.campaign.conduct import Crew
+
+    def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
+        return armed_by(remote, stop, request, planned) if listens else request
+
+    def begun(index: int, one: WalkedStage) -> None:
+        remote.tell("stage", {"index": index, "protocol": one.stage.protocol, "state": "begun"})
+
+    def ended(done: DoneStage, report: RunReport) -> None:
+        remote.tell("stage", {**_told(done), "state": "ended", "report": report.as_json()})
+
+    def standing(done: DoneStage) -> None:
+        remote.tell("stage", {**_told(done), "state": "counts"})
+
+    remote.tell(
+        "campaign",
+        {
+            "campaign": walked.plan.name,
+            "title": walked.plan.title,
+            "gear": walked.stages[0].request.gear_serial,
+            "stages": [
+                {
+                    "protocol": one.stage.protocol,
+                    "nominal": one.planned.nominal,
+                    "longest": one.planned.longest,
+                }
+                for one in walked.stages
+            ],
+        },
+    )
+    if listens:
+        remote.listen_in_background(lines_of(sys.stdin.fileno()))
+    with pressed_by_signals(stop):
+        yield Crew(
+            stop=stop,
+            ask=remote.ask if listens else terminal_ask(stop),
+            prepare=prepare,
+            begun=begun,
+            ended=ended,
+            standing=standing,
+            on_progress=remote.on_progress,
+            on_event=remote.on_event,
+        )
+
+
+def armed_by(
+    remote: RemoteOperator, stop: StopRequest, request: RunRequest, planned: PlannedRun
+) -> RunRequest:
+    """The request of a run on hardware with what the operator of another program typed; every other as it is.
+
+    Every run of a campaign is armed anew: between two of them somebody had hands on the rig. A STOP
+    leaves it unconfirmed, and arming refuses it.
+    """
+    from rig.bench.backends.registry import HARDWARE
+    from rig.run.start import arming_of
+
+    if request.backend != HARDWARE:
+        return request
+    expected = arming_of(request, planned).expected
+    prompt = Prompt(
+        f"{planned.experiment.title} moves the rig. Guard closed, hands away, emergency stop within "
+        f"reach? Type {expected} to arm.",
+        "arming",
+    )
+    answer = remote.ask(prompt)
+    while answer is None and not stop.level:
+        answer = remote.ask(prompt)
+    return replace(request, confirmation=answer or "")
+
+
+def _told(done: DoneStage) -> dict[str, object]:
+    return {
+        "index": done.index,
+        "protocol": done.protocol,
+        "run": done.run,
+        "outcome": done.outcome,
+        "message": done.message,
+    }

@@ -1,0 +1,129 @@
+"""A campaign on the Prepare page: from its plan to the walk of all its runs, its checks, and what starts it.
+
+No Qt in here, as in `request`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from experiments import catalogue
+from experiments.errors import ExperimentError
+from model.errors import ModelError
+from rig.errors import RigError
+from rig.present.preview.plan import preview_plan
+from rig.run.gear import card_checks
+from rig.run.preflight import Check, static_checks
+from rig.run.progress import in_words
+from rig.run.start import RunRequest
+from rig.trial.campaign import journal as journals
+from rig.trial.campaign.plan import CampaignPlan, load_plan, shipped_names, shipped_plan
+from rig.trial.campaign.walk import Walk, walk
+from rig.window.prepare.request import (
+    Intent,
+    Outlook,
+    for_this_rig,
+    latch_checks,
+    parameters_check,
+    prediction_checks,
+    request_for,
+    rig_flags,
+)
+
+WORST_FIRST = ("failed", "warning", "ok")
+
+
+def plan_named(campaign: str) -> CampaignPlan:
+    """The plan of a campaign that ships, or that of a file. Raises `ConfigurationError`."""
+    return shipped_plan(campaign) if campaign in shipped_names() else load_plan(Path(campaign))
+
+
+def armed_protocol(plan: CampaignPlan) -> str:
+    """The protocol that speaks for a campaign: its first with a gear, which is what the page asks for."""
+    names = [stage.protocol for stage in plan.stages]
+    return next((name for name in names if catalogue.load(name).gear_mounted), names[0])
+
+
+def look_ahead_campaign(intent: Intent) -> Outlook:
+    """Walk and check a campaign; what refuses it is part of the answer."""
+    problem: Exception | None = None
+    request: RunRequest | None = None
+    walked: Walk | None = None
+    checks: list[Check] = []
+    done: tuple[str, ...] = ()
+    try:
+        plan = plan_named(intent.campaign)
+        request = request_for(replace(intent, protocol=armed_protocol(plan), values={}))
+        walked = walk(plan, request)
+        checks += _walk_checks(walked, intent)
+        if not intent.anew:
+            done = runs_that_count(intent.rig.folder, plan, request.gear_serial)
+    except (RigError, ExperimentError, ModelError) as error:
+        problem = error
+    serial = intent.facts.serial if intent.facts is not None else ""
+    checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
+    checks += latch_checks(intent.rig)
+    return Outlook(
+        intent, request=request, checks=tuple(checks), problem=problem, walk=walked, done=done
+    )
+
+
+def _walk_checks(walked: Walk, intent: Intent) -> list[Check]:
+    """What is known of all the runs: parameters, plan, every prediction that touches a limit, disk and ratings."""
+    steps = sum(len(one.planned.plan) for one in walked.stages)
+    evidence = (
+        f"{len(walked.stages)} runs, {steps} steps, {in_words(walked.nominal)} nominal, "
+        f"{in_words(walked.longest)} at most, prompts not counted"
+    )
+    mounted = next(
+        (one.planned for one in walked.stages if one.planned.experiment.gear_mounted),
+        walked.stages[0].planned,
+    )
+    checks = [parameters_check(mounted, intent.rig), Check("plan", "ok", evidence)]
+    of_runs = [
+        (one.stage.protocol, check)
+        for one in walked.stages
+        for check in (
+            *prediction_checks(preview_plan(one.planned)),
+            *static_checks(one.planned, intent.rig.folder),
+        )
+    ]
+    return checks + joined(of_runs)
+
+
+def joined(of_runs: Sequence[tuple[str, Check]]) -> list[Check]:
+    """The checks of all runs: what is not good once, with the runs that it holds for; what is good in one line."""
+    runs: dict[Check, list[str]] = {}
+    for protocol, check in of_runs:
+        runs.setdefault(check, []).append(protocol)
+    bad = [check for check in runs if check.result != "ok"]
+    named = {check.name for check in bad}
+    told = [replace(c, evidence=f"{', '.join(runs[c])}: {c.evidence}") for c in bad]
+    good = dict.fromkeys(check.name for check in runs if check.name not in named)
+    told += [Check(name, "ok", "good for every run") for name in good]
+    return sorted(told, key=lambda check: WORST_FIRST.index(check.result))
+
+
+def runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str, ...]:
+    """The run of every stage of an unfinished campaign that is done already; nothing where none is unfinished.
+
+    Whether it still counts is looked at once more when the campaign goes on. Raises `RunFileError`.
+    """
+    journal = journals.unfinished(folder, plan, serial)
+    if journal is None:
+        return ()
+    newest = (journal.newest(index) for index in range(len(plan.stages)))
+    return tuple(one.run if one is not None and one.counts else "" for one in newest)
+
+
+def campaign_arguments(
+    request: RunRequest, campaign: str, parameters: Path | None = None, *, anew: bool = False
+) -> list[str]:
+    """What follows `python -m rig` to start a campaign as a child that is spoken to in lines."""
+    words = ["campaign"]
+    words.append(campaign if campaign in shipped_names() else f"--plan={campaign}")
+    words += rig_flags(request, parameters)
+    words += ["--anew"] if anew else []
+    return [*words, "--events", "--stdin-control"]
