@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.campaign_crew import program_crew, terminal_crew
-from rig.commands.result_tables import print_verdict
 from rig.commands.running import (
     Config,
     Events,
@@ -288,6 +287,8 @@ def _print_walk(walked: Walk) -> None:
 
 def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     """How a campaign stands: its runs, the verdict with its reasons, the certificate, what to do next."""
+    from rig.commands.result_tables import print_verdict
+
     out = console()
     for words in report.resumed:
         out.print(words, soft_wrap=True)
