@@ -91,11 +91,11 @@ class TripLatch:
         unsafe = (
             ""
             if trip.standstill_verified
-            else " Standstill was NOT verified: look at the rig before anything else."
+            else ". Standstill was NOT verified: look at the rig before anything else"
         )
         told = f" ({trip.message})" if trip.cause == CUT_OFF else ""
         raise LatchedTripError(
-            f"a trip has not been acknowledged; nothing turns before it is.{unsafe}",
+            f"a trip has not been acknowledged; nothing turns before it is{unsafe}",
             where=str(path.parent),
             value=f"{trip.cause} in run {trip.run}, {trip.time}{told}",
             remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME {self._option}",

@@ -4,6 +4,7 @@ real run, really fitted.
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 from pathlib import Path
@@ -105,20 +106,26 @@ def test_diff_says_what_differs_and_ends_with_zero(rig: Rig, three: Path) -> Non
     for word in (
         "00001-friction-A1  against  00002-friction-A1",
         "parameters: 0 of",
-        RUNNING,
+        "friction: running torque 1000 r/min",
+        "81.00 ± 0.20 mN m",
         "yes",
     ):
         assert word in rig.out
-    assert "speeds_rpm" not in rig.out
+    assert "\n speeds " not in rig.out
     assert rig("diff", first, first, "--all") == 0
-    assert "speeds_rpm" in rig.out
+    assert "\n speeds " in rig.out
+    assert "_rpm" not in rig.out
     assert "Nothing differs but number and time." in rig.out
 
 
 def test_diff_of_a_run_that_is_none(rig: Rig, three: Path) -> None:
     assert rig("diff", three / "00001-friction-A1.h5", three / "none.h5", "--json") == 6
     assert "none.h5" in rig.err
-    assert rig.out == ""
+    (told,) = (json.loads(line) for line in rig.out.splitlines())
+    assert told["error"]["kind"] == "RunFileError"
+    assert told["error"]["where"] == str(three / "none.h5")
+    assert told["error"]["remedy"] == "Check the path, or list the runs."
+    assert told["error"]["message"] in rig.err
 
 
 def test_passport(rig: Rig, three: Path) -> None:

@@ -13,7 +13,7 @@ from experiments.errors import AnalysisError
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit_run import fit_files
+from rig.analysis.fit_run import Choices, fit_files
 from rig.commands.file_tables import acquisition_facts
 from rig.errors import RunFileError
 from rig.run.dry_run import plan_run
@@ -131,11 +131,11 @@ def test_the_command_line_passes_the_share_on(monkeypatch: pytest.MonkeyPatch) -
 
     seen: list[Any] = []
 
-    def fit_nothing(*words: Any, **more: Any) -> Any:
-        seen.append(more["largest_missed_share"])
+    def fit_nothing(path: Path, kind: str, choices: Choices) -> Any:
+        seen.append(choices.largest_missed_share)
         raise AnalysisError("enough", where="test")
 
-    monkeypatch.setattr("rig.analysis.fit_run.fit_files", fit_nothing)
+    monkeypatch.setattr("rig.analysis.fit_run.fit_run", fit_nothing)
     app = typer.Typer()
     app.command()(analysis.fit)
     runner = CliRunner()

@@ -67,7 +67,14 @@ def test_the_end_of_a_run_says_what_its_gear_is_worth_and_why() -> None:
     ("change", "row"),
     [
         (
-            Change(group="parameters", name="highest_rpm", first="3000", second="1500"),
+            Change(
+                group="parameters",
+                name="highest_rpm",
+                first="3000",
+                second="1500",
+                title="highest",
+                unit="r/min",
+            ),
             ("parameters", "highest", "3000 r/min", "1500 r/min", "", "", ""),
         ),
         (
@@ -75,7 +82,14 @@ def test_the_end_of_a_run_says_what_its_gear_is_worth_and_why() -> None:
             ("parameters", "repeats", "–", "2", "", "", ""),
         ),
         (
-            Change(group="conditions", name="output_radial_runout_um", first="12", second="9"),
+            Change(
+                group="conditions",
+                name="output_radial_runout_um",
+                first="12",
+                second="9",
+                title="output radial run-out",
+                unit="µm",
+            ),
             ("conditions", "output radial run-out", "12 µm", "9 µm", "", "", ""),
         ),
         (
