@@ -65,7 +65,13 @@ def both_ways(
             ends = {name: values[rows] for name, values in bars.items()}
             series.append(
                 Series(
-                    label=way_of(sign), x=x[rows], y=y[rows], style="points", group=group, **ends
+                    label=way_of(sign),
+                    x=x[rows],
+                    y=y[rows],
+                    style="points",
+                    group=group,
+                    low=ends.get("low"),
+                    high=ends.get("high"),
                 )
             )
     return series

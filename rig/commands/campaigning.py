@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.campaign_crew import program_crew, terminal_crew
-from rig.commands.result_tables import print_verdict
 from rig.commands.running import (
     Config,
     Events,
@@ -144,6 +142,8 @@ def campaign(
     if events or stdin_control:
         report = _conducted_for_a_program(order, pattern, events, stdin_control)
     else:
+        from rig.commands.campaign_crew import terminal_crew
+
         with terminal_crew(walked, quiet=json) as crew:
             report = _conducted(order, crew, pattern)
     if junit is not None:
@@ -220,7 +220,11 @@ def _conducted(order: CampaignOrder, crew: Crew, pattern: RunRequest) -> Conduct
     from rig.trial.campaign.conduct import conduct
 
     report = conduct(order, crew)
-    return Conducted(report, _certificate(report, order, pattern))
+    certificate = _certificate(report, order, pattern)
+    # An analysis that crashed is made again by the same command: the campaign is not over.
+    if report.is_complete and not report.problems:
+        report.journal.with_end(report.verdict.verdict, ", ".join(certificate), order.now())
+    return Conducted(report, certificate)
 
 
 def _conducted_for_a_program(
@@ -229,6 +233,7 @@ def _conducted_for_a_program(
     """A campaign whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.analysis.store import json_ready
+    from rig.commands.campaign_crew import program_crew
     from rig.run.remote import RemoteOperator
     from rig.run.stop import StopRequest
 
@@ -288,6 +293,8 @@ def _print_walk(walked: Walk) -> None:
 
 def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     """How a campaign stands: its runs, the verdict with its reasons, the certificate, what to do next."""
+    from rig.commands.result_tables import print_verdict
+
     out = console()
     for words in report.resumed:
         out.print(words, soft_wrap=True)

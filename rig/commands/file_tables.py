@@ -55,7 +55,7 @@ def print_runs(
             continue
         outcome = run.outcome or _STATE_WORDS[run.state]
         cells = [
-            run.run_id or run.path.name,
+            run.path.name.removesuffix(".h5"),
             run.start[:16].replace("T", " ") or "-",
             _lasted(run.duration),
             Text(outcome, style=_OUTCOME_COLOURS.get(outcome, "bold red")),
@@ -84,7 +84,7 @@ def _print_below(out: Console, listed: Sequence[IndexedRun]) -> None:
     for run in listed:
         mark = ORIGIN_WORDS.get(run.origin, run.origin)
         if mark and not run.problem:
-            origins.setdefault(mark, []).append(run.run_id)
+            origins.setdefault(mark, []).append(run.path.name.removesuffix(".h5"))
     for mark, names in origins.items():
         every = "all of them" if len(names) == len(listed) else ", ".join(names)
         out.print(Text(f"{mark}: {every}", style="bold magenta"))

@@ -180,6 +180,7 @@ def demonstrate(
 
     started = time.monotonic()
     order.folder.mkdir(parents=True, exist_ok=True)
+    _name_acceptance(order)
     watcher = _Watcher(show, order.folder)
     report = conduct(
         campaign_order(order, beside=beside),
@@ -192,6 +193,7 @@ def demonstrate(
         ),
     )
     _refuse_unfinished(order, report)
+    report.journal.with_end(report.verdict.verdict, ", ".join(CERTIFICATE), order.created)
     return _conclude(order, report, tuple(watcher.finished), started)
 
 
@@ -227,6 +229,16 @@ def campaign_order(order: DemoOrder, *, beside: bool) -> CampaignOrder:
         beside=beside,
         anew=True,
     )
+
+
+def _name_acceptance(order: DemoOrder) -> None:
+    """The gear's card says by what it is judged, so that every reader of the folder gives the same verdict."""
+    from rig.gears.card import card_for, save_card, with_changes
+
+    facts = {"serial": order.serial, "acceptance": ACCEPTANCE}
+    before = card_for(order.folder, order.serial)
+    if before is None or before.facts.acceptance != ACCEPTANCE:
+        save_card(order.folder, with_changes(before, facts, "rig demo", order.created))
 
 
 def _world(order: DemoOrder, number: int) -> WorldChoice:

@@ -121,8 +121,20 @@ def test_runs(rig: Rig, run: Path, tmp_path: Path) -> None:
     assert (found[1]["rows"], found[1]["unfinished"]) == (70, True)
     assert "HDF5" in found[2]["problem"] or "run file" in found[2]["problem"]
     assert rig("runs", tmp_path) == 0
-    for word in (run.name, "COMPLETED", "SIMULATED", "unfinished", "unreadable"):
+    for word in (run.stem, "COMPLETED", "SIMULATED", "unfinished", "unreadable"):
         assert word in rig.out
+
+
+def test_the_list_of_runs_fits_eighty_columns(
+    rig: Rig, run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert rig("runs", run.parent) == 0
+    lines = rig.out.splitlines()
+    assert max(map(len, lines)) <= 80
+    (row,) = [line for line in lines if run.stem in line]
+    assert "COMPLETED" in row
+    assert "NOT JUDGED" in row
 
 
 def test_runs_of_an_empty_folder_and_of_none(rig: Rig, tmp_path: Path) -> None:

@@ -187,7 +187,7 @@ def trip(folder: Path) -> None:
             ask=remote.ask,
             on_progress=remote.on_progress,
             on_event=remote.on_event,
-        )
+        ).as_json()
     )
 
 

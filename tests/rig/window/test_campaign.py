@@ -104,7 +104,8 @@ def test_start_hands_over_the_campaign(page: PreparePage, qtbot: QtBot) -> None:
     assert page.obstacles == []
     with qtbot.waitSignal(page.start_requested) as asked:
         qtbot.mouseClick(page.start_button, Qt.MouseButton.LeftButton)
-    (prepared,) = asked.args or ()
+    assert asked.args is not None
+    (prepared,) = asked.args
     assert isinstance(prepared, PreparedCampaign)
     assert prepared.arguments[:2] == ["campaign", "acceptance"]
     assert prepared.arguments[-2:] == ["--events", "--stdin-control"]
@@ -243,7 +244,7 @@ def test_large_numbers_tell_the_latest_rows(
     has: Callable[[str], bool] = lambda name: name != missing  # noqa: E731
     recording: Any = SimpleNamespace(has=has, metadata=SimpleNamespace(sample_rate=1000.0))
     numbers.begin(recording)
-    time = np.arange(1000) * 1e-3
+    time = np.arange(1000, dtype=np.float64) * 1e-3
     torque = "drive_torque" if missing else "torque"
     assert torque in numbers.wanted
     late = time > 0.7

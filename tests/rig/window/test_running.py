@@ -75,13 +75,13 @@ def test_a_full_friction_run(window: MainWindow, prepared: MakePrepared, qtbot: 
     assert window.run.buttons.stop.isEnabled()
     wait_for_end(window, qtbot)
     page = window.run
-    assert page.banner.word == "FINISHED: PASS"
+    assert page.banner.word == "COMPLETED: NOT JUDGED"
     assert not page.buttons.stop.isEnabled()
     # Whether the short making safe is seen depends on the beat of the progress.
     assert [word for word in dict.fromkeys(states) if word != "stopping"] == [
         "armed",
         "running",
-        "finished: pass",
+        "completed: not judged",
     ]
     # Every row of the run was drawn, every hold became a point, and nothing looks like hardware.
     assert page.plots.rows_read == page.report["rows"] > 5000
@@ -290,7 +290,7 @@ def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:
     wait_for_end(window, qtbot)
     assert not page.prompt.isVisible()
     assert "22.5" in page.events.texts
-    assert page.banner.word == "FINISHED: PASS"
+    assert page.banner.word == "COMPLETED: NOT JUDGED"
 
 
 def test_standstill_that_was_not_verified_is_the_loudest_thing(

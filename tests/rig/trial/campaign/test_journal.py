@@ -28,6 +28,7 @@ def test_what_is_noted_is_read_again(tmp_path: Path) -> None:
     journal = begun(tmp_path).with_stage(stage(0, "a.h5")).with_stage(stage(1, "b.h5", "TRIPPED"))
     journal = journal.with_stage(stage(1, "c.h5")).with_outdated(0, "too old", "2026-01-09")
     found = journals.unfinished(tmp_path, PLAN, "SN 1/2")
+    assert found is not None
     assert found == journal
     assert [found.counts(index) for index in range(3)] == [False, True, False]
     newest = found.newest(0)
