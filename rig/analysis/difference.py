@@ -324,12 +324,6 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
                 note=f"{missing} has no {kind} analysis: rig fit",
             )
             continue
-        yield Change(
-            group="results",
-            name=f"{kind}: outcome",
-            first=str(left.content.get("outcome")),
-            second=str(right.content.get("outcome")),
-        )
         apart = list(_analysed_otherwise(kind, left, right))
         yield from apart
         other = any(

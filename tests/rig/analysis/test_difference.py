@@ -159,6 +159,17 @@ def result(found: Difference, name: str = f"friction: {RUNNING}") -> Change:
     return next(change for change in (*found.changes, *found.same) if change.name == name)
 
 
+def test_the_outcome_that_older_analyses_held_is_not_compared(runs: tuple[Path, Path]) -> None:
+    older = analyse(runs[0], estimate(RUNNING, 0.08)).path
+    content = json.loads(older.read_text(encoding="utf-8"))
+    assert "outcome" not in content
+    older.write_text(json.dumps(content | {"outcome": "FAIL"}), encoding="utf-8")
+    analyse(runs[1], estimate(RUNNING, 0.08))
+    found = difference(*runs)
+    assert found.of("results") == ()
+    assert {one.name for one in found.same if one.group == "results"} >= {f"friction: {RUNNING}"}
+
+
 @pytest.mark.parametrize(
     ("second", "own", "significant"),
     [(0.0803, 1e-4, True), (0.08027, 1e-4, False), (0.0803, 1.2e-4, False), (0.0797, 1e-4, True)],
