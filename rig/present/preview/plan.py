@@ -1,9 +1,9 @@
 """A plan seen in advance: speed over time, predicted torque and output with their bands, margins,
 and what touches a limit.
 
-Quasi-static: at every instant the torque that this speed and this acceleration need. Transients of
-the speed loop (overshoot, ringing of the gear after a step) are not in it; what the drive's ramp
-shapes is.
+Quasi-static: at every instant the torque that this speed and this acceleration need. What the
+drive's ramp shapes is in it; overshoot of the speed loop is not. The ringing of the gear during a
+ramp is in the uncertainty alone.
 """
 
 from __future__ import annotations
@@ -160,9 +160,8 @@ def preview_plan(planned: PlannedRun) -> PlanPreview:
     time, speed, acceleration, direction, step, piece = _instants(course)
     torque = model.torque(speed, acceleration, direction)
     off = course.mode[piece] == Servo.OFF
-    torque = PredictedTorque(
-        np.where(off, 0.0, torque.value), np.where(off, 0.0, torque.uncertainty)
-    )
+    unsure = np.hypot(torque.uncertainty, model.ringing(acceleration))
+    torque = PredictedTorque(np.where(off, 0.0, torque.value), np.where(off, 0.0, unsure))
     torque = _with_torque_ramps(torque, course, piece, time)
     ripple, shaking = _ripple(output, course)
     peaks = tuple(

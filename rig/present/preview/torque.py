@@ -24,7 +24,7 @@ from model.friction import BRANCH_LIMIT, bearing_lever, bearing_magnitude, mesh_
 from model.gear import HarmonicDrive, Origin
 from model.motor import ServoMotor
 from model.units import RPM
-from rig.bench.limits import Load
+from rig.bench.limits import STEP_FACTOR, Load
 
 FloatArray = NDArray[np.float64]
 
@@ -116,6 +116,16 @@ class TorqueModel:
             doubts.append(self.output_inertia_doubt() / self.load.ratio**2)
         doubts.append(DOUBT["measured"] * self.disc_inertia)
         return self.load.total_inertia, float(np.sqrt(np.sum(np.square(doubts))))
+
+    def ringing(self, acceleration: ArrayLike) -> FloatArray:
+        """Half-width of what the gear's spring makes of accelerations [rad/s2] that are there at once [N m].
+
+        Rigid, the output takes its share alpha J_o/N^2 of the torque at once. Behind an undamped
+        spring that share is alpha J_o/N^2 (1 - cos w t): anything from nothing, where a ramp ends
+        before the spring is wound, to twice itself, the factor of the limits (`STEP_FACTOR`).
+        """
+        share = self.load.output_inertia / self.load.ratio**2
+        return (STEP_FACTOR - 1.0) * share * np.abs(np.asarray(acceleration, dtype=np.float64))
 
     def output_inertia_doubt(self) -> float:
         """Standard uncertainty of J_o [kg m2]."""

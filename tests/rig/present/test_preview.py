@@ -252,11 +252,24 @@ def test_the_peak_of_a_simulated_step_is_within_its_prediction(tmp_path: Path) -
         assert abs(np.abs(torque).max() - peak.torque) < peak.torque_uncertainty
 
 
+def test_the_share_of_the_output_rings_between_nothing_and_twice_itself() -> None:
+    model = TorqueModel(GEAR, MOTOR, load_of(GEAR, MOTOR, "circular-spline-fixed"))
+    share = GEAR.inertia.output / 120.0**2
+    np.testing.assert_allclose(model.ringing([0.0, 800.0, -800.0]), [0.0, 800 * share, 800 * share])
+    assert torque_model(planned("motor-tare")).ringing(800.0) == 0.0
+    preview = preview_plan(planned_of(Ramp(100.0, 800.0), HoldTime(1.0)))
+    rigid = model.torque(100.0, np.array([800.0, 0.0]), 1.0).uncertainty
+    ramp, hold = (preview.torque.uncertainty[preview.step == step][-1] for step in (0, 1))
+    assert (ramp, hold) == pytest.approx((np.hypot(rigid[0], 800 * share), rigid[1]))
+
+
 def touching() -> PlanPreview:
     """A step at the drive's ramp: 0.8 of the torque limit by construction, more with the
     uncertainty of assumed numbers.
     """
-    load = GEAR.with_values({"inertia.output": 0.1}, Origin("assumed", "a guess", 0.15))
+    load = GEAR.with_values(
+        {"inertia.wave_generator": GEAR.inertia.wave_generator}, Origin("recalled", "from memory")
+    ).with_values({"inertia.output": 0.1}, Origin("assumed", "a guess", 0.15))
     label = SegmentLabel("step", 100.0, 1)
     steps = (HoldTime(0.2), SpeedStep(100.0, 1.0, segment=label), HoldRevolutions(2.0, 9.0))
     return preview_plan(plan_run(experiment_of(steps), NoChoice(), load, MOTOR))

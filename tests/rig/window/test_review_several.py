@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from model.gear_file import load_gear, save_gear, shipped_gear
 from rig.analysis.fit_run import fit_run
-from rig.analysis.store import read_analyses
+from rig.analysis.in_force import in_force
+from rig.analysis.store import json_text, read_analyses
 from rig.window.review.fit import FitOrder, ResultCache
 from rig.window.review.page import ReviewPage, report_path
 from rig.window.review.passport import missing_fits
@@ -142,23 +144,23 @@ def test_the_report_of_the_gear_is_written_from_its_passport(
     assert page.passport.pdf.isEnabled()
 
 
-def test_a_report_is_made_with_the_tare_of_the_newest_fit(
+def test_a_report_chooses_no_tare_of_its_own_and_leaves_that_to_the_analysis_in_force(
     opened: Callable[..., ReviewPage], friction: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[list[str]] = []
     monkeypatch.setattr(BackgroundCommand, "start", lambda self: asked.append(self._arguments[2:]))
     analysis = read_analyses(friction[1])[0]
-    tare = friction[0]
-    changed = replace(
-        analysis, content={**analysis.content, "tare": {"run": tare.name.removesuffix(".h5")}}
-    )
-    monkeypatch.setattr(
-        "rig.window.review.page.read_analyses",
-        lambda path: (changed,) if path == friction[1] else (),
+    with_tare = {**analysis.content, "tare": {"run": friction[0].name.removesuffix(".h5")}}
+    analysis.path.write_text(json_text(with_tare), encoding="utf-8")
+    assert in_force(friction[1]).analysis == replace(
+        analysis, content=json.loads(json_text(with_tare))
     )
     page = opened()
     page.make_report([friction[1]])
-    assert asked[0][:4] == ["report", str(friction[1]), "--tare", str(tare)]
+    # With --tare the report would be made anew, by hand; without, it reads what is in force.
+    assert asked == [
+        ["report", str(friction[1]), "--output", str(report_path([friction[1]]))],
+    ]
 
 
 @pytest.mark.usefixtures("in_process")

@@ -91,12 +91,12 @@ def shown_marks(window: MainWindow) -> set[str]:
 
 def test_on_the_wire_and_replayed(window: MainWindow, session: WindowSession, qtbot: QtBot) -> None:
     run_to_its_end(window, prepared(session, "wire", QUICK, FLAGS), qtbot)
-    assert window.run.banner.word == "FINISHED: PASS", window.run.report
+    assert window.run.banner.word == "COMPLETED: NOT JUDGED", window.run.report
     assert shown_marks(window) == {"SIMULATED"}
     rows, path = window.run.report["rows"], Path(window.run.report["path"])
     assert window.run.plots.rows_read == rows
     run_to_its_end(window, prepared(session, f"replay:{path}", QUICK, FLAGS), qtbot)
-    assert window.run.banner.word == "FINISHED: PASS", window.run.report
+    assert window.run.banner.word == "COMPLETED: NOT JUDGED", window.run.report
     assert shown_marks(window) == {"REPLAY"}
     assert (window.run.report["rows"], window.run.plots.rows_read) == (rows, rows)
 
