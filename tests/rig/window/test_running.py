@@ -290,7 +290,7 @@ def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:
     wait_for_end(window, qtbot)
     assert not page.prompt.isVisible()
     assert "22.5" in page.events.texts
-    assert page.banner.word == "COMPLETED: NOT JUDGED"
+    assert page.banner.word == "FINISHED: COMPLETED"
 
 
 def test_standstill_that_was_not_verified_is_the_loudest_thing(
