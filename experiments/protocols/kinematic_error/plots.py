@@ -252,15 +252,15 @@ def _figure_16(relation: PhaseRelation) -> list[Plot]:
     series = []
     for k, (name, curve, unit) in enumerate(both):
         extremes = _extremes(curve)
-        look = {"group": k, "panel": k}
-        series.append(Series(label=name, x=x, y=curve / unit, style="line", **look))
+        series.append(Series(label=name, x=x, y=curve / unit, group=k, panel=k))
         series.append(
             Series(
                 label=f"extremes of the {name}",
                 x=x[extremes],
                 y=curve[extremes] / unit,
                 style="points",
-                **look,
+                group=k,
+                panel=k,
             )
         )
     return [
