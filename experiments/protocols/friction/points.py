@@ -357,17 +357,15 @@ def common_errors(
     if law.is_known:
         # It moves no hold, only what is brought to 20 degC.
         errors.append(CommonError(source=THERMOMETRY, effect=np.zeros_like(speed)))
-    if measured.tare is not None:
-        errors.append(
-            CommonError(
-                source=TARE,
-                effect=measured.heat.tare * tare,
-                cause=Cause.TARE,
-                note="the same motor, warmer or colder",
-            )
-        )
     return errors + _never_seen(
-        measured, recording, speed, direction, dry=dry, gear_torque=gear_torque, ratio=ratio
+        measured,
+        recording,
+        speed,
+        direction,
+        dry=dry,
+        gear_torque=gear_torque,
+        tare=tare,
+        ratio=ratio,
     )
 
 
@@ -390,10 +388,14 @@ def _never_seen(
     *,
     dry: FloatArray,
     gear_torque: FloatArray,
+    tare: FloatArray,
     ratio: float,
 ) -> list[CommonError]:
     """Errors that no data of the run can tell: torque scale, torque zero of holds without a partner, output bearing,
-    and how the gear's next run would differ.
+    how the gear's next run would differ, and the motor's temperature in the tare.
+
+    The friction of a motor that is warmer is less by a factor. It is a straight line over speed, as F_c and c_v are
+    together: what is left of it in the torques passes for the gear's.
     """
     relative, source = torque_scale_uncertainty(recording, measured.channel)
     errors = [
@@ -422,6 +424,16 @@ def _never_seen(
             is_fitted=False,
         ),
     ]
+    if measured.tare is not None:
+        errors.append(
+            CommonError(
+                source=TARE,
+                effect=measured.heat.tare * tare,
+                cause=Cause.TARE,
+                note="the same motor, warmer or colder",
+                is_fitted=False,
+            )
+        )
     for part, effect in measured.output.effects(speed, ratio).items():
         errors.append(
             CommonError(source=part, effect=effect, note=measured.output.source, is_fitted=False)

@@ -285,6 +285,23 @@ def test_the_error_within_few_revolutions_is_of_the_right_size() -> None:
     assert 0.7 < np.std(z) < 1.35
 
 
+@pytest.mark.parametrize(("revolutions", "rows"), [(1, 4000), (1, 260), (3, 800)])
+def test_cogging_is_no_error_of_the_mean_over_whole_revolutions(
+    revolutions: int, rows: int
+) -> None:
+    """Orders 24 and 48 of the motor, several times the noise, average out and must not pass for scatter."""
+    random = np.random.default_rng(revolutions * rows)
+    time = np.linspace(0.0, 10.0, rows + 1)
+    z = []
+    for _ in range(60):
+        angle = random.uniform(0.0, REVOLUTION) + REVOLUTION * revolutions * time / 10.0
+        cogging = 0.0025 * np.cos(24.0 * angle + 1.0) + 0.0006 * np.cos(48.0 * angle)
+        torque = 0.06 + cogging + 0.0015 * random.standard_normal(len(time))
+        found = average_torque(time, angle, torque)
+        z.append((found.torque - 0.06) / found.standard_error)
+    assert 0.75 < np.std(z) < 1.3
+
+
 def test_stick_is_seen() -> None:
     time = np.linspace(0.0, 60.0, 12_000)
     angle = 0.3 * time
