@@ -35,8 +35,11 @@ FEW_POINTS = 6
 """Speeds of a tare below which nobody can say whether it is a straight line."""
 BENT = 0.2
 """Relative standard uncertainty of the slope with which a tare goes on above its fastest speed."""
-REST_LIMIT = 5.0 * DEGREE
-"""Standstill, in angle that a steady speed would have turned, above which a hold counts as stick."""
+REST_LIMIT = 0.1 * DEGREE
+"""Standstill, in angle that a steady speed would have turned, above which a hold counts as stick: below a steep
+Stribeck curve a speed loop stops and goes by tenths of a degree, and the mean torque is several per cent low."""
+RESTING_COUNTS = 4.0
+"""Counts (samples, where each brings some) whose time passes for no standstill: cogging lets a slow speed ripple."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,11 +119,11 @@ def average_torque(
 
 
 def _rest_angle(rests: Array, turned: Array, speed: float) -> float:
-    """The longest time without a count, as angle at the mean speed, less what a count itself takes."""
+    """The longest time without a count, as angle at the mean speed, less what a few counts themselves take."""
     if len(rests) == 0:
         return 0.0
     count = float(np.median(np.diff(turned)))
-    return max(float(rests.max()) * abs(speed) - 2.0 * count, 0.0)
+    return max(float(rests.max()) * abs(speed) - RESTING_COUNTS * count, 0.0)
 
 
 def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple[float, float]:

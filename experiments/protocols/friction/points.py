@@ -58,8 +58,15 @@ from model.identify.common_errors import (
 )
 from model.identify.estimate import Cause
 from model.identify.friction import tare_scatter
-from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
+from model.identify.running_torque import (
+    REST_LIMIT,
+    FrictionPoints,
+    RunningTorque,
+    Tare,
+    pair_directions,
+)
 from model.identify.stribeck import stribeck_curve, stribeck_jacobian
+from model.units import DEGREE, RPM
 
 PLACE_ORDERS = (1, 2, 3, 4)
 """Orders of the output revolution that friction is looked at over."""
@@ -155,7 +162,9 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             where=recording.metadata.run_id,
             remedy="Hold each speed for whole revolutions.",
         )
+    holds, stuck = _sliding(holds)
     tare, said = read_tare(evidence.tare, _speeds(holds))
+    said = [*stuck, *said]
     if tare is not None:
         holds, bracket = (
             [
@@ -188,6 +197,30 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         output=output_bearing(recording, evidence.settings),
         heat=heat,
     )
+
+
+def _sliding(holds: list[Hold]) -> tuple[list[Hold], list[str]]:
+    """The holds in which the input did not stick, and words that name the speeds of the others.
+
+    Raises `AnalysisError` where all of them stuck.
+    """
+    stuck = sorted({round(abs(h.torque.speed) / RPM, 2) for h in holds if h.torque.sticks})
+    if not stuck:
+        return holds, []
+    named = ", ".join(f"{speed:g}" for speed in stuck)
+    sliding = [h for h in holds if not h.torque.sticks]
+    if not sliding:
+        raise AnalysisError(
+            "the input stood still in every hold, and a torque at standstill is no running torque",
+            where="holds",
+            value=f"{named} r/min",
+            limit=f"<= {REST_LIMIT / DEGREE:g} degrees of standstill at the mean speed",
+            remedy="Run faster, or stiffen the speed loop.",
+        )
+    return sliding, [
+        f"The input stopped and went at {named} r/min: those holds are left out, standstill is no "
+        "sliding friction. Run faster there, or stiffen the speed loop."
+    ]
 
 
 def _thermometer(recording: Recording) -> float:
