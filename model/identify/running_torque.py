@@ -38,8 +38,8 @@ BENT = 0.2
 REST_LIMIT = 0.1 * DEGREE
 """Standstill, in angle that a steady speed would have turned, above which a hold counts as stick: below a steep
 Stribeck curve a speed loop stops and goes by tenths of a degree, and the mean torque is several per cent low."""
-RESTING_COUNTS = 4.0
-"""Counts (samples, where each brings some) whose time passes for no standstill: cogging lets a slow speed ripple."""
+RESTING_STEPS = 3.0
+"""Counts, or samples where each brings some, whose time is no standstill: cogging lets a slow speed ripple."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,11 +119,11 @@ def average_torque(
 
 
 def _rest_angle(rests: Array, turned: Array, speed: float) -> float:
-    """The longest time without a count, as angle at the mean speed, less what a few counts themselves take."""
+    """The longest time without a count, as angle at the mean speed, less what a few counts or samples take."""
     if len(rests) == 0:
         return 0.0
-    count = float(np.median(np.diff(turned)))
-    return max(float(rests.max()) * abs(speed) - RESTING_COUNTS * count, 0.0)
+    step = max(float(np.min(np.diff(turned))), float(np.min(rests)) * abs(speed))
+    return max(float(rests.max()) * abs(speed) - RESTING_STEPS * step, 0.0)
 
 
 def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple[float, float]:

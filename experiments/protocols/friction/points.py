@@ -70,6 +70,8 @@ from model.units import DEGREE, RPM
 
 PLACE_ORDERS = (1, 2, 3, 4)
 """Orders of the output revolution that friction is looked at over."""
+SAME_SPEED = 0.03
+"""Relative difference of two speeds up to which they are visits to one."""
 REPETITIONS_PER_ORDER = 3
 """Repetitions of speeds that each order needs."""
 BEARING_RELATIVE = 0.2
@@ -200,26 +202,28 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
 
 
 def _sliding(holds: list[Hold]) -> tuple[list[Hold], list[str]]:
-    """The holds in which the input did not stick, and words that name the speeds of the others.
+    """The holds at speeds at which the input never stuck, and words that name the other speeds.
 
-    Raises `AnalysisError` where all of them stuck.
+    Raises `AnalysisError` where it stuck at all of them.
     """
-    stuck = sorted({round(abs(h.torque.speed) / RPM, 2) for h in holds if h.torque.sticks})
-    if not stuck:
+    speed = _speeds(holds)
+    stuck = speed[[h.torque.sticks for h in holds]]
+    if not len(stuck):
         return holds, []
-    named = ", ".join(f"{speed:g}" for speed in stuck)
-    sliding = [h for h in holds if not h.torque.sticks]
+    named = ", ".join(f"{rpm:g}" for rpm in np.unique(np.round(stuck / RPM, 1)))
+    beside = np.abs(speed[:, None] / stuck - 1.0).min(axis=1)
+    sliding = [h for h, away in zip(holds, beside, strict=True) if away > SAME_SPEED]
     if not sliding:
         raise AnalysisError(
-            "the input stood still in every hold, and a torque at standstill is no running torque",
+            "the input stood still at every speed, and a torque at standstill is no running torque",
             where="holds",
             value=f"{named} r/min",
             limit=f"<= {REST_LIMIT / DEGREE:g} degrees of standstill at the mean speed",
             remedy="Run faster, or stiffen the speed loop.",
         )
     return sliding, [
-        f"The input stopped and went at {named} r/min: those holds are left out, standstill is no "
-        "sliding friction. Run faster there, or stiffen the speed loop."
+        f"The input stopped and went at {named} r/min: these speeds are left out, standstill is no "
+        "sliding friction. Run faster, or stiffen the speed loop."
     ]
 
 

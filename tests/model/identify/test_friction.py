@@ -22,8 +22,8 @@ from model.identify.running_torque import (
     tare_from,
 )
 from model.identify.stribeck import NAMES, stribeck_curve
-from model.units import REVOLUTION, RPM
-from tests.model.identify.rigs import SPEEDS, hold, sweep
+from model.units import DEGREE, REVOLUTION, RPM
+from tests.model.identify.rigs import INPUT_QUANTUM, SPEEDS, counted, hold, sweep
 
 GEAR = shipped_gear()
 
@@ -309,6 +309,21 @@ def test_stick_is_seen() -> None:
     found = average_torque(time, angle, np.full_like(time, 0.06))
     assert found.sticks
     assert not average_torque(time, 0.3 * time, np.full_like(time, 0.06)).sticks
+
+
+@pytest.mark.parametrize("rate", [250.0, 1000.0])
+def test_stopping_and_going_by_a_degree_is_stick(rate: float) -> None:
+    """A loop that lets a shaft stand for half of every degree; cogging that only ripples the speed is none."""
+    time = np.arange(0.0, 31.0, 1.0 / rate)
+    steady = 2.0 * RPM * time
+    beat = 1.0 * DEGREE
+    stepped = beat * (
+        np.floor(steady / beat) + np.clip(2.0 * (steady / beat % 1.0) - 1.0, 0.0, 1.0)
+    )
+    rippled = steady + 0.6 / 24.0 * np.sin(24.0 * steady)
+    torque = np.full_like(time, 0.06)
+    assert average_torque(time, counted(stepped, INPUT_QUANTUM), torque).sticks
+    assert not average_torque(time, counted(rippled, INPUT_QUANTUM), torque).sticks
 
 
 def test_half_difference_and_half_sum() -> None:
