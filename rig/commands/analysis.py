@@ -121,7 +121,7 @@ def fit(
         parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
     )
     fits = tuple(fit_run(run, kind, choices) for run in runs)
-    notes = _store(fits) if stored else []
+    fits, notes = _store(fits) if stored else (fits, [])
     if parameters_out is not None:
         from model.gear_file import save_gear
         from rig.analysis.adopt import adopt
@@ -278,25 +278,27 @@ def _read(text: str) -> Any:
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
 
-def _store(fits: tuple[Fit, ...]) -> list[str]:
+def _store(fits: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], list[str]]:
     """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
     from datetime import datetime
 
     from rig.analysis.fit import store
     from rig.errors import RunFileError
 
-    notes = []
+    kept, notes = [], []
     for one in fits:
         try:
             stored = store(one, datetime.now().astimezone().isoformat(timespec="seconds"))
         except RunFileError as error:
             echo(f"Not stored: {error}", errors=True)
-        else:
-            if stored.stored and one.path is not None:
-                notes.append(
-                    f"kept as {one.path.with_name(stored.stored.split('/')[0]) / stored.stored.split('/')[1]}"
-                )
-    return notes
+            kept.append(one)
+            continue
+        kept.append(stored)
+        if stored.stored and one.path is not None:
+            notes.append(f"kept as {one.path.parent / stored.stored}")
+        if stored.not_in_force:
+            notes.append(f"not what everybody reads: {stored.not_in_force}")
+    return tuple(kept), notes
 
 
 def _as_object(

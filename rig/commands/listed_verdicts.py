@@ -5,12 +5,20 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from model.errors import WordedError
 from rig.analysis.in_force import in_force
 from rig.analysis.judging import GearVerdict, judge_listed, not_judged
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
+
+if TYPE_CHECKING:
+    from experiments.recording import RunMetadata
+
+
+Accepted = Callable[[Path, str], Acceptance | None]
+"""What a gear must show, by folder of runs and serial number."""
 
 
 def verdicts_of(listed: Sequence[IndexedRun]) -> dict[Path, GearVerdict]:
@@ -19,12 +27,41 @@ def verdicts_of(listed: Sequence[IndexedRun]) -> dict[Path, GearVerdict]:
     return {run.path: _verdict_of(run, accepted) for run in listed if run.state == "sealed"}
 
 
-def _verdict_of(run: IndexedRun, accepted: Callable[[Path, str], Acceptance | None]) -> GearVerdict:
+def verdict_of_run(path: Path, metadata: RunMetadata) -> GearVerdict | None:
+    """The verdict on what one run measured; None for a file that is not sealed yet."""
+    if path.name.endswith(".part"):
+        return None
+    return _judged(
+        path,
+        metadata.experiment,
+        metadata.origin,
+        metadata.outcome,
+        metadata.gear_serial,
+        acceptance_for,
+    )
+
+
+def told(verdict: GearVerdict | None) -> dict[str, Any]:
+    """Verdict, reasons and what is stale of one run of several; null for a file that cannot be read."""
+    if verdict is None:
+        return {"verdict": None, "because": [], "stale": []}
+    return {
+        "verdict": verdict.verdict,
+        "because": list(verdict.because),
+        "stale": list(verdict.stale),
+    }
+
+
+def _verdict_of(run: IndexedRun, accepted: Accepted) -> GearVerdict:
+    return _judged(run.path, run.protocol, run.origin, run.outcome, run.gear_serial, accepted)
+
+
+def _judged(
+    path: Path, kind: str, origin: str, outcome: str, serial: str, accepted: Accepted
+) -> GearVerdict:
     try:
-        acceptance = accepted(run.path.parent, run.gear_serial)
-        return judge_listed(
-            run.path, run.protocol, run.origin, run.outcome, run.gear_serial, acceptance
-        )
+        acceptance = accepted(path.parent, serial)
+        return judge_listed(path, kind, origin, outcome, serial, acceptance)
     except (WordedError, KeyError, TypeError, ValueError) as error:
         return not_judged(f"analysis or acceptance file cannot be read: {error}")
 

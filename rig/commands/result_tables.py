@@ -63,9 +63,17 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
             out.print(Text(f"    {reason}"), soft_wrap=True)
     for line in verdict.lines:
         text = Text.assemble("    ", (line.outcome, VERDICT_STYLE[line.outcome]))
-        out.print(text.append(f"  {verdict_text(line)}"))
+        out.print(text.append(f"  {verdict_text(line)}"), soft_wrap=True)
+    for words in _not_yet_told(verdict):
+        out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)
     if verdict.source:
         out.print(Text(f"    by {verdict.source}", style="dim"), soft_wrap=True)
+
+
+def _not_yet_told(verdict: GearVerdict) -> list[str]:
+    """What is stale beside what the lines say: of what no limit is about, or a limit that nobody confirmed."""
+    said = " ".join(line.because for line in verdict.lines)
+    return [words for words in verdict.stale if words.partition(": ")[2] not in said]
 
 
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:

@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments import catalogue
 from experiments.result import Check, Result, Verdict
 from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
+from rig.analysis.in_force import in_force
 from rig.analysis.judging import (
     StoredResult,
     held_against,
@@ -160,6 +162,31 @@ def test_the_verdict_is_the_worst_over_the_list_and_nothing_else(
         assert alone.lines == verdict.of(one.result)
 
 
+def test_a_stale_analysis_judges_nothing_and_names_what_renews_it() -> None:
+    acceptance = asked(limit("friction"))
+    one = replace(found("friction"), stale=("its tare changed",), renewed_by="rig fit RUN")
+    verdict = judge_run(one, acceptance)
+    words = "the analysis is stale: its tare changed. Renew it: rig fit RUN"
+    assert verdict.verdict == "NOT JUDGED"
+    assert words in verdict.because[0]
+    (line,) = verdict.lines
+    assert line.estimate.value == one.result.estimates["running_torque_1000_rpm"].value
+    for told in (
+        verdict,
+        judge([one], acceptance),
+        judge_run(one, None),
+        judge_run(one, asked(limit("kinematic-error"))),
+    ):
+        assert told.as_json()["stale"] == [f"run 1-friction, friction: {words}"]
+
+
+def test_an_analysis_that_nobody_reads_judges_nothing() -> None:
+    one = replace(found("friction"), not_in_force="analysis 1 is in force, not analysis 2")
+    verdict = judge_run(one, asked(limit("friction")))
+    assert verdict.verdict == "NOT JUDGED"
+    assert "analysis 1 is in force" in verdict.because[0]
+
+
 @pytest.mark.parametrize(
     ("changes", "because"),
     [
@@ -237,9 +264,11 @@ def test_a_fit_and_its_stored_analysis_have_one_verdict(tmp_path: Path) -> None:
     acceptance = handmade.acceptance()
     because = judge_listed(run, "friction", "simulated", "COMPLETED", "SN", acceptance).because
     assert because == (f"the run is not analysed: rig fit {run}",)
-    stored = append_analysis(run, fit.result, Basis("ab" * 32, "2026-11-01T00:00:00+00:00"))
+    version = catalogue.load("friction").version
+    basis = Basis("ab" * 32, "2026-11-01T00:00:00+00:00", analysis_version=version)
+    append_analysis(run, fit.result, basis)
     listed = judge_listed(run, "friction", fit.origin, fit.outcome, fit.serial, acceptance)
-    read = stored_result(stored, fit.origin, fit.outcome, fit.serial)
+    read = stored_result(in_force(run, "friction"), fit.origin, fit.outcome, fit.serial)
     verdicts = [judge_run(fit, acceptance), judge_run(read, acceptance), listed]
     assert {v.verdict for v in verdicts} == {"PASS"}
     assert len({v.because for v in verdicts}) == 1

@@ -16,7 +16,7 @@ from model.errors import WordedError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.in_force import in_force
-from rig.analysis.judging import GearVerdict, StoredResult, judge_run, not_judged
+from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_as
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
@@ -330,7 +330,7 @@ class RunDetails(QWidget):
         except (ValueError, KeyError, TypeError) as error:
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
-        self.results.show_result(result, self._gear, self._verdict_on(result))
+        self.results.show_result(result, self._gear, self._verdict_on(analysis))
         heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
         said = f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}."
@@ -345,7 +345,7 @@ class RunDetails(QWidget):
         if front:
             self.tabs.setCurrentWidget(self.results)
 
-    def _verdict_on(self, result: Result) -> GearVerdict:
+    def _verdict_on(self, analysis: Analysis) -> GearVerdict:
         """What this analysis is worth by the acceptance file of the gear, as it is now."""
         assert self.path is not None
         assert self.recording is not None
@@ -354,7 +354,9 @@ class RunDetails(QWidget):
             acceptance = acceptance_for(self.path.parent, m.gear_serial)
         except WordedError as error:
             return not_judged(f"the acceptance file cannot be read: {error}")
-        return judge_run(StoredResult(result, m.origin, m.outcome, m.gear_serial), acceptance)
+        found = in_force(self.path, analysis.kind)
+        stored = stored_as(analysis, found, m.origin, m.outcome, m.gear_serial)
+        return judge_run(stored, acceptance)
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
@@ -430,10 +432,18 @@ class RunDetails(QWidget):
             f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else ""
         )
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
-        self.results.show_result(result, self._gear, self._verdict_on(result))
         if order.keep:
             self.bar.offer_renewal(None)
             self._read_analyses()
+        self._show_fitted(order, result)
+
+    def _show_fitted(self, order: FitOrder, result: Result) -> None:
+        """The numbers of a fit with the verdict on them; figures alone of one that only draws what is in force."""
+        kept = [analysis for analysis in self._analyses if analysis.kind == result.kind]
+        if not kept:
+            self.results.show_result(result, self._gear, not_judged("the fit was not kept"))
+        elif order.keep:
+            self.results.show_result(result, self._gear, self._verdict_on(kept[-1]))
 
     def _take_refusal(self, order: FitOrder, complaint: str) -> None:
         if order != self._wanted:
