@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from model.errors import WordedError
+from rig.analysis import format_1
 from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_kind
@@ -295,6 +296,8 @@ def _tare_too_old(tare: Mapping[str, Any], folder: Path) -> Iterator[str]:
 
 
 def _version_changed(analysis: Analysis) -> Iterator[str]:
+    if analysis.content.get("format") == format_1.FORMAT:
+        yield "it was made before analyses were checked for evidence"
     experiment = catalogue.declared(analysis.kind)
     before = analysis.content.get("analysis_version", 1)
     if experiment is not None and before != experiment.version:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import (
@@ -29,7 +29,7 @@ from rig.analysis.in_force import InForce, in_force
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
-from rig.gears.acceptance import Acceptance, Limit
+from rig.gears.acceptance import Acceptance, Limit, Subject
 
 NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
 """What is missing where nobody has said what the gear must show."""
@@ -272,7 +272,7 @@ def _lines(limit: Limit, found: Sequence[Analysed], acceptance: Acceptance) -> I
     for one, name in measured:
         doubt = acceptance.doubt(limit, is_simulated=one.origin == "simulated")
         estimate, quantity = one.result.estimates[name], one.result.quantity(name)
-        because = doubt or _lacks(one, estimate, quantity)
+        because = doubt or _lacks(one, limit, estimate, quantity)
         yield from _sides(limit, quantity, estimate, because, one.result)
     if not measured:
         quantity = limit.declared()
@@ -299,9 +299,9 @@ def _named(limit: Limit, one: Analysed) -> list[str]:
     ]
 
 
-def _lacks(one: Analysed, estimate: Estimate, quantity: Quantity) -> str:
-    """What an estimate lacks to be judged: a whole run, an analysis that holds, evidence, the gear's own torque, a
-    number; "" for nothing.
+def _lacks(one: Analysed, limit: Limit, estimate: Estimate, quantity: Quantity) -> str:
+    """What an estimate lacks to be judged by a limit: a whole run, an analysis that holds, evidence, a torque of what
+    the limit is about, a number; "" for nothing.
     """
     if one.outcome not in BROUGHT_TO_THE_END:
         return f"the run ended as {one.outcome}"
@@ -313,12 +313,24 @@ def _lacks(one: Analysed, estimate: Estimate, quantity: Quantity) -> str:
     missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
     if missing:
         return f"not checked: {', '.join(missing)}"
-    subject = str(one.result.options.get("torque_is_of", "gear"))
-    if takes_tare(one.result.kind) and subject != "gear":
-        return f"the torque is that of {subject}, not of the gear alone: no tare was subtracted"
+    another = _of_another_subject(one.result, limit, quantity)
+    if another:
+        return another
     if quantity.unit and estimate.unit != quantity.unit:
         return f"it was found in {estimate.unit}, not in {quantity.unit}"
     return lacks_number(estimate)
+
+
+def _of_another_subject(result: Result, limit: Limit, quantity: Quantity) -> str:
+    """That a torque, or what was fitted to torques, is not that of what the limit is about; "" where it is."""
+    subject = str(result.options.get("torque_is_of", ""))
+    is_of_torque = takes_tare(result.kind) or quantity.unit == "N m"
+    if not is_of_torque or subject in ("", limit.subject) or subject not in get_args(Subject):
+        return ""
+    if subject == "gear":
+        return f"the torque is that of the gear alone, the limit is on that of {limit.subject}"
+    lost = ": no tare was subtracted" if takes_tare(result.kind) else ""
+    return f"the torque is that of {subject}, not of the gear alone{lost}"
 
 
 def _why_nothing(limit: Limit, found: Sequence[Analysed]) -> str:

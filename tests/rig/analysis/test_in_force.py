@@ -15,6 +15,7 @@ import pytest
 from experiments import catalogue
 from model.gear import HarmonicDrive
 from model.gear_file import gear_to_mapping, save_gear, shipped_gear
+from rig.analysis import format_1
 from rig.analysis.gear_set import GearSource, set_sha256
 from rig.analysis.in_force import InForce, in_force, in_force_by_kind, keep, kept_by_hand
 from rig.analysis.store import Analysis, Basis, analysis_folder, append_analysis, json_text
@@ -273,6 +274,14 @@ def test_another_version_of_the_kind_makes_the_analysis_stale(run: Path) -> None
     assert words == (
         f"it was made by version {NOW - 1} of the friction analysis, which is at {NOW}"
     )
+
+
+def test_an_analysis_of_format_1_was_checked_for_nothing_and_is_stale(run: Path) -> None:
+    analysis = stored(run, 1)
+    old = {**analysis.content, "format": format_1.FORMAT}
+    analysis.path.chmod(0o644)
+    analysis.path.write_text(json_text(old), encoding="utf-8")
+    assert in_force(run).stale[0] == "it was made before analyses were checked for evidence"
 
 
 def test_each_kind_has_its_own_analysis_in_force(run: Path) -> None:

@@ -111,6 +111,7 @@ LIMITS = st.builds(
     st.floats(0.1, 10.0),
     lower=st.none() | st.floats(0.01, 0.1),
     confirmed_by=st.sampled_from(["A. Example", ""]),
+    subject=st.sampled_from(["gear", "motor + gear"]),
 )
 
 
@@ -123,7 +124,7 @@ def expected(line: Verdict, one: StoredResult | None, acceptance: Acceptance) ->
         or not of.confirmed_by
         or one.outcome == "ABORTED"
         or LACKING in one.result.checks
-        or (line.kind == "friction" and one.result.options["torque_is_of"] != "gear")
+        or (line.kind != "kinematic-error" and one.result.options["torque_is_of"] != of.subject)
         or e.identifiable == "no"
         or math.isnan(e.value)
     )
@@ -205,6 +206,27 @@ def test_what_lacks_something_is_not_judged_and_says_what(
     verdict = judge_run(found("friction", **changes), acceptance)  # type: ignore[arg-type]
     assert verdict.verdict == "NOT JUDGED"
     assert because in verdict.because[0]
+
+
+@pytest.mark.parametrize("kind", ["friction", "starting-torque", "warm-up"])
+def test_a_torque_is_judged_by_a_limit_on_the_same_subject_alone(kind: str) -> None:
+    def verdict(measured: str, limited: str) -> str:
+        asked_of = asked(limit(kind, subject=limited))
+        judged = judge_run(found(kind, subject=measured), asked_of)
+        words = "that of the gear alone" if measured == "gear" else "that of motor + gear"
+        assert judged.verdict == "PASS" or words in judged.because[0]
+        return judged.verdict
+
+    subjects = ("gear", "motor + gear")
+    assert [[verdict(a, b) for a in subjects] for b in subjects] == [
+        ["PASS", "NOT JUDGED"],
+        ["NOT JUDGED", "PASS"],
+    ]
+
+
+def test_what_is_no_torque_has_no_subject() -> None:
+    one = found("kinematic-error", subject="motor + gear")
+    assert judge_run(one, asked(limit("kinematic-error"))).verdict == "PASS"
 
 
 def test_nothing_listed_and_nothing_named_is_not_judged() -> None:
