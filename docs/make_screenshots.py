@@ -112,7 +112,7 @@ class Stage:
             "--operator",
             "A. Example",
         ]
-        arguments += ["--output", str(self.folder), *flags, "--events", "--stdin-control"]
+        arguments += ["--runs", str(self.folder), *flags, "--events", "--stdin-control"]
         self.window.start(PreparedRun(request, planned, arguments, preview_plan(planned)))
 
     def finish(self) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run, worst_code
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run
 from rig.commands.terminal import console, echo, print_json, ruled_table
 
 if TYPE_CHECKING:
@@ -101,6 +101,9 @@ def fit(
     by: Annotated[str, typer.Option("--by", metavar="NAME", help="Who chooses, with --keep.")] = "",
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="The statistical part of every interval too.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
@@ -111,7 +114,7 @@ def fit(
     0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
     """
     from rig.analysis.fit_run import fit_run
-    from rig.exits import code_of_verdict
+    from rig.exits import code_of_verdicts
 
     kind, runs = split_kind(words)
     if keep is not None:
@@ -133,10 +136,8 @@ def fit(
     if json:
         print_json(_as_object(fits, verdicts, plots=plots))
     else:
-        _print_fits(fits, verdicts, notes)
-    raise typer.Exit(
-        worst_code([code_of_verdict(v.verdict, required=require_verdict) for v in verdicts])
-    )
+        _print_fits(fits, verdicts, notes, everything=everything)
+    raise typer.Exit(code_of_verdicts([v.verdict for v in verdicts], required=require_verdict))
 
 
 def compare(
@@ -339,7 +340,13 @@ def _with_drawings(fit: Fit, *, wanted: bool) -> dict[str, Any]:
     }
 
 
-def _print_fits(fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], notes: list[str]) -> None:
+def _print_fits(
+    fits: tuple[Fit, ...],
+    verdicts: Sequence[GearVerdict],
+    notes: list[str],
+    *,
+    everything: bool,
+) -> None:
     from experiments.quantity import quantity_of
     from rig.analysis.wording import number
     from rig.commands.result_tables import print_result
@@ -356,6 +363,7 @@ def _print_fits(fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], notes: l
             one.result,
             f"{one.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
             verdict,
+            everything=everything,
         )
         for words in one.tare_words:
             out.print(Text.assemble(("  tare  ", "bold"), words))

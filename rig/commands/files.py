@@ -195,9 +195,9 @@ def import_(
             "--map", metavar="FILE", help="Channel map in TOML: [channels.NAME], [[segments]]."
         ),
     ] = None,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of runs.")
-    ] = Path("runs"),
+    output: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
     rate: Annotated[
         float | None,
         typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),

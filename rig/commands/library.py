@@ -71,7 +71,7 @@ def passport(
     output: Annotated[
         list[Path] | None,
         typer.Option(
-            "--output", metavar="DIR", help="Folder of the run files; may be given several times."
+            "--runs", metavar="DIR", help="Folder of the run files; may be given several times."
         ),
     ] = None,
     analyse: Annotated[

@@ -117,7 +117,9 @@ def run(
     output: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Folder of the run files; runs, or that of the configuration."
+            "--runs",
+            metavar="DIR",
+            help="Folder of the run files; runs, or that of the configuration.",
         ),
     ] = None,
     seed: Annotated[
