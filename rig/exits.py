@@ -1,7 +1,7 @@
 """What an ending means to whoever called: one exit code for every outcome, verdict and error.
 
 
-| code | meaning |
+| exit code | meaning |
 |---|---|
 | 0 | done; of a gear: PASS, or NOT JUDGED |
 | 1 | FAIL: a quantity breaks its limit by more than its expanded uncertainty |
@@ -9,7 +9,7 @@
 | 3 | MARGINAL: a limit lies inside the expanded uncertainty |
 | 4 | ABORTED by the operator |
 | 5 | TRIPPED by the supervisor |
-| 6 | ERROR or INTERRUPTED: a file, a device or the program itself |
+| 6 | ERROR or INTERRUPTED: a file, a device, or the program |
 | 7 | NOT JUDGED, where `--require-verdict` asks for a verdict |
 | 8 | BUSY: another process has this bench; nothing was connected |
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run
-from rig.commands.terminal import console, echo, print_json, ruled_table
+from rig.commands.terminal import console, echo, nearest, print_json, ruled_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -199,9 +199,9 @@ def split_kind(words: list[str]) -> tuple[str, list[Path]]:
             )
         return first, [Path(w) for w in rest]
     if rest and not Path(first).exists() and not any(c in first for c in "./\\"):
-        kinds = ", ".join(catalogue.kinds())
         raise typer.BadParameter(
-            f"{first!r} is neither a run file nor a kind of fit. Kinds: {kinds}", param_hint="KIND"
+            f"{first!r} is neither a run file nor a kind of fit. {nearest(first, catalogue.kinds())}",
+            param_hint="KIND",
         )
     return "", [Path(w) for w in words]
 
