@@ -158,7 +158,7 @@ def test_a_temperature_that_nobody_recorded_speaks_against_nobody(tmp_path: Path
 
 def test_a_trip_of_the_bench_in_between_speaks_against_it(tmp_path: Path) -> None:
     write(tmp_path, 1, 8)
-    tripped = {"protocol": "friction", "outcome": "TRIPPED"}
+    tripped: dict[str, Any] = {"protocol": "friction", "outcome": "TRIPPED"}
     write(tmp_path, 2, 9, **tripped, process={**RIG, "bench": "B-2"})
     assert found(tmp_path).path is not None
     write(tmp_path, 3, 9, **tripped)
