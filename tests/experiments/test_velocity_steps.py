@@ -115,20 +115,20 @@ def test_without_an_identified_error_the_steps_give_one(
 def test_one_figure_19_per_speed(result: Result) -> None:
     figures = [p for p in result.plots if p.figure == "19"]
     assert len(figures) == 4
-    behind = {"rigid gear: commanded input / N", "equation 2, nothing fitted, commanded input"}
+    behind = {"rigid: command / N", "equation 2, unfitted"}
     for plot in figures:
         by_label = {s.label: s for s in plot.of_panel(0)}
-        assert set(by_label) == behind | {"measured", "simulated, commanded input"}
+        assert set(by_label) == behind | {"measured", "simulated from command"}
         assert {s.label for s in plot.of_panel(0) if s.role == "null"} == behind
-        measured, simulated = by_label["measured"].y, by_label["simulated, commanded input"].y
+        measured, simulated = by_label["measured"].y, by_label["simulated from command"].y
         others, left = plot.of_panel(1)
         assert np.allclose(left.y, measured - simulated)
-        assert others.label == "residual with the measured input"
+        assert others.label == "left by measured input"
         assert others.role == "null"
         # The drive of this bench rises otherwise than the command: that is left here, and not with the measured input.
         if plot.name in ("velocity-step-1800", "velocity-step-2950"):
             assert np.abs(left.y).max() > 2.0 * np.abs(others.y).max()
-        commanded = by_label["rigid gear: commanded input / N"].y
+        commanded = by_label["rigid: command / N"].y
         assert abs(commanded[-1] - float(measured[-20:].mean())) < 0.1 * abs(commanded[-1])
         assert "commanded speed, risen over 15 ms" in plot.note
         assert all(np.isfinite(s.y).all() for s in plot.series)
@@ -143,7 +143,7 @@ def test_figure_19_is_driven_by_the_recorded_set_point(run: Recording, gear: Har
     for plot in (p for p in scored.plots if p.figure == "19"):
         by_label = {s.label: s.y for s in plot.of_panel(0)}
         rows = slice(len(by_label["measured"]) // 2, None)
-        simulated = float(by_label[f"{gear.name}, commanded input"][rows].mean())
+        simulated = float(by_label[f"{gear.name} from command"][rows].mean())
         assert simulated == pytest.approx(
             share * float(by_label["measured"][rows].mean()), rel=0.01
         )

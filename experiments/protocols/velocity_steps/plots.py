@@ -100,7 +100,7 @@ def _step_figure(
     if paper is not None:
         behind.append(
             Series(
-                label="equation 2, nothing fitted, commanded input",
+                label="equation 2, unfitted",
                 x=x,
                 y=speed_of(paper(asked)),
                 role="null",
@@ -114,9 +114,9 @@ def _step_figure(
         series=(
             *behind,
             Series(label="measured", x=x, y=measured, style="points", group=0),
-            Series(label=f"{label}, commanded input", x=x, y=simulated, group=1),
+            Series(label=f"{label} from command", x=x, y=simulated, group=1),
             Series(
-                label="residual with the measured input",
+                label="left by measured input",
                 x=x,
                 y=with_measured_input,
                 role="null",
@@ -125,9 +125,8 @@ def _step_figure(
             Series(label="", x=x, y=measured - simulated, group=1, panel=1),
         ),
         figure="19",
-        note=f"The input of the simulation is the commanded speed, risen over {1e3 * RISE:g} ms, and not the measured "
-        "one: what drive and motor make of the command stands in the residual. With the measured input the skill on "
-        f"the output speed is {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error.",
+        note=f"Input: the commanded speed, risen over {1e3 * RISE:g} ms; what drive and motor make of it is left. "
+        f"With the measured input the skill against a rigid gear is {score.metrics['skill_speed']:.2f}.",
         panels=(residual_panel("r/min"),),
     )
 
@@ -136,7 +135,7 @@ def _rigid(step: RecordedStep, time: FloatArray) -> Series:
     """A rigid gear: the commanded input speed over the ratio, nothing before the step, the whole of it at once."""
     height = step.segment.setpoint / step.data.ratio / RPM
     return Series(
-        label="rigid gear: commanded input / N",
+        label="rigid: command / N",
         x=np.array([min(float(time[0]), 0.0), 0.0, 0.0, float(time[-1])]),
         y=np.array([0.0, 0.0, height, height]),
         role="null",
