@@ -108,7 +108,7 @@ def _step_figure(
         )
     return Plot(
         name=f"velocity-step-{rpm}",
-        title=f"Velocity step to {rpm} r/min at the input, simulated from the command",
+        title=f"Velocity step to {rpm} r/min at the input",
         x_label="time [s]",
         y_label="output speed [r/min]",
         series=(
