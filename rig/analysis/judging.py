@@ -305,15 +305,13 @@ def _lacks(one: Analysed, limit: Limit, estimate: Estimate, quantity: Quantity) 
     """
     if one.outcome not in BROUGHT_TO_THE_END:
         return f"the run ended as {one.outcome}"
-    if one.not_in_force:
-        return one.not_in_force
     if one.stale:
         return stale_words(one)
     checks = one.result.checks
     missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
     if missing:
         return f"not checked: {', '.join(missing)}"
-    another = _of_another_subject(one.result, limit, quantity)
+    another = _of_another_subject(one.result, limit, quantity) or one.not_in_force
     if another:
         return another
     if quantity.unit and estimate.unit != quantity.unit:
