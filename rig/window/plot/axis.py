@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QPainter, QPixmap
+from PySide6.QtGui import QPaintEngine, QPainter, QPixmap
 
 LABELLED, BARE = 1.0, 0.5
 """What pyqtgraph calls the spacing of a level of ticks; here it says whether they carry numbers."""
@@ -34,13 +34,14 @@ class LabAxis(pg.AxisItem):
     def paint(self, p: QPainter, opt: Any, widget: Any) -> None:
         """Ticks, numbers, and the lines of the grid."""
         place = p.worldTransform()
-        if widget is None or place.isScaling() or place.isRotating():
+        drawing = p.paintEngine().type() is QPaintEngine.Type.SVG
+        if widget is None or drawing or place.isScaling() or place.isRotating():
             # Into a file or a printer: lines and letters, no pixels.
             super().paint(p, opt, widget)
             return
         rect, ratio = (
             self.boundingRect().adjusted(-EDGE, -EDGE, EDGE, EDGE),
-            widget.devicePixelRatioF(),
+            p.deviceTransform().m11(),
         )
         # The picture begins at a whole pixel; where its content stands between two pixels belongs to it.
         left, top = place.dx() + rect.x(), place.dy() + rect.y()

@@ -11,7 +11,7 @@ from experiments.recording import Recording, RunMetadata
 from rig.analysis.wording import fixed
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
-from rig.window.review.signals_data import duration_of
+from rig.window.review.signals.data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label

@@ -42,7 +42,7 @@ from rig.window.review.fit import (
 )
 from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
-from rig.window.review.signals import SignalsView
+from rig.window.review.signals.view import SignalsView
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask
