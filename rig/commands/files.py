@@ -85,7 +85,7 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
-    from rig.commands.listed_verdicts import in_force_of, verdicts_of
+    from rig.analysis.listed_verdicts import in_force_of, verdicts_of
 
     verdicts = verdicts_of(listed)
     if json:

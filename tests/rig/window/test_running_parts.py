@@ -18,6 +18,7 @@ from experiments import catalogue
 from experiments.recording import Event, RunMetadata, Segment
 from model.channel import Channel
 from model.units import ARCMIN, REVOLUTION
+from rig.analysis.result_data import result_from_mapping
 from rig.run.margins import number, worded
 from rig.run.order import Progress
 from rig.run.trips import SESSION_ERRORS, TRIPS
@@ -27,7 +28,7 @@ from rig.runfile.write import RunWriter
 from rig.window.run.banner import LOOKS, look_of
 from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
 from rig.window.run.live_plots import VIEWS
-from rig.window.run.outcome_view import fitted_result, result_lines
+from rig.window.run.outcome_view import result_lines
 from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette
 from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
@@ -274,14 +275,18 @@ def test_margins_and_results_carry_their_units() -> None:
         for name in ("travel", "following_error", "missed_cycles", "stale_data", "torsion_torque")
     )
     assert [number(v) for v in (3016.2, 0.07242, 22.1)] == ["3016", "0.0724", "22.1"]
-    result = fitted_result(
-        '{"run": "7", "kind": "starting-torque", "parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", '
-        '"low": 0.063, "high": 0.067, "identifiability": "weakly", '
-        '"budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00125}]}}}'
+    told = {
+        "value": 0.0649,
+        "unit": "N m",
+        "low": 0.063,
+        "high": 0.067,
+        "identifiability": "weakly",
+        "budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00125}],
+    }
+    result = result_from_mapping(
+        {"run": "7", "kind": "starting-torque", "parameters": {"starting_torque": told}}
     )
-    assert result is not None
     assert result_lines(result) == ["starting torque 64.9 ± 2.5 mN m (weakly identifiable)"]
-    assert fitted_result("no JSON") is None
 
 
 def test_every_live_plot_that_a_protocol_asks_for_is_there() -> None:

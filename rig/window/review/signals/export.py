@@ -69,7 +69,7 @@ def export_picture(seen: QWidget, title: str, target: Path) -> None:
         if target.suffix.lower() == ".svg":
             good = _draw(seen, title, partial)
         else:
-            good = _picture(seen).save(str(partial), "PNG")
+            good = _picture(seen).save(str(partial))
         if not good:
             raise OSError("the folder cannot be written")
         os.replace(partial, target)
