@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pytestqt.qtbot import QtBot
 
 import rig.run.session
 from experiments import catalogue
@@ -26,11 +27,12 @@ from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
 from rig.window.run.banner import LOOKS, look_of
-from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
-from rig.window.run.live_plots import VIEWS
+from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows, WaveView
+from rig.window.run.live_plots import VIEWS, LivePlots
 from rig.window.run.outcome_view import result_lines
 from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette
+from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
 
 
@@ -348,3 +350,43 @@ def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Pat
     np.testing.assert_allclose(
         np.concatenate([block.time for block in seen]), 1e-3 * angle, atol=1e-12
     )
+
+
+def test_what_is_first_seen_in_the_sealed_file_is_read_from_it(
+    tmp_path: Path, session: WindowSession, qtbot: QtBot
+) -> None:
+    """The first steady rows of a quick run come with its end: the growing file has been let go of by then."""
+    metadata = RunMetadata(
+        run_id="00001-kinematic-error",
+        experiment="kinematic-error",
+        origin="simulated",
+        sample_rate=1000.0,
+        ratio=100.0,
+    )
+    names = ("input_angle", "output_angle", "target_speed", "torque", "input_index", "index_seen")
+    columns = [Column(Channel(name=name, unit="1", scale=1e-2)) for name in names]
+    writer = RunWriter(
+        tmp_path / "00001-kinematic-error.h5", RunHeader(metadata, tuple(columns)), chunk_rows=64
+    )
+
+    def put(start: int, stop: int, speed: int) -> None:
+        rows = np.arange(start, stop)
+        still = np.full(len(rows), 0)
+        turned = rows * speed
+        channels = [turned, turned // 100, still + speed, still, still, still + 100]
+        writer.append_rows(rows * 1_000_000, rows, np.zeros(len(rows), np.uint16), channels)
+        writer.flush()
+
+    put(0, 100, 0)
+    plots, said = LivePlots(session), []
+    qtbot.addWidget(plots)
+    session.message.connect(said.append)
+    plots.expect()
+    plots.open(writer.part)
+    put(100, 2000, 1)
+    sealed = writer.seal("COMPLETED")
+    plots.finish(sealed)
+    (wave,) = [view for view in plots.views if isinstance(view, WaveView)]
+    assert wave._rows.reference is not None
+    assert (said, plots.rows_read) == ([], 2000)
+    plots.close_file()
