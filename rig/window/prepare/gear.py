@@ -29,9 +29,10 @@ from rig.gears.card import (
 )
 from rig.gears.making import write_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
+from rig.window.prepare.new_gear import NewGearForm
 from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, restyled, room_for, text_label
 
 NEW_GEAR = "another gear …"
 
@@ -70,6 +71,15 @@ class GearSection(QWidget):
         self.revert_button = push_button(
             "&Undo changes", act=lambda: self.choose(self._stored.serial if self._stored else "")
         )
+        self.new_button = push_button(
+            "Ne&w gear …",
+            tip="Make parameter set and card of a gear from its part number",
+            act=lambda: self.show_new(True),
+        )
+        self.new = NewGearForm(session)
+        self.new.hide()
+        self.new.made.connect(self._take_new)
+        self.new.given_up.connect(lambda: self.show_new(False))
         self.form.changed.connect(self._show_status)
         self.form.changed.connect(self.changed)
         self._lay_out()
@@ -80,10 +90,25 @@ class GearSection(QWidget):
     def _lay_out(self) -> None:
         label = text_label("&Gear", buddy=self.choice)
         row = in_row(label, (self.choice, 1), self.details_button)
+        head = in_row((self.status, 1), self.new_button)
         buttons = in_row(self.confirm_button, self.revert_button, (None, 1))
-        self.setLayout(
-            in_column(row, self.status, self.digest, self.form, buttons, margins=(0, 0, 0, 0))
+        self.card_part = room_for(
+            in_column(head, self.digest, self.form, buttons, margins=(0, 0, 0, 0))
         )
+        self.setLayout(in_column(row, self.new, self.card_part, margins=(0, 0, 0, 0)))
+
+    def show_new(self, shown: bool) -> None:
+        """The form for a new gear in the place of the card, or the card again."""
+        self.new.setVisible(shown)
+        self.card_part.setVisible(not shown)
+        self.details_button.setEnabled(not shown)
+        if shown:
+            self.new.product.editor.setFocus()
+
+    def _take_new(self, serial: str) -> None:
+        self.show_new(False)
+        self.refresh_choice()
+        self.choose(serial)
 
     @property
     def facts(self) -> GearFacts | None:
@@ -112,10 +137,12 @@ class GearSection(QWidget):
     def set_operator(self, name: str) -> None:
         """Who would confirm."""
         self._operator = name.strip()
+        self.new.set_operator(name)
         self._show_status()
 
     def choose(self, serial: str) -> None:
         """Show the card of a gear; "" an empty one."""
+        self.show_new(False)
         try:
             self._stored = card_for(self._session.folder, serial)
         except RigError as error:
