@@ -117,13 +117,12 @@ class Stage:
 
     def finish(self) -> None:
         """Wait for the end of the run and for its results."""
+        from rig.window.run.outcome_view import READING
+
         run = self.window.run
         self.wait(lambda: run.state.ended)
         self.wait(
-            lambda: (
-                not run.outcome.results.isVisible()
-                or "Working out" not in run.outcome.results.text()
-            )
+            lambda: not run.outcome.results.isVisible() or run.outcome.results.text() != READING
         )
         self.settle()
 
@@ -131,6 +130,23 @@ class Stage:
 def prepare_empty(stage: Stage) -> None:
     """The Prepare page of a new folder: no gear is known."""
     _prepared(stage, "kinematic-error", gear=False)
+
+
+def prepare_new_gear(stage: Stage) -> None:
+    """A new gear from its part number: what the makers' tables have of it, and what is only assumed."""
+    stage.window.show_page("prepare")
+    page = stage.window.prepare
+    page.operator.setText("A. Example")
+    page.gear.show_new(True)
+    form = page.gear.new
+    form.product.editor.setText("SHG-32-100-2UH")
+    form.serial.editor.setText("SN-0816")
+    form.look_up()
+    popup = form.product.editor.completer().popup()
+    if popup is not None:
+        popup.hide()
+    stage.wait(lambda: not page.is_stale)
+    page.scroll_to(form.make_button)
 
 
 def prepare_refused(stage: Stage) -> None:
@@ -312,6 +328,8 @@ def review_results(stage: Stage) -> None:
     """A run with its results: interval, verdict and catalogue value beside each number."""
     runs = _reviewed(stage)
     stage.window.show_review(runs[3])
+    header = stage.window.review.details.header
+    stage.wait(lambda: header.verdict.text())
 
 
 def review_figures(stage: Stage) -> None:
@@ -323,12 +341,15 @@ def review_figures(stage: Stage) -> None:
 
 
 def review_signals(stage: Stage) -> None:
-    """The recorded channels over time, with segments and events."""
+    """The recorded channels over time, with segments and events, and two cursors with what lies between them."""
     review_results(stage)
     details = stage.window.review.details
     details.tabs.setCurrentWidget(details.signals)
-    torque = details.signals.curves["torque"].item
+    signals = details.signals
+    torque = signals.curves["torque"].item
     stage.wait(lambda: torque.getOriginalDataset()[0] is not None)
+    signals.cursors.switch.click()
+    stage.wait(lambda: signals.cursors.table.rowCount() and not signals.is_busy)
 
 
 def review_conditions(stage: Stage) -> None:
@@ -362,7 +383,7 @@ def review_passport(stage: Stage) -> None:
     _reviewed(stage)
     page = stage.window.review
     page.show_passport("SN-0815")
-    stage.wait(lambda: page.passport.passport)
+    stage.wait(lambda: page.passport.passport and not page.passport.is_busy)
 
 
 def _reviewed(stage: Stage) -> list[Path]:
@@ -371,6 +392,7 @@ def _reviewed(stage: Stage) -> list[Path]:
     stage.window.show_page("review")
     page = stage.window.review
     stage.wait(lambda: len(page.library.model.runs) == 4)
+    stage.wait(lambda: not page.library.desk.is_running)
     return sorted(stage.folder.glob("*.h5"))
 
 
@@ -384,6 +406,7 @@ def _some_runs() -> Path:
     from rig.analysis.fit import store
     from rig.analysis.fit_run import Choices, fit_run
     from rig.commands.running import read_flags
+    from rig.gears.card import save_card, with_changes
     from rig.run.start import RunRequest, run_request
 
     folder = Path(tempfile.mkdtemp())
@@ -407,6 +430,8 @@ def _some_runs() -> Path:
         path = max(folder.glob("*.h5"))
         store(fit_run(path, choices=Choices(tare=tare)), "2026-01-01T12:00:00+00:00")
         tare = tare or path
+    facts = {"serial": "SN-0815", "acceptance": "demonstration"}
+    save_card(folder, with_changes(None, facts, "A. Example", "2026-01-01T12:00:00+00:00"))
     return folder
 
 
@@ -427,6 +452,7 @@ def _play(stage: Stage, kind: str, *arguments: str, end: bool = True) -> None:
 
 STATES: dict[str, Callable[[Stage], None]] = {
     "prepare-empty": prepare_empty,
+    "prepare-new-gear": prepare_new_gear,
     "prepare-refused": prepare_refused,
     "prepare-predicted": prepare_predicted,
     "prepare-output": prepare_output,

@@ -5,6 +5,7 @@ confirmation by name.
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Signal
@@ -109,6 +110,8 @@ class GearSection(QWidget):
         self.show_new(False)
         self.refresh_choice()
         self.choose(serial)
+        # What was made is looked at from its beginning.
+        self.choice.setFocus()
 
     @property
     def facts(self) -> GearFacts | None:
@@ -180,7 +183,7 @@ class GearSection(QWidget):
     def _add(self, listed: ListedCard) -> None:
         if listed.card is not None:
             facts = stated_facts(listed.card.facts)
-            words = f"{listed.card.serial} · {facts.get('part', 'part not known')}"
+            words = f"{listed.card.serial} · {file_words(facts.get('part', 'part not known'))}"
             self.choice.addItem(
                 words if listed.card.is_confirmed else f"{words} · not confirmed",
                 listed.card.serial,
@@ -271,7 +274,11 @@ class GearSection(QWidget):
 def digest_of(facts: GearFacts) -> str:
     """A card in two lines."""
     values = stated_facts(facts)
-    words = [str(values[name]) for name in ("part", "mounting", "lubricant") if name in values]
+    words = [
+        file_words(values[name]) for name in ("part", "mounting", "lubricant") if name in values
+    ]
+    if "acceptance" in values:
+        words.append(f"must show what {file_words(values['acceptance'])} lists")
     if facts.hours is not None:
         words.append(f"{facts.hours:g} h")
     if facts.load_inertia_kg_m2 is not None:
@@ -282,6 +289,12 @@ def digest_of(facts: GearFacts) -> str:
             + " kg m²"
         )
     return " · ".join(words)
+
+
+def file_words(told: object) -> str:
+    """What a fact of the card says; of a file its name alone."""
+    text = str(told)
+    return Path(text).name if text.lower().endswith(".toml") else text
 
 
 def _check_fact(name: str, value: Any) -> None:

@@ -119,6 +119,10 @@ class NewGearForm(QWidget):
             try:
                 part = read_product(self.product.text)
                 self.gear = made_gear(part, {}, self._operator, now_text())
+                popup = self.product.editor.completer().popup()
+                if popup is not None:
+                    # What is found needs no suggestions any more, which would lie over the next fields.
+                    popup.hide()
             except ParameterError as error:
                 self.product.refuse(error)
         self._show_nameplate()
@@ -177,13 +181,15 @@ class NewGearForm(QWidget):
             value = self.gear.value(path)
             (text,), unit = readable([value.value], value.unit)
             words = value.description[:1].upper() + value.description[1:]
-            field.label.setText(path.rpartition(".")[2].replace("_", " "))
+            field.label.setText(short_label(path))
             field.editor.setAccessibleName(words)
             field.editor.setToolTip(words)
             field.editor.setPlaceholderText(f"{text} {unit}".rstrip())
             origin = value.origin
             part = "warning" if origin.provenance in ASSUMED else "muted"
-            field.say(f"{origin.provenance}: {origin.source}", part)
+            # The document and its conditions are read once, by the few who doubt: they stand in the tip.
+            field.say(f"{origin.provenance}: {origin.source.partition(': ')[0]}", part)
+            field.note.setToolTip(origin.source)
 
     def _show_state(self) -> None:
         """What it waits for, and what is still assumed."""
@@ -209,3 +215,10 @@ class NewGearForm(QWidget):
             else "Every nameplate value is looked up."
         )
         self.says.setText(f"! {waits} {assumed}" if waits else assumed)
+
+
+def short_label(path: str) -> str:
+    """What a value of the nameplate is called beside its field."""
+    section, _, name = path.rpartition(".")
+    words = name if section == "ratings" else f"{section} {name}"
+    return words.replace("_", " ")
