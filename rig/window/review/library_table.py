@@ -56,11 +56,11 @@ without waiting for each.
 """
 WIDTHS = {
     "#": 36,
-    "started": 122,
-    "protocol": 102,
+    "protocol": 108,
     "gear": 78,
-    "outcome": 108,
+    "outcome": 122,
     "verdict": 116,
+    "started": 130,
     "operator": 96,
     "time": 84,
     "origin": 92,

@@ -117,7 +117,7 @@ class PassportView(QWidget):
 
     def _lay_out(self) -> None:
         ways = (self.busy, self.cancel, self.prepare, self.analyse, self.report, self.pdf)
-        head = in_row((self.title, 1), self.mark, self.verdict, *ways)
+        head = in_row((self.title, 1), self.mark, self.verdict, spacing=14)
         self.tabs = QTabWidget()
         for page, name in (
             (self.charts, "Charts"),
@@ -127,7 +127,14 @@ class PassportView(QWidget):
         ):
             self.tabs.addTab(page, name)
         self.setLayout(
-            in_column(head, self.because, self.says, (self.tabs, 1), margins=(8, 8, 8, 4))
+            in_column(
+                head,
+                self.because,
+                self.says,
+                in_row((None, 1), *ways),
+                (self.tabs, 1),
+                margins=(8, 8, 8, 4),
+            )
         )
 
     @property

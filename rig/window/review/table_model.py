@@ -100,11 +100,11 @@ COLUMNS = (
     LibraryColumn(
         "#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True
     ),
-    LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
     LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
     LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
     LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
     LibraryColumn("verdict", lambda _: "", lambda _: ""),
+    LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
     LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
     LibraryColumn(
         "time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True

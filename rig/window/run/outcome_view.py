@@ -228,7 +228,7 @@ class OutcomeView(QFrame):
 
     def _open(self, page: Path) -> None:
         if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(page.resolve()))):
-            self._session.message.emit(f"The report is written, but nothing here opens it: {page}")
+            self._session.message.emit(f"Written, but nothing here opens it: {page}")
 
 
 def headline_of(state: RunState, report: dict[str, Any]) -> str:
