@@ -1,6 +1,6 @@
 """Pictures of the window for the documentation, made by driving it without a screen.
 
-    python docs/make_screenshots.py                    # every state, both sizes, into docs/screenshots
+    python docs/make_screenshots.py                    # every state, into docs/screenshots
     python docs/make_screenshots.py run-finished       # one of them
     python docs/make_screenshots.py --theme dark --scale 2 --size 1366x768 --output /tmp/pictures
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).resolve().parent
 SIZES = ("1366x768", "1920x1080")
+KEPT_SIZE = SIZES[:1]
+"""Size of the pictures that the documentation keeps."""
 LONGEST = 120.0
 """s that a state may take."""
 COLOURS = 256
@@ -548,7 +550,7 @@ def main() -> int:
     )
     parser.add_argument("states", nargs="*", help=f"which: {', '.join(STATES)} (default: all)")
     parser.add_argument(
-        "--size", action="append", choices=SIZES, help="of the window (default: both)"
+        "--size", action="append", choices=SIZES, help="of the window (default: that of the documentation)"
     )
     parser.add_argument("--theme", choices=("light", "dark"), default="light")
     parser.add_argument("--scale", default="1", help="pixels per logical pixel")
@@ -566,7 +568,7 @@ def main() -> int:
     application = QApplication([])
     with collector_in_this_thread():
         for name in chosen.states or STATES:
-            for size in chosen.size or SIZES:
+            for size in chosen.size or KEPT_SIZE:
                 width, height = map(int, size.split("x"))
                 end = "" if chosen.theme == "light" else f"-{chosen.theme}"
                 target = chosen.output.resolve() / f"{name}-{size}{end}.png"
