@@ -37,7 +37,7 @@ def diff(
     they differ or not; --json says `differs`.
     """
     from rig.analysis.difference import difference
-    from rig.commands.listed_verdicts import told
+    from rig.analysis.listed_verdicts import told
 
     changes = difference(first, second)
     verdicts = [_verdict_of_file(path) for path in (first, second)]
@@ -57,7 +57,7 @@ def diff(
 
 def _verdict_of_file(path: Path) -> tuple[str, GearVerdict | None]:
     """Outcome and verdict of a run file."""
-    from rig.commands.listed_verdicts import verdict_of_run
+    from rig.analysis.listed_verdicts import verdict_of_run
     from rig.runfile.read import glance
 
     metadata = glance(path).metadata
@@ -104,7 +104,7 @@ def passport(
     exit code is 0 also where a limit is broken.
     """
     from rig.analysis.passport.build import passport as passport_of
-    from rig.commands.listed_verdicts import told
+    from rig.analysis.listed_verdicts import told
 
     where = output or [Path("runs")]
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
@@ -139,7 +139,7 @@ def _verdicts_of(
     What the gear must show says the first of these places whose card names a file.
     """
     from rig.analysis.newest import newest_analysed
-    from rig.commands.listed_verdicts import verdicts_of
+    from rig.analysis.listed_verdicts import verdicts_of
     from rig.gears.acceptance import acceptance_for
 
     folders = [place if place.is_dir() else place.parent for place in where]

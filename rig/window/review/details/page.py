@@ -35,17 +35,18 @@ from rig.window.review.fit import (
     FitDesk,
     FitOrder,
     ResultCache,
-    in_words,
     order_of,
     renewal_of,
     tares_among,
 )
 from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
-from rig.window.review.signals import SignalsView
+from rig.window.review.signals.view import SignalsView
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, text_label
-from rig.window.work.background import BackgroundCommand, LatestTask
+from rig.window.work.background import BackgroundCommand, LatestTask, in_words
+from rig.window.work.recovery import Recovery
+from rig.window.work.verdicts import read_run
 
 GROWING_MS = 1000
 """ms between two looks at a run that is being written."""
@@ -75,7 +76,7 @@ class RunDetails(QWidget):
         self._wanted: FitOrder | None = None
         self._facts: Facts | None = None
         self._comparing: BackgroundCommand | None = None
-        self._recovering: BackgroundCommand | None = None
+        self._recovery = Recovery(self)
         self.header = RunHeaderView(session)
         self.desk = FitDesk(cache, self)
         self.bar = FitBar(session, choose_file)
@@ -88,6 +89,7 @@ class RunDetails(QWidget):
         self.comparison = ComparisonView(session)
         self.problem = text_label(wraps=True)
         self._reader = LatestTask(self, self._take_facts, self.conditions.setPlainText)
+        self._judging = LatestTask(self, self.header.show_verdict)
         self._growing = QTimer(self)
         self._growing.setInterval(GROWING_MS)
         self._lay_out()
@@ -116,6 +118,8 @@ class RunDetails(QWidget):
         self.header.report.clicked.connect(lambda: self.report_requested.emit([self.path], HTML))
         self.header.pdf.clicked.connect(lambda: self.report_requested.emit([self.path], PDF))
         self.header.recover.clicked.connect(self.recover)
+        self._recovery.recovered.connect(self._take_recovered)
+        self._recovery.refused.connect(self._take_not_recovered)
         self.bar.renew_requested.connect(self.fit)
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
@@ -154,6 +158,7 @@ class RunDetails(QWidget):
         self.problem.hide()
         self.tabs.show()
         self.header.show_recording(self.recording, path, state)
+        self.header.show_verdict(None)
         self.signals.clear()
         self._read_analyses()
         self._show_newest()
@@ -185,28 +190,20 @@ class RunDetails(QWidget):
 
     def recover(self) -> None:
         """Make a run file of what was left behind, in a process of its own, and open it."""
-        path = self.path
-        if path is None or self._recovering is not None:
-            return
-        self.header.recover.setEnabled(False)
-        self._recovering = BackgroundCommand(
-            ["recover", str(path), "--json"],
-            self,
-            lambda code, _, aside: self._take_recovered(path, code, aside),
-        )
-        self._recovering.start()
+        if self.path is not None:
+            self.header.recover.setEnabled(False)
+            self._recovery.start(self.path)
 
-    def _take_recovered(self, path: Path, code: int, complaint: str) -> None:
-        self._recovering = None
+    def _take_recovered(self, path: Path, final: Path) -> None:
         self.header.recover.setEnabled(True)
-        final = path.with_name(path.name.removesuffix(".part"))
-        if code != 0 or not final.exists():
-            self._session.message.emit(f"Not recovered: {in_words(complaint)}")
-            return
         self._session.message.emit(f"Recovered: {final}")
         self._session.runs_changed.emit()
         if self.path == path:
             self.show_run(final)
+
+    def _take_not_recovered(self, path: Path, why: str) -> None:
+        self.header.recover.setEnabled(True)
+        self._session.message.emit(f"Not recovered: {path.name}: {why}")
 
     def compare(self, order: FitOrder) -> None:
         """Hold a parameter set against the run, in a process of its own."""
@@ -291,6 +288,14 @@ class RunDetails(QWidget):
         except RigError as error:
             self._analyses, problem = (), str(error)
         self.files.show_run(self.path, self.recording.metadata.seal, self._analyses, problem)
+        self._judge()
+
+    def _judge(self) -> None:
+        """The verdict on the run as the library tells it, worked out beside the window."""
+        assert self.path is not None
+        path = self.path
+        if self._state == "sealed":
+            self._judging.start(lambda: read_run(path).verdict)
 
     @property
     def _gear(self) -> HarmonicDrive | None:
@@ -435,6 +440,7 @@ class RunDetails(QWidget):
         if order.keep:
             self.bar.offer_renewal(None)
             self._read_analyses()
+            self._session.runs_changed.emit()
         self._show_fitted(order, result)
 
     def _show_fitted(self, order: FitOrder, result: Result) -> None:
