@@ -14,8 +14,8 @@ from rich.table import Table
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
 from rig.analysis.judging import GearVerdict
-from rig.commands.judgement import VERDICT_STYLE
 from rig.analysis.listed_verdicts import told
+from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text

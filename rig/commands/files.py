@@ -117,8 +117,8 @@ def _day(text: str | None, flag: str) -> str | None:
 
 def show(run: RunArgument, json: JsonFlag = False) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
-    from rig.commands.file_tables import print_recording, recording_as_json
     from rig.analysis.listed_verdicts import verdict_of_run
+    from rig.commands.file_tables import print_recording, recording_as_json
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(run)

@@ -103,8 +103,8 @@ def passport(
     origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The
     exit code is 0 also where a limit is broken.
     """
-    from rig.analysis.passport.build import passport as passport_of
     from rig.analysis.listed_verdicts import told
+    from rig.analysis.passport.build import passport as passport_of
 
     where = output or [Path("runs")]
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
@@ -138,8 +138,8 @@ def _verdicts_of(
 
     What the gear must show says the first of these places whose card names a file.
     """
-    from rig.analysis.newest import newest_analysed
     from rig.analysis.listed_verdicts import verdicts_of
+    from rig.analysis.newest import newest_analysed
     from rig.gears.acceptance import acceptance_for
 
     folders = [place if place.is_dir() else place.parent for place in where]
