@@ -1,0 +1,107 @@
+"""Where an angle turns one way: its noise, the dead zone that follows from it, and the stretches beyond that.
+
+Travel is looked at over 2 w rows, w so wide that the motion stands out of noise and counts. What
+moves less than the dead zone stands still: no direction, and no sliding friction there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.errors import IdentificationError
+from model.identify.checks import Array
+from model.units import DEGREE
+
+MOST_WIDENING = 12
+"""Doublings of the half width at most."""
+MOVING_PERCENTILE = 95.0
+"""Of the travel: even of a robot that stands still most of the time these rows move."""
+STANDS_OUT = 10.0
+"""Travel over noise from which a direction is believed."""
+NOISE_FACTOR = 5.0
+"""Standard deviations of the noise that no noise exceeds."""
+STILL_SHARE = 0.02
+"""Of the travel when it moves, below which it creeps or settles."""
+LEAST_ROWS = 8
+"""Rows of a stretch, at least."""
+
+
+@dataclass(frozen=True)
+class DeadZone:
+    """Half width w [rows] over which travel is looked at, and the travel over 2 w [rad] below which it stands still."""
+
+    half_width: int
+    travel: float
+
+    @classmethod
+    def of(cls, parts: Sequence[Array]) -> DeadZone:
+        """The dead zone from contiguous parts of an angle [rad]; refused where none of them moves."""
+        noise = max(_noise(parts), 1e-15)
+        shortest = min(len(part) for part in parts)
+        half = 1
+        moved = _travel_when_moving(parts, half)
+        for _ in range(MOST_WIDENING):
+            if moved >= STANDS_OUT * noise or 8 * half > shortest:
+                break
+            half *= 2
+            moved = _travel_when_moving(parts, half)
+        if moved < STANDS_OUT * noise:
+            raise IdentificationError(
+                "does not move",
+                where="angle",
+                value=f"{moved / DEGREE:.3g} degrees in {2 * half} rows",
+                limit=f"> {STANDS_OUT * noise / DEGREE:.3g} degrees, {STANDS_OUT:g} times its noise",
+            )
+        return cls(half, max(NOISE_FACTOR * noise, STILL_SHARE * moved))
+
+    def ways(self, angle: Array) -> np.ndarray:
+        """+1, -1, or 0 at standstill, for each sample of a contiguous angle (n,)."""
+        travel = _travel(angle, self.half_width)
+        return np.where(np.abs(travel) > self.travel, np.sign(travel), 0.0).astype(np.int8)
+
+
+def runs_of(ways: Iterable[np.ndarray]) -> list[tuple[int, int, int]]:
+    """(first row, end, direction) of each stretch that turns one way, from the ways of successive blocks."""
+    runs: list[tuple[int, int, int]] = []
+    row, begin, current = 0, 0, 0
+    for block in ways:
+        starts = np.flatnonzero(np.diff(block, prepend=np.int8(current)))
+        for at in starts.tolist():
+            if current != 0 and row + at > begin:
+                runs.append((begin, row + at, current))
+            begin, current = row + at, int(block[at])
+        row += len(block)
+    if current != 0:
+        runs.append((begin, row, current))
+    return [run for run in runs if run[1] - run[0] >= LEAST_ROWS]
+
+
+def _noise(parts: Sequence[Array]) -> float:
+    """Standard deviation of an angle's noise [rad] from its second differences, at least that of its rounding."""
+    bent = np.concatenate([np.diff(part, 2) for part in parts if len(part) > 2] or [np.zeros(1)])
+    # The ninth decile: of an angle that counts, half of the differences may be zero.
+    random = float(np.percentile(np.abs(bent), 90.0)) / (1.645 * np.sqrt(6.0))
+    steps = np.concatenate([np.abs(np.diff(part)) for part in parts])
+    still = float(np.mean(steps == 0.0))
+    moved = steps[steps > 0.0]
+    # Rows without any step beside rows with one: it counts, and the smallest step is its count.
+    rounding = float(moved.min()) if len(moved) and still > 0.02 else 0.0
+    return max(random, rounding)
+
+
+def _travel(angle: Array, half: int) -> Array:
+    """Travel over 2 `half` rows about each row, one-sided ends scaled up."""
+    n = len(angle)
+    rows = np.arange(n)
+    low, high = np.maximum(rows - half, 0), np.minimum(rows + half, n - 1)
+    share = 2.0 * half / np.maximum(high - low, 1)
+    travel: Array = (angle[high] - angle[low]) * share
+    return travel
+
+
+def _travel_when_moving(parts: Sequence[Array], half: int) -> float:
+    travel = np.concatenate([np.abs(_travel(part, half)) for part in parts])
+    return float(np.percentile(travel, MOVING_PERCENTILE))
