@@ -131,7 +131,7 @@ def _strongest_way(order: Order) -> float:
 def _waves(
     samples: OrderSamples, solved: Solved, comb: Comb, direction: int, white: float
 ) -> list[Wave]:
-    """Each order of one direction with the noise beside it, and with the scatter of the stretches where that is more."""
+    """Each order of one direction with the noise beside it; with the scatter of the stretches where that is more."""
     variance, freedom = comb.noise(solved.orders, solved.orders, lowest_order(samples))
     few = freedom < LEAST_FREEDOM
     variance = np.where(few, white, variance)

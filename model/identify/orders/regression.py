@@ -25,17 +25,21 @@ from model.units import REVOLUTION
 
 ROWS = 8192
 """Samples whose waves are held in memory at a time."""
-SINGLE = 1_000_000
+SINGLE = 100_000
 """Samples from which on the waves are single precision: 1e-7 of an amplitude, at a fifth of the time."""
 
 
 @dataclass(frozen=True)
 class Moving:
-    """Which orders are refined: their places (m,) among the orders, their amplitudes (m,), and about which angle [rad]."""
+    """Which orders are refined: places (m,) among the orders, amplitudes (m,), and about which angle [rad].
+
+    held (m,): information that each has before, for a noise of one; it keeps those in place that the data leave open.
+    """
 
     places: IntArray
     amplitudes: ComplexArray
     middle: float
+    held: Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +103,9 @@ def solve(
         gains[number] = inverse @ cross, inverse @ slow
         normal -= cross.T @ gains[number][0]
         right -= cross.T @ gains[number][1]
+    if moving is not None:
+        places = 2 * len(orders) + np.arange(len(moving.places))
+        normal[places, places] += moving.held
     inverse = _inverse(normal)
     solution = inverse @ right
     trends = {
@@ -136,7 +143,7 @@ def residuals(
 def between_stretches(
     samples: OrderSamples, solved: Solved, direction: int
 ) -> tuple[Array | None, int]:
-    """Covariance (2k, 2k) of the orders from the scatter of the stretches, and how many these are; from what is held."""
+    """Covariance (2k, 2k) of the orders from the scatter of the stretches, and how many are held."""
     scores: dict[int, Array] = {}
     kept = [piece for piece in samples.held if piece.direction == direction]
     for piece, (_, left, count) in zip(

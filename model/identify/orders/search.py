@@ -20,8 +20,7 @@ from model.identify.checks import Array
 from model.identify.orders.aliases import ONE_AND_THE_SAME, SamplingWindow
 from model.identify.orders.comb import GRID_PER_PERIOD, LARGEST_GRID, Comb, median_floor
 from model.identify.orders.regression import Moving, Solved, residuals, solve
-from model.identify.orders.samples import OrderSamples, Piece
-from model.units import REVOLUTION
+from model.identify.orders.samples import WHOLE_TURN, OrderSamples, Piece
 
 FALSE_ALARM = 0.01
 """Probability that noise alone brings a line anywhere in the spectrum."""
@@ -32,7 +31,7 @@ FLOOR_LINES = 20
 AT_ONCE = 0.25
 """Share of the strongest line's power over noise from which on others are added with it: weaker ones may be leakage."""
 ROUNDS = 14
-MOST_LINES = 80
+MOST_LINES = 48
 """Orders that are fitted; a gear has some dozens."""
 APART = 0.75
 """Lines between two orders below which they are one."""
@@ -45,6 +44,8 @@ GROWTH = 4.0
 PADDING = 2
 STRONGER = 1.2
 """Amplitude of a whole order over that of a line from which on the line is its image."""
+BETWEEN_WHOLE = 0.35
+"""Orders between two lines from which on nothing stands between two whole orders."""
 BLIND = 0.99
 """Correlation of an order with itself, turned back, from which on its sine or cosine is zero at every sample."""
 HARDLY_ALIKE = 0.05
@@ -72,20 +73,23 @@ def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
     """The orders that stand above the noise in what is held, ascending."""
     window = samples.window
     lines: list[Line] = []
+    tried: list[float] = []
     lowest = lowest_order(samples)
     resolution = min(1.0 / max(samples.revolutions(d), 1e-6) for d in samples.directions)
-    held_resolution = 1.0 / max(samples.held_revolutions, 1e-6)
+    apart = APART / max(samples.held_revolutions, 1e-6)
     for _ in range(ROUNDS):
         taken = np.array([line.order for line in lines])
         found = _strongest(samples, search, taken, lowest)
-        fresh = _fresh(found, taken, APART * held_resolution)[: MOST_LINES - len(lines)]
-        fresh = np.array([v for v in fresh if window.folded(v) < BLIND])
-        if not len(fresh):
+        if BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN:
+            found = np.unique(np.maximum(np.rint(found), 1.0))
+        fresh = _fresh(found, taken, apart)
+        fresh = [v for v in fresh if window.folded(v) < BLIND and v not in tried]
+        fresh = fresh[: MOST_LINES - len(lines)]
+        if not fresh:
             break
-        lines = _refined(samples, lines, fresh, search, resolution)
+        tried += fresh
+        lines = _refined(samples, lines, np.array(fresh), search, resolution)
         lines = _unfolded(lines, samples, search, window, resolution)
-        if len(lines) <= len(taken):
-            break
     return lines
 
 
@@ -151,13 +155,13 @@ def _median_share(windows: int) -> float:
     return float(scipy.special.gammaincinv(windows, 0.5)) / windows
 
 
-def _fresh(found: Array, taken: Array, apart: float) -> Array:
+def _fresh(found: Array, taken: Array, apart: float) -> list[float]:
     """Of the orders found, strongest first, those that are none of the taken and no neighbour of a stronger one."""
     kept: list[float] = []
     for order in found.tolist():
         if all(abs(order - other) > apart for other in [*kept, *taken.tolist()]):
             kept.append(order)
-    return np.array(kept)
+    return kept
 
 
 def _refined(
@@ -201,17 +205,18 @@ def _moved(
 ) -> tuple[Array, Array]:
     """The orders with those at `places` moved by the data within `span` revolutions, and standard uncertainties."""
     shift, information = np.zeros(len(places)), np.full(len(places), 1e-300)
+    widest = min(span, max(samples.revolutions(d) for d in samples.directions))
     for direction in samples.held_directions:
         held_span = min(span, samples.held_revolutions)
         near = samples.within(direction, held_span)
         first = solve(samples, near(), direction, orders)
         middle = samples.held_middle(direction)
-        moving = Moving(places, first.amplitudes[places], middle)
-        moved = solve(samples, samples.within(direction, span)(), direction, orders, moving)
         noise = _noise_at(samples, first, near(), orders[places], direction, search)
+        # An order is known to its line before: neighbours that move alike stay where they are.
+        moving = Moving(places, first.amplitudes[places], middle, noise * (2.0 * widest) ** 2)
+        moved = solve(samples, samples.within(direction, span)(), direction, orders, moving)
         shift += moved.shift / (moved.shift_variance * noise)
         information += 1.0 / (moved.shift_variance * noise)
-    widest = min(span, max(samples.revolutions(d) for d in samples.directions))
     step = np.clip(shift / information, -0.5 / widest, 0.5 / widest)
     out = orders.copy()
     out[places] = np.maximum(orders[places] + step, 0.25 / widest)
@@ -267,7 +272,7 @@ def _unfolded(
     window: SamplingWindow,
     resolution: float,
 ) -> list[Line]:
-    """Images replaced by the whole order above the band that explains the data better, where the speed tells them apart.
+    """Images replaced by the whole order above the band that explains the data better, where the speed tells them.
 
     Where it does not, the lower of the two stands for both; the whole one where whole orders are preferred.
     """
