@@ -134,4 +134,4 @@ def _found(
             whole = zone.ways(angle(slice(rows.start - before, after)))
             yield whole[before : before + rows.stop - rows.start]
 
-    return runs_of(ways())
+    return runs_of(ways(), zone.blink)

@@ -100,7 +100,8 @@ def fit_hysteresis(angle: Array, torque: Array, at_torque: float | None = None) 
 
 def _branches(torque: Array) -> tuple[list[slice], list[slice]]:
     """Rows of the branches up and down that cover most of the range."""
-    runs = _joined(runs_of([DeadZone.of([torque]).ways(torque)]))
+    zone = DeadZone.of([torque])
+    runs = _joined(runs_of([zone.ways(torque)]))
     lowest, highest = np.percentile(torque, [0.5, 99.5])
     least = WHOLE_BRANCH * float(highest - lowest)
     whole = [(a, b, way) for a, b, way in runs if abs(torque[b - 1] - torque[a]) >= least]

@@ -82,7 +82,8 @@ def fit_revolution(
     Each direction of travel must cover a whole revolution. `unit` names the unit of the value in the estimates.
     """
     theta, y = channels(LEAST_SAMPLES, angle=angle, value=value)
-    runs = runs_of([DeadZone.of([theta]).ways(theta)])
+    zone = DeadZone.of([theta])
+    runs = runs_of([zone.ways(theta)], zone.blink)
     source = in_memory([(way, theta[a:b], y[a:b]) for a, b, way in runs])
     return fit_series(source, highest_order=highest_order, unit=unit)
 

@@ -62,20 +62,35 @@ class DeadZone:
         travel = _travel(angle, self.half_width)
         return np.where(np.abs(travel) > self.travel, np.sign(travel), 0.0).astype(np.int8)
 
+    @property
+    def blink(self) -> int:
+        """Rows without a direction that noise brings: no standstill."""
+        return 4 * self.half_width
 
-def runs_of(ways: Iterable[np.ndarray]) -> list[tuple[int, int, int]]:
-    """(first row, end, direction) of each stretch that turns one way, from the ways of successive blocks."""
+
+def runs_of(ways: Iterable[np.ndarray], blink: int = 0) -> list[tuple[int, int, int]]:
+    """(first row, end, direction) of each stretch that turns one way, from the ways of successive blocks.
+
+    Stretches of one direction that up to `blink` rows without any part are one.
+    """
     runs: list[tuple[int, int, int]] = []
+
+    def add(begin: int, end: int, way: int) -> None:
+        if runs and runs[-1][2] == way and begin - runs[-1][1] <= blink:
+            runs[-1] = (runs[-1][0], end, way)
+        elif way != 0 and end > begin:
+            runs.append((begin, end, way))
+
     row, begin, current = 0, 0, 0
     for block in ways:
         starts = np.flatnonzero(np.diff(block, prepend=np.int8(current)))
         for at in starts.tolist():
-            if current != 0 and row + at > begin:
-                runs.append((begin, row + at, current))
+            if current != 0:
+                add(begin, row + at, current)
             begin, current = row + at, int(block[at])
         row += len(block)
     if current != 0:
-        runs.append((begin, row, current))
+        add(begin, row, current)
     return [run for run in runs if run[1] - run[0] >= LEAST_ROWS]
 
 

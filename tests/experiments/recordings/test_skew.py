@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -24,7 +25,7 @@ def swings(*speeds: float, seconds: float = 2.0) -> tuple[np.ndarray, np.ndarray
     """Time [s] and speed [rad/s] of holds at these speeds, ramps of 0.1 s between them."""
     hold, ramp = int(seconds / PERIOD), int(0.1 / PERIOD)
     parts = [np.full(hold, speeds[0])]
-    for last, now in zip(speeds[:-1], speeds[1:], strict=True):
+    for last, now in itertools.pairwise(speeds):
         parts += [np.linspace(last, now, ramp), np.full(hold, now)]
     speed = np.concatenate(parts)
     return np.arange(len(speed)) * PERIOD, speed
