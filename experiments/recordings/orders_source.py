@@ -57,7 +57,9 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
     angle = angle_of(recording, angle_name)
     value, warnings = _value(recording, channel, ratio)
     labelled = _segments(recording, angle)
-    stretches = labelled or _found(recording, angle)
+    zone = None if labelled else _dead_zone(recording, angle)
+    stretches = labelled if zone is None else _found(recording, angle, zone)
+    quantum = recording.signals[angle_name].quantum or (0.0 if zone is None else zone.rounding)
 
     def pieces() -> Iterator[Piece]:
         for number, (start, stop, direction) in enumerate(stretches):
@@ -65,7 +67,7 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
                 good = usable(recording, rows)
                 if good.any():
                     turned = angle(rows)[good] - reference
-                    yield Piece.of(number, direction, turned, value(rows)[good])
+                    yield Piece.of(number, direction, turned, value(rows)[good], quantum)
 
     kept = sum(stop - start for start, stop, _ in stretches)
     return OrderSource(
@@ -118,13 +120,17 @@ def _segments(
     return found
 
 
-def _found(
-    recording: Recording, angle: Callable[[slice], FloatArray]
-) -> list[tuple[int, int, int]]:
-    """The same, of all that turns one way beyond the dead zone of the angle."""
+def _dead_zone(recording: Recording, angle: Callable[[slice], FloatArray]) -> DeadZone:
+    """The dead zone of an angle from some of its rows."""
     starts = np.linspace(0, max(recording.rows - LOOKED_AT, 0), LOOKS).astype(int)
     looks = [slice(int(s), min(int(s) + LOOKED_AT, recording.rows)) for s in np.unique(starts)]
-    zone = DeadZone.of([angle(rows) for rows in looks])
+    return DeadZone.of([angle(rows) for rows in looks])
+
+
+def _found(
+    recording: Recording, angle: Callable[[slice], FloatArray], zone: DeadZone
+) -> list[tuple[int, int, int]]:
+    """First row, end and direction of all that turns one way beyond the dead zone of the angle."""
 
     def ways() -> Iterator[np.ndarray]:
         for rows in recording.blocks(size=CHUNK):

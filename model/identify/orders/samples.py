@@ -45,9 +45,12 @@ class Piece:
     """Sum of squares of single samples about the means that stand for them."""
 
     @classmethod
-    def of(cls, stretch: int, direction: int, angle: Array, value: Array) -> Piece:
-        """Single samples."""
-        return cls(stretch, direction, angle, value, np.ones(len(angle)), np.zeros(len(angle)))
+    def of(
+        cls, stretch: int, direction: int, angle: Array, value: Array, quantum: float = 0.0
+    ) -> Piece:
+        """Single samples of an angle whose count is `quantum` [rad]: it lies anywhere within one."""
+        spread = np.full(len(angle), quantum**2 / 12.0)
+        return cls(stretch, direction, angle, value, np.ones(len(angle)), spread)
 
     def grouped(self, cells: float) -> Piece:
         """Successive samples in one cell of angle, `cells` to a revolution, as one; itself where that saves nothing."""
@@ -68,7 +71,7 @@ class Piece:
             base + offset,
             mean,
             count,
-            np.maximum(square - offset**2, 0.0),
+            np.maximum(square - offset**2, 0.0) + self.spread[starts],
             float(scatter @ scatter),
         )
 

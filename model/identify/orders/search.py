@@ -80,7 +80,8 @@ def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
     for _ in range(ROUNDS):
         taken = np.array([line.order for line in lines])
         found = _strongest(samples, search, taken, lowest)
-        if BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN:
+        only_whole = BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN
+        if only_whole:
             found = np.unique(np.maximum(np.rint(found), 1.0))
         fresh = _fresh(found, taken, apart)
         fresh = [v for v in fresh if window.folded(v) < BLIND and v not in tried]
@@ -88,6 +89,9 @@ def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
         if not fresh:
             break
         tried += fresh
+        if only_whole:
+            lines = _apart([*lines, *(Line(v, 0.0) for v in fresh)], resolution)
+            continue
         lines = _refined(samples, lines, np.array(fresh), search, resolution)
         lines = _unfolded(lines, samples, search, window, resolution)
     return lines

@@ -35,6 +35,8 @@ class DeadZone:
 
     half_width: int
     travel: float
+    rounding: float = 0.0
+    """Size of a count of the angle [rad], where it shows; 0 where it does not."""
 
     @classmethod
     def of(cls, parts: Sequence[Array]) -> DeadZone:
@@ -55,7 +57,7 @@ class DeadZone:
                 value=f"{moved / DEGREE:.3g} degrees in {2 * half} rows",
                 limit=f"> {STANDS_OUT * noise / DEGREE:.3g} degrees, {STANDS_OUT:g} times its noise",
             )
-        return cls(half, max(NOISE_FACTOR * noise, STILL_SHARE * moved))
+        return cls(half, max(NOISE_FACTOR * noise, STILL_SHARE * moved), _rounding(parts))
 
     def ways(self, angle: Array) -> np.ndarray:
         """+1, -1, or 0 at standstill, for each sample of a contiguous angle (n,)."""
@@ -99,12 +101,17 @@ def _noise(parts: Sequence[Array]) -> float:
     bent = np.concatenate([np.diff(part, 2) for part in parts if len(part) > 2] or [np.zeros(1)])
     # The ninth decile: of an angle that counts, half of the differences may be zero.
     random = float(np.percentile(np.abs(bent), 90.0)) / (1.645 * np.sqrt(6.0))
+    return max(random, _rounding(parts))
+
+
+def _rounding(parts: Sequence[Array]) -> float:
+    """The smallest step of an angle that has rows without any step: it counts, and this is a count [rad]."""
     steps = np.concatenate([np.abs(np.diff(part)) for part in parts])
-    still = float(np.mean(steps == 0.0))
     moved = steps[steps > 0.0]
-    # Rows without any step beside rows with one: it counts, and the smallest step is its count.
-    rounding = float(moved.min()) if len(moved) and still > 0.02 else 0.0
-    return max(random, rounding)
+    # What is left of the sums that made the angle is no count.
+    moved = moved[moved > 1e-6 * float(np.median(moved))] if len(moved) else moved
+    counts = len(moved) and float(np.mean(steps == 0.0)) > 0.02
+    return float(moved.min()) if counts else 0.0
 
 
 def _travel(angle: Array, half: int) -> Array:
