@@ -25,6 +25,10 @@ def order_estimates(
     for order in fit.orders:
         for estimate in _estimates(order.name, order.mean, unit):
             estimates[estimate.name] = estimate
+        if order.mean.amplitude < fit.rounded(order):
+            mean = f"amplitude_{order.name}"
+            note = "may be the rounding of the angle under a stronger order"
+            estimates[mean] = replace(estimates[mean], identifiable="weakly", note=note)
         if not order.differ:
             continue
         mean = f"amplitude_{order.name}"

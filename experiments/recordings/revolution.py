@@ -141,6 +141,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=(),
     has_plan=False,
+    cuts_gaps=True,
     quantities=QUANTITIES,
     version=3,
 )

@@ -93,6 +93,18 @@ class OrdersFit:
     spectrum: dict[int, tuple[Array, Array]]
     floor: dict[int, tuple[Array, Array]]
 
+    def rounded(self, order: Order) -> float:
+        """Amplitude that the rounding of the angle can give a line beside this one: A v q/pi of each stronger order.
+
+        Counts that keep step with the sampling lay it on lines of their own.
+        """
+        sizes = [
+            other.mean.amplitude * other.order
+            for other in self.orders
+            if other.mean.amplitude > order.mean.amplitude
+        ]
+        return self.samples.quantum / math.pi * math.sqrt(sum(size**2 for size in sizes))
+
     def order(self, order: float) -> Order | None:
         """The order found there; None where there is none."""
         return next((o for o in self.orders if abs(o.order - order) < 1e-9), None)

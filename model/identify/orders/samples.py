@@ -27,6 +27,8 @@ CHUNK = 1 << 16
 """Samples that are read at a time."""
 WHOLE_TURN = 0.98
 """Revolutions from which a stretch is taken for a whole one."""
+BENT, LONG = 7, 6.0
+"""Degree of the trend where it bends (inertia, gravity, viscous friction), and revolutions from which one may."""
 STEADY = 0.3
 """Share by which the speed may differ within a stretch that is called steady."""
 
@@ -112,9 +114,9 @@ class Stretch:
     def degree(self) -> int:
         """Of the polynomial over angle that its trend is: a line; what is unsteady, or no revolution, bends more."""
         if self.revolutions < WHOLE_TURN:
-            return 3
-        # A cubic over a turn or two would be order 1 itself.
-        return 1 if self.is_steady or self.revolutions < 3.0 else 3
+            return BENT
+        # What bends over a turn or two would be order 1 itself.
+        return 1 if self.is_steady or self.revolutions < LONG else BENT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +124,7 @@ class OrderSamples:
     """A channel over an angle: what is held of it, and what its sampling can carry.
 
     `mean` is that of the channel, `cells` those of a revolution in which samples are averaged, `densest` the
-    samples per revolution where it turns slowly.
+    samples per revolution where it turns slowly, `quantum` a count of the angle [rad].
     """
 
     source: Source
@@ -134,6 +136,7 @@ class OrderSamples:
     window: SamplingWindow
     densest: float
     cells: float
+    quantum: float
 
     @classmethod
     def gathered(cls, source: Source, highest: float) -> OrderSamples:
@@ -143,11 +146,12 @@ class OrderSamples:
         size = 0
         covered: dict[int, _Covered] = {}
         sampling = SamplingSums()
-        total = 0.0
+        total = quantum = 0.0
         for piece in source():
             steps = sampling.take(piece.angle)
             covered.setdefault(piece.stretch, _Covered(piece.direction)).take(piece, steps)
             total += float(piece.value.sum())
+            quantum = math.sqrt(12.0 * float(piece.spread[0]))
             if size <= HELD:
                 held.append(piece.grouped(cells))
             # What is not held counts as it would if it were.
@@ -168,6 +172,7 @@ class OrderSamples:
             window=sampling.window(),
             densest=sampling.window(95.0).per_revolution,
             cells=cells,
+            quantum=quantum,
         )
 
     @property

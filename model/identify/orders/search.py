@@ -80,7 +80,7 @@ def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
     for _ in range(ROUNDS):
         taken = np.array([line.order for line in lines])
         found = _strongest(samples, search, taken, lowest)
-        only_whole = BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN
+        only_whole = search.prefers_whole and BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN
         if only_whole:
             found = np.unique(np.maximum(np.rint(found), 1.0))
         fresh = _fresh(found, taken, apart)
@@ -101,7 +101,7 @@ def lowest_order(samples: OrderSamples) -> float:
     """Below it an order is not told from the trend of the stretches."""
     longest = max(s.revolutions for s in samples.stretches)
     degree = max(s.degree for s in samples.stretches)
-    return (0.98 if degree == 1 else 2.0) / max(longest, 1e-6)
+    return (0.98 if degree == 1 else 0.75 * degree) / max(longest, 1e-6)
 
 
 def searched_to(samples: OrderSamples, highest: float) -> float:

@@ -25,6 +25,10 @@ NOISE_FACTOR = 5.0
 """Standard deviations of the noise that no noise exceeds."""
 STILL_SHARE = 0.02
 """Of the travel when it moves, below which it creeps or settles."""
+OFF_COUNT = 0.02
+"""Counts by which a step may be off a whole number of them."""
+STILL_ROWS = 0.02
+"""Share of rows without any step from which on an angle counts."""
 LEAST_ROWS = 8
 """Rows of a stretch, at least."""
 
@@ -105,13 +109,19 @@ def _noise(parts: Sequence[Array]) -> float:
 
 
 def _rounding(parts: Sequence[Array]) -> float:
-    """The smallest step of an angle that has rows without any step: it counts, and this is a count [rad]."""
+    """Size of a count of an angle [rad]: the step of which all others are multiples; 0 where there is none."""
     steps = np.concatenate([np.abs(np.diff(part)) for part in parts])
     moved = steps[steps > 0.0]
+    if not len(moved):
+        return 0.0
     # What is left of the sums that made the angle is no count.
-    moved = moved[moved > 1e-6 * float(np.median(moved))] if len(moved) else moved
-    counts = len(moved) and float(np.mean(steps == 0.0)) > 0.02
-    return float(moved.min()) if counts else 0.0
+    moved = moved[moved > 1e-6 * float(np.median(moved))]
+    smallest = float(moved.min())
+    multiples = moved / smallest
+    off = np.abs(multiples - np.rint(multiples))
+    is_counted = float(np.percentile(off, 99.0)) < OFF_COUNT and float(multiples.max()) > 1.5
+    has_still = float(np.mean(steps == 0.0)) > STILL_ROWS
+    return smallest if is_counted or has_still else 0.0
 
 
 def _travel(angle: Array, half: int) -> Array:
