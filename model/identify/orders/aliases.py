@@ -60,14 +60,17 @@ class SamplingSums:
         """The window; samples per revolution are this percentile over the samples that turn."""
         if not self._parts:
             return SamplingWindow(np.zeros(1), np.ones(1), math.inf)
-        angle, weight, steps = (np.concatenate(column) for column in zip(*self._parts, strict=True))
+        angle = np.concatenate([part[0] for part in self._parts])
+        weight = np.concatenate([part[1] for part in self._parts])
+        steps = np.concatenate([part[2] for part in self._parts])
         moving = steps > CREEPS * float(weight @ steps) / float(weight.sum())
         if not moving.any():
             return SamplingWindow(angle, weight, math.inf)
-        order = np.argsort(steps[moving])
-        share = np.cumsum(weight[moving][order])
+        sizes: Array = steps[moving]
+        order = np.argsort(sizes)
+        share: Array = np.cumsum(weight[moving][order])
         at = int(np.searchsorted(share, (1.0 - 0.01 * percentile) * share[-1]))
-        typical = float(steps[moving][order][min(at, len(order) - 1)])
+        typical = float(sizes[order][min(at, len(order) - 1)])
         return SamplingWindow(angle[moving], weight[moving], REVOLUTION / typical)
 
 

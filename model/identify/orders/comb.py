@@ -48,7 +48,7 @@ class Comb:
     @property
     def orders(self) -> Array:
         """The order of each line."""
-        return self.spacing * np.arange(len(self.power))
+        return self.spacing * np.arange(len(self.power), dtype=np.float64)
 
     @property
     def resolution(self) -> float:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -171,17 +172,19 @@ def _waves(
 ) -> Array:
     """Means of cos and sin of each order over the samples of each group, (2k, n); one more of each that moves."""
     turns = np.outer(orders, piece.angle[rows] / REVOLUTION)
-    phase = (turns - np.rint(turns)) * REVOLUTION
+    phase: Array = (turns - np.rint(turns)) * REVOLUTION
     if single:
-        phase = phase.astype(np.float32)
+        phase = cast("Array", phase.astype(np.float32))
     spread = piece.spread[rows]
     k = len(orders)
     more = 0 if moving is None else len(moving.places)
-    out = np.empty((2 * k + more, phase.shape[1]), dtype=phase.dtype)
+    out: Array = np.empty((2 * k + more, phase.shape[1]), dtype=phase.dtype)
     np.cos(phase, out=out[: 2 * k : 2])
     np.sin(phase, out=out[1 : 2 * k : 2])
     if spread.any():
-        kept = (1.0 - 0.5 * np.outer(orders**2, spread)).astype(out.dtype)
+        # Single samples of an angle that counts have one spread: a number per order does.
+        widths = spread if spread.min() < spread.max() else spread[:1]
+        kept = np.exp(-0.5 * np.outer(orders**2, widths)).astype(out.dtype)
         out[: 2 * k : 2] *= kept
         out[1 : 2 * k : 2] *= kept
     if moving is not None:
@@ -198,7 +201,8 @@ def _trend(samples: OrderSamples, piece: Piece, rows: slice) -> Array:
     stretch = samples.stretches[piece.stretch]
     half = max(0.5 * (stretch.high - stretch.low), 1e-12)
     place = (piece.angle[rows] - 0.5 * (stretch.high + stretch.low)) / half
-    return np.polynomial.legendre.legvander(place, stretch.degree).T
+    columns: Array = np.asarray(np.polynomial.legendre.legvander(place, stretch.degree), np.float64)
+    return columns.T
 
 
 def _inverse(normal: Array) -> Array:

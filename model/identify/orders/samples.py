@@ -1,7 +1,7 @@
 """Samples of a channel over an angle, one-way stretch by stretch: held in memory where they fit, else read again.
 
 Neighbouring samples within a narrow cell of angle are averaged; the variance of their angles is kept,
-so that the mean of a wave over them is known: e^{i v theta} (1 - v^2 s^2 / 2).
+so that the mean of a wave over them is known: e^{i v theta} e^{-v^2 s^2 / 2}.
 """
 
 from __future__ import annotations

@@ -182,8 +182,8 @@ def _refined(
     for span in _growing(samples, search):
         every, _ = _moved(samples, every, new, search, span)
     moving = np.concatenate([np.array(free, dtype=np.int64), new])
-    for _ in range(2):
-        every, uncertainty = _moved(samples, every, moving, search, math.inf)
+    every, _ = _moved(samples, every, moving, search, math.inf)
+    every, uncertainty = _moved(samples, every, moving, search, math.inf)
     moved = dict(zip(moving.tolist(), uncertainty.tolist(), strict=True))
     settled = [
         _settled(Line(order, moved[k]), search.ratio, resolution) if k in moved else lines[k]

@@ -102,7 +102,7 @@ def runs_of(ways: Iterable[np.ndarray], blink: int = 0) -> list[tuple[int, int, 
 
 def _noise(parts: Sequence[Array]) -> float:
     """Standard deviation of an angle's noise [rad] from its second differences, at least that of its rounding."""
-    bent = np.concatenate([np.diff(part, 2) for part in parts if len(part) > 2] or [np.zeros(1)])
+    bent: Array = np.concatenate([np.zeros(1), *(np.diff(part, 2) for part in parts)])
     # The ninth decile: of an angle that counts, half of the differences may be zero.
     random = float(np.percentile(np.abs(bent), 90.0)) / (1.645 * np.sqrt(6.0))
     return max(random, _rounding(parts))
@@ -117,8 +117,8 @@ def _rounding(parts: Sequence[Array]) -> float:
     # What is left of the sums that made the angle is no count.
     moved = moved[moved > 1e-6 * float(np.median(moved))]
     smallest = float(moved.min())
-    multiples = moved / smallest
-    off = np.abs(multiples - np.rint(multiples))
+    multiples: Array = moved / smallest
+    off: Array = np.abs(multiples - np.rint(multiples))
     is_counted = float(np.percentile(off, 99.0)) < OFF_COUNT and float(multiples.max()) > 1.5
     has_still = float(np.mean(steps == 0.0)) > STILL_ROWS
     return smallest if is_counted or has_still else 0.0
