@@ -68,8 +68,9 @@ class SamplingSums:
             return SamplingWindow(angle, weight, math.inf)
         sizes: Array = steps[moving]
         order = np.argsort(sizes)
-        share: Array = np.cumsum(weight[moving][order])
-        at = int(np.searchsorted(share, (1.0 - 0.01 * percentile) * share[-1]))
+        share = np.cumsum(weight[moving][order])
+        wanted = (1.0 - 0.01 * percentile) * float(share[-1])
+        at = int(np.count_nonzero(share < wanted))
         typical = float(sizes[order][min(at, len(order) - 1)])
         return SamplingWindow(angle[moving], weight[moving], REVOLUTION / typical)
 
