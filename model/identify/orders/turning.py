@@ -110,8 +110,8 @@ def _noise(parts: Sequence[Array]) -> float:
 
 def _rounding(parts: Sequence[Array]) -> float:
     """Size of a count of an angle [rad]: the step of which all others are multiples; 0 where there is none."""
-    steps = np.concatenate([np.abs(np.diff(part)) for part in parts])
-    moved = steps[steps > 0.0]
+    steps: Array = np.concatenate([np.abs(np.diff(part)) for part in parts])
+    moved: Array = steps[steps > 0.0]
     if not len(moved):
         return 0.0
     # What is left of the sums that made the angle is no count.
@@ -119,7 +119,7 @@ def _rounding(parts: Sequence[Array]) -> float:
     smallest = float(moved.min())
     multiples: Array = moved / smallest
     off: Array = np.abs(multiples - np.rint(multiples))
-    is_counted = float(np.percentile(off, 99.0)) < OFF_COUNT and float(multiples.max()) > 1.5
+    is_counted = bool(np.mean(off < OFF_COUNT) > 0.99) and float(multiples.max()) > 1.5
     has_still = float(np.mean(steps == 0.0)) > STILL_ROWS
     return smallest if is_counted or has_still else 0.0
 
