@@ -119,8 +119,10 @@ def _rounding(parts: Sequence[Array]) -> float:
     smallest = float(moved.min())
     multiples: Array = moved / smallest
     off: Array = np.abs(multiples - np.rint(multiples))
-    is_counted = bool(np.mean(off < OFF_COUNT) > 0.99) and float(multiples.max()) > 1.5
-    has_still = float(np.mean(steps == 0.0)) > STILL_ROWS
+    is_counted = (
+        np.count_nonzero(off < OFF_COUNT) > 0.99 * len(off) and float(multiples.max()) > 1.5
+    )
+    has_still = np.count_nonzero(steps == 0.0) > STILL_ROWS * len(steps)
     return smallest if is_counted or has_still else 0.0
 
 
