@@ -29,6 +29,8 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from tests.experiments.conftest import SERIES
+from tests.experiments.recordings.test_hysteresis import loops, recorded
+from tests.experiments.recordings.test_skew import BOTH, encoders
 from tests.experiments.synthetic import Bench, record
 from tests.experiments.test_analyses_without_plan import axis, foreign
 
@@ -58,6 +60,10 @@ def small(
         if kind == "motion":
             time, position, force = axis()
             return foreign(time, position=(position, "m"), force=(force, "N"))
+        if kind == "skew":
+            return encoders(50.0, -50.0, 200.0, -200.0)
+        if kind == "hysteresis":
+            return recorded(*loops())
         if kind == "velocity-steps":
             steps = velocity_steps.Parameters(speeds_rpm=(60.0, 1800.0, 2950.0), repeats=1)
             whole = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))
@@ -73,7 +79,9 @@ def small(
 
     def analysed(kind: str) -> Result:
         tare = request.getfixturevalue("tare") if catalogue.load(kind).takes_tare else None
-        settings = {"highest_order": 48} if kind in ("revolution", "order-spectrum") else {}
+        settings: dict[str, Any] = dict(BOTH) if kind == "skew" else {}
+        if kind in ("revolution", "order-spectrum"):
+            settings = {"highest_order": 48}
         return catalogue.load(kind).analyse(
             recording(kind), Evidence(gear, tare, settings=settings)
         )
