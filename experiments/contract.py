@@ -51,6 +51,7 @@ class Experiment:
     angles [rad]. `gives_tare` is a result that may be subtracted from those that have `takes_tare`;
     `builds_on` names the protocols without whose identified parameters its analysis is poorer.
     `terms` are those that a reader of its results needs, `figures` the paper's that its run draws.
+    `cuts_gaps` is an analysis that uses the stretches between gaps of time and draws nothing across them.
     `version` of the analysis is raised whenever the same recording gives other numbers.
     """
 
@@ -65,6 +66,7 @@ class Experiment:
     compare: Callable[[Recording, HarmonicDrive, Evidence], Result] | None = None
     identified: Callable[[Result, HarmonicDrive], HarmonicDrive] | None = None
     has_plan: bool = True
+    cuts_gaps: bool = False
     quantities: tuple[Quantity, ...] = ()
     version: int = 1
     live: tuple[str, ...] = ("speed", "wave", "torque", "temperature")

@@ -56,6 +56,9 @@ def gaps(recorded: Recorded) -> Finding:
     share = worst.unusable / worst.rows if worst else 0.0
     shortest, longest = _steps_of_time(recorded)
     text = f"{100.0 * share:.2g} % of a segment's rows, {shortest:.3g} to {longest:.3g} periods between two rows"
+    if recorded.experiment.cuts_gaps:
+        # Its gaps end a stretch: they are no part of what is averaged.
+        longest = min(longest, LONGEST_GAP)
     return refused_beyond(
         share > allowed or longest > LONGEST_GAP or shortest <= 0.0,
         text,

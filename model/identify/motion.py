@@ -23,7 +23,7 @@ from model.errors import IdentificationError
 from model.identify.checks import Array, increasing, sampling_period, series
 from model.identify.estimate import Estimate
 from model.identify.least_squares import student_quantile
-from model.identify.motion_columns import LEAST_SAMPLES, Basis, MotionFilter
+from model.identify.motion_columns import Basis, MotionFilter
 from model.identify.motion_ladder import (
     LEAST_GAIN,
     STRIBECK_RANGE,
@@ -39,10 +39,11 @@ from model.identify.motion_moments import MomentFit
 from model.identify.motion_source import ArrayMotion, MotionSource
 
 Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
+VARIANTS: tuple[Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
 MINIMUM_SAMPLES = 200
 LARGEST_ERROR = 0.5
 """|residual|/|effort| above which the model does not describe the effort: nothing of it is identified."""
-SAMPLES_PER_PERIOD = 2
+SAMPLES_PER_PERIOD = 1.6
 """Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
 LAG_TOLD = 2.0
 """Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""
@@ -88,7 +89,7 @@ class MotionFit:
     """Inertia and friction of a motion, with what is needed to judge and to plot them.
 
     estimates by name; covariance (p, p) in their order; time, velocity, acceleration, measured,
-    predicted: (n,), some of the decimated samples. `filter_uncertainty`, `rung_uncertainty`,
+    predicted, friction with offset: (n,), some of the decimated samples. `filter_uncertainty`, `rung_uncertainty`,
     `lag_uncertainty`: standard uncertainties (type B) by parameter. `cutoffs`: the parameters at
     half, at once and at twice the cut-off [Hz]; `rungs` those of every model.
     """
@@ -104,6 +105,7 @@ class MotionFit:
     acceleration: Array
     measured: Array
     predicted: Array
+    friction: Array
     covariance: Array
     freedom: float
     coefficients: Array
@@ -254,7 +256,9 @@ def _instrument(
     if not look.of_position:
         if choice.load_orders:
             raise IdentificationError(
-                "a load over position needs a position", where="motion.load", limit="a position channel"
+                "a load over position needs a position",
+                where="motion.load",
+                limit="a position channel",
             )
         return basis, None
     speed = compare_speed(source, cutoff, of_position=choice.instrument_is_position)
@@ -378,23 +382,10 @@ def _units(names: tuple[str, ...], rotary: bool) -> dict[str, str]:
 def _reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> MotionFit:
     """A fitted rung as estimates with intervals, metrics and curves."""
     fit, moments = chosen.fit, chosen.moments
-    if moments.kept < LEAST_SAMPLES:
-        raise IdentificationError(
-            "too little motion is left after filter, dead zone and decimation",
-            where="motion",
-            value=f"{moments.kept} samples",
-            limit=f">= {LEAST_SAMPLES}",
-            remedy="Record more motion, or lower least_speed or decimation.",
-        )
     shown = dict(zip(moments.names, moments.shown.T, strict=True))
-    if shown["sign"].min() >= 0.0 or shown["sign"].max() <= 0.0:
-        raise IdentificationError(
-            "moves in one direction only: Coulomb friction and offset cannot be separated",
-            where="position",
-            limit="motion both ways",
-            remedy="Use a recording that reverses.",
-        )
     estimates = _estimates(chosen, rotary)
+    parts = np.stack([shown[name] for name in fit.names], axis=1) * fit.values
+    rests = [k for k, n in enumerate(fit.names) if n != "acceleration" and "load" not in n]
     return MotionFit(
         variant=chosen.rung,
         recipe=chosen.recipe,
@@ -416,7 +407,8 @@ def _reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> Mot
         velocity=shown["speed"],
         acceleration=shown["acceleration"],
         measured=shown["effort"],
-        predicted=np.stack([shown[name] for name in fit.names], axis=1) @ fit.values,
+        predicted=parts.sum(axis=1),
+        friction=parts[:, rests].sum(axis=1),
         covariance=chosen.covariance,
         freedom=fit.freedom,
         coefficients=fit.values,
@@ -428,7 +420,9 @@ def _reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> Mot
 def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
     """The parameters with 95 % intervals; none is identified where the model does not describe the effort."""
     names, _ = chosen.transform
-    half = student_quantile(chosen.fit.freedom) * np.sqrt(np.maximum(np.diag(chosen.covariance), 0.0))
+    half = student_quantile(chosen.fit.freedom) * np.sqrt(
+        np.maximum(np.diag(chosen.covariance), 0.0)
+    )
     error = chosen.fit.relative_error
     values = dict(zip(names, chosen.values.tolist(), strict=True))
     wrong = [n for n, v in values.items() if is_size(n) and v < 0.0]
@@ -436,7 +430,10 @@ def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
     for place, (name, unit) in enumerate(_units(names, rotary).items()):
         verdict, note = "yes", ""
         if not error <= LARGEST_ERROR:
-            verdict, note = "no", f"the model leaves {100.0 * error:.0f} % of the effort unexplained"
+            verdict, note = (
+                "no",
+                f"the model leaves {100.0 * error:.0f} % of the effort unexplained",
+            )
         elif name in wrong:
             verdict, note = "no", "negative, which is not physical"
         elif wrong:

@@ -24,14 +24,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from numpy.typing import NDArray
-
-from model.arrays import IntArray
+from model.arrays import BoolArray, IntArray
 from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.motion_source import MotionBlock, MotionSource, Stretch
-
-BoolArray = NDArray[np.bool_]
 
 HIGHEST_SHARE = 0.4
 """Of the sampling frequency: above it nothing is differentiated."""
@@ -56,7 +52,7 @@ class MotionFilter:
 
     order: int = 4
     cutoff_hz: float = 100.0
-    decimation: int = 5
+    decimation: int = 10
     least_speed: float = 0.0
     keeps_passages: bool = True
 
@@ -135,7 +131,7 @@ class Samples:
 
     time: Array
     columns: Array
-    standing: Array
+    standing: BoolArray
 
 
 @dataclass(frozen=True)
@@ -176,34 +172,27 @@ def _of_stretch(
     edge, reach = recipe.settling(period), recipe.reach(period)
     if stretch.rows < 2 * edge + 4 * n + 8:
         return
-    origin = float(source.read(stretch.start, stretch.start + 1).time[0])
-    last = stretch.stop - 1
-    end = round((float(source.read(last, last + 1).time[0]) - origin) / period)
+    origin = source.stamp(stretch.start)
+    end = round((source.stamp(stretch.stop - 1) - origin) / period)
     for begin in range(stretch.start, stretch.stop, BLOCK_ROWS):
         stop = min(begin + BLOCK_ROWS, stretch.stop)
-        read = max(begin - reach, stretch.start), min(stop + reach, stretch.stop)
-        block = source.read(*read)
-        offset = None if not source.is_even else read[0] - stretch.start
-        even = _even(block, origin, period, offset, basis)
-        ends = begin - read[0], stop - read[0]
-        # A block owns the even instants from its first row up to that of the next block.
-        low = _instant(block.time, ends[0], origin, period, offset)
-        high = _instant(block.time, ends[1], origin, period, offset)
-        low, high = max(low, edge), min(high, end - edge)
-        wanted = np.arange(-(-low // n) * n, high, n) - even.first
-        half = n - 1
-        wanted = wanted[(wanted >= half) & (wanted < len(even.time) - half)]
+        first, last = max(begin - reach, stretch.start), min(stop + reach, stretch.stop)
+        offset = first - stretch.start if source.is_even else None
+        even = _even(source.read(first, last), origin, period, offset, basis)
+        # A block owns the even instants from its first row up to the first row of the next block.
+        low = max(_instant(source, stretch, begin), edge)
+        high = end - edge if stop == stretch.stop else _instant(source, stretch, stop)
+        wanted = np.arange(-(-low // n) * n, min(high, end - edge), n) - even.first
+        wanted = wanted[(wanted >= n - 1) & (wanted < len(even.time) - n + 1)]
         if len(wanted):
             yield _decimated(even, wanted, recipe, basis, period)
 
 
-def _instant(time: Array, row: int, origin: float, period: float, offset: int | None) -> int:
+def _instant(source: MotionSource, stretch: Stretch, row: int) -> int:
     """The first even instant, counted from the start of the stretch, that is not before a row."""
-    if offset is not None:
-        return offset + row
-    if row >= len(time):
-        return math.floor((float(time[-1]) - origin) / period) + 1
-    return math.ceil((float(time[row]) - origin) / period - 1e-6)
+    if source.is_even:
+        return row - stretch.start
+    return math.ceil((source.stamp(row) - source.stamp(stretch.start)) / source.period - 1e-6)
 
 
 def _even(
@@ -234,9 +223,7 @@ def _even(
         motion=at(motion),
         halves=0.5 * (even - odd),
         effort=at(block.effort, basis.lag),
-        instrument=None
-        if block.instrument is None
-        else at(block.instrument, basis.instrument_lag),
+        instrument=None if block.instrument is None else at(block.instrument, basis.instrument_lag),
     )
 
 

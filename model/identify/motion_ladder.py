@@ -22,7 +22,7 @@ import numpy as np
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
-from model.identify.motion_columns import Basis, MotionFilter, samples
+from model.identify.motion_columns import LEAST_SAMPLES, Basis, MotionFilter, samples
 from model.identify.motion_moments import FOLDS, MomentFit, Moments, gather, solve_moments
 from model.identify.motion_source import MotionSource
 
@@ -113,6 +113,26 @@ def gathered(source: MotionSource, recipe: MotionFilter, basis: Basis) -> Moment
     return gather(samples(source, recipe, basis), basis.names(with_instrument), expected)
 
 
+def _check_motion(moments: Moments) -> None:
+    """Refuse too little motion, and motion in one direction only."""
+    if moments.kept < LEAST_SAMPLES:
+        raise IdentificationError(
+            "too little motion is left after filter, dead zone and decimation",
+            where="motion",
+            value=f"{moments.kept} samples",
+            limit=f">= {LEAST_SAMPLES}",
+            remedy="Record more motion, or lower least_speed or decimation.",
+        )
+    sign = moments.shown[:, moments.names.index("sign")]
+    if sign.min() >= 0.0 or sign.max() <= 0.0:
+        raise IdentificationError(
+            "moves in one direction only: Coulomb friction and offset cannot be separated",
+            where="position",
+            limit="motion both ways",
+            remedy="Use a recording that reverses.",
+        )
+
+
 @dataclass(frozen=True)
 class Ladder:
     """The rungs over the moments of one motion, `speeds` the v_s for which it has columns."""
@@ -195,7 +215,11 @@ class Ladder:
         They call for the Stribeck rung where its coefficient differs from zero; else there is no such difference.
         """
         richer = self.stribeck
-        if chosen.rung != "symmetric" or richer is None or not richer.fit.is_significant("stribeck_0"):
+        if (
+            chosen.rung != "symmetric"
+            or richer is None
+            or not richer.fit.is_significant("stribeck_0")
+        ):
             return {}
         values = richer.named()
         return {name: abs(values[name] - value) for name, value in chosen.named().items()}
@@ -222,6 +246,7 @@ class Ladder:
         return self._fitted("stribeck", gathered(self.source, self.recipe, basis), basis)
 
     def _fitted(self, rung: str, moments: Moments, basis: Basis) -> Fitted:
+        _check_motion(moments)
         names = (*REGRESSORS[rung], *self.basis.load_names)
         return Fitted(rung, self._solve(moments, names), moments, self.recipe, basis)
 

@@ -7,7 +7,7 @@ The floor also tells the noise of the speed after that filter,
     u_v^2 = integral of (2 pi f)^2 S_0 from 0 to f_c = (2 pi)^2 S_0 f_c^3 / 3
 
 and with it the dead zone: slower than five times this noise is not told from standstill. Creep,
-wind-up and the filter's own ringing after a stop go with it: it is one hundredth of the highest
+wind-up and the filter's own ringing after a stop go with it: it is half a hundredth of the highest
 speed at least.
 """
 
@@ -37,7 +37,7 @@ HIGHEST_CUTOFF = 0.2
 """Of the sampling frequency: central differences need five samples of a period; twice that is still tried."""
 DEAD_ZONE = 5.0
 """Standard deviations of the speed's noise."""
-CREEP_SHARE = 0.01
+CREEP_SHARE = 0.005
 """Of the highest speed: creep, wind-up and ringing after a stop."""
 LEAST_ROWS = 200
 LONGEST_LAG = 0.5
@@ -89,6 +89,7 @@ def look_at(source: MotionSource) -> Look:
         )
     rows = min(SPECTRUM_ROWS, min(len(v) for _, v in pieces) // 4)
     spectra = []
+    frequency = np.empty(0)
     for _, values in pieces:
         frequency, power = scipy.signal.welch(
             values, rate, window="blackmanharris", nperseg=rows, detrend="linear"
@@ -149,8 +150,10 @@ class SpeedChannel:
     """Of both accelerations, once the lag is taken off: what it is worth as an instrument."""
 
 
-def compare_speed(source: MotionSource, cutoff_hz: float, *, of_position: bool) -> SpeedChannel | None:
-    """The instrument channel against the derivative of the position, after the same filter; None where too little moves.
+def compare_speed(
+    source: MotionSource, cutoff_hz: float, *, of_position: bool
+) -> SpeedChannel | None:
+    """The instrument channel against the derivative of the position, after the same filter; None for too little motion.
 
     `of_position`: whether the channel is itself a position (a set-point). Its lag is where the cross-correlation of
     both speeds is largest, to a part of a sample; its U is from the scatter over parts of the recording.
@@ -186,9 +189,7 @@ def compare_speed(source: MotionSource, cutoff_hz: float, *, of_position: bool) 
     aligned = np.interp(place + lag, place, other)
     scale = float(own @ aligned / (own @ own))
     alike = np.corrcoef(slope(own, source.period), slope(aligned, source.period))[0, 1]
-    return SpeedChannel(
-        lag * source.period, spread * source.period, scale, float(alike)
-    )
+    return SpeedChannel(lag * source.period, spread * source.period, scale, float(alike))
 
 
 def _late(own: Array, other: Array, most: int) -> float:

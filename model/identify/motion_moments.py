@@ -26,6 +26,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from model.arrays import BoolArray
 from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.least_squares import CONDITION_LIMIT, student_quantile
@@ -64,9 +65,7 @@ class Moments:
         return [self.names.index(name) for name in names]
 
 
-def gather(
-    samples: Iterable[Samples], names: tuple[str, ...], expected: int
-) -> Moments:
+def gather(samples: Iterable[Samples], names: tuple[str, ...], expected: int) -> Moments:
     """The moments of samples that come in order; `expected` is about how many there will be."""
     size = max(1, -(-expected // MOST_BLOCKS))
     stride = max(1, expected // SHOWN)
@@ -221,7 +220,7 @@ class _System:
             return cls(sums[:, z][:, :, x], sums[:, z, y], squares, cross, sums[:, y, y])
         return cls(squares - noise_sums(moments, names), cross, squares, cross, sums[:, y, y])
 
-    def solution(self, blocks: Array) -> Array:
+    def solution(self, blocks: BoolArray) -> Array:
         return np.linalg.solve(self.left[blocks].sum(axis=0), self.right[blocks].sum(axis=0))
 
     def error(self, values: Array) -> Array:

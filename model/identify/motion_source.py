@@ -65,7 +65,11 @@ class MotionSource(Protocol):
         ...
 
     def read(self, start: int, stop: int) -> MotionBlock:
-        """The rows [start, stop)."""
+        """Of the rows [start, stop) those that can be used."""
+        ...
+
+    def stamp(self, row: int) -> float:
+        """The time of a row [s], whether it can be used or not."""
         ...
 
 
@@ -91,37 +95,40 @@ class TimeAxis:
 
 
 def time_axis(blocks: Iterable[tuple[int, Array]], period: float) -> TimeAxis:
-    """The axis of time stamps [s] that come as (row of the first, stamps), in order and without rows left out.
+    """The axis of time stamps [s] that come in order as (row of the first, stamps); rows between two blocks are lost.
 
     Raises `IdentificationError` for time that does not increase.
     """
-    starts: list[int] = []
+    edges: list[int] = []
     worst = longest = 0.0
     before: tuple[int, float] | None = None
-    first = last = 0
     for row, stamps in blocks:
-        joined = stamps if before is None else np.concatenate([[before[1]], stamps])
-        offset = row if before is None else row - 1
+        rows = row + np.arange(len(stamps))
         if before is None:
-            first = row
-        steps = np.diff(joined)
+            edges.append(row)
+        else:
+            rows = np.concatenate([[before[0]], rows])
+            stamps = np.concatenate([[before[1]], stamps])
+        steps = np.diff(stamps)
         if len(steps) and steps.min() <= 0.0:
             at = int(np.argmax(steps <= 0.0))
             raise IdentificationError(
-                f"does not increase at row {offset + at + 1}",
+                f"does not increase at row {rows[at + 1]}",
                 where="time",
-                value=f"{joined[at]:.9g} s then {joined[at + 1]:.9g} s",
+                value=f"{stamps[at]:.9g} s then {stamps[at + 1]:.9g} s",
                 limit="strictly increasing",
                 remedy="Use the stamp of each sample and drop doubled rows.",
             )
         wide = steps > GAP * period
-        starts += (offset + 1 + np.flatnonzero(wide)).tolist()
+        for at in np.flatnonzero(wide):
+            edges += [int(rows[at]) + 1, int(rows[at + 1])]
         longest = max(longest, float(steps[wide].max(initial=0.0)))
         worst = max(worst, float(np.abs(steps[~wide] / period - 1.0).max(initial=0.0)))
-        last = row + len(stamps)
-        before = (last - 1, float(stamps[-1])) if len(stamps) else before
-    edges = [first, *starts, last]
-    stretches = tuple(Stretch(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a)
+        before = int(rows[-1]), float(stamps[-1])
+    if before is None:
+        raise IdentificationError("has no row that can be used", where="time")
+    edges.append(before[0] + 1)
+    stretches = tuple(Stretch(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True))
     return TimeAxis(period, worst, stretches, longest)
 
 
@@ -164,3 +171,6 @@ class ArrayMotion:
             speed=part(self.block.speed),
             instrument=part(self.block.instrument),
         )
+
+    def stamp(self, row: int) -> float:
+        return float(self.block.time[row])
