@@ -75,12 +75,11 @@ class MotionChoice:
     def recipe(self, look: Look, cutoff: float, period: float) -> MotionFilter:
         """The filter of this cut-off [Hz], with the dead zone that belongs to it."""
         every = max(1, math.floor(1.0 / (SAMPLES_PER_PERIOD * cutoff * period) + 1e-9))
-        by_hand = self.least_speed is not None
         return MotionFilter(
             cutoff_hz=cutoff,
             decimation=every if self.decimation is None else self.decimation,
-            least_speed=self.least_speed if by_hand else look.least_speed(cutoff),
-            keeps_passages=not by_hand,
+            least_speed=look.least_speed(cutoff) if self.least_speed is None else self.least_speed,
+            keeps_passages=self.least_speed is None,
         )
 
 

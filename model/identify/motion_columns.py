@@ -206,7 +206,7 @@ def _even(
     if offset is None:
         first = math.ceil((float(time[0]) - origin) / period - 1e-6)
         stop = math.floor((float(time[-1]) - origin) / period + 1e-6) + 1
-        axis = origin + period * np.arange(first, stop)
+        axis = np.asarray(origin + period * np.arange(first, stop), dtype=np.float64)
     else:
         first, axis = offset, time
 
