@@ -32,6 +32,7 @@ from model.identify.friction_curve import (
     LAWS,
     CurveFit,
     CurvePoints,
+    Law,
     LawFit,
     curve_points,
     fit_curve,
@@ -179,7 +180,8 @@ def _parts(table: _Table, direction: str) -> dict[str, BoolArray]:
 
 
 def _fit(table: _Table, rows: BoolArray, settings: Mapping[str, Any]) -> CurveFit:
-    law = next(law for law in LAWS if law == _choice(settings, "law", LAWS))
+    word = _choice(settings, "law", LAWS)
+    law: Law = next(law for law in LAWS if law == word)
     least = number(settings, "least_speed", NAME, 0.0)
     error = None if table.error is None else table.error[rows]
     points, at_rest = curve_points(table.speed[rows], table.effort[rows], error, least)

@@ -78,7 +78,7 @@ class CurvePoints:
     error: Array
     way: Array
 
-    def __getitem__(self, rows: Array | BoolArray) -> CurvePoints:
+    def __getitem__(self, rows: BoolArray) -> CurvePoints:
         return CurvePoints(self.speed[rows], self.friction[rows], self.error[rows], self.way[rows])
 
     def __len__(self) -> int:
@@ -476,7 +476,7 @@ def _line(points: CurvePoints, law: str, has_errors: bool) -> _Solved:
     inverse = np.linalg.inv(design.T @ design)
     values = inverse @ design.T @ y
     chi = float(np.sum((y - design @ values) ** 2))
-    covariance = inverse * _scale(chi, freedom, has_errors)
+    covariance = np.asarray(inverse * _scale(chi, freedom, has_errors), dtype=np.float64)
     half = student_quantile(freedom) * np.sqrt(np.diag(covariance))
     ends = np.stack([values - half, values + half], axis=1)
     return _Solved(names, values, ends, covariance, chi, freedom)
@@ -505,8 +505,9 @@ def _stribeck_law(points: CurvePoints, has_errors: bool) -> _Solved:
         names, values = (*names, "offset"), np.append(values, place)
         half = student_quantile(freedom) * u
         ends = np.vstack([ends, [place - half, place + half]])
-        covariance = np.pad(covariance, ((0, 1), (0, 1)))
-        covariance[-1, -1] = u**2
+        whole: Array = np.zeros((len(names), len(names)), dtype=np.float64)
+        whole[:-1, :-1], whole[-1, -1] = covariance, u**2
+        covariance = whole
     return _Solved(names, values, ends, covariance, chi, freedom, fit.at_bound, fit.chance)
 
 

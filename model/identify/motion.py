@@ -43,7 +43,7 @@ VARIANTS: tuple[Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
 MINIMUM_SAMPLES = 200
 LARGEST_ERROR = 0.5
 """|residual|/|effort| above which the model does not describe the effort: nothing of it is identified."""
-SAMPLES_PER_PERIOD = 1.6
+SAMPLES_PER_PERIOD = 1.5
 """Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
 LAG_TOLD = 2.0
 """Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""

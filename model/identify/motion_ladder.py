@@ -212,27 +212,30 @@ class Ladder:
     def next_rung(self, chosen: Fitted) -> dict[str, float]:
         """By how much each parameter is another one on the next richer rung that the data call for.
 
-        They call for the Stribeck rung where its coefficient differs from zero; else there is no such difference.
+        They call for the Stribeck rung where its coefficient differs from zero, its v_s lies inside the range, and it
+        predicts what it has not seen better; else there is no such difference.
         """
         richer = self.stribeck
-        if (
-            chosen.rung != "symmetric"
-            or richer is None
-            or not richer.fit.is_significant("stribeck_0")
-        ):
+        if chosen.rung != "symmetric" or richer is None:
+            return {}
+        called_for = richer.fit.is_significant("stribeck_0") and self._inside(richer)
+        if not called_for or not richer.fit.hold_out_error < chosen.fit.hold_out_error:
             return {}
         values = richer.named()
         return {name: abs(values[name] - value) for name, value in chosen.named().items()}
 
+    def _inside(self, wanted: Fitted) -> bool:
+        """Whether the interval of v_s lies inside the range that was searched."""
+        place = wanted.transform[0].index("stribeck_velocity")
+        critical = float(wanted.values[place])
+        doubt = 2.0 * math.sqrt(max(float(wanted.covariance[place, place]), 0.0))
+        return min(self.speeds) < critical - doubt and critical + doubt < 2.0 * max(self.speeds)
+
     def _reaches(self, wanted: Fitted) -> bool:
         values = wanted.named()
-        critical = values["stribeck_velocity"]
-        place = wanted.transform[0].index("stribeck_velocity")
-        doubt = 2.0 * math.sqrt(wanted.covariance[place, place])
-        inside = min(self.speeds) < critical - doubt and critical + doubt < 2.0 * max(self.speeds)
         falls = values["static"] - values["coulomb"] > 2.0 * wanted.fit.standard_error("stribeck_0")
         gain = self.symmetric.fit.fold_errors - wanted.fit.fold_errors
-        if not (inside and falls and min(values["coulomb"], values["viscous"]) > 0.0):
+        if not (self._inside(wanted) and falls and min(values["coulomb"], values["viscous"]) > 0.0):
             return False
         if not np.all(np.isfinite(gain)):
             return False

@@ -1,7 +1,8 @@
 """A first look at a motion: where its noise begins, how fast it goes, how late its other channels are.
 
 The spectrum of the position falls with frequency until it lies on the floor of its noise. Where it
-is still ten times that floor is motion; the highest such frequency is the cut-off of the filter.
+is still ten times that floor is motion; the highest such frequency is the cut-off of the filter,
+and 2.5 times the one below which 99 % of the acceleration lies where that is more.
 The floor also tells the noise of the speed after that filter,
 
     u_v^2 = integral of (2 pi f)^2 S_0 from 0 to f_c = (2 pi)^2 S_0 f_c^3 / 3
@@ -31,6 +32,8 @@ PIECES = 8
 SPECTRUM_ROWS = 1 << 15
 ABOVE_NOISE = 10.0
 """Power over the noise floor that still is motion."""
+ABOVE_MOTION = 2.5
+"""Times the frequency below which 99 % of the acceleration lies: there the filter takes less than a thousandth off."""
 FLOOR_BAND = (0.6, 0.95)
 """Of half the sampling frequency: where the floor is looked for."""
 HIGHEST_CUTOFF = 0.2
@@ -102,7 +105,14 @@ def look_at(source: MotionSource) -> Look:
     # The window spreads the mean over the first bins.
     above = power[4:] > ABOVE_NOISE * floor
     end = 4 + (int(np.argmin(above)) if not above.all() else len(above) - 1)
-    cutoff = float(np.clip(frequency[end], frequency[5], HIGHEST_CUTOFF * rate))
+    # Of the acceleration that is no noise: where all but a hundredth of it lies below.
+    moving = np.maximum(power[: end + 1] - floor, 0.0) * frequency[: end + 1] ** (
+        4 if of_position else 2
+    )
+    share = np.cumsum(moving) / max(float(moving.sum()), 1e-300)
+    fastest = float(frequency[min(int(np.searchsorted(share, 0.99)), end)])
+    wanted = max(float(frequency[end]), ABOVE_MOTION * fastest)
+    cutoff = float(np.clip(wanted, frequency[5], HIGHEST_CUTOFF * rate))
     return Look(cutoff, floor, _top_speed(source, pieces, cutoff), of_position)
 
 
