@@ -20,7 +20,7 @@ seen are predicted no worse.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -111,8 +111,8 @@ class LawFit:
     covariance: Array
     chi_square: float
     freedom: int
-    bic: float
     hold_out: float
+    bic: float = math.nan
     at_bound: tuple[str, ...] = ()
     chance: float = math.nan
 
@@ -201,7 +201,7 @@ def fit_curve(
     used, below = _trusted(points, _possible(points, "auto")[-1])
     kept = points[used]
     possible = tuple(name for name in possible if law != "auto" or _carries(kept, name))
-    fits = tuple(_law(kept, name, has_errors) for name in possible)
+    fits = _with_evidence([_law(kept, name, has_errors) for name in possible], kept, has_errors)
     best = fits[0]
     for richer in fits[1:]:
         asks = richer.bic < best.bic - EVIDENCE
@@ -217,6 +217,24 @@ def fit_curve(
         presliding_below=below,
         at_rest=at_rest,
         scatter=math.sqrt(best.chi_square / max(best.freedom, 1)),
+    )
+
+
+def _with_evidence(fits: list[LawFit], points: CurvePoints, has_errors: bool) -> tuple[LawFit, ...]:
+    """The laws with Bayes' information criterion, the scatter about the richest law counting as that of the points."""
+    n, richest = len(points), fits[-1]
+    scale = max(richest.chi_square / richest.freedom, 1.0)
+    return tuple(
+        replace(
+            fit,
+            bic=len(fit.names) * math.log(n)
+            + (
+                fit.chi_square / scale
+                if has_errors
+                else n * math.log(max(fit.chi_square, 1e-300) / n)
+            ),
+        )
+        for fit in fits
     )
 
 
@@ -414,9 +432,6 @@ def _law(points: CurvePoints, law: str, has_errors: bool) -> LawFit:
         errors[out] = (points.friction[out] - other) / points.error[out]
     unseen = math.sqrt(float(np.mean(errors**2)))
     freedom = max(fit.freedom, 1)
-    n = len(points)
-    chi = fit.chi_square if has_errors else n * math.log(max(fit.chi_square, 1e-300) / n)
-    bic = chi + len(fit.names) * math.log(n)
     return LawFit(
         law=law,
         names=fit.names,
@@ -425,7 +440,6 @@ def _law(points: CurvePoints, law: str, has_errors: bool) -> LawFit:
         covariance=fit.covariance,
         chi_square=fit.chi_square,
         freedom=freedom,
-        bic=bic,
         hold_out=unseen,
         at_bound=fit.at_bound,
         chance=fit.chance,

@@ -36,7 +36,9 @@ def test_the_catalogue_lists_names_without_importing_arrays() -> None:
 def test_names_and_kinds() -> None:
     assert catalogue.names() == PROTOCOLS
     assert catalogue.kinds()[: len(PROTOCOLS)] == PROTOCOLS
-    assert set(catalogue.kinds()) - set(PROTOCOLS) == {"motion", "revolution", "order-spectrum"}
+    assert set(catalogue.kinds()) - set(PROTOCOLS) == {
+        *("motion", "friction-curve", "revolution", "order-spectrum")
+    }
 
 
 def test_an_unknown_name_is_refused_with_those_there_are() -> None:
