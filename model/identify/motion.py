@@ -47,8 +47,8 @@ SAMPLES_PER_PERIOD = 1.5
 """Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
 LAG_TOLD = 2.0
 """Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""
-LAG_ROUNDS, LAG_SETTLED = 5, 0.2
-"""How often the effort is aligned anew, and the sampling periods below which nothing is left."""
+LAG_ROUNDS, LAG_SETTLED, LONGEST_LAG = 6, 0.2, 0.1
+"""How often the effort is aligned anew, sampling periods below which nothing is left, s beyond which it is none."""
 LEAST_CORRELATION = 0.9
 """Of the accelerations of an instrument and of the position."""
 SCALE_TOLERANCE = 0.05
@@ -171,7 +171,8 @@ def identify_motion(
     recipe.check(source.period)
     basis, speed = _instrument(source, choice, look, cutoff)
     with_instrument = speed is not None and speed.correlation >= LEAST_CORRELATION
-    basis, lag = _aligned(source, recipe, basis, choice, with_instrument)
+    slow = choice.recipe(look, min(look.slow_cutoff_hz, cutoff), source.period)
+    basis, lag = _aligned(source, slow, basis, choice, with_instrument)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
     chosen = ladder.chosen(choice.variant)
     cutoffs = {cutoff: chosen.named()}
@@ -292,8 +293,8 @@ def _aligned(
         left = lag_left(fitted.moments, fitted.fit.names, fitted.fit.values)
         told = basis.lag + left.lag
         clear = abs(told) - 2.0 * left.standard_uncertainty > LAG_TOLD * source.period
-        if not clear or abs(told) * recipe.cutoff_hz > 1.0:
-            # Nothing to take off, or no lag: a period of the cut-off late is another signal.
+        if not clear or abs(told) > LONGEST_LAG:
+            # Nothing to take off, or no lag of a device: another signal.
             return start, replace(left, lag=told)
         if abs(left.lag) < LAG_SETTLED * source.period:
             better = fitted.fit.hold_out_error < (1.0 - LEAST_GAIN) * started.fit.hold_out_error

@@ -51,10 +51,12 @@ LONGEST_LAG = 0.5
 class Look:
     """What a first look shows: cut-off [Hz] by the data, noise floor [unit^2/Hz] of what is differentiated, top speed.
 
+    `slow_cutoff_hz` is the lowest one that still passes the motion, a wide window for what is to be found in it.
     `of_position` says whether that is a position; otherwise it is a speed.
     """
 
     cutoff_hz: float
+    slow_cutoff_hz: float
     floor: float
     top_speed: float
     of_position: bool
@@ -105,15 +107,21 @@ def look_at(source: MotionSource) -> Look:
     # The window spreads the mean over the first bins.
     above = power[4:] > ABOVE_NOISE * floor
     end = 4 + (int(np.argmin(above)) if not above.all() else len(above) - 1)
-    # Of the acceleration that is no noise: where all but a hundredth of it lies below.
-    moving = np.maximum(power[: end + 1] - floor, 0.0) * frequency[: end + 1] ** (
-        4 if of_position else 2
-    )
+    # Of the acceleration that is no noise: where all but a hundredth of it lies below. A motion of few
+    # lines has valleys between them: it ends where the mean over an octave is noise.
+    total = np.concatenate([[0.0], np.cumsum(power)])
+    start = np.arange(4, len(power) // 2)
+    octave = (total[2 * start + 1] - total[start]) / (start + 1)
+    quiet = np.flatnonzero(octave < ABOVE_NOISE * floor)
+    last = max(2 * int(start[quiet[0]]) if len(quiet) else len(power), end)
+    is_motion = (power > ABOVE_NOISE * floor) & (np.arange(len(power)) <= last)
+    moving = np.where(is_motion, power, 0.0) * frequency ** (4 if of_position else 2)
     share = np.cumsum(moving) / max(float(moving.sum()), 1e-300)
-    fastest = float(frequency[min(int(np.searchsorted(share, 0.99)), end)])
-    wanted = max(float(frequency[end]), ABOVE_MOTION * fastest)
-    cutoff = float(np.clip(wanted, frequency[5], HIGHEST_CUTOFF * rate))
-    return Look(cutoff, floor, _top_speed(source, pieces, cutoff), of_position)
+    fastest = ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 0.99))])
+    limits = float(frequency[5]), HIGHEST_CUTOFF * rate
+    cutoff = float(np.clip(max(float(frequency[end]), fastest), *limits))
+    slow = float(np.clip(fastest, limits[0], cutoff))
+    return Look(cutoff, slow, floor, _top_speed(source, pieces, cutoff), of_position)
 
 
 def _pieces(source: MotionSource) -> list[tuple[bool, Array]]:
