@@ -248,7 +248,7 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
         for source, u, note in (
             ("filter", fit.filter_uncertainty, "half and twice the cut-off"),
             ("choice of the model", fit.rung_uncertainty, "difference to the Stribeck rung"),
-            ("lag of the effort", fit.lag_uncertainty, "estimated, or not stated"),
+            ("lag of the effort", fit.lag_uncertainty, "not stated"),
         ):
             if u.get(name, 0.0) > 0.0:
                 lines.append(BudgetLine(source, "B", u[name], note))

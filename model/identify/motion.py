@@ -181,7 +181,8 @@ def identify_motion(
         other = _again(source, chosen, filtered, with_instrument)
         if other:
             cutoffs[factor * cutoff] = other
-    fit = _reported(chosen, rotary, ladder.rungs())
+    effect = _lag_effect(chosen, basis, choice, lag, source.period)
+    fit = _with_lag(_reported(chosen, rotary, ladder.rungs()), effect, basis.lag != 0.0)
     warnings = [*fit.warnings, *_lag_words(basis, choice, lag)]
     if speed is not None and not with_instrument:
         warnings.append(
@@ -194,7 +195,6 @@ def identify_motion(
         instrument=_instrument_words(look, speed, with_instrument, choice),
         filter_uncertainty=_filter_uncertainty(cutoffs),
         rung_uncertainty={n: d / math.sqrt(3.0) for n, d in ladder.next_rung(chosen).items()},
-        lag_uncertainty=_lag_uncertainty(chosen, basis, choice, lag, source.period),
         cutoffs=dict(sorted(cutoffs.items())),
         speed_channel=speed,
         metrics={**fit.metrics, "effort_lag": basis.lag},
@@ -312,12 +312,13 @@ def _lag_words(basis: Basis, choice: MotionChoice, lag: LagEstimate | None) -> l
     ]
 
 
-def _lag_uncertainty(
+def _lag_effect(
     chosen: Fitted, basis: Basis, choice: MotionChoice, lag: LagEstimate | None, period: float
-) -> dict[str, float]:
-    """What the lag of the effort, estimated or unknown, may change of each parameter."""
+) -> Array:
+    """What one standard uncertainty of the effort's lag, estimated or unknown, changes of each parameter."""
+    names, matrix = chosen.transform
     if choice.lag is not None or lag is None:
-        return {}
+        return np.zeros(len(names))
     u = lag.standard_uncertainty
     if basis.lag == 0.0:
         # Devices may latch apart by so much without anybody knowing; what is seen beyond it counts whole.
@@ -327,8 +328,21 @@ def _lag_uncertainty(
     base = [chosen.fit.names.index(n) for n in ("acceleration", "speed", "sign", "one")]
     loads = [chosen.fit.names.index(n) for n in basis.load_names]
     change[[*base, *loads]] = lag.sensitivity
-    names, matrix = chosen.transform
-    return dict(zip(names, (u * np.abs(matrix @ change)).tolist(), strict=True))
+    return np.asarray(u * (matrix @ change), dtype=np.float64)
+
+
+def _with_lag(fit: MotionFit, effect: Array, is_estimated: bool) -> MotionFit:
+    """A lag that was estimated from these data widens the interval; one that is not known is of type B."""
+    if not is_estimated:
+        names = fit.estimates
+        return replace(fit, lag_uncertainty=dict(zip(names, np.abs(effect).tolist(), strict=True)))
+    covariance = fit.covariance + np.outer(effect, effect)
+    half = student_quantile(fit.freedom) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    estimates = {
+        name: replace(e, low=e.value - width, high=e.value + width)
+        for (name, e), width in zip(fit.estimates.items(), half.tolist(), strict=True)
+    }
+    return replace(fit, covariance=covariance, estimates=estimates)
 
 
 def _stribeck_speeds(look: Look, recipe: MotionFilter) -> tuple[float, ...]:
