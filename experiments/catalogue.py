@@ -62,6 +62,12 @@ ENTRIES: tuple[Entry, ...] = (
         has_plan=False,
     ),
     Entry(
+        "friction-curve",
+        "experiments.recordings.friction_curve",
+        "friction law of a table of speed and torque: Coulomb, viscous, Stribeck",
+        has_plan=False,
+    ),
+    Entry(
         "revolution",
         "experiments.recordings.revolution",
         "Fourier series of a channel per revolution, both ways",

@@ -1,14 +1,19 @@
-"""Inertia and friction from any motion: inverse dynamics by least squares, for recordings of this rig and of others.
+"""Inertia and friction from any motion: inverse dynamics, for recordings of this rig and of others.
 
 symmetric     F = M a + F_v v + F_c sgn v + F_0
 asymmetric    F = M a + F_v+ v + F_c+  (v > 0),   F = M a + F_v- v - F_c-  (v < 0)
+stribeck      F = M a + F_v v + {F_c + (F_s - F_c) exp[-(v/v_s)^2]} sgn v + F_0
+load          + sum over k of A_k sin(k theta) + B_k cos(k theta)
+
+Cut-off, dead zone, lag and rung follow from the data where no setting says otherwise
+(`model.identify.motion`).
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,37 +21,63 @@ import numpy as np
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, require_time_base, usable
-from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
+from experiments.evidence import check_recording, check_settings, require_time_base
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
-from experiments.result import Covariance, Plot, Result, Series
-from experiments.torque.zero import torque_zero
-from model.arrays import FloatArray
+from experiments.recordings.motion_channels import RecordedMotion, number, recorded_motion
+from experiments.recordings.motion_plots import motion_plots, motion_tables
+from experiments.result import Covariance, Result
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.motion import (
-    MotionFilter,
+    VARIANTS,
+    MotionChoice,
     MotionFit,
     MotionScore,
-    Variant,
-    fit_motion,
-    score_motion,
+    identify_motion,
+    score_source,
 )
 
 NAME = "motion"
-SETTINGS = ("variant", "position", "effort", "cutoff_hz", "decimation", "start", "stop")
-EVEN = 0.01
-"""Relative deviation of a sampling step above which the channels are brought onto an even time axis."""
+SETTINGS = (
+    *("variant", "position", "effort", "instrument", "load", "lag_s", "least_speed"),
+    *("cutoff_hz", "decimation", "start", "stop"),
+)
+MOST_HARMONICS = 40
 
 QUANTITIES = (
     Quantity(name="inertia", title="inertia", unit=""),
     Quantity(name="viscous", title="viscous friction", unit=""),
     Quantity(name="coulomb", title="Coulomb friction", unit=""),
+    Quantity(name="static", title="static friction", unit=""),
+    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit=""),
     Quantity(name="viscous_{way}", title="viscous {way}", unit=""),
     Quantity(name="coulomb_{way}", title="coulomb {way}", unit=""),
     Quantity(name="offset", title="offset", unit="", is_signed=True),
-    Quantity(name="relative_error_percent", title="relative error percent", unit="1"),
+    Quantity(name="load_sin_{harmonic}", title="load, sine {harmonic}", unit="", is_signed=True),
+    Quantity(name="load_cos_{harmonic}", title="load, cosine {harmonic}", unit="", is_signed=True),
+    Quantity(
+        name="speed_lag",
+        title="lag of the measured speed",
+        unit="s",
+        definition="By how much the instrument channel is later than the motion of the position.",
+        is_signed=True,
+    ),
+    Quantity(
+        name="relative_error_percent",
+        title="relative error percent",
+        unit="1",
+        definition="100 |effort - model| / |effort| over the samples with motion.",
+    ),
+    Quantity(
+        name="hold_out_error_percent",
+        title="hold-out error percent",
+        unit="1",
+        definition="The same on tenths of the time that the fit had not seen.",
+    ),
+    Quantity(name="standstill_share", title="share of samples at standstill, left out", unit="1"),
+    Quantity(name="least_speed", title="speed below which the axis stands", unit=""),
+    Quantity(name="cutoff", title="cut-off of the filter", unit="Hz"),
+    Quantity(name="effort_lag", title="lag taken off the effort", unit="s", is_signed=True),
     Quantity(name="condition", title="condition", unit="1"),
     Quantity(name="condition_scaled", title="condition scaled", unit="1"),
     Quantity(name="residual_norm", title="residual norm", unit=""),
@@ -54,49 +85,32 @@ QUANTITIES = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Channels:
-    """Time [s], position and effort on an even time axis, with their units."""
-
-    time: FloatArray
-    position: FloatArray
-    effort: FloatArray
-    position_unit: str
-    effort_unit: str
-    effort_name: str
-    warnings: list[str]
-
-
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Inertia, viscous and Coulomb friction and offset of one axis, with intervals that respect autocorrelation.
 
-    Settings: variant ("symmetric" or "asymmetric"), position and effort (channel names), cutoff_hz
-    and decimation of the filter, start and stop [s] of the part of the run. Raises `AnalysisError`
-    without a true time base.
+    Settings: variant (auto, symmetric, asymmetric, stribeck); position, effort and instrument
+    (channel names; instrument=none for no other than the position's own halves); load (gravity or
+    harmonics:K); lag_s of the effort; least_speed, cutoff_hz and decimation by hand; start and stop
+    [s] of the part of the run. Raises `AnalysisError` without a true time base.
     """
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
-    data = _channels(recording, settings, evidence.maximum_missed_share)
+    motion, warnings = _motion(recording, settings, evidence.maximum_missed_share)
     with analysing(recording.metadata.run_id):
-        fit = _fit(data, settings)
-    estimates = _with_units(recording, fit, data)
-    plots = (_force_plot(fit, data), _friction_plot(fit, data))
-    options = {
-        "variant": fit.variant,
-        "effort": data.effort_name,
-        "torque_is_of": "the whole axis",
-        "filter": dataclasses.asdict(_recipe(settings)),
-    }
+        choice = _choice(motion, settings)
+        fit = identify_motion(motion, choice, rotary=motion.position_unit == "rad")
+        warnings += _remarks(motion, fit)
+    estimates = _with_budget(motion, fit)
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
         metrics=dict(fit.metrics),
-        warnings=(*data.warnings, *fit.warnings),
-        plots=plots,
-        tables=(budget_table(estimates.values()),),
-        options=options,
+        warnings=(*warnings, *fit.warnings),
+        plots=motion_plots(fit, motion),
+        tables=(*motion_tables(fit, estimates), budget_table(estimates.values())),
+        options=_options(motion, fit, choice),
         covariance=Covariance(tuple(fit.estimates), fit.covariance),
     )
 
@@ -105,170 +119,192 @@ def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> M
     """Fit one recording and predict the effort of another one with it: relative error in per cent."""
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
-    first = _channels(fitted, settings, evidence.maximum_missed_share)
-    second = _channels(other, settings, evidence.maximum_missed_share)
+    first, _ = _motion(fitted, settings, evidence.maximum_missed_share)
+    second, _ = _motion(other, settings, evidence.maximum_missed_share)
     with analysing(other.metadata.run_id):
-        return score_motion(
-            _fit(first, settings),
-            second.time,
-            second.position,
-            second.effort,
-            recipe=_recipe(settings),
-        )
+        fit = identify_motion(first, _choice(first, settings))
+        return score_source(fit, second)
 
 
-def _fit(data: _Channels, settings: Mapping[str, Any]) -> MotionFit:
-    variant: Variant = settings.get("variant", "symmetric")
-    if variant not in ("symmetric", "asymmetric"):
+def _motion(
+    recording: Recording, settings: Mapping[str, Any], maximum_missed_share: float
+) -> tuple[RecordedMotion, list[str]]:
+    """The channels of the motion, and what must be said of the recording."""
+    motion = recorded_motion(recording, settings, NAME)
+    checked = check_recording(recording, "inverse dynamics", maximum_missed_share)
+    require_time_base(recording, "inverse dynamics")
+    zero = () if motion.zero is None else motion.zero.warnings
+    return motion, [*checked.warnings, *zero]
+
+
+def _choice(motion: RecordedMotion, settings: Mapping[str, Any]) -> MotionChoice:
+    """What the settings choose by hand."""
+    variant = settings.get("variant", "auto")
+    if variant not in VARIANTS:
         raise AnalysisError(
             "no such variant",
             where=f"{NAME}.variant",
             value=repr(variant),
-            limit="symmetric, asymmetric",
+            limit=", ".join(VARIANTS),
         )
-    return fit_motion(
-        data.time,
-        data.position,
-        data.effort,
+    orders = _load_orders(settings)
+    by_hand: dict[str, float | None] = {
+        name: number(settings, name, NAME, math.nan) if name in settings else None
+        for name in ("cutoff_hz", "decimation", "least_speed", "lag_s")
+    }
+    decimation, lag = by_hand["decimation"], by_hand["lag_s"]
+    return MotionChoice(
         variant=variant,
-        recipe=_recipe(settings),
-        rotary=data.position_unit == "rad",
+        cutoff_hz=by_hand["cutoff_hz"],
+        decimation=None if decimation is None else int(decimation),
+        least_speed=by_hand["least_speed"],
+        load_orders=orders,
+        load_turn=_load_turn(motion) if orders else 1.0,
+        lag=motion.stated_lag if lag is None else lag,
+        instrument_is_position=motion.instrument_is_position,
     )
 
 
-def _recipe(settings: Mapping[str, Any]) -> MotionFilter:
-    usual = MotionFilter()
-    return MotionFilter(
-        cutoff_hz=float(settings.get("cutoff_hz", usual.cutoff_hz)),
-        decimation=int(settings.get("decimation", usual.decimation)),
+def _load_orders(settings: Mapping[str, Any]) -> tuple[int, ...]:
+    """Orders of the load over one revolution: 1 for gravity, 1 to K for harmonics."""
+    load = str(settings.get("load", ""))
+    if load in ("", "none"):
+        return ()
+    if load == "gravity":
+        return (1,)
+    name, _, count = load.partition(":")
+    if name == "harmonics" and count.isdecimal() and 1 <= int(count) <= MOST_HARMONICS:
+        return tuple(range(1, int(count) + 1))
+    raise AnalysisError(
+        "no such load",
+        where=f"{NAME}.load",
+        value=repr(load),
+        limit=f"gravity, or harmonics:K with K from 1 to {MOST_HARMONICS}",
     )
 
 
-def _channels(
-    recording: Recording, settings: Mapping[str, Any], maximum_missed_share: float
-) -> _Channels:
-    position = chosen_channel(recording, settings, "position", ANGLES, "the motion")
-    effort = chosen_channel(recording, settings, "effort", EFFORTS, "inverse dynamics")
-    warnings = list(check_recording(recording, "inverse dynamics", maximum_missed_share).warnings)
-    require_time_base(recording, "inverse dynamics")
-    rows = _rows(recording, settings)
-    good = usable(recording, rows)
-    time = recording.time(rows)[good]
-    place = (
-        recording.output_angle(rows) if position == "output_angle" else recording.si(position, rows)
-    )
-    force = recording.si(effort, rows)[good]
-    if recording.labelled(ZERO_BEFORE, ZERO_AFTER):
-        zero = torque_zero(recording, effort)
-        force = force - zero.at(time)
-        warnings += zero.warnings
-    time, place, force, said = _even(time, place[good], force)
-    signals = recording.signals
-    return _Channels(
-        time=time,
-        position=place,
-        effort=force,
-        position_unit=signals[position].unit,
-        effort_unit=signals[effort].unit,
-        effort_name=effort,
-        warnings=warnings + said,
-    )
-
-
-def _rows(recording: Recording, settings: Mapping[str, Any]) -> slice:
-    """The part of the run that is used: between the torque zeros, or from `start` to `stop` seconds."""
-    first, last = 0, recording.rows
-    for segment in recording.labelled(ZERO_BEFORE):
-        first = max(first, segment.stop)
-    for segment in recording.labelled(ZERO_AFTER):
-        last = min(last, segment.start)
-    if "start" in settings or "stop" in settings:
-        time = recording.time()
-        first = int(np.searchsorted(time, float(settings.get("start", time[0]))))
-        last = int(np.searchsorted(time, float(settings.get("stop", time[-1])), side="right"))
-    if last - first < 2:
+def _load_turn(motion: RecordedMotion) -> float:
+    """Angle of the load per position: a load turns with the output, one ratio slower than the input."""
+    recording = motion.recording
+    if motion.position_unit != "rad":
         raise AnalysisError(
-            "the chosen part of the run is empty", where=f"{NAME}.start, {NAME}.stop"
+            "a load over position needs an angle",
+            where=f"{NAME}.load",
+            value=f"{motion.place} in {motion.position_unit}",
+            limit="rad",
+            remedy="On a linear axis gravity is part of the offset.",
         )
-    return slice(first, last)
+    if motion.place != "input_angle":
+        return 1.0
+    ratio = recording.metadata.ratio
+    if not (math.isfinite(ratio) and ratio > 0.0):
+        raise AnalysisError(
+            "a load over the output's angle needs the ratio of the gear",
+            where=f"{NAME}.load",
+            value=f"ratio {ratio:g}",
+            remedy="State the ratio at the import (--ratio), or use the output's angle.",
+        )
+    return 1.0 / ratio
 
 
-def _even(
-    time: FloatArray, position: FloatArray, effort: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, list[str]]:
-    """The channels on an even time axis; left alone where they are on one already."""
-    steps = np.diff(time)
-    if len(steps) < 2 or steps.min() <= 0.0:
-        return time, position, effort, []
-    period = float(np.median(steps))
-    worst = float(np.max(np.abs(steps - period))) / period
-    if worst <= EVEN:
-        return time, position, effort, []
-    axis = np.arange(time[0], time[-1], period)
-    text = (
-        f"Sampling steps differ by up to {100.0 * worst:.2g} %: the channels were brought onto "
-        "an even axis by their true "
-        "times."
-    )
-    return axis, np.interp(axis, time, position), np.interp(axis, time, effort), [text]
+def _remarks(motion: RecordedMotion, fit: MotionFit) -> list[str]:
+    """What a reader must know of the channels and of what was left out."""
+    share, unit = fit.metrics["standstill_share"], motion.position_unit
+    remarks = []
+    if share > 0.0:
+        remarks.append(
+            f"{100.0 * share:.2g} % of the samples are at standstill (below {fit.recipe.least_speed:.3g} {unit}/s) "
+            "and were left out: they are no samples of sliding friction."
+        )
+    axis = motion.axis
+    if axis.gaps:
+        remarks.append(
+            f"{axis.gaps} gaps of up to {axis.longest_gap:.3g} s were cut out; nothing is drawn across them."
+        )
+    if not axis.is_even:
+        remarks.append(
+            f"Sampling steps differ by up to {100.0 * axis.worst_step:.2g} %: the channels were brought onto "
+            "an even axis by their true times."
+        )
+    if motion.sense_is_unknown:
+        remarks.append(
+            f"Nobody stated how {motion.place} counts: it is taken as recorded (--output-sense states it)."
+        )
+    return remarks
 
 
-def _with_units(recording: Recording, fit: MotionFit, data: _Channels) -> dict[str, Estimate]:
+def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
     """The estimates with budget, in the units of the channels where these are not torque and angle
     or force and length.
     """
-    derived = {
-        "inertia": f"{data.effort_unit} s2/{data.position_unit}",
-        "viscous": f"{data.effort_unit} s/{data.position_unit}",
-        "coulomb": data.effort_unit,
-        "offset": data.effort_unit,
-    }
-    mechanical = (data.effort_unit, data.position_unit) in (("N m", "rad"), ("N", "m"))
     estimates: dict[str, Estimate] = {}
-    for name, estimate in fit.estimates.items():
-        unit = estimate.unit if mechanical else derived[name.split("_")[0]]
-        error = 0.25 * (estimate.high - estimate.low)
-        lines = (
-            BudgetLine("residual, autocorrelation respected", "A", error),
-            scale_line(recording, estimate.value, data.effort_name),
-        )
+    for place, (name, estimate) in enumerate(fit.estimates.items()):
+        error = math.sqrt(max(float(fit.covariance[place, place]), 0.0))
+        lines = [
+            BudgetLine(
+                "residual, autocorrelation respected", "A", error, degrees_of_freedom=fit.freedom
+            )
+        ]
+        for source, u, note in (
+            ("filter", fit.filter_uncertainty, "half and twice the cut-off"),
+            ("choice of the model", fit.rung_uncertainty, "difference to the Stribeck rung"),
+            ("lag of the effort", fit.lag_uncertainty, "not stated"),
+        ):
+            if u.get(name, 0.0) > 0.0:
+                lines.append(BudgetLine(source, "B", u[name], note))
+        if name != "stribeck_velocity":
+            lines.append(scale_line(motion.recording, estimate.value, motion.effort))
+        zero = _zero_uncertainty(motion) if name == "offset" else 0.0
+        if zero > 0.0:
+            lines.append(
+                BudgetLine("zero of the effort", "B", zero, "calibration or servo-off zero")
+            )
+        unit = estimate.unit if motion.is_mechanical else _unit(name, motion)
         estimates[name] = dataclasses.replace(estimate, unit=unit).with_budget(lines)
+    if fit.speed_channel is not None and not motion.instrument_is_position:
+        lag, u = fit.speed_channel.lag, fit.speed_channel.lag_uncertainty
+        estimates["speed_lag"] = Estimate(
+            name="speed_lag",
+            value=lag,
+            unit="s",
+            low=lag - u,
+            high=lag + u,
+            identifiable="yes" if np.isfinite(u) else "no",
+            note="" if np.isfinite(u) else "too little motion to tell",
+        )
     return estimates
 
 
-def _force_plot(fit: MotionFit, data: _Channels) -> Plot:
-    series = (
-        Series(label="measured", x=fit.time, y=fit.measured, style="line", group=0),
-        Series(label="inverse dynamics", x=fit.time, y=fit.predicted, style="line", group=1),
-        Series(label="residual", x=fit.time, y=fit.measured - fit.predicted, style="line", group=2),
-    )
-    return Plot(
-        name="motion-effort",
-        title=f"{data.effort_name}, measured and predicted",
-        x_label="time [s]",
-        y_label=f"{data.effort_name} [{data.effort_unit}]",
-        series=series,
-    )
+def _zero_uncertainty(motion: RecordedMotion) -> float:
+    if motion.zero is not None:
+        return motion.zero.standard_uncertainty
+    return motion.recording.signals[motion.effort].calibration.offset_uncertainty
 
 
-def _friction_plot(fit: MotionFit, data: _Channels) -> Plot:
-    """What is left of the effort without inertia, over velocity."""
-    inertia = fit.estimates["inertia"].value
-    order = np.argsort(fit.velocity)
-    acceleration = np.gradient(fit.velocity, fit.time)
-    friction = fit.measured - inertia * acceleration
-    series = (
-        Series(
-            label="effort without inertia", x=fit.velocity[order], y=friction[order], style="points"
-        ),
-    )
-    return Plot(
-        name="motion-friction",
-        title="Friction over velocity",
-        x_label=f"velocity [{data.position_unit}/s]",
-        y_label=f"{data.effort_name} [{data.effort_unit}]",
-        series=series,
-    )
+def _unit(name: str, motion: RecordedMotion) -> str:
+    """The unit of a parameter made of those of the channels."""
+    effort, length = motion.effort_unit, motion.position_unit
+    units = {
+        "inertia": f"{effort} s2/{length}",
+        "viscous": f"{effort} s/{length}",
+        "stribeck": f"{length}/s",
+    }
+    return units.get(name.split("_")[0], effort)
+
+
+def _options(motion: RecordedMotion, fit: MotionFit, choice: MotionChoice) -> dict[str, Any]:
+    """The conventions of this fit."""
+    return {
+        "variant": fit.variant,
+        "position": motion.place,
+        "effort": motion.effort,
+        "torque_is_of": "the whole axis",
+        "instrument": fit.instrument,
+        "load_orders": list(choice.load_orders),
+        "lag_s": fit.basis.lag,
+        "lag_is": "stated" if choice.lag is not None else "of the data",
+        "filter": dataclasses.asdict(fit.recipe),
+    }
 
 
 EXPERIMENT = Experiment(
@@ -281,5 +317,6 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
+    cuts_gaps=True,
 )

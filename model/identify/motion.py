@@ -1,70 +1,125 @@
-"""Inertia and friction from any motion: inverse dynamics by least squares (IDIM-LS; Gautier and
-Khalil 1990, Janot 2019).
+"""Inertia and friction from any motion: inverse dynamics by instrumental variables (IDIM-LS and IDIM-IV;
+Gautier and Khalil 1990, Janot, Vandanjon and Gautier 2014).
 
-    symmetric     F = M a + F_v v + F_c sgn v + F_0
-    asymmetric    F = M a + F_v+ v + F_c+          (v > 0)
-                  F = M a + F_v- v - F_c-          (v < 0)
+    F = M a + F_v v + F_c sgn v + F_0  (+ load over position, + Stribeck, + another friction each way)
 
-Channels are a position and the force that drives it, linear (m, N) or rotary (rad, N m). Velocity
-and acceleration come from the position: zero-phase low-pass Butterworth filter, central
-differences, then regressors and force are decimated together (parallel filter), so that regressors
-and force see the same filter.
+Channels are a position or a speed and the force that drives it, linear (m, N) or rotary (rad, N m).
+What is done to them stands in `motion_columns`, how it is solved in `motion_moments`, which model is
+taken in `motion_ladder`; cut-off and dead zone follow from the noise (`motion_look`), the lag of the
+effort from the motion (`motion_lag`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
-from model.identify.checks import Array, channels, increasing, sampling_period
+from model.identify.checks import Array, increasing, sampling_period, series
 from model.identify.estimate import Estimate
-from model.identify.least_squares import LinearFit, solve
+from model.identify.least_squares import student_quantile
+from model.identify.motion_columns import Basis, MotionFilter
+from model.identify.motion_ladder import (
+    LEAST_GAIN,
+    STRIBECK_RANGE,
+    STRIBECK_SPEEDS,
+    Fitted,
+    Ladder,
+    Rung,
+    gathered,
+)
+from model.identify.motion_lag import LagEstimate, lag_left
+from model.identify.motion_look import Look, SpeedChannel, compare_speed, look_at
+from model.identify.motion_moments import MomentFit
+from model.identify.motion_source import ArrayMotion, MotionSource
 
-Variant = Literal["symmetric", "asymmetric"]
+Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
+VARIANTS: tuple[Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
 MINIMUM_SAMPLES = 200
+LARGEST_ERROR = 0.5
+"""|residual|/|effort| above which the model does not describe the effort: nothing of it is identified."""
+SAMPLES_PER_PERIOD = 1.5
+"""Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
+LAG_TOLD = 2.0
+"""Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""
+LAG_ROUNDS, LAG_SETTLED, LONGEST_LAG = 6, 0.2, 0.1
+"""How often the effort is aligned anew, sampling periods below which nothing is left, s beyond which it is none."""
+LEAST_CORRELATION = 0.9
+"""Of the accelerations of an instrument and of the position."""
+SCALE_TOLERANCE = 0.05
+"""By which a measured speed may differ from the derivative of the position."""
 
 
-@dataclass(frozen=True)
-class MotionFilter:
-    """How velocity and acceleration are taken from the position: the recipe of the fit.
+@dataclass(frozen=True, kw_only=True)
+class MotionChoice:
+    """What is chosen by hand; None leaves it to the data.
 
-    cutoff_hz of the zero-phase Butterworth filter of `order`; `edge_samples` dropped at start and end; `decimation` of
-    regressors and force (1 = none).
+    `lag` [s] of the effort where it is known. `load_orders`, `load_turn`: see `Basis`.
+    `instrument_is_position`: whether the instrument channel is a position (a set-point).
     """
 
-    order: int = 4
-    cutoff_hz: float = 100.0
-    edge_samples: tuple[int, int] = (25, 26)
-    decimation: int = 10
+    variant: Variant = "auto"
+    cutoff_hz: float | None = None
+    decimation: int | None = None
+    least_speed: float | None = None
+    load_orders: tuple[int, ...] = ()
+    load_turn: float = 1.0
+    lag: float | None = None
+    instrument_is_position: bool = False
+
+    def recipe(self, look: Look, cutoff: float, period: float) -> MotionFilter:
+        """The filter of this cut-off [Hz], with the dead zone that belongs to it."""
+        every = max(1, math.floor(1.0 / (SAMPLES_PER_PERIOD * cutoff * period) + 1e-9))
+        return MotionFilter(
+            cutoff_hz=cutoff,
+            decimation=every if self.decimation is None else self.decimation,
+            least_speed=look.least_speed(cutoff) if self.least_speed is None else self.least_speed,
+            keeps_passages=self.least_speed is None,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotionFit:
     """Inertia and friction of a motion, with what is needed to judge and to plot them.
 
-    estimates by name; metrics: relative_error_percent, condition, residual_norm, samples, and those
-    of a cross-validation; time, velocity, measured, predicted: (n,) after decimation; covariance (p, p) in
-    the order of the estimates.
+    estimates by name; covariance (p, p) in their order; time, velocity, acceleration, measured,
+    predicted, friction with offset: (n,), some of the decimated samples. `filter_uncertainty`, `rung_uncertainty`,
+    `lag_uncertainty`: standard uncertainties (type B) by parameter. `cutoffs`: the parameters at
+    half, at once and at twice the cut-off [Hz]; `rungs` those of every model.
     """
 
-    variant: Variant
+    variant: str
+    recipe: MotionFilter
+    basis: Basis
     estimates: dict[str, Estimate]
     metrics: dict[str, float]
     warnings: tuple[str, ...]
     time: Array
     velocity: Array
+    acceleration: Array
     measured: Array
     predicted: Array
+    friction: Array
     covariance: Array
+    freedom: float
+    coefficients: Array
+    regressors: tuple[str, ...]
+    rungs: tuple[Rung, ...] = ()
+    instrument: str = ""
+    filter_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    rung_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    lag_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    cutoffs: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
+    speed_channel: SpeedChannel | None = None
 
     @property
     def values(self) -> Array:
-        """The parameters in the order of the regressors, shape (4,) or (5,)."""
+        """The parameters in the order of the estimates."""
         return np.array([e.value for e in self.estimates.values()])
 
 
@@ -79,115 +134,6 @@ class MotionScore:
     predicted: Array
 
 
-@dataclass(frozen=True)
-class _Regression:
-    time: Array
-    velocity: Array
-    design: Array
-    force: Array
-
-
-def names(variant: Variant) -> tuple[str, ...]:
-    """The names of the parameters of a variant, in the order of the regressors."""
-    if variant == "symmetric":
-        return ("inertia", "viscous", "coulomb", "offset")
-    return ("inertia", "viscous_forward", "coulomb_forward", "viscous_reverse", "coulomb_reverse")
-
-
-def _regressors(velocity: Array, acceleration: Array, variant: Variant) -> Array:
-    if variant == "symmetric":
-        return np.column_stack([acceleration, velocity, np.sign(velocity), np.ones_like(velocity)])
-    forward = (velocity > 0.0).astype(np.float64)
-    reverse = 1.0 - forward
-    return np.column_stack(
-        [acceleration, velocity * forward, forward, velocity * reverse, -reverse]
-    )
-
-
-def _decimate(values: Array, factor: int) -> Array:
-    return (
-        values
-        if factor == 1
-        else np.ascontiguousarray(scipy.signal.decimate(values, factor, axis=0))
-    )
-
-
-def _check_filter(recipe: MotionFilter, period: float, count: int) -> None:
-    nyquist = 0.5 / period
-    if not 0.0 < recipe.cutoff_hz < nyquist:
-        raise IdentificationError(
-            "is outside the band of the recording",
-            where="filter.cutoff_hz",
-            value=recipe.cutoff_hz,
-            limit=f"> 0 and < {nyquist:g} Hz",
-            remedy="Choose a cut-off well above the motion and below half of the sampling rate.",
-        )
-    if recipe.order < 1 or recipe.decimation < 1 or min(recipe.edge_samples) < 2:
-        raise IdentificationError(
-            "order and decimation start at 1, two edge samples are the least",
-            where="filter",
-            value=recipe,
-        )
-    left = (count - sum(recipe.edge_samples)) // recipe.decimation
-    if left < 20:
-        raise IdentificationError(
-            "too little is left after cutting the edges and decimation",
-            where="filter",
-            value=f"{left} samples",
-            limit=">= 20",
-        )
-
-
-def _regression(
-    time: ArrayLike, position: ArrayLike, force: ArrayLike, variant: Variant, recipe: MotionFilter
-) -> _Regression:
-    clock = increasing("time", time, minimum=MINIMUM_SAMPLES)
-    clock, place, effort = channels(MINIMUM_SAMPLES, time=clock, position=position, force=force)
-    period = sampling_period("time", clock)
-    _check_filter(recipe, period, len(clock))
-    if np.ptp(place) <= 0.0:
-        raise IdentificationError(
-            "does not move",
-            where="position",
-            value=place[0],
-            remedy="Choose a part of the run with motion.",
-        )
-    b, a = scipy.signal.butter(recipe.order, recipe.cutoff_hz * 2.0 * period)
-    smooth = scipy.signal.filtfilt(b, a, place)
-    velocity = np.zeros_like(smooth)
-    velocity[1:-1] = (smooth[2:] - smooth[:-2]) / (2.0 * period)
-    acceleration = np.zeros_like(smooth)
-    acceleration[1:-1] = (velocity[2:] - velocity[:-2]) / (2.0 * period)
-    inner = slice(recipe.edge_samples[0], len(smooth) - recipe.edge_samples[1])
-    design = _regressors(velocity[inner], acceleration[inner], variant)
-    q = recipe.decimation
-    return _Regression(
-        clock[inner][::q], velocity[inner][::q], _decimate(design, q), _decimate(effort[inner], q)
-    )
-
-
-def _units(variant: Variant, rotary: bool) -> dict[str, str]:
-    table = {"inertia": "kg m2", "viscous": "N m s/rad", "coulomb": "N m", "offset": "N m"}
-    if not rotary:
-        table = {"inertia": "kg", "viscous": "N s/m", "coulomb": "N", "offset": "N"}
-    return {name: table[name.split("_")[0]] for name in names(variant)}
-
-
-def _estimates(fit: LinearFit, variant: Variant, rotary: bool) -> dict[str, Estimate]:
-    estimates: dict[str, Estimate] = {}
-    for index, (name, unit) in enumerate(_units(variant, rotary).items()):
-        low, high = fit.interval(index)
-        value = float(fit.values[index])
-        share = 0.5 * (high - low) / max(abs(value), np.finfo(float).tiny)
-        relative = name != "offset"
-        verdict = "yes" if not relative or share < 0.3 else "weakly" if share < 1.0 else "no"
-        note = "" if verdict == "yes" else f"the interval is ±{100 * share:.0f} % of the value"
-        estimates[name] = Estimate(
-            name=name, value=value, unit=unit, low=low, high=high, identifiable=verdict, note=note
-        )
-    return estimates
-
-
 def fit_motion(
     time: ArrayLike,
     position: ArrayLike,
@@ -197,49 +143,61 @@ def fit_motion(
     recipe: MotionFilter | None = None,
     rotary: bool = False,
 ) -> MotionFit:
-    """Inertia, viscous and Coulomb friction (and offset) of one axis from a recorded motion.
+    """Inertia, viscous and Coulomb friction (and offset) of one axis by a recipe that is given, not chosen.
 
     time [s], position [m or rad], force [N or N m]: shape (n,), evenly sampled. Intervals are 95 %
     with an error that respects the autocorrelation of the residual. Raises `IdentificationError`
-    for data that cannot carry the fit.
+    for data that cannot carry the fit. `identify_motion` lets the data choose the recipe.
     """
     recipe = MotionFilter() if recipe is None else recipe
-    data = _regression(time, position, force, variant, recipe)
-    warnings: list[str] = []
-    if data.velocity.min() >= 0.0 or data.velocity.max() <= 0.0:
-        raise IdentificationError(
-            "moves in one direction only: Coulomb friction and offset cannot be separated",
-            where="position",
-            limit="motion both ways",
-            remedy="Use a recording that reverses.",
-        )
-    fit = solve(data.design, data.force, where="motion")
-    estimates = _estimates(fit, variant, rotary)
-    for name, estimate in estimates.items():
-        if name != "offset" and estimate.value <= 0.0:
-            warnings.append(
-                f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force."
-            )
-    if fit.condition_raw > 100.0 and fit.condition > 100.0:
+    source = _array_source(time, position, force)
+    recipe.check(source.period)
+    ladder = Ladder(source, recipe, Basis(), False, ())
+    chosen = ladder.chosen(variant if variant == "asymmetric" else "symmetric")
+    return _reported(chosen, rotary)
+
+
+def identify_motion(
+    source: MotionSource, choice: MotionChoice | None = None, *, rotary: bool = False
+) -> MotionFit:
+    """Inertia and friction of a motion, recipe and rung chosen by its data where `choice` leaves it to them.
+
+    Raises `IdentificationError` for data that cannot carry the fit.
+    """
+    choice = MotionChoice() if choice is None else choice
+    look = look_at(source)
+    cutoff = look.cutoff_hz if choice.cutoff_hz is None else choice.cutoff_hz
+    recipe = choice.recipe(look, cutoff, source.period)
+    recipe.check(source.period)
+    basis, speed = _instrument(source, choice, look, cutoff)
+    with_instrument = speed is not None and speed.correlation >= LEAST_CORRELATION
+    slow = choice.recipe(look, min(look.slow_cutoff_hz, cutoff), source.period)
+    basis, lag = _aligned(source, slow, basis, choice, with_instrument)
+    ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
+    chosen = ladder.chosen(choice.variant)
+    cutoffs = {cutoff: chosen.named()}
+    for factor in (0.5, 2.0):
+        filtered = choice.recipe(look, factor * cutoff, source.period)
+        other = _again(source, chosen, filtered, with_instrument)
+        if other:
+            cutoffs[factor * cutoff] = other
+    effect = _lag_effect(chosen, basis, choice, lag, source.period)
+    fit = _with_lag(_reported(chosen, rotary, ladder.rungs()), effect, basis.lag != 0.0)
+    warnings = [*fit.warnings, *_lag_words(basis, choice, lag)]
+    if speed is not None and not with_instrument:
         warnings.append(
-            f"The regressors are nearly dependent (condition number {fit.condition:.3g}): excite more richly."
+            f"The measured speed follows the motion too loosely to guide the fit (correlation of the accelerations "
+            f"{speed.correlation:.2f})."
         )
-    return MotionFit(
-        variant=variant,
-        estimates=estimates,
-        metrics={
-            "relative_error_percent": 100.0 * fit.relative_error,
-            "condition": fit.condition_raw,
-            "condition_scaled": fit.condition,
-            "residual_norm": float(np.linalg.norm(fit.residual)),
-            "samples": float(len(data.force)),
-        },
+    return replace(
+        fit,
         warnings=tuple(warnings),
-        time=data.time,
-        velocity=data.velocity,
-        measured=data.force,
-        predicted=data.force - fit.residual,
-        covariance=fit.covariance,
+        instrument=_instrument_words(look, speed, with_instrument, choice),
+        filter_uncertainty=_filter_uncertainty(cutoffs),
+        rung_uncertainty={n: d / math.sqrt(3.0) for n, d in ladder.next_rung(chosen).items()},
+        cutoffs=dict(sorted(cutoffs.items())),
+        speed_channel=speed,
+        metrics={**fit.metrics, "effort_lag": basis.lag},
     )
 
 
@@ -251,11 +209,281 @@ def score_motion(
     *,
     recipe: MotionFilter | None = None,
 ) -> MotionScore:
-    """Cross-validation: how well a fitted set predicts the force of another recording, |F - X b|/|F| in per cent."""
-    recipe = MotionFilter() if recipe is None else recipe
-    data = _regression(time, position, force, fit.variant, recipe)
-    predicted = data.design @ fit.values
-    norm = float(np.linalg.norm(data.force - predicted))
-    return MotionScore(
-        100.0 * norm / float(np.linalg.norm(data.force)), norm, data.time, data.force, predicted
+    """Cross-validation on arrays: how well a fitted set predicts the force of another recording."""
+    return score_source(fit, _array_source(time, position, force), recipe=recipe)
+
+
+def score_source(
+    fit: MotionFit, source: MotionSource, *, recipe: MotionFilter | None = None
+) -> MotionScore:
+    """How well a fitted set predicts the effort of another recording, |F - X b|/|F| in per cent."""
+    recipe = fit.recipe if recipe is None else recipe
+    moments = gathered(source, recipe, fit.basis)
+    x, y = moments.places(fit.regressors), moments.names.index("effort")
+    total, b = moments.sums.sum(axis=0), fit.coefficients
+    residual = total[y, y] - 2.0 * b @ total[x, y] + b @ total[np.ix_(x, x)] @ b
+    norm = math.sqrt(max(float(residual), 0.0))
+    measured = moments.shown[:, y]
+    predicted = moments.shown[:, x] @ b
+    percent = 100.0 * norm / math.sqrt(float(total[y, y]))
+    return MotionScore(percent, norm, moments.shown_time, measured, predicted)
+
+
+def _array_source(time: ArrayLike, position: ArrayLike, force: ArrayLike) -> ArrayMotion:
+    """Arrays of an evenly sampled motion, checked."""
+    clock = increasing("time", time, minimum=MINIMUM_SAMPLES)
+    sampling_period("time", clock)
+    place = series("position", position, minimum=MINIMUM_SAMPLES)
+    if np.ptp(place) <= 0.0:
+        raise IdentificationError(
+            "does not move",
+            where="position",
+            value=place[0],
+            remedy="Choose a part of the run with motion.",
+        )
+    return ArrayMotion.of(clock, force, position=place)
+
+
+def _instrument(
+    source: MotionSource, choice: MotionChoice, look: Look, cutoff: float
+) -> tuple[Basis, SpeedChannel | None]:
+    """The basis with load and instrument, and what the instrument channel is beside the position."""
+    basis = Basis(
+        load_orders=choice.load_orders,
+        load_turn=choice.load_turn,
+        instrument_is_speed=not choice.instrument_is_position,
     )
+    if not look.of_position:
+        if choice.load_orders:
+            raise IdentificationError(
+                "a load over position needs a position",
+                where="motion.load",
+                limit="a position channel",
+            )
+        return basis, None
+    speed = compare_speed(source, cutoff, of_position=choice.instrument_is_position)
+    if speed is None:
+        return basis, None
+    if not choice.instrument_is_position and abs(speed.scale - 1.0) > SCALE_TOLERANCE:
+        raise IdentificationError(
+            "the measured speed is not the derivative of the position: a unit, a scale or a ratio is wrong",
+            where="speed",
+            value=f"{speed.scale:.4g} times the derivative",
+            limit=f"1 ± {SCALE_TOLERANCE:g}",
+            remedy="Correct the map of the import, or leave the speed out with instrument=none.",
+        )
+    return replace(basis, instrument_lag=speed.lag), speed
+
+
+def _aligned(
+    source: MotionSource,
+    recipe: MotionFilter,
+    basis: Basis,
+    choice: MotionChoice,
+    with_instrument: bool,
+) -> tuple[Basis, LagEstimate | None]:
+    """The basis with the effort's lag taken off where it is stated or told by the data, and what is left of it."""
+    if choice.lag is not None:
+        return replace(basis, lag=choice.lag), None
+    started: Fitted | None = None
+    start, left = basis, None
+    for _ in range(LAG_ROUNDS):
+        fitted = Ladder(source, recipe, basis, with_instrument, ()).symmetric
+        started = fitted if started is None else started
+        left = lag_left(fitted.moments, fitted.fit.names, fitted.fit.values)
+        told = basis.lag + left.lag
+        clear = abs(told) - 2.0 * left.standard_uncertainty > LAG_TOLD * source.period
+        if not clear or abs(told) > LONGEST_LAG:
+            # Nothing to take off, or no lag of a device: another signal.
+            return start, replace(left, lag=told)
+        if abs(left.lag) < LAG_SETTLED * source.period:
+            better = fitted.fit.hold_out_error < (1.0 - LEAST_GAIN) * started.fit.hold_out_error
+            return (basis, left) if better else (start, replace(left, lag=told))
+        basis = replace(basis, lag=told)
+    return start, left and replace(left, lag=basis.lag)
+
+
+def _lag_words(basis: Basis, choice: MotionChoice, lag: LagEstimate | None) -> list[str]:
+    if choice.lag is not None or basis.lag == 0.0 or lag is None:
+        return []
+    return [
+        f"The effort is {1e3 * basis.lag:.3g} ± {2e3 * lag.standard_uncertainty:.2g} ms late beside the motion; "
+        "it was brought forward by that."
+    ]
+
+
+def _lag_effect(
+    chosen: Fitted, basis: Basis, choice: MotionChoice, lag: LagEstimate | None, period: float
+) -> Array:
+    """What one standard uncertainty of the effort's lag, estimated or unknown, changes of each parameter."""
+    names, matrix = chosen.transform
+    if choice.lag is not None or lag is None:
+        return np.zeros(len(names))
+    u = lag.standard_uncertainty
+    if basis.lag == 0.0:
+        # Devices may latch apart by so much without anybody knowing; what is seen beyond it counts whole.
+        usual = min(abs(lag.lag) + 2.0 * u, LAG_TOLD * period)
+        u = max(usual, abs(lag.lag) - 2.0 * u) / math.sqrt(3.0)
+    change = np.zeros(len(chosen.fit.names))
+    base = [chosen.fit.names.index(n) for n in ("acceleration", "speed", "sign", "one")]
+    loads = [chosen.fit.names.index(n) for n in basis.load_names]
+    change[[*base, *loads]] = lag.sensitivity
+    return np.asarray(u * (matrix @ change), dtype=np.float64)
+
+
+def _with_lag(fit: MotionFit, effect: Array, is_estimated: bool) -> MotionFit:
+    """A lag that was estimated from these data widens the interval; one that is not known is of type B."""
+    if not is_estimated:
+        names = fit.estimates
+        return replace(fit, lag_uncertainty=dict(zip(names, np.abs(effect).tolist(), strict=True)))
+    covariance = fit.covariance + np.outer(effect, effect)
+    half = student_quantile(fit.freedom) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    estimates = {
+        name: replace(e, low=e.value - width, high=e.value + width)
+        for (name, e), width in zip(fit.estimates.items(), half.tolist(), strict=True)
+    }
+    return replace(fit, covariance=covariance, estimates=estimates)
+
+
+def _stribeck_speeds(look: Look, recipe: MotionFilter) -> tuple[float, ...]:
+    """The v_s that are tried; none where the dead zone leaves no room for them."""
+    low = max(STRIBECK_RANGE[0] * look.top_speed, 2.0 * recipe.least_speed)
+    high = STRIBECK_RANGE[1] * look.top_speed
+    return tuple(np.geomspace(low, high, STRIBECK_SPEEDS).tolist()) if 2.0 * low < high else ()
+
+
+def _again(
+    source: MotionSource, chosen: Fitted, recipe: MotionFilter, with_instrument: bool
+) -> dict[str, float]:
+    """The parameters of the same rung with another filter; empty where the recording does not allow that filter."""
+    try:
+        recipe.check(source.period)
+        ladder = Ladder(source, recipe, chosen.basis, with_instrument, ())
+        return ladder.refitted(chosen).named()
+    except IdentificationError:
+        return {}
+
+
+def _filter_uncertainty(cutoffs: Mapping[float, Mapping[str, float]]) -> dict[str, float]:
+    """u = |change between half and twice the cut-off|/(2 sqrt 3); where one cannot be had, from the other."""
+    ordered = [cutoffs[c] for c in sorted(cutoffs)]
+    if len(ordered) < 2:
+        return {}
+    first, last = ordered[0], ordered[-1]
+    share = 2.0 if len(ordered) == 3 else 1.0
+    return {name: abs(last[name] - first[name]) / (share * math.sqrt(3.0)) for name in first}
+
+
+def _instrument_words(
+    look: Look, speed: SpeedChannel | None, with_instrument: bool, choice: MotionChoice
+) -> str:
+    if with_instrument and speed is not None:
+        what = "set-point" if choice.instrument_is_position else "measured speed"
+        return f"{what}, {1e3 * speed.lag:.3g} ms late"
+    return f"even and odd samples of the {'position' if look.of_position else 'speed'}"
+
+
+def _units(names: tuple[str, ...], rotary: bool) -> dict[str, str]:
+    force, length = ("N m", "rad") if rotary else ("N", "m")
+    table = {
+        "inertia": "kg m2" if rotary else "kg",
+        "viscous": f"{force} s/{length}",
+        "stribeck": f"{length}/s",
+    }
+    return {name: table.get(name.split("_")[0], force) for name in names}
+
+
+def _reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> MotionFit:
+    """A fitted rung as estimates with intervals, metrics and curves."""
+    fit, moments = chosen.fit, chosen.moments
+    shown = dict(zip(moments.names, moments.shown.T, strict=True))
+    estimates = _estimates(chosen, rotary)
+    parts = np.stack([shown[name] for name in fit.names], axis=1) * fit.values
+    rests = [k for k, n in enumerate(fit.names) if n != "acceleration" and "load" not in n]
+    return MotionFit(
+        variant=chosen.rung,
+        recipe=chosen.recipe,
+        basis=chosen.basis,
+        estimates=estimates,
+        metrics={
+            "relative_error_percent": 100.0 * fit.relative_error,
+            "hold_out_error_percent": 100.0 * fit.hold_out_error,
+            "condition": fit.condition_raw,
+            "condition_scaled": fit.condition,
+            "residual_norm": fit.residual_norm,
+            "samples": float(fit.samples),
+            "standstill_share": moments.standing_share,
+            "least_speed": chosen.recipe.least_speed,
+            "cutoff": chosen.recipe.cutoff_hz,
+        },
+        warnings=_warnings(fit, estimates),
+        time=moments.shown_time,
+        velocity=shown["speed"],
+        acceleration=shown["acceleration"],
+        measured=shown["effort"],
+        predicted=parts.sum(axis=1),
+        friction=parts[:, rests].sum(axis=1),
+        covariance=chosen.covariance,
+        freedom=fit.freedom,
+        coefficients=fit.values,
+        regressors=fit.names,
+        rungs=rungs,
+    )
+
+
+def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
+    """The parameters with 95 % intervals; none is identified where the model does not describe the effort."""
+    names, _ = chosen.transform
+    half = student_quantile(chosen.fit.freedom) * np.sqrt(
+        np.maximum(np.diag(chosen.covariance), 0.0)
+    )
+    error = chosen.fit.relative_error
+    values = dict(zip(names, chosen.values.tolist(), strict=True))
+    wrong = [n for n, v in values.items() if is_size(n) and v < 0.0]
+    estimates: dict[str, Estimate] = {}
+    for place, (name, unit) in enumerate(_units(names, rotary).items()):
+        verdict, note = "yes", ""
+        if not error <= LARGEST_ERROR:
+            verdict, note = (
+                "no",
+                f"the model leaves {100.0 * error:.0f} % of the effort unexplained",
+            )
+        elif name in wrong:
+            verdict, note = "no", "negative, which is not physical"
+        elif wrong:
+            verdict, note = "weakly", f"{' and '.join(wrong)} came out negative in the same fit"
+        value, width = values[name], float(half[place])
+        estimates[name] = Estimate(
+            name=name,
+            value=value,
+            unit=unit,
+            low=value - width,
+            high=value + width,
+            identifiable=verdict,
+            note=note,
+        )
+    return estimates
+
+
+def is_size(name: str) -> bool:
+    """Whether a parameter cannot be negative."""
+    return name.split("_")[0] in ("inertia", "viscous", "coulomb", "static")
+
+
+def _warnings(fit: MomentFit, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
+    """What a reader must know of the fit."""
+    warnings = [
+        f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force."
+        for name, estimate in estimates.items()
+        if is_size(name) and estimate.value < 0.0
+    ]
+    if not fit.relative_error <= LARGEST_ERROR:
+        warnings.append(
+            f"The model leaves {100.0 * fit.relative_error:.0f} % of the effort unexplained: something else "
+            "than inertia and friction moves this axis (a load over position, a coupled axis, a wrong channel)."
+        )
+    if fit.condition_raw > 100.0 and fit.condition > 100.0:
+        warnings.append(
+            f"The regressors are nearly dependent (condition number {fit.condition:.3g}): excite more richly."
+        )
+    return tuple(warnings)

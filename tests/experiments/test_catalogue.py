@@ -38,6 +38,7 @@ def test_names_and_kinds() -> None:
     assert catalogue.kinds()[: len(PROTOCOLS)] == PROTOCOLS
     assert set(catalogue.kinds()) - set(PROTOCOLS) == {
         "motion",
+        "friction-curve",
         "revolution",
         "order-spectrum",
         "skew",

@@ -1,0 +1,132 @@
+"""Recordings that others made and published figures of: those of this folder, and the rest where they are beside it."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.contract import Evidence
+from experiments.recording import Recording
+from experiments.recordings import motion
+from experiments.result import Result
+from model.gear import HarmonicDrive
+from tests.experiments.recordings.test_friction_curve import fitted, table
+from tests.experiments.test_analyses_without_plan import foreign
+
+HERE = Path(__file__).parents[2] / "data"
+DATA = Path(os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[4] / "shared" / "data"))
+needs_data = pytest.mark.skipif(
+    not (DATA / "staubli_tx40").is_dir(), reason="the recordings are not there"
+)
+WITHIN = 0.08
+"""Of the published viscous and Coulomb friction of the Staubli."""
+
+
+def columns(path: Path) -> np.ndarray:
+    with path.open(encoding="utf-8") as stream:
+        rows = list(csv.reader(stream))[1:]
+    return np.array(rows, dtype=np.float64).T
+
+
+def analysed(recording: Recording, gear: HarmonicDrive, **settings: object) -> Result:
+    return motion.analyse(recording, Evidence(gear, settings=dict(settings)))
+
+
+def values(result: Result, *names: str) -> list[float]:
+    return [result.estimates[name].value for name in names]
+
+
+def pairs(recording: np.ndarray) -> Recording:
+    """Speed and coefficient of friction, the force over a constant normal force of 100 N."""
+    _, speed, normal, force = recording
+    return table(speed, force / normal)
+
+
+def test_a_joint_of_the_staubli(gear: HarmonicDrive) -> None:
+    angle, torque = columns(HERE / "staubli_tx40" / "joint_1.csv")
+    time = 1e-3 * np.arange(len(angle))
+    run = foreign(time, position=(angle / 32.0, "rad"), torque=(32.0 * torque, "N m"))
+    result = analysed(run, gear)
+    assert values(result, "viscous", "coulomb") == pytest.approx([8.0278, 7.2318], rel=WITHIN)
+    assert {result.estimates[n].identifiable for n in ("inertia", "viscous", "coulomb")} == {"yes"}
+
+
+def test_a_joint_that_stands_half_of_the_time(gear: HarmonicDrive) -> None:
+    """0.07 A would say that the standstill was taken for friction."""
+    time, position, current = columns(HERE / "tiago_arm" / "arm_1.csv")
+    result = analysed(foreign(time, position=(position, "rad"), current=(current, "A")), gear)
+    assert values(result, "coulomb")[0] == pytest.approx(0.144, abs=0.008)
+    assert values(result, "viscous")[0] == pytest.approx(2.2, abs=0.06)
+    assert result.estimates["coulomb"].unit == "A"
+
+
+def test_pairs_with_presliding_do_not_collapse() -> None:
+    """All rows: least squares of a Stribeck curve over them has a Coulomb friction of -92.6 N."""
+    result = fitted(pairs(columns(HERE / "stribeck_pairs" / "test_data_1.csv")))
+    assert result.options["law"]["both"] == "stribeck"
+    assert 0.140794 < values(result, "coulomb")[0] < 0.154256
+    found = values(result, "coulomb", "static", "stribeck_velocity")
+    assert found == pytest.approx([0.15, 0.25, 0.25], rel=0.08)
+    assert 0.1 < result.metrics["least_speed"] < 0.3
+    assert result.metrics["points"] > 300.0
+
+
+@needs_data
+@pytest.mark.parametrize(
+    ("joint", "ratio", "viscous", "coulomb", "load"),
+    [
+        (1, 32, 8.0278, 7.2318, {}),
+        (2, 32, 5.5201, 8.2505, {"load": "gravity"}),
+        (3, 45, 1.9963, 6.2877, {}),
+        (4, -48, 1.1087, 2.5145, {}),
+    ],
+)
+def test_every_joint_of_the_staubli(
+    gear: HarmonicDrive,
+    joint: int,
+    ratio: int,
+    viscous: float,
+    coulomb: float,
+    load: dict[str, str],
+) -> None:
+    angle, torque = (
+        columns(DATA / "staubli_tx40" / name)[joint - 1]
+        for name in ("pos_read_data.csv", "curr_data.csv")
+    )
+    time = 2e-4 * np.arange(len(angle))
+    run = foreign(time, position=(angle / ratio, "rad"), torque=(ratio * torque, "N m"))
+    result = analysed(run, gear, **load)
+    assert values(result, "viscous", "coulomb") == pytest.approx([viscous, coulomb], rel=WITHIN)
+
+
+@needs_data
+def test_the_speed_of_a_robot_is_late(gear: HarmonicDrive) -> None:
+    time, position = columns(DATA / "tiago_arm" / "tiago_position.csv")[:2]
+    speed = columns(DATA / "tiago_arm" / "tiago_velocity.csv")[1]
+    current = columns(DATA / "tiago_arm" / "tiago_effort.csv")[1]
+    channels = {"position": (position, "rad"), "speed": (speed, "rad/s"), "current": (current, "A")}
+    result = analysed(foreign(time, **channels), gear)
+    assert values(result, "speed_lag")[0] == pytest.approx(0.14, abs=0.01)
+    assert values(result, "coulomb")[0] == pytest.approx(0.144, abs=0.008)
+
+
+@needs_data
+def test_a_pendulum_that_swings_out(gear: HarmonicDrive) -> None:
+    """Free of torque it brakes by its own friction; the load's known weight (0.49 kg at 0.1 m) is the effort."""
+    content = json.loads((DATA / "servo_pendulum" / "2026-01-15_10h29m21.json").read_text())
+    rows = [entry for entry in content["entries"] if 2.02 <= entry["timestamp"] <= 4.4]
+    time, angle = (np.array([row[name] for row in rows]) for name in ("timestamp", "position"))
+    weight = -0.4807 * np.sin(angle)
+    run = foreign(time, position=(angle, "rad"), torque=(weight, "N m"))
+    by_itself = analysed(run, gear).estimates["inertia"]
+    assert abs(by_itself.value - 0.00695) < by_itself.expanded_uncertainty
+    # The weight is made of the same noisy angle: a cut-off nearer to the swing (1.3 Hz) keeps that noise out.
+    result = analysed(run, gear, cutoff_hz=20.0)
+    viscous, coulomb = values(result, "viscous", "coulomb")
+    assert coulomb + 2.0 * viscous == pytest.approx(0.0250, rel=0.15)
+    assert values(result, "inertia")[0] == pytest.approx(0.00695, rel=0.1)
