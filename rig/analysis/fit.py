@@ -222,6 +222,15 @@ def _evidence(
     )
 
 
+def with_gear(fit: Fit, gear: HarmonicDrive) -> Fit:
+    """A fit beside another parameter set, to be scored and compared; the result stays as it was fitted.
+
+    Raises `RigError` for the set of a gear with another ratio.
+    """
+    _refuse_another_ratio(fit.recording, gear)
+    return dataclasses.replace(fit, gear=gear, gear_known=True)
+
+
 def score(fit: Fit) -> Result:
     """How well the parameter set of a fit predicts its run, nothing fitted; the fit's own result
     where a kind has no score.
