@@ -1,11 +1,12 @@
 """Friction at constant speeds, as in figures 9 and 17 of the paper: execute, fit, compare with the model, draw."""
 
 from pathlib import Path
+from typing import Any
 
 import rig
 
 
-def study(folder: Path, points: int = 30, **settings: object) -> rig.Result:
+def study(folder: Path, points: int = 30, **settings: Any) -> rig.Result:
     """The motor alone first: its torque is the tare, which the fit of the friction finds in the folder by itself."""
     gear = rig.gear("csf-25-120")
     rig.execute("motor-tare", folder=folder, points=points, **settings)
