@@ -1,5 +1,7 @@
 """A harmonic-drive test rig in Python: load or execute runs, fit them, compare them with the model, report them.
 
+For instance::
+
     import rig
 
     run = rig.execute("friction", serial="SN-0815", seed=1)    # or rig.load("runs/00003.h5"), rig.read_csv(...)
@@ -11,7 +13,7 @@ Names are imported when they are first used: `import rig` alone loads no array l
 the caller are `rig.WordedError`, with the words of the command line.
 
 Inside, this is the application: what turns a rig, records it, judges what was recorded, and shows it. Eight
-layers, checked by import-linter; each may import what stands below it:
+layers, checked by import-linter; each may import what stands below it::
 
     main                            the table of commands
     commands · window · api         what a person types, what a person sees, and what a program calls

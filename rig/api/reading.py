@@ -38,7 +38,7 @@ def read_csv(
 ) -> Run:
     """A recording of another rig in delimited text, as a run in memory; no run file is left behind.
 
-    `channels` names what stands in which column, as `--channel` of `rig import` does, COLUMN[:UNIT[:SCALE]]:
+    `channels` names what stands in which column, as `--channel` of `rig import` does, COLUMN[:UNIT[:SCALE]]::
 
         rig.read_csv("bench.csv", {"time": "t:s", "input_angle": "Position:deg", "torque": "M:N m"})
 
