@@ -1,4 +1,4 @@
-"""Code cells of a page that is a MyST notebook, shown as code: what they print is checked by the tests, not built here."""
+"""Code cells of a page that is a MyST notebook, shown as code; what they print is checked by the tests alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The pages on Python are true: every cell of the tutorial runs, the recipe's test passes, every public name is described."""
+"""The pages on Python are true: every cell of the tutorial runs, the recipe passes, every public name is described."""
 
 from __future__ import annotations
 
