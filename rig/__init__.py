@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from rig.api.results import Comparison, Result, Results, Value
     from rig.api.runs import Run
     from rig.api.simulating import simulate
+    from rig.api.validating import Validated, validate
 
 DISTRIBUTION = "harmonic-rig"
 
@@ -54,11 +55,13 @@ _PLACES = {
     "execute": "rig.api.executing",
     "gear": "rig.api.gearing",
     "report": "rig.api.reporting",
+    "validate": "rig.api.validating",
     "Run": "rig.api.runs",
     "Result": "rig.api.results",
     "Results": "rig.api.results",
     "Comparison": "rig.api.results",
     "Value": "rig.api.results",
+    "Validated": "rig.api.validating",
     "HarmonicDrive": "model.gear",
     "WordedError": "model.errors",
 }
@@ -73,11 +76,13 @@ __all__ = [
     "execute",
     "gear",
     "report",
+    "validate",
     "Run",
     "Result",
     "Results",
     "Comparison",
     "Value",
+    "Validated",
     "HarmonicDrive",
     "WordedError",
 ]

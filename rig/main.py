@@ -28,6 +28,7 @@ from rig.commands import (
     reporting,
     running,
     simulating,
+    validating,
     window,
 )
 from rig.commands.terminal import outliving_the_terminal
@@ -62,6 +63,7 @@ PANELS = {
     "Fit and compare": (
         analysis.fit,
         analysis.compare,
+        validating.validate,
         certifying.certificate,
         reporting.report,
         modelling.model,

@@ -74,7 +74,7 @@ class Fit:
     @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
-        return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)
+        return evidence_of(self.gear, self.tare, self.settings, self.largest_missed_share)
 
     @property
     def tare_words(self) -> tuple[str, ...]:
@@ -167,7 +167,7 @@ def fit_recording(
         remarks.append(NOT_SEALED)
     if tare is not None:
         check_tare(recording, tare.recording, tare.result)
-    evidence = _evidence(parameters, tare, settings or {}, largest_missed_share)
+    evidence = evidence_of(parameters, tare, settings or {}, largest_missed_share)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
     options.setdefault("parameter_set", parameters.name)
@@ -201,12 +201,13 @@ def _refuse_another_ratio(recording: Recording, gear: HarmonicDrive) -> None:
         )
 
 
-def _evidence(
+def evidence_of(
     gear: HarmonicDrive,
     tare: Fit | None,
     settings: Mapping[str, Any],
     largest_missed_share: float | None,
 ) -> Evidence:
+    """What an analysis leans on: parameter set, tare, settings, and the share of missed cycles that it lets pass."""
     from experiments.contract import Evidence
 
     evidence = Evidence(
