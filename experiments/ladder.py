@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 class Sample:
     """What one run shows: `measured` (n,) in SI; `part` (n,) numbers the stretches of it.
 
-    `origin` is that of the run; `at` is what a model needs to predict it (speeds, angles, steps), `gear` the parameter set that the run leans on.
+    `origin` is that of the run; `at` is what a model needs to predict it (speeds, angles, steps), `gear` the parameter
+    set that the run leans on.
     """
 
     run: str

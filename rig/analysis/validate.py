@@ -104,7 +104,7 @@ class Validation:
         return f"fitted on {', '.join(self.fitted)}; judged on {', '.join(self.judged)}"
 
     def table(self) -> Table:
-        """The ladder as a table, in the unit of a laboratory."""
+        """The ladder as a table: r.m.s. left of fitted and of held-out runs, in the unit of a laboratory."""
         factor = LABORATORY_UNITS[self.shown][1]
         rows = tuple(
             (
@@ -119,9 +119,9 @@ class Validation:
         )
         columns = (
             "model",
-            "fitted numbers",
-            f"left of fitted [{self.shown}]",
-            f"left of held out [{self.shown}]",
+            "numbers",
+            f"fitted [{self.shown}]",
+            f"held out [{self.shown}]",
             "skill",
             "BIC",
         )

@@ -1,7 +1,7 @@
 """The ladder of the velocity steps: rigid gear, the paper's equation 2, a fitted spring, hardening, hysteresis.
 
-Judged is x = theta_o - theta_i/N of every step with the measured input prescribed, never the raw angle; each step has
-its own constant.
+Judged is x = theta_o - theta_i/N of every step with the measured input prescribed, never the raw angle; the rest
+before a step and the motion have a constant each, because the output of a step does not test friction.
 """
 
 from __future__ import annotations
@@ -48,12 +48,13 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
     # Every fitted rung has the error as numbers of its own.
     steps = [replace(one, data=replace(one.data, kinematic_error=())) for one in recorded]
     deviations = [s.data.output_angle - s.data.input_angle / ratio for s in steps]
-    lengths = [len(d) for d in deviations]
+    # Friction winds the gear up as it begins to turn, which no rung of a spring says: rest and motion are two parts.
+    parts = [2 * place + (one.data.time > 0.0) for place, one in enumerate(steps)]
     return Sample(
         run=recording.metadata.run_id,
         origin=recording.metadata.origin,
         measured=np.concatenate([d - d.mean() for d in deviations]),
-        part=np.repeat(np.arange(len(steps)), lengths),
+        part=np.concatenate(parts),
         at=steps,
         gear=gear,
     )
