@@ -20,7 +20,10 @@ def run_cell(code: str, names: dict[str, Any]) -> None:
     """A cell as a notebook runs it: the value of its last expression is shown."""
     tree = ast.parse(code)
     last = tree.body[-1]
-    shown = ast.Expression(tree.body.pop().value) if isinstance(last, ast.Expr) else None
+    shown = None
+    if isinstance(last, ast.Expr):
+        shown = ast.Expression(last.value)
+        del tree.body[-1]
     exec(compile(tree, "cell", "exec"), names)
     if shown is not None:
         print(repr(eval(compile(shown, "cell", "eval"), names)))

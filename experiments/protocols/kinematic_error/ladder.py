@@ -16,7 +16,7 @@ from experiments.errors import AnalysisError
 from experiments.evidence import rotary_ratio, usable
 from experiments.ladder import Ladder, Rung, Sample, centred, nothing_fitted
 from experiments.recording import Recording
-from model.arrays import FloatArray
+from model.arrays import FloatArray, IntArray
 from model.kinematic_error import design_matrix, series_value
 from model.units import REVOLUTION
 
@@ -36,7 +36,9 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
             remedy="Run `home` first, or record the index marks.",
         )
     ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
-    angles, errors, parts = [], [], []
+    angles: list[FloatArray] = []
+    errors: list[FloatArray] = []
+    parts: list[IntArray] = []
     for place, segment in enumerate(recording.labelled("traverse")):
         good = usable(recording, slice(segment.start, segment.stop))
         angle = recording.si("input_angle", segment)[good] - reference.input_angle

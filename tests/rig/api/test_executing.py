@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import threading
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import rig
 from experiments.errors import PlanError
 
-SHORT = {"lowest_rpm": 300.0, "highest_rpm": 900.0, "points": 4}
-TIMES = {"measure_time": 0.2, "settle_time": 0.1}
+SHORT: dict[str, Any] = {"lowest_rpm": 300.0, "highest_rpm": 900.0, "points": 4}
+TIMES: dict[str, Any] = {"measure_time": 0.2, "settle_time": 0.1}
 
 
 @pytest.fixture(scope="module")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import pkgutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -92,7 +92,7 @@ def test_another_distribution_that_wrote_into_our_folder_is_named(
 def test_a_module_made_by_hand_is_no_floor_of_ours(monkeypatch: pytest.MonkeyPatch) -> None:
     from rig.floors import foreign_floor
 
-    module = importlib.util.module_from_spec(importlib.util.spec_from_loader("drivers", None))
+    module = ModuleType("drivers")
     module.__spec__ = None
     monkeypatch.setitem(sys.modules, "drivers", module)
     assert "<module drivers in memory>" in foreign_floor()
