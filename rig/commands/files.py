@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from rig.commands.terminal import echo, print_json
-
-if TYPE_CHECKING:
-    from rig.analysis.judging import GearVerdict
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 RunArgument = Annotated[
@@ -85,7 +82,7 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
-    from rig.commands.listed_verdicts import in_force_of, verdicts_of
+    from rig.analysis.listed_verdicts import in_force_of, told, verdicts_of
 
     verdicts = verdicts_of(listed)
     if json:
@@ -96,7 +93,7 @@ def runs(
                 "runs": [
                     {
                         **run.as_json(),
-                        **_told(verdicts.get(run.path)),
+                        **told(verdicts.get(run.path)),
                         "analysis": in_force_of(run),
                     }
                     for run in listed
@@ -109,13 +106,6 @@ def runs(
     print_runs(folder, listed, verdicts)
 
 
-def _told(verdict: GearVerdict | None) -> dict[str, Any]:
-    """Verdict and reasons of one run in the list; null for a file that cannot be read."""
-    if verdict is None:
-        return {"verdict": None, "because": []}
-    return {"verdict": verdict.verdict, "because": list(verdict.because)}
-
-
 def _day(text: str | None, flag: str) -> str | None:
     from datetime import datetime
 
@@ -126,16 +116,18 @@ def _day(text: str | None, flag: str) -> str | None:
 
 
 def show(run: RunArgument, json: JsonFlag = False) -> None:
-    """Show a run: what, when, who, on which gear, its outcome, channels with their ranges, segments and events."""
+    """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
+    from rig.analysis.listed_verdicts import verdict_of_run
     from rig.commands.file_tables import print_recording, recording_as_json
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(run)
     try:
+        verdict = verdict_of_run(run, recording.metadata)
         if json:
-            print_json(recording_as_json(recording, run))
+            print_json(recording_as_json(recording, run, verdict))
         else:
-            print_recording(recording, run)
+            print_recording(recording, run, verdict)
     finally:
         close_recording(recording)
 
@@ -203,9 +195,9 @@ def import_(
             "--map", metavar="FILE", help="Channel map in TOML: [channels.NAME], [[segments]]."
         ),
     ] = None,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of runs.")
-    ] = Path("runs"),
+    output: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
     rate: Annotated[
         float | None,
         typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),
