@@ -48,7 +48,8 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
 
 def _together(samples: Sequence[Sample]) -> tuple[FloatArray, FloatArray]:
     """Speeds and torques of all samples."""
-    return np.concatenate([s.at for s in samples]), np.concatenate([s.measured for s in samples])
+    speeds: list[FloatArray] = [s.at for s in samples]
+    return np.concatenate(speeds), np.concatenate([s.measured for s in samples])
 
 
 def _line(degree: int) -> Callable[[Sequence[Sample]], FloatArray]:
