@@ -208,9 +208,9 @@ def test_export_and_import_again(rig: Rig, run: Path, tmp_path: Path, fmt: str) 
         fmt,
         run.with_suffix(f".{fmt}"),
         "-c",
-        "time=time",
+        "time=time:s",
         "-c",
-        "torque=torque",
+        "torque=torque:N m",
         "-o",
         tmp_path / "in",
     )
@@ -295,21 +295,22 @@ def test_import(rig: Rig, tmp_path: Path) -> None:
     [
         ("-c", "x"),
         ("-c", "torque=M:furlong"),
-        ("-c", "torque=7"),
+        ("-c", "torque=7:N m"),
         (),
-        ("-c", "torque=M", "--ratio", "0"),
-        ("-c", "torque=M", "--ratio", "nan"),
-        ("-c", "torque=M", "--rate", "-1"),
-        ("-c", "torque=M", "--map", "nowhere.toml"),
-        ("-c", "torque=M", "--start", "yesterday"),
-        ("-c", "torque=M", "--mounting", "upside-down"),
+        ("-c", "torque=M:N m", "--ratio", "0"),
+        ("-c", "torque=M:N m", "--ratio", "nan"),
+        ("-c", "torque=M:N m", "--rate", "-1"),
+        ("-c", "torque=M:N m", "--map", "nowhere.toml"),
+        ("-c", "torque=M:N m", "--start", "yesterday"),
+        ("-c", "torque=M:N m", "--mounting", "upside-down"),
+        ("-c", "torque=M"),
     ],
 )
 def test_an_import_that_is_asked_for_wrongly(
     rig: Rig, tmp_path: Path, words: tuple[str, ...]
 ) -> None:
     (tmp_path / "bench.csv").write_text("t,M\n0,1\n1,2\n2,3\n")
-    assert rig("import", "csv", "bench.csv", "-c", "time=t", "-o", "runs", *words) == 2
+    assert rig("import", "csv", "bench.csv", "-c", "time=t:s", "-o", "runs", *words) == 2
     assert rig.err
     assert "Traceback" not in rig.err
     assert not list(tmp_path.glob("runs/*"))
