@@ -70,10 +70,10 @@ def print_look(name: str, look: Look, options: ImportOptions) -> None:
             c.name,
             c.column,
             c.unit,
-            _number(c.factor),
-            _number(c.low),
-            _number(c.high),
-            _number(c.step),
+            _number(c.factor, 4),
+            _number(c.low, 4),
+            _number(c.high, 4),
+            _number(c.step, 3),
             str(c.wraps or "-"),
             "-" if math.isnan(c.standstill) else f"{100.0 * c.standstill:.0f} %",
         )
@@ -100,5 +100,7 @@ def print_look(name: str, look: Look, options: ImportOptions) -> None:
             )
 
 
-def _number(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, (int, float)) and math.isfinite(value) else "-"
+def _number(value: object, digits: int = 6) -> str:
+    return (
+        f"{value:.{digits}g}" if isinstance(value, (int, float)) and math.isfinite(value) else "-"
+    )

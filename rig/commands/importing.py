@@ -128,7 +128,7 @@ def import_(
         int,
         typer.Option(
             "--output-sense",
-            help="+1 or -1: the output angle counts with the input angle or against it; asked for where both are there.",
+            help="+1 or -1: the output angle counts with the input angle or against it; asked for where both are.",
             min=-1,
             max=1,
         ),

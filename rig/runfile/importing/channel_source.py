@@ -171,7 +171,7 @@ def source_unit(
     if allowed == ("1",):
         return "1"
     fitting = [u for u, (si, _) in UNITS.items() if not allowed or si in allowed]
-    example = fitting[0] if allowed else "UNIT"
+    example = allowed[0] if allowed else "UNIT"
     if source.name == TIME_CHANNEL:
         fitting += [COUNT, *TEXT_TIMES]
     plain = "" if allowed else '; "1" for a plain number'

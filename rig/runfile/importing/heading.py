@@ -46,7 +46,8 @@ def header_of(
         gear=gear,
         gear_serial=options.gear_serial,
         gear_mounted=options.gear_mounted,
-        ratio=ratio,
+        # A negative ratio says that the joint counts against the motor, which is no matter of the gear.
+        ratio=abs(ratio),
         mounting=mounting,
         output_sense=options.output_sense or 1,
         sample_rate=rate,

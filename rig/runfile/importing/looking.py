@@ -31,6 +31,7 @@ NEIGHBOURS = {
     "input_speed": "input_angle",
     "output_speed": "output_angle",
     "speed": "position",
+    "velocity": "position",
 }
 """Each measured speed, and the angle whose derivative it should be."""
 

@@ -19,7 +19,8 @@ class Need:
     """What an analysis asks of a recording.
 
     `channels` is a list of alternatives, of each of which one must be there; `labels` are the
-    segments that it looks for; `gear_off` where the motor must have run alone.
+    segments that it looks for; `gear_off` where the motor must have run alone; `revolutions` where
+    a length in metres is no angle.
     """
 
     channels: tuple[tuple[str, ...], ...]
@@ -27,14 +28,15 @@ class Need:
     ratio: bool = False
     labels: tuple[str, ...] = ()
     gear_off: bool = False
+    revolutions: bool = False
 
 
 _BOTH = (("input_angle",), ("output_angle",))
 _TORQUES = ("torque", "drive_torque")
 NEEDS = {
     "motion": Need(channels=((*ANGLES, *SPEEDS), EFFORTS)),
-    "order-spectrum": Need(channels=(ANGLES, (MEASURED,))),
-    "revolution": Need(channels=(ANGLES, (MEASURED,)), time=False),
+    "order-spectrum": Need(channels=(ANGLES, (MEASURED,)), revolutions=True),
+    "revolution": Need(channels=(ANGLES, (MEASURED,)), time=False, revolutions=True),
     "friction-curve": Need(channels=(SPEEDS, EFFORTS), time=False),
     "skew": Need(channels=((*ANGLES, *SPEEDS, *EFFORTS), (MEASURED,))),
     "hysteresis": Need(channels=(ANGLES, ("output_torque", *_TORQUES))),
@@ -52,7 +54,9 @@ NEEDS = {
 def reach_of(look: Look, options: ImportOptions) -> dict[str, str]:
     """Each kind of analysis with "" where the recording may be good for it, else why it is not."""
     return {
-        kind: _why_not(NEEDS[kind], look, options) for kind in catalogue.kinds() if kind in NEEDS
+        kind: _why_not(need, look, options)
+        for kind, need in NEEDS.items()
+        if kind in catalogue.kinds()
     }
 
 
@@ -79,6 +83,9 @@ def _why_not(need: Need, look: Look, options: ImportOptions) -> str:
         labels |= {*options.segments_from.labels.values(), options.segments_from.label}
     if need.labels and not labels & set(need.labels):
         return f"no segment labelled {' or '.join(need.labels)}"
+    angles = [c for c in look.channels if c.name in ANGLES]
+    if need.revolutions and not any(c.unit == "rad" for c in angles):
+        return "no channel that is an angle"
     wrapped = [c.name for c in look.channels if c.wraps]
     if wrapped:
         return f"{wrapped[0]} jumps as if it were wrapped (--modulus)"

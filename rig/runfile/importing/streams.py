@@ -17,6 +17,7 @@ from rig.runfile.importing.adapters.table import BadCell, Batch, CellReader, Tab
 from rig.runfile.importing.clocks import LATEST_S, NumberClock, TextClock
 
 LISTED_ROWS = 5
+OUTSIDE = "no sample of the other channels before, after or near enough"
 LARGEST_EXACT = 2.0**53
 GAP = 1.5
 """A step of the time that is longer than so many usual ones is a gap: nothing is interpolated across it."""
@@ -52,10 +53,17 @@ class LeftOut:
             many = f" and the {rows - 1} after it" if rows > 1 else ""
             self.listed.append(f"{word} {bad.line}{many}{column}: {bad.why} ({bad.text})")
 
+    def count(self, rows: int, why: str) -> None:
+        """Rows that were left out as was asked for."""
+        self.rows += rows
+        if rows and why not in self.listed:
+            self.listed.append(why)
+
     @property
     def words(self) -> str:
         """How many rows were left out, and the first of them."""
-        more = f", and {self.rows - len(self.listed)} more" if self.rows > len(self.listed) else ""
+        is_short = self.rows > len(self.listed) and OUTSIDE not in self.listed
+        more = f", and {self.rows - len(self.listed)} more" if is_short else ""
         return f"{self.rows} rows left out: {'; '.join(self.listed)}{more}"
 
 
@@ -218,8 +226,7 @@ def joined(streams: Sequence[Stream], left_out: LeftOut, *, interpolate: bool) -
         for piece in streams[0].pieces():
             parts = [other.at(piece.stamps) for other in others]
             inside = np.all([np.isfinite(part).all(axis=1) for part in parts], axis=0)
-            outside = int(np.count_nonzero(~inside))
-            left_out.rows += outside
+            left_out.count(int(np.count_nonzero(~inside)), OUTSIDE)
             if inside.any():
                 values = np.column_stack([piece.values, *parts])
                 yield Piece(piece.stamps, piece.cycles, piece.lines, values).rows(inside)

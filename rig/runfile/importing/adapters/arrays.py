@@ -99,10 +99,11 @@ def refuse_texts(path: Path, readers: Mapping[int, CellReader] | None) -> None:
 def numpy_table(path: Path) -> ArrayTable:
     """The arrays of an .npz or .npy file. Raises `RunFileError` for one that is damaged or holds objects."""
     try:
-        with np.load(path, allow_pickle=False) as loaded:
-            arrays = {name: loaded[name] for name in loaded.files}
-    except AttributeError:
-        arrays = {path.stem: np.load(path, allow_pickle=False)}
+        # The stream is our own: NumPy leaves it open where the archive is damaged.
+        with path.open("rb") as stream:
+            loaded = np.load(stream, allow_pickle=False)
+            is_archive = hasattr(loaded, "files")
+            arrays = {n: loaded[n] for n in loaded.files} if is_archive else {path.stem: loaded}
     except FileNotFoundError as error:
         raise RunFileError(
             "there is no such file", where=str(path), remedy="Check the path."

@@ -66,6 +66,7 @@ class LabviewTable(TextRows):
         self.notes = (
             f"LabVIEW measurement, {len(self.headings)} columns, X_Columns {kind}, "
             f"decimal {'comma' if comma else 'point'}",
+            *self._recorded(block),
             *self._said(block),
         )
 
@@ -117,6 +118,13 @@ class LabviewTable(TextRows):
                         where=f"{self.path}, line {number}",
                         remedy="Save each block as a file of its own.",
                     )
+
+    def _recorded(self, block: dict[str, list[str]]) -> list[str]:
+        """When it was recorded, as the header says it: local time, without a zone."""
+        said = " ".join(next((c for c in block.get(key, []) if c), "") for key in ("Date", "Time"))
+        return (
+            [f"recorded {said.strip()}, local time: give it with --start"] if said.strip() else []
+        )
 
     def _said(self, block: dict[str, list[str]]) -> list[str]:
         """Comments beside the rows, and a number of samples that is not the one of the rows."""

@@ -19,8 +19,11 @@ from rig.errors import RunFileError
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 WHITESPACE = "whitespace"
+NOTHING = "nothing"
+"""A single column: a blank in its heading separates nothing."""
 ANY = "any"
 """One comma, semicolon, tab or bar with white space around it, or white space alone."""
+_WORDS = re.compile(r"\S+(?:\s+[\[(][^\])]*[\])])?")
 _ANY = re.compile(r"\s*[,;|\t]\s*|\s+")
 DELIMITERS = {
     "tab": "\t",
@@ -38,6 +41,7 @@ NAMES = {
     ";": "semicolon",
     "|": "bar",
     WHITESPACE: "white space",
+    NOTHING: "nothing: there is one",
     ANY: "any of comma, semicolon, bar, tab and white space",
 }
 _COMMENTS = ("#", "%", "//")
@@ -122,6 +126,8 @@ def find_delimiter(sample: list[str]) -> str:
             return WHITESPACE
     if len(commas) == 1 and commas != {1}:
         return ","
+    if commas == {1} and {len(row) for row in words} == {1}:
+        return NOTHING
     mixed = {len(split_line(line, ANY)) for line in lines}
     if len(mixed) == 1 and mixed != {1} and _all_numbers(lines):
         return ANY
@@ -140,7 +146,10 @@ def _all_numbers(lines: list[str]) -> bool:
 def split_line(line: str, delimiter: str) -> list[str]:
     """The cells of a line."""
     if delimiter == WHITESPACE:
-        return line.split()
+        # `t [s]` is one heading.
+        return _WORDS.findall(line) if "[" in line or "(" in line else line.split()
+    if delimiter == NOTHING:
+        return [line.strip()]
     if delimiter == ANY:
         return _ANY.split(line.strip())
     line = line.rstrip("\r\n")
