@@ -158,6 +158,10 @@ def import_(
         bool,
         typer.Option("--allow-jumps", help="Angles that jump as if they were wrapped did so."),
     ] = False,
+    ignore_headings: Annotated[
+        bool,
+        typer.Option("--ignore-headings", help="The units in the headings are wrong: take none."),
+    ] = False,
     delimiter: Annotated[
         str,
         typer.Option("--delimiter", help="Found out without it; `tab`, `space`, `any` are words."),
@@ -219,6 +223,7 @@ def import_(
         "is_ragged": ragged,
         "interpolate": interpolate,
         "allow_jumps": allow_jumps,
+        "ignore_headings": ignore_headings,
         "experiment": protocol,
         "title": title,
         "operator": operator,

@@ -78,6 +78,7 @@ class ImportOptions:
     is_ragged: bool = False
     interpolate: bool = False
     allow_jumps: bool = False
+    ignore_headings: bool = False
     experiment: str = ""
     title: str = ""
     operator: str = ""

@@ -22,6 +22,7 @@ from rig.runfile.importing.lag import lag_of_speed
 from rig.runfile.importing.proposing import BLOCK_S, propose
 from rig.runfile.importing.reading import Reading
 from rig.runfile.importing.units import COUNT, TIME_CHANNEL
+from rig.runfile.importing.wraps import wraps
 
 STILL = 0.01
 """Share of the largest change per block below which a block stands still."""
@@ -81,7 +82,6 @@ class _Watch:
         self.look = look
         self.blocks: list[NDArray[np.float64]] = []
         self.head: NDArray[np.float64] = np.zeros(0)
-        self._last = math.nan
 
     def see(self, values: NDArray[np.float64], size: int) -> None:
         look = self.look
@@ -91,9 +91,8 @@ class _Watch:
         moved = steps[steps > 1e-12 * max(abs(look.low), abs(look.high), 1e-300)]
         if len(moved):
             look.step = min(look.step, float(moved.min()))
-        if look.unit == "rad" and len(moved):
-            far = (steps > 20.0 * np.median(moved)) & (steps > 0.5 * np.ptp(values))
-            look.wraps += int(np.count_nonzero(far))
+        if look.unit == "rad":
+            look.wraps += len(wraps(values, 1.0))
         if len(self.head) < LAG_ROWS:
             self.head = np.concatenate([self.head, values[: LAG_ROWS - len(self.head)]])
         whole = len(values) // size * size

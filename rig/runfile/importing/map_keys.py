@@ -110,6 +110,7 @@ RECORDING_KEYS = (
     Key(
         "allow_jumps", "yes or no", "angles that jump as if they were wrapped are so", "allow_jumps"
     ),
+    Key("ignore_headings", "yes or no", "units in headings are not believed", "ignore_headings"),
     Key("protocol", "text", "the protocol or analysis that it is for", "experiment"),
     Key("title", "text", "what it is, in a few words", "title"),
     Key("operator", "text", "who recorded it", "operator"),

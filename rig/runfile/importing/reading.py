@@ -17,12 +17,11 @@ from rig.runfile.importing.channel_source import ChannelSource
 from rig.runfile.importing.segments import SteadyStretches, TimedSegments
 from rig.runfile.importing.streams import GAP, LeftOut, Piece, joined
 from rig.runfile.importing.wiring import Wiring, wire
+from rig.runfile.importing.wraps import range_like, wraps
 from rig.runfile.layout import Column
 
 FASTEST_RAD_S = 4000.0
 """An angle that turns faster than this (38 000 r/min) has the wrong unit."""
-JUMP = 20.0
-"""A step of an angle is a jump where it is so many usual steps and more than half of all that was turned nearby."""
 ANGLES = ("input_angle", "output_angle", "position")
 """The channels whose direction labels stretches, the first that is there."""
 
@@ -53,6 +52,7 @@ class Reading:
         self._is_timed = self._wiring.streams[0].time is not None
         self._turns = np.zeros(len(self.columns))
         self._last = np.full(len(self.columns), np.nan)
+        self._tails = [np.zeros(0) for _ in self.columns]
         self._gaps = 0
         self._timed_segments = TimedSegments(options.segments)
         self._stretches = SteadyStretches()
@@ -62,10 +62,7 @@ class Reading:
         self.rows = 0
         self._fastest: dict[str, float] = {}
         self._jumps: dict[str, tuple[int, float]] = {}
-        self.notes: list[str] = [
-            *(note for table in tables for note in table.notes),
-            *self._wiring.notes,
-        ]
+        self.notes: list[str] = [note for table in tables for note in table.notes]
 
     @property
     def dropped(self) -> int:
@@ -171,7 +168,7 @@ class Reading:
             self._turns[index] = turns[-1]
             values = values + turns * modulus
             self._last[index] = values[-1] - turns[-1] * modulus
-        elif column.channel.unit == "rad":
+        if column.channel.unit == "rad":
             self._watch_jumps(column, index, values, piece)
         return np.rint(values).astype(np.int64) if column.dtype == "int64" else values
 
@@ -179,24 +176,24 @@ class Reading:
         self, column: Column, index: int, values: NDArray[np.float64], piece: Piece
     ) -> None:
         """Notice an angle that is wrapped, and refuse it unless the jumps were said to be real."""
-        before = values[0] if np.isnan(self._last[index]) else self._last[index]
-        self._last[index] = values[-1]
-        steps = np.abs(np.diff(values, prepend=before))
-        range_ = float(np.ptp(np.append(values, before)))
-        usual = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-        jumps = np.flatnonzero((steps > JUMP * usual) & (steps > 0.5 * range_))
-        if len(values) < JUMP or not len(jumps):
+        tail = self._tails[index]
+        seen = np.concatenate([tail, values])
+        self._tails[index] = seen[-3:]
+        jumps = wraps(seen, column.channel.scale)
+        # What lies in the tail was looked at with the rows before.
+        jumps = jumps[jumps + 1 >= len(tail)] - len(tail)
+        if not len(jumps):
             return
-        size = float(np.median(steps[jumps]))
+        size = float(np.abs(seen[jumps + len(tail)] - seen[jumps + len(tail) - 1]).max())
         if not self._options.allow_jumps:
             table = self._wiring.streams[0].table
             raise RunFileError(
                 "the angle jumps as if it were wrapped",
-                where=f"{table.path}, {table.line_word} {int(piece.lines[jumps[0]])}, "
+                where=f"{table.path}, {table.line_word} {int(piece.lines[max(jumps[0], 0)])}, "
                 f"channel {column.name}",
-                value=f"{size:.6g} of the column from one row to the next",
-                limit=f"some {usual:.3g} as elsewhere",
-                remedy=f"Give the range of the column, for instance --modulus {column.name}={_range(size):g}; "
+                value=f"{size:.6g} of the column, back while it goes on",
+                limit="steps as those beside it",
+                remedy=f"Give the range of the column, for instance --modulus {column.name}={range_like(size):g}; "
                 "or say with --allow-jumps that it jumped so.",
             )
         count, largest = self._jumps.get(column.name, (0, 0.0))
@@ -286,10 +283,3 @@ class _ReversedReading(Reading):
         other = self._others[index].channel
         own = column.channel.to_si(super()._stored(column, index, values, piece))
         return (own - other.offset) / other.gain
-
-
-def _range(size: float) -> float:
-    """The usual range of a wrapped column nearest to its jumps."""
-    usual = (360.0, 6.283185307179586, 1.0, 4096.0, 65536.0, 16384.0, 8192.0, 400.0)
-    near = [value for value in usual if abs(size - value) < 0.05 * value]
-    return near[0] if near else round(size)

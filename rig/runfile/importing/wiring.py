@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from rig.errors import ConfigurationError
 from rig.runfile.importing.adapters.table import Table, column_named, find_column, split_heading
@@ -45,7 +45,6 @@ class Wiring:
     labels: int | None
     words: Words
     rate: float | None
-    notes: tuple[str, ...] = field(default=())
 
 
 def wire(
@@ -77,7 +76,7 @@ def wire(
         label = ChannelSource(name=LABEL_COLUMN, column=wanted.column, file=wanted.file)
         wires.append(_wire(tables, label, time, options))
     words = Words()
-    streams, places = _streams(wires, columns, time, words, left_out)
+    streams, places = _streams(wires, columns, time, words, left_out, options)
     has_label = len(wires) > len(columns)
     return Wiring(
         columns=columns,
@@ -87,7 +86,6 @@ def wire(
         labels=places[-1] if has_label else None,
         words=words,
         rate=rate,
-        notes=tuple(_contradictions(wires[: len(columns)])),
     )
 
 
@@ -131,13 +129,13 @@ def _wire(
     options: ImportOptions,
 ) -> Wire:
     table, column = _place(tables, source)
-    heading = table.units[column] or split_heading(table.headings[column])[1]
+    heading = _said_by_heading(table, column, options)
     return Wire(
         source=source,
         table=table,
         column=column,
         time=_time_of(table, column, source, time, options),
-        heading_unit=_known_unit(heading),
+        heading_unit=_agreed(source, heading),
     )
 
 
@@ -218,6 +216,7 @@ def _streams(
     time: ChannelSource | None,
     words: Words,
     left_out: LeftOut,
+    options: ImportOptions,
 ) -> tuple[tuple[Stream, ...], tuple[int, ...]]:
     """The streams of the wires, and where among their values each wire's column stands."""
     groups: dict[tuple[int, int | None], list[int]] = {}
@@ -227,7 +226,7 @@ def _streams(
     order: list[int] = []
     for indices in groups.values():
         members = [wires[index] for index in indices]
-        clock = _clock(members[0], time)
+        clock = _clock(members[0], time, options)
         readers = {
             members[k].column: words.read
             for k, index in enumerate(indices)
@@ -257,14 +256,16 @@ def _holds_words(label: Wire, channels: Sequence[Wire]) -> bool:
     return label.table.line_word == "line" and label.column not in {w.column for w in channels}
 
 
-def _clock(wire: Wire, time: ChannelSource | None) -> NumberClock | TextClock | None:
+def _clock(
+    wire: Wire, time: ChannelSource | None, options: ImportOptions
+) -> NumberClock | TextClock | None:
     """What reads the column of time. Raises `ConfigurationError` where nobody says its unit."""
     if wire.time is None:
         return None
     table = wire.table
-    heading = table.units[wire.time] or split_heading(table.headings[wire.time])[1]
     said = time or ChannelSource(name=TIME_CHANNEL, column=table.headings[wire.time])
-    unit = source_unit(said, _known_unit(heading), ("s",))
+    heading = _agreed(said, _said_by_heading(table, wire.time, options))
+    unit = source_unit(said, heading, ("s",))
     if unit in TEXT_TIMES:
         return TextClock(unit == FILETIME)
     if unit == COUNT:
@@ -284,15 +285,24 @@ def _clock(wire: Wire, time: ChannelSource | None) -> NumberClock | TextClock | 
     return NumberClock(factor * (1.0 if said.scale is None else said.scale), said.modulus)
 
 
-def _contradictions(wires: Sequence[Wire]) -> list[str]:
-    """Warnings where the map says another unit than the heading."""
-    return [
-        f"WARNING: {w.source.name} was read in {w.source.unit}, but its heading says {w.heading_unit}"
-        for w in wires
-        if w.source.unit
-        and w.heading_unit
-        and unit_of(w.source.unit, w.source.name) != w.heading_unit
-    ]
+def _said_by_heading(table: Table, column: int, options: ImportOptions) -> str:
+    """The unit that the file says a column to have, in this program's spelling; "" where it says none."""
+    if options.ignore_headings:
+        return ""
+    return _known_unit(table.units[column] or split_heading(table.headings[column])[1])
+
+
+def _agreed(source: ChannelSource, heading_unit: str) -> str:
+    """The unit of the heading. Raises `ConfigurationError` where the map says another one: one of them is wrong."""
+    if source.unit and heading_unit and unit_of(source.unit, source.name) != heading_unit:
+        raise ConfigurationError(
+            "is said to be in another unit than its heading says",
+            where=f"{source.name}, column {source.column}",
+            value=source.unit,
+            limit=heading_unit,
+            remedy="Leave the unit away, or say with --ignore-headings that the headings are wrong.",
+        )
+    return heading_unit
 
 
 def _known_unit(text: str) -> str:

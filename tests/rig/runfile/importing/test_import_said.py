@@ -236,7 +236,8 @@ def test_what_an_import_states_of_the_device(tmp_path: Path) -> None:
 
 
 def test_what_nobody_said_is_said_to_be_missing(tmp_path: Path) -> None:
-    made = bring_in(text_file(tmp_path, BOTH), "time=t", "input_angle=in", "torque=out:N m")
+    path = text_file(tmp_path, BOTH.replace("out [rad]", "out"))
+    made = bring_in(path, "time=t", "input_angle=in", "torque=out:N m")
     (note,) = [note for note in made.notes if "in no budget" in note]
     for word in ("accuracy of the angles", "torque's scale", "torque's zero", "lag"):
         assert word in note
@@ -332,7 +333,7 @@ def test_a_wrapped_angle_is_noticed_and_unwrapped_when_asked(tmp_path: Path) -> 
     text = "q [deg]\n" + "".join(f"{(x + 180) % 360 - 180}\n" for x in true)
     path = text_file(tmp_path, text)
     with pytest.raises(
-        RunFileError, match=r"line 28, .*wrapped; value 353.*--modulus output_angle=360"
+        RunFileError, match=r"line 28, .*wrapped; value 353 .*--modulus output_angle=360"
     ):
         bring_in(path, "output_angle=q", rate=100.0)
     made = bring_in(path, "output_angle=q", rate=100.0, allow_jumps=True)

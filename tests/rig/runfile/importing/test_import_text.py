@@ -219,8 +219,11 @@ def test_units_come_from_headings(tmp_path: Path) -> None:
     recording = imported(tmp_path, text, options("time=t", "input_angle=Angle", "torque=3"))
     np.testing.assert_allclose(recording.time(), [0, 0.5])
     np.testing.assert_allclose(recording.si("input_angle"), [0, np.pi])
-    done = run_import(tmp_path, text, options("time=t", "input_angle=Angle:rad"))
-    assert any("WARNING" in note and "heading says deg" in note for note in done.notes)
+    other = ("time=t", "input_angle=Angle:rad")
+    with pytest.raises(ConfigurationError, match=r"another unit than its heading says; value rad"):
+        run_import(tmp_path, text, options(*other))
+    recording = imported(tmp_path, text, options("time=t:ms", other[1], ignore_headings=True))
+    assert recording.si("input_angle").tolist() == [0.0, 180.0]
 
 
 def test_wrapped_columns_are_unwrapped_over_batches(tmp_path: Path) -> None:
