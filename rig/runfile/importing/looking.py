@@ -82,9 +82,11 @@ class _Watch:
         self.look = look
         self.blocks: list[NDArray[np.float64]] = []
         self.head: NDArray[np.float64] = np.zeros(0)
+        self._size = 1
+        self._rest: NDArray[np.float64] = np.zeros(0)
 
     def see(self, values: NDArray[np.float64], size: int) -> None:
-        look = self.look
+        look, self._size = self.look, size
         look.low = min(look.low, float(values.min()))
         look.high = max(look.high, float(values.max()))
         steps = np.abs(np.diff(values))
@@ -95,13 +97,22 @@ class _Watch:
             look.wraps += len(wraps(values, 1.0))
         if len(self.head) < LAG_ROWS:
             self.head = np.concatenate([self.head, values[: LAG_ROWS - len(self.head)]])
+        values = np.concatenate([self._rest, values])
         whole = len(values) // size * size
+        self._rest = values[whole:]
         if whole:
             self.blocks.append(values[:whole].reshape(-1, size)[:, [0, -1]])
 
     def changes(self) -> NDArray[np.float64]:
-        """Change over each block."""
-        return np.diff(np.concatenate(self.blocks), axis=1)[:, 0] if self.blocks else np.zeros(0)
+        """Change over each block: from its first row to the first of the next."""
+        if not self.blocks:
+            return np.zeros(0)
+        within = np.diff(np.concatenate(self.blocks), axis=1)[:, 0]
+        return within * (self._size / max(self._size - 1, 1))
+
+    def begins(self) -> NDArray[np.float64]:
+        """First value of each block."""
+        return np.concatenate(self.blocks)[:, 0] if self.blocks else np.zeros(0)
 
     def levels(self) -> NDArray[np.float64]:
         """Mean of each block's ends."""
@@ -175,6 +186,7 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
         for c in reading.columns
     ]
     size, first_ns, last_ns = 1, 0, 0
+    clock = _Watch(ChannelLook(name=TIME_CHANNEL, column="", unit="s", factor=1.0, offset=0.0))
     for rows in reading.batches():
         if not found.rows:
             first_ns = int(rows.time_ns[0])
@@ -186,6 +198,7 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
         if not options.no_time and len(rows.time_ns) > 1:
             steps = np.diff(rows.time_ns)
             found.gaps += int(np.count_nonzero(steps > 1.5 * np.median(steps)))
+        clock.see((rows.time_ns - first_ns) * 1e-9, size)
         for watch, column, stored in zip(watches, reading.columns, rows.stored, strict=True):
             watch.see(column.channel.to_si(stored), size)
     reading.close_notes(found.rate_hz)
@@ -193,16 +206,15 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
     found.channels = [watch.look for watch in watches]
     if not options.no_time and found.rows > 1:
         found.duration_s = (last_ns - first_ns) * 1e-9
-        _motion(found, watches, size)
+        _motion(found, watches, clock)
     for watch in watches:
         if not math.isfinite(watch.look.step):
             watch.look.step = math.nan
 
 
-def _motion(found: Look, watches: list[_Watch], size: int) -> None:
+def _motion(found: Look, watches: list[_Watch], clock: _Watch) -> None:
     """Standstill, lags, the sense of the output, and stretches that may be labelled."""
     by_name = {watch.look.name: watch for watch in watches}
-    seconds = size / found.rate_hz
     for watch in watches:
         moved = None
         if watch.look.unit in ("rad", "m") and not watch.look.wraps:
@@ -223,7 +235,8 @@ def _motion(found: Look, watches: list[_Watch], size: int) -> None:
             found.output_per_input = float(turned @ by_name["output_angle"].changes()) / square
     for name in ("input_angle", "position", "output_angle"):
         if name in by_name and not by_name[name].look.wraps:
-            found.proposals = propose(by_name[name].changes(), seconds, by_name[name].look.unit)
+            unit = by_name[name].look.unit
+            found.proposals = propose(by_name[name].changes(), clock.begins(), unit)
             break
 
 

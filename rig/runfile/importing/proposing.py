@@ -18,14 +18,18 @@ MOST = 200
 """Stretches that are proposed; a motion that never rests has none."""
 
 
-def propose(changes: NDArray[np.float64], seconds: float, unit: str) -> list[ForeignSegment]:
-    """`step`, `traverse` and `hold` from the change of the angle over blocks of `seconds` each.
+def propose(
+    changes: NDArray[np.float64], begins: NDArray[np.float64], unit: str
+) -> list[ForeignSegment]:
+    """`step`, `traverse` and `hold` from the change of the angle over blocks that begin at `begins` [s].
 
     A stretch of at least ten blocks at one speed (to 5 %) is a `step` where the blocks before it
     stand still, a `traverse` where a whole revolution is turned, else a `hold`.
     """
     if not len(changes) or not np.abs(changes).max():
         return []
+    seconds = float(np.median(np.diff(begins))) if len(begins) > 1 else BLOCK_S
+    edges = np.append(begins, begins[-1] + seconds)
     still = np.abs(changes) < STILL * np.abs(changes).max()
     found: list[ForeignSegment] = []
     begin = 0
@@ -44,8 +48,8 @@ def propose(changes: NDArray[np.float64], seconds: float, unit: str) -> list[For
         found.append(
             ForeignSegment(
                 label=label,
-                start=start * seconds,
-                stop=end * seconds,
+                start=float(edges[start]),
+                stop=float(edges[end]),
                 setpoint=speed,
                 direction=int(np.sign(speed)),
                 repeat=sum(s.label == label and s.direction == np.sign(speed) for s in found),

@@ -3,16 +3,15 @@
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
 
 from model.units import DEGREE
-from rig import main
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.write import RunWriter
+from tests.rig.commands.calling import Rig
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, block, counts_of, header, write_run
 
 RUN = "00001-friction-A1.h5"
@@ -24,29 +23,6 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
     monkeypatch.delenv("HARMONIC_RIG_DEBUG", raising=False)
-
-
-class Rig:
-    """Calls `rig` and keeps what it printed."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self._capsys = capsys
-        self.out = self.err = ""
-
-    def __call__(self, *words: object) -> int:
-        with pytest.raises(SystemExit) as ending:
-            main.run([str(word) for word in words])
-        self.out, self.err = self._capsys.readouterr()
-        code = ending.value.code
-        return code if isinstance(code, int) else 0 if code is None else -1
-
-    def json(self, *words: object, code: int = 0) -> dict[str, Any]:
-        assert self(*words, "--json") == code, self.err
-        return json.loads(self.out, parse_constant=_no_constant)
-
-
-def _no_constant(word: str) -> None:
-    raise AssertionError(f"{word} is no JSON")
 
 
 @pytest.fixture
