@@ -29,7 +29,7 @@ def propose(
     if not len(changes) or not np.abs(changes).max():
         return []
     seconds = float(np.median(np.diff(begins))) if len(begins) > 1 else BLOCK_S
-    edges = np.append(begins, begins[-1] + seconds)
+    edges = np.concatenate([begins, begins[-1:] + seconds])
     still = np.abs(changes) < STILL * np.abs(changes).max()
     found: list[ForeignSegment] = []
     begin = 0
