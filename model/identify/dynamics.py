@@ -152,6 +152,8 @@ class LadderFit:
     skew: float
     error: dict[tuple[int, int], tuple[float, float]]
     metrics: dict[str, float]
+    answer: Callable[[StepData], Array]
+    """Output angle [rad] of the chosen rung at the stamps of a step, whatever its input is: measured or commanded."""
 
     def series(self, ratio: float) -> tuple[Harmonic, ...]:
         """The kinematic error that was fitted, beside what was given; over the input angle."""
@@ -492,12 +494,25 @@ def _stated(
     rigid: list[Array] = []
     acceleration: list[Array] = []
     transient: list[float] = []
-    for step, arrays in zip(steps, problem.steps, strict=True):
+
+    def respond(arrays: StepArrays) -> tuple[Array, Array, Array]:
+        """Input with its kinematic error, output angle and output speed on the fine grid of a step."""
         ideal = problem.ideal(arrays, solution.error)
         angle, speed, _, _ = problem.response(arrays, solution.values, ideal, tables)
+        return ideal, angle, speed
+
+    def at_stamps(step: StepData, arrays: StepArrays, angle: Array) -> Array:
         at = step.time + solution.values["skew"]
-        predicted.append(np.interp(at, arrays.fine, angle) + step.output_angle[0])
-        rigid.append(np.interp(at, arrays.fine, ideal) + step.output_angle[0])
+        return np.interp(at, arrays.fine, angle) + step.output_angle[0]
+
+    def answer(step: StepData) -> Array:
+        arrays = step_arrays(step, problem.interval, problem.basis)
+        return at_stamps(step, arrays, respond(arrays)[1])
+
+    for step, arrays in zip(steps, problem.steps, strict=True):
+        ideal, angle, speed = respond(arrays)
+        predicted.append(at_stamps(step, arrays, angle))
+        rigid.append(at_stamps(step, arrays, ideal))
         acceleration.append(np.interp(step.time, arrays.fine, np.gradient(speed, arrays.interval)))
         transient.append(float(np.max(np.abs(ideal - angle))))
     largest = np.array(transient)
@@ -522,6 +537,7 @@ def _stated(
             for pair, (a, b) in zip(problem.basis, solution.error.reshape(-1, 2), strict=True)
         },
         metrics={"largest_torque": float(np.max(largest)) * model.stiffness * expected.inertia},
+        answer=answer,
     )
 
 

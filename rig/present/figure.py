@@ -44,7 +44,7 @@ LETTER_WIDTH, SIGN = 0.0084, 0.42
 NUMERAL, CHARACTER = 0.067, 0.066
 """Width [inch] of a numeral at an axis, and of a letter of its label."""
 _WIDTHS = {".": 0.034, "\N{MINUS SIGN}": 0.088, "e": 0.065}
-EDGE, UNDER, GAP, LETTER, LINE = 0.08, 0.44, 0.1, 0.13, 0.17
+EDGE, UNDER, GAP, LETTER, LINE = 0.08, 0.44, 0.1, 0.16, 0.17
 """Room [inch] at the edge of a figure, under its panels, between them; a letter, a line of the legend."""
 MARKED = 0.8
 """Share of the first panel's height from which the word of the origin stands in a further one too."""

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
+import importlib
+import json
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
 from experiments import catalogue
+from experiments.parameters import parameter_fields
 from model.gear_file import SECTIONS
 from model.motor import ServoMotor
 from rig.gears.acceptance import Limit
+from rig.trial.campaign import plan
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -27,13 +31,11 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 def _module() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("reference_pages", DOCS / "reference_pages.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    sys.path.insert(0, str(DOCS))
+    try:
+        return importlib.import_module("reference_pages")
+    finally:
+        sys.path.remove(str(DOCS))
 
 
 def test_every_word_of_gear_motor_and_acceptance_file_is_told(pages: dict[str, str]) -> None:
@@ -56,6 +58,42 @@ def test_every_measurand_is_told_with_its_definition(pages: dict[str, str]) -> N
                 assert f"`{name}.{q.name}`" in text, q.name
                 assert q.definition.partition("|")[0].partition("<")[0] in text, q.name
     assert "kinematic-error.transmission_accuracy" in pages["acceptance-file"]
+
+
+def test_every_line_of_every_budget_is_told(pages: dict[str, str]) -> None:
+    budgets = json.loads((DOCS / "budgets.json").read_text(encoding="utf-8"))
+    sections = pages["measurands"].split("\n### ")
+    told = 0
+    for name in catalogue.names():
+        for q in catalogue.load(name).quantities:
+            part = next((s for s in sections if f"`{name}.{q.name}` |" in s), "")
+            for source, kind, _ in budgets[name].get(q.name, ()):
+                assert f"| {source} | {kind} |" in part, f"{name}.{q.name}: {source}"
+                told += 1
+    assert told > 50
+
+
+def test_every_key_of_a_campaign_is_told(pages: dict[str, str]) -> None:
+    text = pages["campaign-file"]
+    for key in (*plan.TOP, *plan.STAGE):
+        assert f"| `{key.name}` |" in text, key.name
+    for name in catalogue.names():
+        part = text.partition(f"\n### {name}\n")[2].partition("\n### ")[0]
+        for field in parameter_fields(catalogue.load(name).parameters):
+            assert f"| `{field.name}` |" in part, f"{name}.{field.name}"
+
+
+def test_a_plan_of_every_key_that_is_told_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "plan.toml"
+    path.write_text(
+        'format = "campaign-1"\nname = "night"\ntitle = "Friction"\n'
+        '[[protocol]]\nname = "friction"\nvalues = { points = 12 }\n',
+        encoding="utf-8",
+    )
+    content = tomllib.loads(path.read_text(encoding="utf-8"))
+    assert set(content) == {key.name for key in plan.TOP}
+    assert set(content["protocol"][0]) == {key.name for key in plan.STAGE}
+    assert plan.load_plan(path).stages[0].values == {"points": 12}
 
 
 def test_every_generated_page_is_in_the_table_of_contents(pages: dict[str, str]) -> None:

@@ -5,6 +5,9 @@ new numbers are meant, raise `version` in the kind's EXPERIMENT, say why in the 
 them:
 
     PIN_NUMBERS=1 python -m pytest tests/experiments/test_versions.py
+
+The same recordings say which lines a budget has: the page of measurands reads them from `docs/budgets.json`, which is
+written anew by the same command.
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ from tests.experiments.test_analyses_without_plan import axis, foreign
 
 PINNED = Path(__file__).with_name("pinned.json")
 """By kind: the version of its analysis, and value and U (95 %) of every estimate."""
+BUDGETS = Path(__file__).parents[2] / "docs" / "budgets.json"
+"""By kind and quantity: source, type and note of every line of the budget."""
 SAME = 1e-5
 """Relative; other processors and libraries agree to less."""
 
@@ -82,7 +87,8 @@ def test_the_numbers_of_an_analysis_belong_to_its_version(
 ) -> None:
     pinned = json.loads(PINNED.read_text(encoding="utf-8")) if PINNED.exists() else {}
     version = catalogue.load(kind).version
-    estimates = small(kind).estimates
+    result = small(kind)
+    estimates = result.estimates
     numbers = {name: [e.value, e.expanded_uncertainty] for name, e in estimates.items()}
     assert numbers
     if os.environ.get("PIN_NUMBERS") and pinned.get(kind, {}).get("version") != version:
@@ -101,6 +107,29 @@ def test_the_numbers_of_an_analysis_belong_to_its_version(
         "if that is meant, raise `version` in its EXPERIMENT and pin the new numbers "
         "(see the top of this file)"
     )
+    told = json.loads(BUDGETS.read_text(encoding="utf-8")) if BUDGETS.exists() else {}
+    if os.environ.get("PIN_NUMBERS"):
+        told[kind] = budgets_of(result)
+        text = json.dumps(told, indent=1, sort_keys=True, ensure_ascii=False)
+        BUDGETS.write_text(text + "\n", encoding="utf-8")
+    assert told.get(kind) == budgets_of(result), (
+        f"docs/budgets.json tells of other budgets than {kind} has: write it as the top of this file says"
+    )
+
+
+def budgets_of(result: Result) -> dict[str, list[list[str]]]:
+    """Source, type and note of each line of the budgets, each once per quantity that has a definition."""
+    found: dict[str, list[list[str]]] = {}
+    for name, estimate in result.estimates.items():
+        quantity = result.quantity(name)
+        if quantity.is_key or quantity.definition:
+            lines = found.setdefault(quantity.name, [])
+            lines += [
+                row
+                for line in estimate.budget
+                if (row := [line.source, line.kind, line.note]) not in lines
+            ]
+    return found
 
 
 def same(numbers: dict[str, list[float]], name: str, pin: list[float]) -> bool:

@@ -9,7 +9,7 @@ follows it quasi-statically.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,17 +34,25 @@ SLOW = 300.0 * RPM
 below the first mode).
 """
 SLOW_ORDERS = (1, 2, 3, 4, 5, 6)
+RISE = 0.015
+"""s over which a commanded speed is taken to rise: that of a drive's speed loop of some 40 Hz. A step without any
+would command an infinite acceleration, which no drive gives.
+"""
+TARGET_SPEED = "target_speed"
+"""The channel of the set-point of the input speed [rad/s]."""
 
 
 @dataclass(frozen=True)
 class RecordedStep:
-    """One step: its segment, its data with time 0 at the first cycle of the step, its torque [N m]
-    where it was recorded.
+    """One step: its segment, its data with time 0 at the first cycle of the step.
+
+    `torque` (n,) [N m] and `commanded` (n,), the set-point of the input speed [rad/s], where they were recorded.
     """
 
     segment: Segment
     data: StepData
     torque: FloatArray | None
+    commanded: FloatArray | None = None
 
 
 def recorded_steps(
@@ -61,9 +69,10 @@ def recorded_steps(
     slow steps, in which the first mode, expected at `resonance` [rad/s], raises order n by 1/(1 -
     (n speed/resonance)^2).
     """
-    raw: list[tuple[Segment, FloatArray, FloatArray, FloatArray, FloatArray | None]] = []
-    for segment in recording.labelled("step"):
-        raw.append((segment, *_arrays(recording, segment, reference.input_angle, zero)))
+    raw = [
+        _arrays(recording, segment, reference.input_angle, zero)
+        for segment in recording.labelled("step")
+    ]
     if source is not None:
         series, origin = source.kinematic_error, f"the parameter set {source.name}"
     else:
@@ -75,23 +84,23 @@ def recorded_steps(
         name: recording.signals[name].quantum or 1e-7 for name in ("input_angle", "output_angle")
     }
     recorded, unused = [], []
-    for segment, time, angle, output, torque in raw:
+    for part in raw:
         try:
             data = step_data(
-                time,
-                angle,
-                output,
+                part.time,
+                part.input_angle,
+                part.output_angle,
                 ratio,
                 output_quantum=quanta["output_angle"],
                 input_quantum=quanta["input_angle"],
                 kinematic_error=series,
             )
         except IdentificationError as error:
-            unused.append(f"{segment.setpoint / RPM:.0f} r/min ({error.what})")
+            unused.append(f"{part.segment.setpoint / RPM:.0f} r/min ({error.what})")
             if error.where == "ratio":
                 raise
             continue
-        recorded.append(RecordedStep(segment, data, torque))
+        recorded.append(RecordedStep(part.segment, data, part.torque, part.commanded))
     warnings = [f"{len(unused)} steps were left out: {', '.join(unused[:4])}."] if unused else []
     if not series:
         origin = "none"
@@ -113,10 +122,21 @@ def carries(gear: HarmonicDrive, reference: PhaseReference) -> bool:
     return reference.carries and bool(identified) and all(identified)
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Stretch:
+    """The channels of one step with some standstill before it, as they were recorded."""
+
+    segment: Segment
+    time: FloatArray
+    input_angle: FloatArray
+    output_angle: FloatArray
+    torque: FloatArray | None
+    commanded: FloatArray | None
+
+
 def _arrays(
     recording: Recording, segment: Segment, reference: float, zero: TorqueZero | None
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
-    """Time, input angle, output angle, torque of one step with some standstill before it."""
+) -> _Stretch:
     rate = (
         recording.metadata.sample_rate if math.isfinite(recording.metadata.sample_rate) else 1000.0
     )
@@ -133,27 +153,50 @@ def _arrays(
     torque = None
     if zero is not None:
         torque = recording.si("torque", rows)[good] - zero.at(stamp[good])
-    return (
-        time,
-        recording.si("input_angle", rows)[good] - reference,
-        recording.output_angle(rows)[good],
-        torque,
+    return _Stretch(
+        segment=segment,
+        time=time,
+        input_angle=recording.si("input_angle", rows)[good] - reference,
+        output_angle=recording.output_angle(rows)[good],
+        torque=torque,
+        commanded=recording.si(TARGET_SPEED, rows)[good] if recording.has(TARGET_SPEED) else None,
     )
 
 
-def _own_series(
-    raw: list[tuple[Segment, FloatArray, FloatArray, FloatArray, FloatArray | None]],
-    ratio: float,
-    resonance: float,
-) -> tuple[Harmonic, ...]:
+def commanded_step(step: RecordedStep) -> RecordedStep:
+    """The same step with the input that was asked for in the place of the one that came.
+
+    It stands at the first measured angle until the set-point changes (where none was recorded, to that of the
+    segment at time 0), and takes `RISE` for each change. What else drive and motor do to a set-point is not in it.
+    """
+    data = step.data
+    speed = step.commanded
+    if speed is None:
+        speed = np.where(data.time >= 0.0, step.segment.setpoint, 0.0)
+    changes = np.diff(speed, prepend=0.0)
+    turned = np.zeros(len(speed))
+    for row in np.flatnonzero(changes):
+        turned += changes[row] * _risen(data.time - data.time[row])
+    return replace(step, data=replace(data, input_angle=data.input_angle[0] + turned))
+
+
+def _risen(since: FloatArray) -> FloatArray:
+    """Integral [s] of a rise from 0 to 1 over `RISE` along half a cosine, at times since its start [s]."""
+    share = np.clip(since / RISE, 0.0, 1.0)
+    rising = 0.5 * share - np.sin(math.pi * share) / (2.0 * math.pi)
+    return RISE * rising + np.maximum(since - RISE, 0.0)
+
+
+def _own_series(raw: list[_Stretch], ratio: float, resonance: float) -> tuple[Harmonic, ...]:
     """Whole orders of theta_o - theta_i/N over the steady parts of the slow steps, one constant per
     step; () without any.
     """
-    slow = [part for part in raw if abs(part[0].setpoint) <= SLOW and len(part[1]) > 200]
+    slow = [part for part in raw if abs(part.segment.setpoint) <= SLOW and len(part.time) > 200]
     if not slow:
         return ()
     designs, values, which = [], [], []
-    for index, (_, time, angle, output, _) in enumerate(slow):
+    for index, part in enumerate(slow):
+        time, angle = part.time, part.input_angle
         steady = time >= max(0.4 * float(time[-1]), 0.2)
         orders = [float(n) for n in SLOW_ORDERS]
         raised = 1.0 / (
@@ -162,7 +205,7 @@ def _own_series(
         designs.append(
             design_matrix(angle[steady], orders, constant=False, trend=False) * np.repeat(raised, 2)
         )
-        values.append(output[steady] - angle[steady] / ratio)
+        values.append(part.output_angle[steady] - angle[steady] / ratio)
         which.append(np.full(int(steady.sum()), index))
     step = np.concatenate(which)
     constants = (step[:, None] == np.arange(len(slow))[None, :]).astype(np.float64)
@@ -180,7 +223,7 @@ def part_speed(angle: FloatArray, time: FloatArray) -> float:
 
 
 def simulated_output(step: RecordedStep, gear: HarmonicDrive) -> FloatArray:
-    """Output angle [rad] of equation 2 with the measured input of one step, at its stamps.
+    """Output angle [rad] of equation 2 with the input of one step, at its stamps.
 
     The gear's own kinematic error is used; start at rest. The input is smoothed by local polynomials, not differenced.
     """

@@ -1,40 +1,46 @@
 """Figure 19 and what belongs to it, as data: output speed per step, measured and simulated;
 resonance over speed; orders.
+
+Figure 19 is simulated from the command: a customer asks a gear for a speed, and sees what comes out.
+What drive and motor make of the command stands in its residual, beside what the measured input leaves.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from experiments.protocols.velocity_steps.data import RecordedStep
+from experiments.protocols.velocity_steps.data import RISE, RecordedStep, commanded_step
 from experiments.result import Plot, Series, Table, residual_panel, way_of
 from model.arrays import FloatArray
 from model.errors import ModelError
 from model.identify.dynamics import LadderFit
 from model.identify.sensitivity import Identifiability
 from model.identify.step_data import StepScore, score_step
+from model.identify.step_fit import LONGEST
 from model.kinematic_error import order_spectrum
 from model.units import ARCSEC, RPM
 
 SHOWN = 0.3
 """s of a step that figure 19 shows: the rise and the ring-down."""
+AT_THE_END = 0.1
+"""s before the end of what is fitted of a step in which a slope has no room on both sides."""
 HIGHEST_ORDER = 16.0
 LEAST_REVOLUTIONS = 6.0
 
 
+Simulation = Callable[[RecordedStep], FloatArray]
+"""Output angle (n,) [rad] of a model at the stamps of a step, for the input that the step has."""
+
+
 def fitted_step_plots(
-    steps: list[RecordedStep], scores: list[StepScore], ladder: LadderFit, paper: list[FloatArray]
+    steps: list[RecordedStep], scores: list[StepScore], ladder: LadderFit, paper: Simulation
 ) -> tuple[Plot, ...]:
     """Figure 19 per speed with the chosen rung beside the paper's model, what each rung leaves, and skills."""
-    published = [
-        score_step(step.data, angle).predicted_speed
-        for step, angle in zip(steps, paper, strict=True)
-    ]
-    figures = _figure_19(steps, scores, "simulated, measured input", published)
     return (
-        *figures,
+        *_figure_19(steps, scores, lambda step: ladder.answer(step.data), "simulated", paper),
         _rungs(steps, ladder),
         _skills(steps, scores),
         *_orders(steps, scores),
@@ -42,62 +48,94 @@ def fitted_step_plots(
 
 
 def scored_step_plots(
-    steps: list[RecordedStep], scores: list[StepScore], name: str
+    steps: list[RecordedStep], scores: list[StepScore], simulation: Simulation, name: str
 ) -> tuple[Plot, ...]:
     """Figure 19 per speed with a given parameter set, and its skills."""
-    return (*_figure_19(steps, scores, f"{name}, measured input"), _skills(steps, scores))
+    return (*_figure_19(steps, scores, simulation, name), _skills(steps, scores))
 
 
 def _figure_19(
     steps: list[RecordedStep],
     scores: list[StepScore],
+    simulation: Simulation,
     label: str,
-    paper: list[FloatArray] | None = None,
+    paper: Simulation | None = None,
 ) -> list[Plot]:
-    """One figure per speed: the first forward step of it (reverse where there is none)."""
+    """One figure per speed: the first forward step of it (reverse where there is none).
+
+    `scores` are those with the measured input, of which only the residual is shown.
+    """
     chosen: dict[int, int] = {}
     for place, step in enumerate(steps):
         key = round(abs(step.segment.setpoint) / RPM)
         other = chosen.get(key)
         if other is None or (steps[other].segment.direction < 0 < step.segment.direction):
             chosen[key] = place
-    plots = []
-    for rpm, place in sorted(chosen.items()):
-        score = scores[place]
-        shown = score.time <= max(SHOWN, 3.0 * 60.0 / max(rpm, 1))
-        x = score.time[shown]
-        measured, simulated = score.measured_speed[shown] / RPM, score.predicted_speed[shown] / RPM
-        series = (
-            _commanded(steps[place], x),
-            Series(label="rigid gear", x=x, y=score.rigid_speed[shown] / RPM, role="null"),
-            Series(label="measured", x=x, y=measured, style="points", group=0),
-            Series(label=label, x=x, y=simulated, style="line", group=1),
-            Series(label="", x=x, y=measured - simulated, style="line", group=0, panel=1),
-        )
-        if paper is not None:
-            published = paper[place][shown] / RPM
-            series += (Series(label="equation 2, nothing fitted", x=x, y=published, role="null"),)
-        note = f"skill on the output speed {score.metrics['skill_speed']:.2f} against a rigid gear with kinematic error"
-        plots.append(
-            Plot(
-                name=f"velocity-step-{rpm}",
-                title=f"Velocity step to {rpm} r/min at the input",
-                x_label="time [s]",
-                y_label="output speed [r/min]",
-                series=series,
-                figure="19",
-                note=note,
-                panels=(residual_panel("r/min"),),
+    return [
+        _step_figure(rpm, steps[place], scores[place], simulation, label, paper)
+        for rpm, place in sorted(chosen.items())
+    ]
+
+
+def _step_figure(
+    rpm: int,
+    step: RecordedStep,
+    score: StepScore,
+    simulation: Simulation,
+    label: str,
+    paper: Simulation | None,
+) -> Plot:
+    """Figure 19 of one step: measured, and simulated from the commanded input."""
+    asked = commanded_step(step)
+    end = min(LONGEST, float(score.time[-1])) - AT_THE_END
+    shown = score.time <= min(max(SHOWN, 3.0 * 60.0 / max(rpm, 1)), end)
+
+    def speed_of(simulated: FloatArray) -> FloatArray:
+        return score_step(asked.data, simulated).predicted_speed[shown] / RPM
+
+    x = score.time[shown]
+    measured, simulated = score.measured_speed[shown] / RPM, speed_of(simulation(asked))
+    with_measured_input = measured - score.predicted_speed[shown] / RPM
+    behind = [_rigid(step, x)]
+    if paper is not None:
+        behind.append(
+            Series(
+                label="equation 2, unfitted",
+                x=x,
+                y=speed_of(paper(asked)),
+                role="null",
             )
         )
-    return plots
+    return Plot(
+        name=f"velocity-step-{rpm}",
+        title=f"Velocity step to {rpm} r/min at the input",
+        x_label="time [s]",
+        y_label="output speed [r/min]",
+        series=(
+            *behind,
+            Series(label="measured", x=x, y=measured, style="points", group=0),
+            Series(label=f"{label} from command", x=x, y=simulated, group=1),
+            Series(
+                label="left by measured input",
+                x=x,
+                y=with_measured_input,
+                role="null",
+                panel=1,
+            ),
+            Series(label="", x=x, y=measured - simulated, group=1, panel=1),
+        ),
+        figure="19",
+        note=f"Input: the commanded speed, risen over {1e3 * RISE:g} ms; what drive and motor make of it is left. "
+        f"With the measured input the skill against a rigid gear is {score.metrics['skill_speed']:.2f}.",
+        panels=(residual_panel("r/min"),),
+    )
 
 
-def _commanded(step: RecordedStep, time: FloatArray) -> Series:
-    """The commanded input speed over the ratio: nothing before the step, the whole of it at once."""
+def _rigid(step: RecordedStep, time: FloatArray) -> Series:
+    """A rigid gear: the commanded input speed over the ratio, nothing before the step, the whole of it at once."""
     height = step.segment.setpoint / step.data.ratio / RPM
     return Series(
-        label="commanded input / N",
+        label="rigid: command / N",
         x=np.array([min(float(time[0]), 0.0), 0.0, 0.0, float(time[-1])]),
         y=np.array([0.0, 0.0, height, height]),
         role="null",

@@ -1,6 +1,6 @@
 """Velocity steps: the input jumps to a speed, the output follows; simulated output against measured output per speed.
 
-(2) with the measured input prescribed; figure 19. Steps test K/J_o, damping and kinematic error,
+(2) with the measured input prescribed; figure 19 from the commanded one. Steps test K/J_o, damping and kinematic error,
 not friction. One fit over all steps climbs a ladder: the rigid gear and equation 2 with the card's
 values, nothing fitted; then a linear spring, hardening, hysteresis (`model.identify.dynamics`).
 Scored are the output's speed and x = theta_o - theta_i/N - ke against null models, never the raw
@@ -54,6 +54,7 @@ from experiments.result import Result
 from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, SpeedStep, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import torque_zero
+from model.arrays import FloatArray
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
 from model.identify.dynamics import Expected, LadderFit, fit_ladder
@@ -176,12 +177,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     # Where nobody says what gear it is, the shipped set stands in, which tells nothing of where its mode lies.
     is_known = recording.metadata.gear is not None or gear != shipped_gear()
     with analysing(recording.metadata.run_id):
-        paper = [simulated_output(step, gear) for step in steps]
+
+        def paper(step: RecordedStep) -> FloatArray:
+            return simulated_output(step, gear)
+
         ladder = fit_ladder(
             [step.data for step in steps],
             expected_of(gear, is_known=is_known),
             richest=LADDERS[richest],
-            paper=paper,
+            paper=[paper(step) for step in steps],
             error_given=given,
         )
         scores = [
@@ -218,6 +222,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         options={
             "kinematic_error": origin,
             "input": "measured",
+            "input_of_figure_19": _commanded_words(steps),
             "ladder": richest,
             "rung": ladder.chosen,
             "stiffness": f"secant, at +-{amplitude_of(gear):.3g} N m at the output",
@@ -420,6 +425,12 @@ def _told(value: float, half: float, ratio: Estimate) -> tuple[Identifiable, str
     return "yes", ""
 
 
+def _commanded_words(steps: list[RecordedStep]) -> str:
+    """What drives the simulation in figure 19."""
+    recorded = all(step.commanded is not None for step in steps)
+    return "commanded, " + ("the recorded set-point" if recorded else "the set-point of the step")
+
+
 def _metrics(
     scores: list[StepScore], ladder: LadderFit, steps: list[RecordedStep]
 ) -> dict[str, float]:
@@ -444,10 +455,12 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
     """Score equation 2 with a given parameter set on every step, driven by the measured input; nothing is fitted."""
     steps, origin, warnings = _steps_of(recording, gear, evidence)
     with analysing(recording.metadata.run_id):
-        driven = [dataclasses.replace(gear, kinematic_error=s.data.kinematic_error) for s in steps]
-        scores = [
-            score_step(s.data, simulated_output(s, g)) for s, g in zip(steps, driven, strict=True)
-        ]
+
+        def simulated(step: RecordedStep) -> FloatArray:
+            error = step.data.kinematic_error
+            return simulated_output(step, dataclasses.replace(gear, kinematic_error=error))
+
+        scores = [score_step(step.data, simulated(step)) for step in steps]
     names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
     metrics = {
         f"median_{name}": float(np.median([s.metrics[name] for s in scores])) for name in names
@@ -464,11 +477,12 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         estimates={},
         metrics={"steps": float(len(steps)), **metrics},
         warnings=tuple(warnings),
-        plots=scored_step_plots(steps, scores, gear.name),
+        plots=scored_step_plots(steps, scores, simulated, gear.name),
         tables=(score_table(steps, scores),),
         options={
             "kinematic_error": origin,
             "input": "measured",
+            "input_of_figure_19": _commanded_words(steps),
             "parameter_set": gear.name,
             "fitted": "nothing",
         },
@@ -545,7 +559,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
     live=("speed", "steps", "torque"),
     builds_on=("kinematic-error",),
     terms=(

@@ -28,8 +28,67 @@ from rig.errors import ConfigurationError
 
 FORMAT = "campaign-1"
 """The value of `format` in the files that this program reads."""
-_TOP = ("format", "name", "title", "protocol")
-_STAGE = ("name", "values")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Key:
+    """A key of a plan file: kind, what it may be, what stands for it where it is left away, and its meaning."""
+
+    name: str
+    kind: str
+    what: str
+    allowed: str = ""
+    default: str = ""
+
+
+TOP = (
+    Key(
+        name="format",
+        kind="text",
+        what="what kind of file this is",
+        allowed=f'"{FORMAT}"',
+        default="required",
+    ),
+    Key(
+        name="name",
+        kind="text",
+        what="under which the campaign is found again when it goes on",
+        allowed="not empty",
+        default="required",
+    ),
+    Key(
+        name="title",
+        kind="text",
+        what="a line for people",
+        allowed="not empty",
+        default="the name",
+    ),
+    Key(
+        name="protocol",
+        kind="list of tables [[protocol]]",
+        what="the protocols, in the order in which they are run; one may stand there twice",
+        allowed="at least one",
+        default="required",
+    ),
+)
+"""The keys of a plan file."""
+STAGE = (
+    Key(
+        name="name",
+        kind="text",
+        what="which protocol is run",
+        allowed="a protocol of this program",
+        default="required",
+    ),
+    Key(
+        name="values",
+        kind="table",
+        what="its parameters that differ from their defaults",
+        allowed="names and ranges of the protocol",
+        default="none",
+    ),
+)
+"""The keys of one table `[[protocol]]`."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +152,7 @@ def _shipped() -> Any:
 
 
 def _plan(content: Mapping[str, Any], path: str) -> CampaignPlan:
-    _refuse_unknown(content, _TOP, path)
+    _refuse_unknown(content, TOP, path)
     if content.get("format") != FORMAT:
         raise ConfigurationError(
             "is no campaign plan of this program",
@@ -118,7 +177,7 @@ def _plan(content: Mapping[str, Any], path: str) -> CampaignPlan:
 def _stage(row: Any, where: str) -> Stage:
     if not isinstance(row, dict):
         raise ConfigurationError("is no table", where=where, value=repr(row), limit="[[protocol]]")
-    _refuse_unknown(row, _STAGE, where)
+    _refuse_unknown(row, STAGE, where)
     protocol = _text(row, "name", where)
     if protocol not in catalogue.names():
         raise ConfigurationError(
@@ -153,7 +212,8 @@ def _text(table: Mapping[str, Any], key: str, where: str, otherwise: str = "") -
     return text
 
 
-def _refuse_unknown(table: Mapping[str, Any], known: tuple[str, ...], where: str) -> None:
+def _refuse_unknown(table: Mapping[str, Any], known: tuple[Key, ...], where: str) -> None:
+    names = [key.name for key in known]
     for key in table:
-        if key not in known:
-            raise ConfigurationError("no such key", where=f"{where}: {key}", limit=", ".join(known))
+        if key not in names:
+            raise ConfigurationError("no such key", where=f"{where}: {key}", limit=", ".join(names))

@@ -115,6 +115,16 @@ def test_a_linear_gear_needs_no_richer_rung(ladder: LadderFit) -> None:
     assert left["linear"] == pytest.approx(OUTPUT_QUANTUM / np.sqrt(12.0), rel=0.1)
 
 
+def test_the_chosen_rung_answers_an_input_that_it_was_not_fitted_to(run, ladder: LadderFit) -> None:
+    first, _, _ = run[0]
+    assert ladder.answer(first) == pytest.approx(ladder.predicted[0], abs=1e-15)
+    # Half the input, without the kinematic error that hangs on its angle, ends at half the way.
+    half = dataclasses.replace(first, input_angle=0.5 * first.input_angle, kinematic_error=())
+    travel = ladder.answer(half)[-1] - ladder.answer(half)[0]
+    asked = 0.5 * (first.input_angle[-1] - first.input_angle[0]) / first.ratio
+    assert travel == pytest.approx(asked, rel=0.01)
+
+
 def test_an_order_that_passes_at_a_steps_speed_is_not_taken_for_the_mode(run) -> None:
     """The kinematic error is not told: order 2 passes at 80 Hz, order 4 at 160 Hz."""
     bare = [dataclasses.replace(data, kinematic_error=()) for data, _, _ in run]
