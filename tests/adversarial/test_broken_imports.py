@@ -42,7 +42,7 @@ class Broken:
         self.torque += TRUTH["coulomb"] * np.sign(speed)
         self.time = time
         self.headings = ["t [s]", "q [rad]", "M [N m]"]
-        self.channels = list(CHANNELS)
+        self.channels: list[str] = list(CHANNELS)
         self.options: dict[str, Any] = {}
         self.lines = self.rows(self.time, self.angle, self.torque)
         self.others: dict[str, str] = {}

@@ -198,7 +198,8 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
         if not options.no_time and len(rows.time_ns) > 1:
             steps = np.diff(rows.time_ns)
             found.gaps += int(np.count_nonzero(steps > 1.5 * np.median(steps)))
-        clock.see((rows.time_ns - first_ns) * 1e-9, size)
+        seconds = np.asarray((rows.time_ns - first_ns) * 1e-9, dtype=np.float64)
+        clock.see(seconds, size)
         for watch, column, stored in zip(watches, reading.columns, rows.stored, strict=True):
             watch.see(column.channel.to_si(stored), size)
     reading.close_notes(found.rate_hz)

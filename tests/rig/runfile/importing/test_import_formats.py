@@ -133,18 +133,18 @@ def test_cell_arrays_of_version_7_3(tmp_path: Path) -> None:
             file.create_dataset(f"#refs#/{k}", data=a[None, :])
             for k, a in enumerate((TIME, DEGREES, TORQUES))
         ]
-        file.create_dataset("log", (3, 1), dtype=h5py.ref_dtype)
-        file["log"][:, 0] = [part.ref for part in parts]
-        file["log"].attrs["MATLAB_class"] = np.bytes_("cell")
+        log = file.create_dataset("log", (3, 1), dtype=h5py.ref_dtype)
+        log[:, 0] = [part.ref for part in parts]
+        log.attrs["MATLAB_class"] = np.bytes_("cell")
     same(bring("mat", path, "log{1}", "log{2}", "log{3}"))
 
 
 def test_a_cell_array_that_holds_itself_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "x.mat"
     with h5py.File(path, "w") as file:
-        file.create_dataset("log", (1, 2), dtype=h5py.ref_dtype)
-        file["log"][0] = [file["log"].ref, file["log"].ref]
-        file["log"].attrs["MATLAB_class"] = np.bytes_("cell")
+        log = file.create_dataset("log", (1, 2), dtype=h5py.ref_dtype)
+        log[0] = [log.ref, log.ref]
+        log.attrs["MATLAB_class"] = np.bytes_("cell")
     with pytest.raises(RigError, match="deeper than"):
         open_table("mat", path)
 

@@ -12,7 +12,7 @@ TIME = np.arange(2000) * 0.01
 def test_wraps_are_found_at_any_speed(speed: float) -> None:
     """From two turns in twenty seconds to seven samples a turn."""
     true = speed * TIME
-    wrapped = (true + np.pi) % (2 * np.pi) - np.pi
+    wrapped = np.asarray((true + np.pi) % (2 * np.pi) - np.pi, dtype=np.float64)
     expected = np.flatnonzero(np.abs(np.diff(wrapped)) > np.pi) + 1
     assert len(expected)
     found = wraps(wrapped, 1.0)
