@@ -72,6 +72,12 @@ class Fit:
         return self.recording.metadata.gear_serial
 
     @property
+    def leans_on_gear(self) -> bool:
+        """Whether it had a parameter set to lean on; an analysis of recordings needs none."""
+        analyses = {entry.name for entry in catalogue.ENTRIES if not entry.has_plan}
+        return self.gear_known or self.result.kind not in analyses
+
+    @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
         return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)

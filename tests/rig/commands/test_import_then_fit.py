@@ -39,6 +39,9 @@ def test_the_kind_is_named_once(rig: Rig, recording: Path, named: str) -> None:
     at_import = ("--protocol", "motion") if named == "at the import" else ()
     at_fit = () if at_import else ("motion",)
     run = rig.json("import", "csv", recording, *CHANNELS, *at_import)["run"]
+    if not at_import:
+        assert rig("report", run, "-o", "report.html") == 6
+        assert f"rig fit KIND {run}" in rig.err
     fitted = rig.json("fit", *at_fit, run)
     assert fitted["kind"] == "motion"
     assert not [text for text in fitted["warnings"] if "parameter set" in text]
