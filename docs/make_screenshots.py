@@ -1,6 +1,6 @@
 """Pictures of the window for the documentation, made by driving it without a screen.
 
-    python docs/make_screenshots.py                    # every state, both sizes, into docs/screenshots
+    python docs/make_screenshots.py                    # every state, into docs/screenshots
     python docs/make_screenshots.py run-finished       # one of them
     python docs/make_screenshots.py --theme dark --scale 2 --size 1366x768 --output /tmp/pictures
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).resolve().parent
 SIZES = ("1366x768", "1920x1080")
+KEPT_SIZE = SIZES[:1]
+"""Size of the pictures that the documentation keeps."""
 LONGEST = 120.0
 """s that a state may take."""
 COLOURS = 256
@@ -112,18 +114,17 @@ class Stage:
             "--operator",
             "A. Example",
         ]
-        arguments += ["--output", str(self.folder), *flags, "--events", "--stdin-control"]
+        arguments += ["--runs", str(self.folder), *flags, "--events", "--stdin-control"]
         self.window.start(PreparedRun(request, planned, arguments, preview_plan(planned)))
 
     def finish(self) -> None:
         """Wait for the end of the run and for its results."""
+        from rig.window.run.outcome_view import READING
+
         run = self.window.run
         self.wait(lambda: run.state.ended)
         self.wait(
-            lambda: (
-                not run.outcome.results.isVisible()
-                or "Working out" not in run.outcome.results.text()
-            )
+            lambda: not run.outcome.results.isVisible() or run.outcome.results.text() != READING
         )
         self.settle()
 
@@ -131,6 +132,23 @@ class Stage:
 def prepare_empty(stage: Stage) -> None:
     """The Prepare page of a new folder: no gear is known."""
     _prepared(stage, "kinematic-error", gear=False)
+
+
+def prepare_new_gear(stage: Stage) -> None:
+    """A new gear from its part number: what the makers' tables have of it, and what is only assumed."""
+    stage.window.show_page("prepare")
+    page = stage.window.prepare
+    page.operator.setText("A. Example")
+    page.gear.show_new(True)
+    form = page.gear.new
+    form.product.editor.setText("SHG-32-100-2UH")
+    form.serial.editor.setText("SN-0816")
+    form.look_up()
+    popup = form.product.editor.completer().popup()
+    if popup is not None:
+        popup.hide()
+    stage.wait(lambda: not page.is_stale)
+    page.scroll_to(form.make_button)
 
 
 def prepare_refused(stage: Stage) -> None:
@@ -312,6 +330,8 @@ def review_results(stage: Stage) -> None:
     """A run with its results: interval, verdict and catalogue value beside each number."""
     runs = _reviewed(stage)
     stage.window.show_review(runs[3])
+    header = stage.window.review.details.header
+    stage.wait(lambda: header.verdict.text())
 
 
 def review_figures(stage: Stage) -> None:
@@ -323,12 +343,15 @@ def review_figures(stage: Stage) -> None:
 
 
 def review_signals(stage: Stage) -> None:
-    """The recorded channels over time, with segments and events."""
+    """The recorded channels over time, with segments and events, and two cursors with what lies between them."""
     review_results(stage)
     details = stage.window.review.details
     details.tabs.setCurrentWidget(details.signals)
-    torque = details.signals.curves["torque"].item
+    signals = details.signals
+    torque = signals.curves["torque"].item
     stage.wait(lambda: torque.getOriginalDataset()[0] is not None)
+    signals.cursors.switch.click()
+    stage.wait(lambda: signals.cursors.table.rowCount() and not signals.is_busy)
 
 
 def review_conditions(stage: Stage) -> None:
@@ -362,7 +385,7 @@ def review_passport(stage: Stage) -> None:
     _reviewed(stage)
     page = stage.window.review
     page.show_passport("SN-0815")
-    stage.wait(lambda: page.passport.passport)
+    stage.wait(lambda: page.passport.passport and not page.passport.is_busy)
 
 
 def _reviewed(stage: Stage) -> list[Path]:
@@ -371,6 +394,7 @@ def _reviewed(stage: Stage) -> list[Path]:
     stage.window.show_page("review")
     page = stage.window.review
     stage.wait(lambda: len(page.library.model.runs) == 4)
+    stage.wait(lambda: not page.library.desk.is_running)
     return sorted(stage.folder.glob("*.h5"))
 
 
@@ -384,6 +408,7 @@ def _some_runs() -> Path:
     from rig.analysis.fit import store
     from rig.analysis.fit_run import Choices, fit_run
     from rig.commands.running import read_flags
+    from rig.gears.card import save_card, with_changes
     from rig.run.start import RunRequest, run_request
 
     folder = Path(tempfile.mkdtemp())
@@ -407,6 +432,8 @@ def _some_runs() -> Path:
         path = max(folder.glob("*.h5"))
         store(fit_run(path, choices=Choices(tare=tare)), "2026-01-01T12:00:00+00:00")
         tare = tare or path
+    facts = {"serial": "SN-0815", "acceptance": "demonstration"}
+    save_card(folder, with_changes(None, facts, "A. Example", "2026-01-01T12:00:00+00:00"))
     return folder
 
 
@@ -427,6 +454,7 @@ def _play(stage: Stage, kind: str, *arguments: str, end: bool = True) -> None:
 
 STATES: dict[str, Callable[[Stage], None]] = {
     "prepare-empty": prepare_empty,
+    "prepare-new-gear": prepare_new_gear,
     "prepare-refused": prepare_refused,
     "prepare-predicted": prepare_predicted,
     "prepare-output": prepare_output,
@@ -522,7 +550,10 @@ def main() -> int:
     )
     parser.add_argument("states", nargs="*", help=f"which: {', '.join(STATES)} (default: all)")
     parser.add_argument(
-        "--size", action="append", choices=SIZES, help="of the window (default: both)"
+        "--size",
+        action="append",
+        choices=SIZES,
+        help="of the window (default: that of the documentation)",
     )
     parser.add_argument("--theme", choices=("light", "dark"), default="light")
     parser.add_argument("--scale", default="1", help="pixels per logical pixel")
@@ -540,7 +571,7 @@ def main() -> int:
     application = QApplication([])
     with collector_in_this_thread():
         for name in chosen.states or STATES:
-            for size in chosen.size or SIZES:
+            for size in chosen.size or KEPT_SIZE:
                 width, height = map(int, size.split("x"))
                 end = "" if chosen.theme == "light" else f"-{chosen.theme}"
                 target = chosen.output.resolve() / f"{name}-{size}{end}.png"

@@ -1,7 +1,7 @@
 """What an ending means to whoever called: one exit code for every outcome, verdict and error.
 
 
-| code | meaning |
+| exit code | meaning |
 |---|---|
 | 0 | done; of a gear: PASS, or NOT JUDGED |
 | 1 | FAIL: a quantity breaks its limit by more than its expanded uncertainty |
@@ -9,15 +9,18 @@
 | 3 | MARGINAL: a limit lies inside the expanded uncertainty |
 | 4 | ABORTED by the operator |
 | 5 | TRIPPED by the supervisor |
-| 6 | ERROR or INTERRUPTED: a file, a device or the program itself |
+| 6 | ERROR or INTERRUPTED: a file, a device, or the program |
 | 7 | NOT JUDGED, where `--require-verdict` asks for a verdict |
 | 8 | BUSY: another process has this bench; nothing was connected |
 
-First the outcome of the run decides; only of one that was COMPLETED, and of what judges without
-running (fit, report), the verdict on the gear.
+First the outcome of the run that the command made decides; only of one that was COMPLETED, and of a command that judges
+without running (fit, report, certificate), the verdict on the gear. Of a run that was not brought to its end that
+verdict is NOT JUDGED. Several verdicts end as the worst of them.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 from drivers.errors import DriverError, OtherMasterError
 from experiments.errors import AnalysisError, PlanError
@@ -66,6 +69,12 @@ def code_of_outcome(outcome: str) -> int:
 def code_of_verdict(verdict: str, *, required: bool = False) -> int:
     """The exit code of the verdict on a gear; `required`: whether having none is an ending of its own."""
     return NOT_JUDGED if required and verdict == "NOT JUDGED" else CODE_OF_VERDICT[verdict]
+
+
+def code_of_verdicts(verdicts: Iterable[str], *, required: bool = False) -> int:
+    """The exit code of several verdicts: FAIL, then NOT JUDGED where a verdict is required, MARGINAL, PASS."""
+    codes = [code_of_verdict(verdict, required=required) for verdict in verdicts]
+    return next((code for code in (FAIL, NOT_JUDGED, MARGINAL) if code in codes), DONE)
 
 
 def code_of_run(outcome: str, verdict: str, *, required: bool = False) -> int:

@@ -31,6 +31,7 @@ from rig.commands import (
     simulating,
     window,
 )
+from rig.commands.earlier_names import Command
 from rig.commands.terminal import outliving_the_terminal
 
 app = typer.Typer(
@@ -84,11 +85,15 @@ PANELS = {
 for _panel, _commands in PANELS.items():
     for _command in _commands:
         if isinstance(_command, typer.Typer):
+            for _part in _command.registered_commands:
+                _part.cls = Command
             app.add_typer(_command, rich_help_panel=_panel)
             continue
         _name = _command.__name__.rstrip("_")
         _settings = getattr(_command, "context_settings", None)
-        app.command(_name, rich_help_panel=_panel, context_settings=_settings)(_command)
+        app.command(_name, cls=Command, rich_help_panel=_panel, context_settings=_settings)(
+            _command
+        )
 
 
 def _print_version(wanted: bool) -> None:

@@ -55,17 +55,27 @@ def _rig_of_both(here: Recording, there: Recording) -> list[tuple[str, str, str]
 def refusal_of(run: Recording, tare: Recording) -> str:
     """Why a tare is not looked for further: of another rig, or more than `WARMER` apart; "" where nothing says so.
 
-    Whoever chooses a tare asks for what no check has to widen; one that is chosen by hand is
-    widened instead (`temperature`), and refused only beyond `MUCH_WARMER`. What neither of the two
-    says, such as a temperature that was not recorded, speaks against nobody.
+    Whoever chooses a tare asks for a housing as warm as in the run; one that is chosen by hand is
+    widened by the room instead (`temperature`), and refused only beyond `MUCH_WARMER`. What neither
+    of the two says, such as a temperature that was not recorded, speaks against nobody.
     """
     for what, mine, its in _rig_of_both(run, tare):
         if mine and its and mine != its:
             return f"{what} {its}, this run's is {mine}"
-    apart = _kelvin_between(run, tare)
+    place, apart = kelvin_apart(run, tare)
     if apart > WARMER:
-        return f"{apart:.1f} K apart, limit {WARMER:g} K"
+        return f"{place} {apart:.1f} K apart, limit {WARMER:g} K"
     return ""
+
+
+def kelvin_apart(run: Recording, tare: Recording) -> tuple[str, float]:
+    """How far apart run and tare are [K] and where that was measured: the housing where both recorded it, else the
+    room; NaN and "" where both have neither.
+    """
+    for place, channel in (("housing", "housing_temperature"), ("room", "ambient_temperature")):
+        if run.has(channel) and tare.has(channel):
+            return place, abs(_at_the_start(run, channel) - _at_the_start(tare, channel))
+    return "", math.nan
 
 
 def _named(recording: Recording, what: str) -> str:
@@ -141,8 +151,13 @@ def _room(recording: Recording) -> float:
     """Mean temperature of the room, else of the housing, over the first rows [degC]; NaN where none was recorded."""
     for name in ("ambient_temperature", "housing_temperature"):
         if recording.has(name):
-            return float(recording.si(name, slice(0, 4096)).mean())
+            return _at_the_start(recording, name)
     return math.nan
+
+
+def _at_the_start(recording: Recording, channel: str) -> float:
+    """Mean of a temperature over the first rows [degC]."""
+    return float(recording.si(channel, slice(0, 4096)).mean())
 
 
 def size(recorded: Recorded) -> Finding:

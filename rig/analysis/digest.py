@@ -18,7 +18,7 @@ from model.gear_file import gear_from_mapping
 from rig.analysis.fit import LEFT_AWAY, Fit, store
 from rig.analysis.fit_run import TARE_AGE_SETTING, Choices, fit_run
 from rig.analysis.in_force import InForce, in_force
-from rig.analysis.stored_fit import stored_fit
+from rig.analysis.stored_fit import fit_in_force
 from rig.analysis.tare import tare_kind
 from rig.errors import RigError, RunFileError
 
@@ -121,7 +121,7 @@ def read_or_digest(
     if found.analysis is None or not found.of_this_run:
         made = digest(path, created, kind)
         return made.fit, made.in_force, made
-    return stored_fit(path, found.analysis), found, None
+    return fit_in_force(path, found), found, None
 
 
 def renew(path: Path, created: str, kind: str = "") -> Digest:

@@ -55,6 +55,12 @@ class Fit:
     """The tare that was found or chosen by hand, and where there is none, why."""
     named_tare: Mapping[str, Any] = field(default_factory=dict)
     """Of a stored fit: the tare that was subtracted, as its analysis names it."""
+    stale: tuple[str, ...] = ()
+    """Of a stored fit: what changed since it was made, in words."""
+    renewed_by: str = ""
+    """Of a stale fit: the command that makes it anew."""
+    not_in_force: str = ""
+    """Of a fit that was kept: which other analysis of the run everybody reads, and why; "" where it is this one."""
 
     @property
     def origin(self) -> str:
@@ -241,7 +247,11 @@ def score(fit: Fit) -> Result:
 
 
 def store(fit: Fit, created: str) -> Fit:
-    """Append a fit to the store beside its run and say under which name; a recording that is no file stays as it is."""
+    """Append a fit to the store beside its run and say under which name, and whether everybody reads it from now on.
+
+    A recording that is no file stays as it is.
+    """
+    from rig.analysis.in_force import in_force
     from rig.analysis.store import Basis, append_analysis
 
     if fit.path is None:
@@ -256,5 +266,7 @@ def store(fit: Fit, created: str) -> Fit:
         gear_source=fit.gear_source.as_json(),
         no_tare=() if fit.tare is not None else fit.found_tare.because,
     )
-    stored = append_analysis(fit.path, fit.result, basis).path
-    return dataclasses.replace(fit, stored=f"{stored.parent.name}/{stored.name}")
+    kept = append_analysis(fit.path, fit.result, basis)
+    found = in_force(fit.path, kept.kind)
+    other = "" if found.number == kept.number else found.words_for_another(kept.number)
+    return dataclasses.replace(fit, stored=kept.name, not_in_force=other)

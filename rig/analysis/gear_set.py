@@ -55,12 +55,34 @@ class GearSource:
 
 
 def set_sha256(gear: HarmonicDrive) -> str:
-    """The SHA-256 of a parameter set, by which it is told from another one."""
+    """The SHA-256 of a parameter set, by which it is told from another one.
+
+    Of its numbers with unit, standing and standard uncertainty, and of its options: what an analysis
+    reads. Where a number is from is told in words, and other words make no other set.
+    """
     return mapping_sha256(gear_to_mapping(gear))
 
 
 def mapping_sha256(mapping: Mapping[str, Any]) -> str:
-    """The SHA-256 of a parameter set as a mapping."""
+    """The SHA-256 of a parameter set as a mapping, without the words of its sources."""
+    return _sha256(_without_sources(mapping))
+
+
+def names_of_set(gear: HarmonicDrive) -> frozenset[str]:
+    """Every hash by which a stored analysis may name this set: the one of today, and the earlier one of the whole set,
+    the words of its sources included.
+    """
+    whole = gear_to_mapping(gear)
+    return frozenset((mapping_sha256(whole), _sha256(whole)))
+
+
+def _without_sources(content: Any) -> Any:
+    if isinstance(content, Mapping):
+        return {k: _without_sources(v) for k, v in content.items() if k != "source"}
+    return [_without_sources(one) for one in content] if isinstance(content, list) else content
+
+
+def _sha256(mapping: Mapping[str, Any]) -> str:
     return hashlib.sha256(json_text(mapping).encode()).hexdigest()
 
 

@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from model.errors import WordedError
-from rig.analysis.gear_set import card_set, mapping_sha256, set_sha256
+from rig.analysis import format_1
+from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_kind
 from rig.errors import ConfigurationError, RunFileError
@@ -64,6 +65,10 @@ class InForce:
     def number(self) -> int:
         """The number of the analysis; 0 where there is none."""
         return 0 if self.analysis is None else self.analysis.number
+
+    def words_for_another(self, number: int) -> str:
+        """What is to be said of analysis `number`, which is not the one in force."""
+        return f"analysis {self.number} is in force ({self.why_this}), not analysis {number}"
 
     def as_json(self) -> dict[str, Any]:
         """As `rig runs --json` and `rig show --json` tell it."""
@@ -165,7 +170,7 @@ class _Things:
         self._run = run
         self._sha256: str | None = None
         self._known: RunMetadata | None = None
-        self._sets: dict[str, str] = {}
+        self._sets: dict[str, frozenset[str]] = {}
 
     @property
     def protocol(self) -> str:
@@ -223,23 +228,23 @@ class _Things:
         except WordedError as error:
             yield f"the parameter set of the gear cannot be read: {error}"
             return
-        if now and before and now != before:
+        if now and before and before not in now:
             yield "the parameter set of the gear is another one now"
         yield from self._built_on_another(source.get("builds_on") or {})
 
-    def _set_now(self, source: Mapping[str, Any]) -> str:
-        """The hash of the gear's set as its card, else the run, has it now; "" where there is none."""
+    def _set_now(self, source: Mapping[str, Any]) -> frozenset[str]:
+        """The hashes of the gear's set as its card, else the run, has it now; none where there is no set."""
         serial = str(source["serial"]) if source else self._serial
         if serial not in self._sets:
             gear = card_set(self._run.parent, serial, self._own_set)
-            self._sets[serial] = "" if gear is None else set_sha256(gear)
+            self._sets[serial] = frozenset() if gear is None else names_of_set(gear)
         if self._sets[serial]:
             return self._sets[serial]
         # Without a card it is the run's own, which cannot change without the run.
         if source.get("source") == "run":
-            return str(source.get("sha256", ""))
+            return frozenset((str(source.get("sha256", "")),))
         own = self._own_set()
-        return "" if own is None else set_sha256(own)
+        return frozenset() if own is None else names_of_set(own)
 
     @property
     def _serial(self) -> str:
@@ -291,6 +296,8 @@ def _tare_too_old(tare: Mapping[str, Any], folder: Path) -> Iterator[str]:
 
 
 def _version_changed(analysis: Analysis) -> Iterator[str]:
+    if analysis.content.get("format") == format_1.FORMAT:
+        yield "it was made before analyses were checked for evidence"
     experiment = catalogue.declared(analysis.kind)
     before = analysis.content.get("analysis_version", 1)
     if experiment is not None and before != experiment.version:

@@ -2,17 +2,17 @@
 
 A verdict is worked out whenever it is read, and stored nowhere: it follows from the analyses in force
 and the acceptance file as it is now. It is the worst over the limits of that file: FAIL, then NOT
-JUDGED (a limit that nobody confirmed, a quantity without number or without evidence), MARGINAL,
-PASS. What the file does not list never counts.
+JUDGED (a limit that nobody confirmed, a quantity without number or without evidence, an analysis
+that is stale), MARGINAL, PASS. What the file does not list never counts.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, get_args
 
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import (
@@ -25,11 +25,11 @@ from experiments.result import (
     outcome_against,
 )
 from model.identify.estimate import Estimate
-from rig.analysis.in_force import in_force
+from rig.analysis.in_force import InForce, in_force
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
-from rig.gears.acceptance import Acceptance, Limit
+from rig.gears.acceptance import Acceptance, Limit, Subject
 
 NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
 """What is missing where nobody has said what the gear must show."""
@@ -60,44 +60,76 @@ class Analysed(Protocol):
         """Serial number of the gear."""
         ...
 
+    @property
+    def stale(self) -> tuple[str, ...]:
+        """What changed since the analysis was made, in words; empty where it is what it was."""
+        ...
+
+    @property
+    def renewed_by(self) -> str:
+        """The command that makes a stale analysis anew; "" where nothing is stale."""
+        ...
+
+    @property
+    def not_in_force(self) -> str:
+        """Which other analysis of the run everybody reads; "" where it is this one, or where nobody keeps it."""
+        ...
+
 
 @dataclass(frozen=True)
 class StoredResult:
-    """A stored analysis with what its run file says of the run."""
+    """A stored analysis with what its run file says of the run, and what changed since it was made."""
 
     result: Result
     origin: str
     outcome: str
     serial: str = ""
+    stale: tuple[str, ...] = ()
+    renewed_by: str = ""
+    not_in_force: str = ""
 
 
-def stored_result(analysis: Analysis, origin: str, outcome: str, serial: str = "") -> StoredResult:
-    """A stored analysis, ready to be judged."""
-    tables = analysis.content.get("tables", ())
-    return StoredResult(result_from_mapping(analysis.result, tables), origin, outcome, serial)
+def stored_result(found: InForce, origin: str, outcome: str, serial: str = "") -> StoredResult:
+    """An analysis in force, ready to be judged."""
+    assert found.analysis is not None
+    return stored_as(found.analysis, found, origin, outcome, serial)
+
+
+def stored_as(
+    analysis: Analysis, found: InForce, origin: str, outcome: str, serial: str = ""
+) -> StoredResult:
+    """One stored analysis of a run, ready to be judged; of one that is not in force `found` says which is."""
+    result = result_from_mapping(analysis.result, analysis.content.get("tables", ()))
+    if analysis.number != found.number:
+        other = found.words_for_another(analysis.number)
+        return StoredResult(result, origin, outcome, serial, not_in_force=other)
+    return StoredResult(result, origin, outcome, serial, found.stale, found.renewed_by)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GearVerdict:
     """What a gear, or one run of it, is worth: the verdict, why it is not a better one, and every limit with its own.
 
-    `source` names the acceptance file, empty where there is none.
+    `source` names the acceptance file, empty where there is none. `stale` says of every stale analysis
+    among those that were looked at what changed, and what renews it; a limit or not.
     """
 
     verdict: VerdictOutcome
     because: tuple[str, ...] = ()
     lines: tuple[Verdict, ...] = ()
     source: str = ""
+    stale: tuple[str, ...] = ()
 
     def of(self, result: Result) -> tuple[Verdict, ...]:
         """The lines that one result had a part in."""
         return tuple(v for v in self.lines if (v.run, v.kind) == (result.run, result.kind))
 
     def as_json(self) -> dict[str, Any]:
-        """`verdict`, `because`, and what was judged, as every `--json` tells it."""
+        """`verdict`, `because`, `stale`, and what was judged, as every `--json` tells it."""
         return {
             "verdict": self.verdict,
             "because": list(self.because),
+            "stale": list(self.stale),
             "acceptance": self.source,
             "decision_rule": DECISION_RULE,
             "limits": [line.as_json() for line in self.lines],
@@ -108,8 +140,7 @@ def judge(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdi
     """The verdict on a gear by all that its acceptance file lists; `found` are its analyses in force."""
     if acceptance is None or not acceptance.limits:
         return _without_limits(found, acceptance)
-    lines = [line for limit in acceptance.limits for line in _lines(limit, found, acceptance)]
-    return _worst(lines, acceptance)
+    return _worst(acceptance.limits, found, acceptance)
 
 
 def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
@@ -119,9 +150,8 @@ def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
     of_kind = [limit for limit in acceptance.limits if limit.kind == one.result.kind]
     if not of_kind:
         nothing = f"no limit of {acceptance.name} applies to what this run measures"
-        return GearVerdict(verdict="NOT JUDGED", because=(nothing,), source=acceptance.path)
-    lines = [line for limit in of_kind for line in _lines(limit, [one], acceptance)]
-    return _worst(lines, acceptance)
+        return replace(not_judged(nothing), source=acceptance.path, stale=_stale([one]))
+    return _worst(of_kind, [one], acceptance)
 
 
 def judge_listed(
@@ -133,16 +163,10 @@ def judge_listed(
     """
     if outcome not in BROUGHT_TO_THE_END:
         return not_judged(f"the run ended as {outcome}")
-    analysis = _to_judge(run, kind)
-    if analysis is None:
-        return not_judged(f"the run is not analysed: rig fit {run}")
-    return judge_run(stored_result(analysis, origin, outcome, serial), acceptance)
-
-
-def _to_judge(run: Path, kind: str) -> Analysis | None:
-    """The analysis of a run by which it is judged: the one in force, unless it is of another file of this name."""
     found = in_force(run, kind)
-    return found.analysis if found.of_this_run else None
+    if found.analysis is None or not found.of_this_run:
+        return not_judged(f"the run is not analysed: rig fit {run}")
+    return judge_run(stored_result(found, origin, outcome, serial), acceptance)
 
 
 def judge_runs(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
@@ -164,19 +188,50 @@ def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
 
 
 def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
-    if acceptance is not None:
-        return not_judged(f"{acceptance.path} lists no limit")
     serial = next((one.serial for one in found if one.serial), "SERIAL")
-    return not_judged(NO_ACCEPTANCE.format(serial=serial))
+    nothing = (
+        NO_ACCEPTANCE.format(serial=serial)
+        if acceptance is None
+        else f"{acceptance.path} lists no limit"
+    )
+    return replace(not_judged(nothing), stale=_stale(found))
 
 
-def _worst(lines: Sequence[Verdict], acceptance: Acceptance) -> GearVerdict:
-    """The worst of these lines, with the reasons of all that are not PASS, the worst first."""
+def doubts_of(one: Analysed) -> tuple[str, ...]:
+    """Why an analysis judges nothing although its numbers stand: warnings for a page that shows them."""
+    aside = f"This analysis is not what everybody reads: {one.not_in_force}."
+    stale = [
+        f"This analysis is stale: {reason}. Renew it: {one.renewed_by}." for reason in one.stale
+    ]
+    return (*([aside] if one.not_in_force else ()), *stale)
+
+
+def _stale(found: Sequence[Analysed]) -> tuple[str, ...]:
+    """What is stale of what was found, run by run."""
+    return tuple(
+        f"run {one.result.run}, {one.result.kind}: {stale_words(one)}" for one in found if one.stale
+    )
+
+
+def stale_words(one: Analysed | InForce) -> str:
+    """That an analysis is stale: what changed, and the command that makes it anew."""
+    return f"the analysis is stale: {'; '.join(one.stale)}. Renew it: {one.renewed_by}"
+
+
+def _worst(
+    limits: Sequence[Limit], found: Sequence[Analysed], acceptance: Acceptance
+) -> GearVerdict:
+    """The worst over these limits, with the reasons of all that are not PASS, the worst first."""
+    lines = [line for limit in limits for line in _lines(limit, found, acceptance)]
     verdict = worst_of([line.outcome for line in lines])
     ranked = sorted(lines, key=lambda line: WORST_FIRST.index(line.outcome))
     because = dict.fromkeys(_reason(line) for line in ranked if line.outcome != "PASS")
     return GearVerdict(
-        verdict=verdict, because=tuple(because), lines=tuple(lines), source=acceptance.path
+        verdict=verdict,
+        because=tuple(because),
+        lines=tuple(lines),
+        source=acceptance.path,
+        stale=_stale(found),
     )
 
 
@@ -217,7 +272,7 @@ def _lines(limit: Limit, found: Sequence[Analysed], acceptance: Acceptance) -> I
     for one, name in measured:
         doubt = acceptance.doubt(limit, is_simulated=one.origin == "simulated")
         estimate, quantity = one.result.estimates[name], one.result.quantity(name)
-        because = doubt or _lacks(one, estimate, quantity)
+        because = doubt or _lacks(one, limit, estimate, quantity)
         yield from _sides(limit, quantity, estimate, because, one.result)
     if not measured:
         quantity = limit.declared()
@@ -244,20 +299,36 @@ def _named(limit: Limit, one: Analysed) -> list[str]:
     ]
 
 
-def _lacks(one: Analysed, estimate: Estimate, quantity: Quantity) -> str:
-    """What an estimate lacks to be judged: a whole run, evidence, the gear's own torque, a number; "" for nothing."""
+def _lacks(one: Analysed, limit: Limit, estimate: Estimate, quantity: Quantity) -> str:
+    """What an estimate lacks to be judged by a limit: a whole run, an analysis that holds, evidence, a torque of what
+    the limit is about, a number; "" for nothing.
+    """
     if one.outcome not in BROUGHT_TO_THE_END:
         return f"the run ended as {one.outcome}"
+    if one.stale:
+        return stale_words(one)
     checks = one.result.checks
     missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
     if missing:
         return f"not checked: {', '.join(missing)}"
-    subject = str(one.result.options.get("torque_is_of", "gear"))
-    if takes_tare(one.result.kind) and subject != "gear":
-        return f"the torque is that of {subject}, not of the gear alone: no tare was subtracted"
+    another = _of_another_subject(one.result, limit, quantity) or one.not_in_force
+    if another:
+        return another
     if quantity.unit and estimate.unit != quantity.unit:
         return f"it was found in {estimate.unit}, not in {quantity.unit}"
     return lacks_number(estimate)
+
+
+def _of_another_subject(result: Result, limit: Limit, quantity: Quantity) -> str:
+    """That a torque, or what was fitted to torques, is not that of what the limit is about; "" where it is."""
+    subject = str(result.options.get("torque_is_of", ""))
+    is_of_torque = takes_tare(result.kind) or quantity.unit == "N m"
+    if not is_of_torque or subject in ("", limit.subject) or subject not in get_args(Subject):
+        return ""
+    if subject == "gear":
+        return f"the torque is that of the gear alone, the limit is on that of {limit.subject}"
+    lost = ": no tare was subtracted" if takes_tare(result.kind) else ""
+    return f"the torque is that of {subject}, not of the gear alone{lost}"
 
 
 def _why_nothing(limit: Limit, found: Sequence[Analysed]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from rig.runfile import read
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
+    from rig.analysis.in_force import InForce
 
 
 def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = None) -> Fit:
@@ -39,6 +41,13 @@ def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = Non
         found_tare=FoundTare(None, tuple(analysis.content.get("no_tare", ()))),
         named_tare=analysis.tare,
     )
+
+
+def fit_in_force(path: Path, found: InForce) -> Fit:
+    """A run with the analysis in force that it has, and what changed since that was made."""
+    assert found.analysis is not None
+    fit = stored_fit(path, found.analysis)
+    return replace(fit, stale=found.stale, renewed_by=found.renewed_by)
 
 
 def _was_given(analysis: Analysis) -> bool:

@@ -1,9 +1,10 @@
 """The tare that belongs to a run, found by itself in the folder of runs, and what speaks against every other one.
 
-The same motor, torque-channel calibration and bench; at most `tare_days` days between the two; no
-more than 5 K apart; the bench not tripped in between. Of those that fit the newest before the run,
-and where there is none the first after it. What is the same, old and warm is said by the checks that every
-analysis makes of its tare (`experiments.evidence.tare`): a tare that is found is never one that they widen.
+The same motor, torque-channel calibration and bench; at most `tare_days` days between the two; the
+housing no more than 5 K apart (the room, where one of the two has no temperature of the housing);
+the bench not tripped in between. Of those that fit the newest before the run, and where there is
+none the first after it. What is the same, old and warm is said where every analysis checks its
+tare (`experiments.evidence.tare`).
 """
 
 from __future__ import annotations
@@ -67,10 +68,11 @@ def find_tare(
     reasons = []
     start = run.metadata.start_time
     for candidate in sorted(candidates, key=lambda one: nearness(one.run.start, start)):
-        reason = _speaks_against(run, candidate, trips, tare_days)
+        reason, warmth = _speaks_against(run, candidate, trips, tare_days)
         if not reason:
             age = abs(candidate.days_before)
-            words = f"{candidate.run.run_id}: {_age_in_words(candidate)}, same motor, bench and calibration"
+            same = f"same motor, bench and calibration, {warmth}"
+            words = f"{candidate.run.run_id}: {_age_in_words(candidate)}, {same}"
             return FoundTare(candidate.run.path, (words,), age)
         reasons.append(f"{candidate.run.run_id}: {reason}")
     return FoundTare(None, tuple(reasons))
@@ -119,33 +121,39 @@ def _trips(run: Recording, listed: Iterable[IndexedRun]) -> list[IndexedRun]:
 
 def _speaks_against(
     run: Recording, candidate: _Candidate, trips: Sequence[IndexedRun], tare_days: float
-) -> str:
-    """Why a candidate is not the tare of this run; "" where it is. What the index knows is asked first."""
+) -> tuple[str, str]:
+    """Why a candidate is not the tare of this run, "" where it is, and how far apart in temperature the two are.
+
+    What the index knows is asked first.
+    """
     one = candidate.run
-    if not one.is_complete:
-        return f"ended {one.outcome}"
-    if not math.isfinite(candidate.days_before):
-        return "it does not say when it was made"
-    if abs(candidate.days_before) > tare_days:
-        return f"{_age_in_words(candidate)}, limit {tare_days:g}"
     between = [t for t in trips if _is_between(t.start, one.start, run.metadata.start_time)]
-    if between:
-        return f"{between[-1].run_id} tripped between it and this run"
-    return _rests_on_another_rig(run, one.path)
+    reason = ""
+    if not one.is_complete:
+        reason = f"ended {one.outcome}"
+    elif not math.isfinite(candidate.days_before):
+        reason = "it does not say when it was made"
+    elif abs(candidate.days_before) > tare_days:
+        reason = f"{_age_in_words(candidate)}, limit {tare_days:g}"
+    elif between:
+        reason = f"{between[-1].run_id} tripped between it and this run"
+    return (reason, "") if reason else _rests_on_another_rig(run, one.path)
 
 
-def _rests_on_another_rig(run: Recording, path: Path) -> str:
+def _rests_on_another_rig(run: Recording, path: Path) -> tuple[str, str]:
     """Motor, bench, torque channel and temperature, which only the file itself tells."""
     from rig.runfile.read import close_recording, open_run
 
     try:
         tare = open_run(path, rows=False)
     except WordedError as error:
-        return f"cannot be read: {error}"
+        return f"cannot be read: {error}", ""
     try:
         if tare.metadata.gear_mounted:
-            return "was taken with a gear mounted"
-        return checks.refusal_of(run, tare)
+            return "was taken with a gear mounted", ""
+        place, apart = checks.kelvin_apart(run, tare)
+        warmth = f"{place} {apart:.1f} K apart" if place else "temperature not recorded"
+        return checks.refusal_of(run, tare), warmth
     finally:
         close_recording(tare)
 

@@ -85,4 +85,4 @@ def bench_of(backend: str, runs: Path, description: Path | None = None, seed: in
 
 def option_of(backend: str, runs: Path, description: Path | None = None) -> str:
     """How `rig acknowledge` is told which bench is meant."""
-    return f"--config {description or 'rig.toml'}" if backend == HARDWARE else f"--output {runs}"
+    return f"--config {description or 'rig.toml'}" if backend == HARDWARE else f"--runs {runs}"

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run, worst_code
-from rig.commands.terminal import console, echo, print_json, ruled_table
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run
+from rig.commands.terminal import console, echo, nearest, print_json, ruled_table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -101,6 +101,9 @@ def fit(
     by: Annotated[str, typer.Option("--by", metavar="NAME", help="Who chooses, with --keep.")] = "",
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
+    everything: Annotated[
+        bool, typer.Option("--all", help="The statistical part of every interval too.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
@@ -111,7 +114,7 @@ def fit(
     0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
     """
     from rig.analysis.fit_run import fit_run
-    from rig.exits import code_of_verdict
+    from rig.exits import code_of_verdicts
 
     kind, runs = split_kind(words)
     if keep is not None:
@@ -121,7 +124,7 @@ def fit(
         parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
     )
     fits = tuple(fit_run(run, kind, choices) for run in runs)
-    notes = _store(fits) if stored else []
+    fits, notes = _store(fits) if stored else (fits, [])
     if parameters_out is not None:
         from model.gear_file import save_gear
         from rig.analysis.adopt import adopt
@@ -133,10 +136,8 @@ def fit(
     if json:
         print_json(_as_object(fits, verdicts, plots=plots))
     else:
-        _print_fits(fits, verdicts, notes)
-    raise typer.Exit(
-        worst_code([code_of_verdict(v.verdict, required=require_verdict) for v in verdicts])
-    )
+        _print_fits(fits, verdicts, notes, everything=everything)
+    raise typer.Exit(code_of_verdicts([v.verdict for v in verdicts], required=require_verdict))
 
 
 def compare(
@@ -198,9 +199,9 @@ def split_kind(words: list[str]) -> tuple[str, list[Path]]:
             )
         return first, [Path(w) for w in rest]
     if rest and not Path(first).exists() and not any(c in first for c in "./\\"):
-        kinds = ", ".join(catalogue.kinds())
         raise typer.BadParameter(
-            f"{first!r} is neither a run file nor a kind of fit. Kinds: {kinds}", param_hint="KIND"
+            f"{first!r} is neither a run file nor a kind of fit. {nearest(first, catalogue.kinds())}",
+            param_hint="KIND",
         )
     return "", [Path(w) for w in words]
 
@@ -278,25 +279,27 @@ def _read(text: str) -> Any:
     return numbers[0] if len(numbers) == 1 else tuple(numbers)
 
 
-def _store(fits: tuple[Fit, ...]) -> list[str]:
+def _store(fits: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], list[str]]:
     """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
     from datetime import datetime
 
     from rig.analysis.fit import store
     from rig.errors import RunFileError
 
-    notes = []
+    kept, notes = [], []
     for one in fits:
         try:
             stored = store(one, datetime.now().astimezone().isoformat(timespec="seconds"))
         except RunFileError as error:
             echo(f"Not stored: {error}", errors=True)
-        else:
-            if stored.stored and one.path is not None:
-                notes.append(
-                    f"kept as {one.path.with_name(stored.stored.split('/')[0]) / stored.stored.split('/')[1]}"
-                )
-    return notes
+            kept.append(one)
+            continue
+        kept.append(stored)
+        if stored.stored and one.path is not None:
+            notes.append(f"kept as {one.path.parent / stored.stored}")
+        if stored.not_in_force:
+            notes.append(f"not what everybody reads: {stored.not_in_force}")
+    return tuple(kept), notes
 
 
 def _as_object(
@@ -337,7 +340,13 @@ def _with_drawings(fit: Fit, *, wanted: bool) -> dict[str, Any]:
     }
 
 
-def _print_fits(fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], notes: list[str]) -> None:
+def _print_fits(
+    fits: tuple[Fit, ...],
+    verdicts: Sequence[GearVerdict],
+    notes: list[str],
+    *,
+    everything: bool,
+) -> None:
     from experiments.quantity import quantity_of
     from rig.analysis.wording import number
     from rig.commands.result_tables import print_result
@@ -354,6 +363,7 @@ def _print_fits(fits: tuple[Fit, ...], verdicts: Sequence[GearVerdict], notes: l
             one.result,
             f"{one.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
             verdict,
+            everything=everything,
         )
         for words in one.tare_words:
             out.print(Text.assemble(("  tare  ", "bold"), words))

@@ -73,7 +73,9 @@ def campaign(
     output: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Folder of the run files; runs, or that of the configuration."
+            "--runs",
+            metavar="DIR",
+            help="Folder of the run files; runs, or that of the configuration.",
         ),
     ] = None,
     junit: Annotated[

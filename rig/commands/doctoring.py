@@ -42,7 +42,9 @@ def doctor(
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Folder of the runs: where the disk is looked at."),
+        typer.Option(
+            "--runs", metavar="DIR", help="Folder of the runs: where the disk is looked at."
+        ),
     ] = None,
     operator: Annotated[
         str, typer.Option(metavar="NAME", help="Who does it; needed where hardware is to move.")

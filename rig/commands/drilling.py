@@ -50,7 +50,7 @@ def drill(
         int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")
     ] = 0,
     output: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Keep the run files here.")
+        Path | None, typer.Option("--runs", metavar="DIR", help="Keep the run files here.")
     ] = None,
     markdown: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")
@@ -135,9 +135,9 @@ def _refuse_together(**given: object) -> None:
 
 def acknowledge(
     operator: Annotated[str, typer.Option(metavar="NAME", help="Who acknowledges the trip.")],
-    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the run files.")] = Path(
-        "runs"
-    ),
+    output: Annotated[
+        Path, typer.Option("--runs", metavar="DIR", help="Folder of the run files.")
+    ] = Path("runs"),
     config: Annotated[
         Path | None,
         typer.Option(

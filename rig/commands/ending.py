@@ -72,7 +72,7 @@ def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) 
     if everything:
         from rig.commands.result_tables import print_result
 
-        print_result(out, made.fit.result, verdict=ending.verdict)
+        print_result(out, made.fit.result, verdict=ending.verdict, everything=True)
     else:
         for line in _value_lines(ending, made):
             out.print(line, soft_wrap=True)

@@ -14,7 +14,9 @@ from rich.table import Table
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
 from rig.analysis.judging import GearVerdict
+from rig.analysis.listed_verdicts import told
 from rig.commands.judgement import VERDICT_STYLE
+from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
 from rig.library.index import IndexedRun
@@ -66,6 +68,10 @@ def print_runs(
         runs.add_row(*cells)
     out.print(runs)
     _print_below(out, listed)
+    for run in listed:
+        verdict = verdicts.get(run.path)
+        for words in verdict.stale if verdict is not None else ():
+            out.print(Text(words, style="yellow"), soft_wrap=True)
 
 
 def _print_below(out: Console, listed: Sequence[IndexedRun]) -> None:
@@ -104,8 +110,8 @@ def _verdict_cell(verdict: GearVerdict | None) -> Text:
     return Text(word, style=VERDICT_STYLE.get(word, ""))
 
 
-def print_recording(recording: Recording, path: Path) -> None:
-    """One run on one or two screens."""
+def print_recording(recording: Recording, path: Path, verdict: GearVerdict | None = None) -> None:
+    """One run on one or two screens, with the verdict on what it measured."""
     out = console(highlight=True)
     m = recording.metadata
     mark = ORIGIN_WORDS[m.origin]
@@ -120,6 +126,8 @@ def print_recording(recording: Recording, path: Path) -> None:
     for name, text in _facts(recording, path):
         facts.add_row(name, text)
     out.print(facts)
+    if verdict is not None:
+        print_verdict(out, verdict)
     out.print(_channel_table(recording))
     if recording.segments:
         out.print(_segment_table(recording))
@@ -127,8 +135,10 @@ def print_recording(recording: Recording, path: Path) -> None:
         out.print(_event_table(recording.events))
 
 
-def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
-    """Everything that `rig show` says of a run."""
+def recording_as_json(
+    recording: Recording, path: Path, verdict: GearVerdict | None = None
+) -> dict[str, Any]:
+    """Everything that `rig show` says of a run; no verdict of a file that is not sealed."""
     from rig.analysis.in_force import in_force_by_kind
 
     m = recording.metadata
@@ -140,6 +150,7 @@ def recording_as_json(recording: Recording, path: Path) -> dict[str, Any]:
         "protocol": m.experiment,
         "origin": m.origin,
         "outcome": m.outcome,
+        **(verdict.as_json() if verdict is not None else told(None)),
         "started": m.start_time,
         "ended": m.end_time,
         "operator": m.operator,

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
 from rig.commands.terminal import echo, print_json
-
-if TYPE_CHECKING:
-    from rig.analysis.judging import GearVerdict
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 RunArgument = Annotated[
@@ -68,7 +65,7 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
-    from rig.commands.listed_verdicts import in_force_of, verdicts_of
+    from rig.analysis.listed_verdicts import in_force_of, told, verdicts_of
 
     verdicts = verdicts_of(listed)
     if json:
@@ -79,7 +76,7 @@ def runs(
                 "runs": [
                     {
                         **run.as_json(),
-                        **_told(verdicts.get(run.path)),
+                        **told(verdicts.get(run.path)),
                         "analysis": in_force_of(run),
                     }
                     for run in listed
@@ -92,13 +89,6 @@ def runs(
     print_runs(folder, listed, verdicts)
 
 
-def _told(verdict: GearVerdict | None) -> dict[str, Any]:
-    """Verdict and reasons of one run in the list; null for a file that cannot be read."""
-    if verdict is None:
-        return {"verdict": None, "because": []}
-    return {"verdict": verdict.verdict, "because": list(verdict.because)}
-
-
 def _day(text: str | None, flag: str) -> str | None:
     from datetime import datetime
 
@@ -109,16 +99,18 @@ def _day(text: str | None, flag: str) -> str | None:
 
 
 def show(run: RunArgument, json: JsonFlag = False) -> None:
-    """Show a run: what, when, who, on which gear, its outcome, channels with their ranges, segments and events."""
+    """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
+    from rig.analysis.listed_verdicts import verdict_of_run
     from rig.commands.file_tables import print_recording, recording_as_json
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(run)
     try:
+        verdict = verdict_of_run(run, recording.metadata)
         if json:
-            print_json(recording_as_json(recording, run))
+            print_json(recording_as_json(recording, run, verdict))
         else:
-            print_recording(recording, run)
+            print_recording(recording, run, verdict)
     finally:
         close_recording(recording)
 
@@ -164,6 +156,154 @@ def export(
         echo(f"{rows} rows written to {target}")
 
 
+<<<<<<< HEAD
+=======
+def import_(
+    format: Annotated[
+        TableFormat, typer.Argument(help="csv (any delimited text) or mat (MATLAB 4 to 7.3).")
+    ],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording of another rig.")],
+    channel: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--channel",
+            "-c",
+            metavar="NAME=COLUMN[:UNIT[:SCALE]]",
+            help="One channel; repeat it. COLUMN is a heading or a number from 1; NAME `time` "
+            "is the time column. SCALE: counts "
+            "per revolution for an angle in `count`, N m per A (or V) for a torque in A (or V), else a factor.",
+        ),
+    ] = None,
+    map_file: Annotated[
+        Path | None,
+        typer.Option(
+            "--map", metavar="FILE", help="Channel map in TOML: [channels.NAME], [[segments]]."
+        ),
+    ] = None,
+    output: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),
+    ] = None,
+    no_time: Annotated[
+        bool, typer.Option("--no-time", help="The recording has no time base; only angles count.")
+    ] = False,
+    time_base: Annotated[
+        TimeBaseChoice, typer.Option("--time-base", help="What stamped the time column.")
+    ] = TimeBaseChoice.device,
+    start: Annotated[
+        str, typer.Option("--start", help="When the first row was recorded, ISO 8601.")
+    ] = "",
+    protocol: Annotated[
+        str, typer.Option("--protocol", help="The protocol that it corresponds to, if any.")
+    ] = "",
+    gear: Annotated[
+        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
+    ] = "",
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML)."),
+    ] = None,
+    ratio: Annotated[
+        float | None, typer.Option("--ratio", help="Input revolutions per output revolution.")
+    ] = None,
+    mounting: Annotated[
+        MountingChoice, typer.Option("--mounting", help="Which part of the gear was fixed.")
+    ] = MountingChoice.circular_spline_fixed,
+    output_sense: Annotated[
+        int,
+        typer.Option(
+            "--output-sense",
+            help="+1 or -1: sense of the output encoder; 0: from the mounting.",
+            min=-1,
+            max=1,
+        ),
+    ] = 0,
+    torque_constant: Annotated[
+        float | None, typer.Option("--torque-constant", help="N m per A, for a torque given in A.")
+    ] = None,
+    delimiter: Annotated[
+        str, typer.Option("--delimiter", help="Found out without it; `tab` and `space` are words.")
+    ] = "",
+    decimal: Annotated[
+        str, typer.Option("--decimal", help="Decimal mark; found out without it.")
+    ] = "",
+    drop_bad_rows: Annotated[
+        bool,
+        typer.Option("--drop-bad-rows", help="Leave out rows with holes, count and list them."),
+    ] = False,
+    operator: Annotated[str, typer.Option("--operator", help="Who recorded it.")] = "",
+    title: Annotated[str, typer.Option("--title", help="What it is, in a few words.")] = "",
+    json: JsonFlag = False,
+) -> None:
+    """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
+    or says what it lacks.
+    """
+    from rig.errors import ConfigurationError
+    from rig.library.folder import claim_run
+    from rig.runfile.importing.convert import (
+        ImportOptions,
+        import_csv,
+        import_mat,
+        parse_channel,
+        read_channel_map,
+    )
+
+    channels, segments = read_channel_map(map_file) if map_file else ((), ())
+    given = tuple(parse_channel(text) for text in channel or ())
+    names = {source.name for source in given}
+    for name, value in (("--ratio", ratio), ("--torque-constant", torque_constant)):
+        if value is not None and not (math.isfinite(value) and value != 0.0):
+            raise ConfigurationError(
+                "is not usable", where=name, value=value, limit="a finite number that is not 0"
+            )
+    gear_set = None
+    if parameters is not None:
+        from model.gear_file import load_gear
+
+        gear_set = load_gear(parameters)
+    options = ImportOptions(
+        channels=(*(source for source in channels if source.name not in names), *given),
+        rate=rate,
+        no_time=no_time,
+        time_base=time_base.value,
+        start_time=start,
+        drop_bad_rows=drop_bad_rows,
+        torque_constant=torque_constant,
+        segments=segments,
+        delimiter=delimiter,
+        decimal=decimal,
+        experiment=protocol,
+        title=title,
+        operator=operator,
+        gear=gear_set,
+        gear_serial=gear,
+        ratio=math.nan if ratio is None else ratio,
+        mounting=mounting.value,
+        output_sense=output_sense,
+    )
+    read = import_csv if format is TableFormat.csv else import_mat
+    recording = read(
+        file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path
+    )
+    if json:
+        print_json(
+            {
+                "run": str(recording.path),
+                "rows": recording.rows,
+                "rows_left_out": recording.dropped,
+                "notes": recording.notes,
+            }
+        )
+        return
+    echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
+    for note in recording.notes:
+        echo(f"  {note}")
+
+
+>>>>>>> main
 def recover(
     part: Annotated[
         list[Path], typer.Argument(metavar="PART...", help="Files (.h5.part) whose writer died.")

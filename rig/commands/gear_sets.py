@@ -60,7 +60,7 @@ def new(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
+            "--runs", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
         ),
     ] = Path("runs"),
     json: Json = False,
@@ -120,7 +120,7 @@ def check(
     output: Annotated[
         Path,
         typer.Option(
-            "--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
+            "--runs", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
         ),
     ] = Path("runs"),
     json: Json = False,

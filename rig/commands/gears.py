@@ -23,9 +23,7 @@ gear = typer.Typer(
 Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")]
 Folder = Annotated[
     Path,
-    typer.Option(
-        "--output", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
-    ),
+    typer.Option("--runs", metavar="DIR", help="Folder of the run files; cards lie in its .gears."),
 ]
 By = Annotated[
     str, typer.Option("--by", metavar="NAME", help="Who says so; kept in the history of the card.")

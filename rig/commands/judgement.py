@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -60,10 +59,3 @@ def verdict_text(line: Verdict) -> str:
     value, limit = held_against(line)
     because = f"; {line.because}" if line.because else ""
     return f"{line.name}: {value}, limit {limit} ({whose_limit(line)}){because}"
-
-
-def worst_code(codes: Sequence[int]) -> int:
-    """The exit code of several verdicts: FAIL, then NOT JUDGED where one is required, MARGINAL, PASS."""
-    from rig.exits import DONE, FAIL, MARGINAL, NOT_JUDGED
-
-    return next((code for code in (FAIL, NOT_JUDGED, MARGINAL) if code in codes), DONE)

@@ -10,7 +10,11 @@ import typer
 from rig.commands.terminal import echo, print_json
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rig.analysis.judging import GearVerdict
     from rig.analysis.passport.analyse import Analysed
+    from rig.analysis.passport.content import Passport
     from rig.library.index import IndexedRun
 
 JsonFlag = Annotated[
@@ -28,21 +32,36 @@ def diff(
 ) -> None:
     """Say what differs between two runs: parameters, limits, calibrations, versions, conditions, gear, results.
 
-    Results are the newest analyses beside the runs; a difference is significant where it is larger than
-    U_c = sqrt(U1^2 + U2^2), at 95 %. The exit code is 0 whether they differ or not; --json says `differs`.
+    Outcome and verdict of both come first. Results are the analyses in force beside the runs; a difference
+    is significant where it is larger than U_c = sqrt(U1^2 + U2^2), at 95 %. The exit code is 0 whether
+    they differ or not; --json says `differs`.
     """
     from rig.analysis.difference import difference
+    from rig.analysis.listed_verdicts import told
 
     changes = difference(first, second)
+    verdicts = [_verdict_of_file(path) for path in (first, second)]
     if json:
         content = changes.as_json()
+        content["verdicts"] = [
+            {"outcome": outcome, **told(verdict)} for outcome, verdict in verdicts
+        ]
         if everything:
             content["same"] = [change.as_json() for change in changes.same]
         print_json(content)
         return
     from rig.commands.library_tables import print_difference
 
-    print_difference(changes, everything=everything)
+    print_difference(changes, verdicts, everything=everything)
+
+
+def _verdict_of_file(path: Path) -> tuple[str, GearVerdict | None]:
+    """Outcome and verdict of a run file."""
+    from rig.analysis.listed_verdicts import verdict_of_run
+    from rig.runfile.read import glance
+
+    metadata = glance(path).metadata
+    return metadata.outcome, verdict_of_run(path, metadata)
 
 
 def passport(
@@ -52,7 +71,7 @@ def passport(
     output: Annotated[
         list[Path] | None,
         typer.Option(
-            "--output", metavar="DIR", help="Folder of the run files; may be given several times."
+            "--runs", metavar="DIR", help="Folder of the run files; may be given several times."
         ),
     ] = None,
     analyse: Annotated[
@@ -84,13 +103,18 @@ def passport(
     origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The
     exit code is 0 also where a limit is broken.
     """
+    from rig.analysis.listed_verdicts import told
     from rig.analysis.passport.build import passport as passport_of
 
     where = output or [Path("runs")]
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
     passport_of_gear = passport_of(where, serial, origin=origin, baseline=baseline)
+    verdicts, judged = _verdicts_of(passport_of_gear, where)
     if json:
-        content = passport_of_gear.as_json()
+        content = {**passport_of_gear.as_json(), **judged.as_json()}
+        content["runs"] = [
+            {**run.as_json(), **told(verdicts.get(run.path))} for run in passport_of_gear.runs
+        ]
         content["analysed"] = [
             {
                 "run": one.run.run_id,
@@ -104,7 +128,24 @@ def passport(
         return
     from rig.commands.library_tables import print_passport
 
-    print_passport(passport_of_gear, analysed)
+    print_passport(passport_of_gear, judged, analysed)
+
+
+def _verdicts_of(
+    passport: Passport, where: Sequence[Path]
+) -> tuple[dict[Path, GearVerdict], GearVerdict]:
+    """The verdict on each run of a passport, and that on the gear by the newest of every kind.
+
+    What the gear must show says the first of these places whose card names a file.
+    """
+    from rig.analysis.listed_verdicts import verdicts_of
+    from rig.analysis.newest import newest_analysed
+    from rig.gears.acceptance import acceptance_for
+
+    folders = [place if place.is_dir() else place.parent for place in where]
+    named = (acceptance_for(folder, passport.serial) for folder in folders)
+    acceptance = next((one for one in named if one is not None), None)
+    return verdicts_of(passport.runs), newest_analysed(passport.runs).judged(acceptance)
 
 
 def _analyse(

@@ -7,23 +7,34 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from rig.analysis.difference import Change, Difference
+from rig.analysis.judging import GearVerdict
 from rig.analysis.passport.analyse import Analysed
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.wording import number
+from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
 
 _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 
 
-def print_difference(compared: Difference, *, everything: bool) -> None:
-    """What differs, group by group; with `everything` what does not as well."""
+def print_difference(
+    compared: Difference,
+    verdicts: Sequence[tuple[str, GearVerdict | None]],
+    *,
+    everything: bool,
+) -> None:
+    """What differs, group by group; with `everything` what does not as well. Outcome and verdict of both come first."""
     out = console(highlight=True)
     out.print(
         Text(compared.first, style="bold")
         + Text("  against  ")
         + Text(compared.second, style="bold")
     )
+    for run, (outcome, verdict) in zip((compared.first, compared.second), verdicts, strict=True):
+        out.print(Text(f"{run}: outcome {outcome or '-'}"))
+        if verdict is not None:
+            print_verdict(out, verdict)
     for group, looked_at in compared.compared.items():
         changes = compared.of(group)
         shown = [
@@ -74,8 +85,10 @@ def _significance(change: Change) -> Text:
     )
 
 
-def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> None:
-    """The series of a gear, what their charts say, and what is missing."""
+def print_passport(
+    passport: Passport, judged: GearVerdict, analysed: Sequence[Analysed] = ()
+) -> None:
+    """The verdict on a gear, its series, what their charts say, and what is missing."""
     out = console(highlight=True)
     mark = Text(f"  {passport.mark}", style="bold magenta") if passport.mark else Text("")
     out.print(Text(f"Gear {passport.serial}", style="bold") + Text(f"  {passport.gear}") + mark)
@@ -90,6 +103,7 @@ def print_passport(passport: Passport, analysed: Sequence[Analysed] = ()) -> Non
         (passport.runs[0].start[:10], passport.runs[-1].start[:10]) if passport.runs else ("-", "-")
     )
     out.print(f"{len(passport.runs)} runs, {first} to {last}")
+    print_verdict(out, judged)
     if passport.series:
         out.print(_series_table(passport.series))
     for series in passport.series:

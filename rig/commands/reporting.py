@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict, worst_code
+from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.terminal import console, echo, print_json
 from rig.commands.worlds import (
     BenchSeed,
@@ -103,7 +103,7 @@ def report(
     hardware have room for a signature; all others are marked on every page.
     """
     from rig.commands.result_tables import print_verdict
-    from rig.exits import code_of_verdict
+    from rig.exits import code_of_verdicts
     from rig.gears.acceptance import acceptance_named
     from rig.present.build import report_on_files, report_on_gear
 
@@ -165,8 +165,8 @@ def report(
             echo(line)
         for one in reports:
             print_verdict(console(), one.verdict)
-    codes = [code_of_verdict(one.verdict.verdict, required=require_verdict) for one in reports]
-    raise typer.Exit(worst_code(codes))
+    verdicts = [one.verdict.verdict for one in reports]
+    raise typer.Exit(code_of_verdicts(verdicts, required=require_verdict))
 
 
 def _as_object(reports: Sequence[Reports], written: list[Path], lines: list[str]) -> dict[str, Any]:
@@ -199,9 +199,7 @@ def suffixes_of(
 def demo(
     output: Annotated[
         Path,
-        typer.Option(
-            "--output", "-o", metavar="DIR", help="Folder for runs, report and parameter set."
-        ),
+        typer.Option("--runs", metavar="DIR", help="Folder for runs, report and parameter set."),
     ] = Path("rig-demo"),
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the simulated bench, and serial number of the gear.")

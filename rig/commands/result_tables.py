@@ -1,6 +1,4 @@
-"""Results as tables on a terminal: value ± U, unit, statistical part, whether the data identify it;
-then what to beware of.
-"""
+"""Results as tables on a terminal: value ± U, unit, whether the data identify it; then what to beware of."""
 
 from __future__ import annotations
 
@@ -18,13 +16,21 @@ IDENTIFIABLE_STYLE = {"yes": "green", "weakly": "yellow", "no": "red"}
 
 
 def print_result(
-    out: Console, result: Result, heading: str = "", verdict: GearVerdict | None = None
+    out: Console,
+    result: Result,
+    heading: str = "",
+    verdict: GearVerdict | None = None,
+    *,
+    everything: bool = False,
 ) -> None:
-    """One analysed run on the terminal, with what it is worth where that is known."""
+    """One analysed run on the terminal, with what it is worth where that is known.
+
+    With `everything` the statistical part of every interval as well.
+    """
     out.print()
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
-        out.print(estimate_table(result))
+        out.print(estimate_table(result, everything=everything))
     notes = [
         (result.quantity(n).titled(n), e.note)
         for n, e in result.estimates.items()
@@ -63,9 +69,17 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
             out.print(Text(f"    {reason}"), soft_wrap=True)
     for line in verdict.lines:
         text = Text.assemble("    ", (line.outcome, VERDICT_STYLE[line.outcome]))
-        out.print(text.append(f"  {verdict_text(line)}"))
+        out.print(text.append(f"  {verdict_text(line)}"), soft_wrap=True)
+    for words in _not_yet_told(verdict):
+        out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)
     if verdict.source:
         out.print(Text(f"    by {verdict.source}", style="dim"), soft_wrap=True)
+
+
+def _not_yet_told(verdict: GearVerdict) -> list[str]:
+    """What is stale beside what the lines say: of what no limit is about, or a limit that nobody confirmed."""
+    said = " ".join(line.because for line in verdict.lines)
+    return [words for words in verdict.stale if words.partition(": ")[2] not in said]
 
 
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
@@ -74,10 +88,10 @@ def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
         out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
 
 
-def estimate_table(result: Result) -> Table:
-    """The estimates of a result as a rich table."""
+def estimate_table(result: Result, *, everything: bool = False) -> Table:
+    """The estimates of a result as a rich table; with `everything` the statistical part of U as well."""
     value = "value ± U (95 %)"
-    facts = ("unit", STATISTICAL_PART, "identifiable")
+    facts = ("unit", *((STATISTICAL_PART,) if everything else ()), "identifiable")
     estimates = ruled_table("quantity", value, *facts, numbers=(value,), whole=(value, *facts))
     for name, estimate in result.estimates.items():
         quantity = result.quantity(name)
@@ -87,7 +101,7 @@ def estimate_table(result: Result) -> Table:
             Text(quantity.titled(name)),
             f"{shown.value} ± {shown.expanded or '?'}",
             shown.unit,
-            f"{shown.low} … {shown.high}",
+            *((f"{shown.low} … {shown.high}",) if everything else ()),
             verdict,
         )
     return estimates

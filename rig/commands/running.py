@@ -5,7 +5,6 @@ Flags of a protocol are made from its parameter model when it is named, so that 
 
 from __future__ import annotations
 
-import difflib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
-from rig.commands.terminal import outliving_the_terminal, print_json
+from rig.commands.terminal import nearest, outliving_the_terminal, print_json
 from rig.commands.worlds import (
     BenchSeed,
     Day,
@@ -117,7 +116,9 @@ def run(
     output: Annotated[
         Path | None,
         typer.Option(
-            metavar="DIR", help="Folder of the run files; runs, or that of the configuration."
+            "--runs",
+            metavar="DIR",
+            help="Folder of the run files; runs, or that of the configuration.",
         ),
     ] = None,
     seed: Annotated[
@@ -287,7 +288,7 @@ def read_protocol(arguments: Sequence[str]) -> tuple[str, dict[str, Any]]:
     protocol = arguments[0]
     if protocol not in catalogue.names():
         raise typer.BadParameter(
-            f"no such protocol: {protocol!r}. {_nearest(protocol, catalogue.names())}",
+            f"no such protocol: {protocol!r}. {nearest(protocol, catalogue.names())}",
             param_hint="PROTOCOL",
         )
     from experiments.parameters import parameter_fields
@@ -315,7 +316,7 @@ def read_flags(
         if field is None:
             what = "no such flag" if flag.startswith("-") else "a value without a flag"
             raise typer.BadParameter(
-                f"{what} of {protocol}: {flag!r}. {_nearest(flag, tuple(by_flag))}",
+                f"{what} of {protocol}: {flag!r}. {nearest(flag, tuple(by_flag))}",
                 param_hint="flags of the protocol",
             )
         if field.name in values:
@@ -338,11 +339,6 @@ def _values_after(rest: list[str], field: ParameterField) -> list[str]:
             break
         taken.append(rest.pop(0))
     return taken
-
-
-def _nearest(word: str, words: Sequence[str]) -> str:
-    near = difflib.get_close_matches(word, words, n=2, cutoff=0.5)
-    return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(words)}."
 
 
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:

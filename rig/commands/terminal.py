@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
@@ -112,3 +112,11 @@ def outliving_the_terminal() -> Iterator[None]:
         for stream in lasting:
             stream.flush()
         sys.stdout, sys.stderr = before
+
+
+def nearest(word: str, words: Sequence[str]) -> str:
+    """What may have been meant by a word that there is not, else all that there are."""
+    import difflib
+
+    near = difflib.get_close_matches(word, words, n=2, cutoff=0.5)
+    return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(words)}."

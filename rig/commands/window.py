@@ -17,7 +17,7 @@ SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 
 def live(
     folder: Annotated[
-        Path, typer.Option("--folder", metavar="DIR", help="Folder of the run files.")
+        Path, typer.Option("--runs", metavar="DIR", help="Folder of the run files.")
     ] = Path("runs"),
     backend: Annotated[
         str, typer.Option(help="Which rig: sim, wire, hardware or replay:RUN.h5, as for rig run.")
@@ -96,7 +96,7 @@ def refuse_wrong_folder(folder: Path) -> None:
     if problem:
         raise ConfigurationError(
             f"runs cannot be kept there: {problem}",
-            where="--folder",
+            where="--runs",
             value=str(folder),
             remedy="Name a folder that you may write to.",
         )

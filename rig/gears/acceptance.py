@@ -34,9 +34,12 @@ FORMAT = "acceptance-1"
 Use = Literal["any", "simulated"]
 Standing = Literal["customer", "catalogue", "statistics", "demonstration"]
 Trust = Literal["A", "B", "C", "derived", ""]
+Subject = Literal["gear", "motor + gear"]
 
 _TOP = ("format", "name", "source", "use", "limits")
 _WORDS: Mapping[str, tuple[str, ...]] = {"standing": get_args(Standing), "trust": get_args(Trust)}
+_LEFT_AWAY: Mapping[str, str] = {"subject": "gear"}
+"""What is meant where a line says nothing, and is not written into a file."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,6 +50,7 @@ class Limit:
     - `upper`, `lower`: largest and smallest allowed value in SI; None where that side is free.
     - `unit`: the unit in which the file states them.
     - `condition`: under which the document states the limit: temperature, speed, grease.
+    - `subject`: what a limited torque is that of, "gear" or "motor + gear"; a torque of the other judges nothing.
     - `source`: document, edition, page.
     - `standing`: whose limit it is.
     - `trust`: of a catalogue's limit: A read in the maker's own page, B transcribed by somebody else
@@ -61,6 +65,7 @@ class Limit:
     upper: float | None = None
     lower: float | None = None
     condition: str = ""
+    subject: Subject = "gear"
     trust: Trust = ""
     confirmed_by: str = ""
     confirmed_on: str = ""
@@ -194,7 +199,7 @@ def acceptance_text(acceptance: Acceptance) -> str:
             value = getattr(limit, f.name)
             if isinstance(value, float):
                 lines.append(f"{f.name} = {quantities.text_in(value, limit.unit, si)}")
-            elif value:
+            elif value and value != _LEFT_AWAY.get(f.name):
                 lines.append(f"{f.name} = {quote(value)}")
     return "\n".join(lines) + "\n"
 
@@ -262,6 +267,7 @@ def _limit(row: object, path: str, table: str, use: str) -> Limit:
         key: _text(row, key, path, table, needed=False) for key in ("condition", "confirmed_by")
     }
     words |= {key: _word(row, key, allowed, path, table) for key, allowed in _WORDS.items()}
+    words["subject"] = _word({**_LEFT_AWAY, **row}, "subject", get_args(Subject), path, table)
     limit = Limit(**words, confirmed_on=_day(row, path, table))
     try:
         si = limit.declared().unit

@@ -88,7 +88,7 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
         raise RunFileError(
             f"is no folder of runs: {error.strerror or error}",
             where=str(folder),
-            remedy="Name the folder with --output.",
+            remedy="Name the folder with --runs.",
         ) from error
     return tuple(sorted(paths, key=lambda path: (run_number(path.name), path.name)))
 

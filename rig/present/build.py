@@ -140,16 +140,17 @@ def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fi
     """What is reported of a run, and what is to be said of it; with choices it is made anew."""
     from rig.analysis.digest import digest, protocol_of, read_or_digest
     from rig.analysis.in_force import in_force
+    from rig.analysis.judging import doubts_of
 
     if choices is None:
-        fit, found, made = read_or_digest(path, created)
+        fit, _, made = read_or_digest(path, created)
     else:
         # A tare that was named is for the others.
         own = replace(choices, tare=None) if choices.tare == path else choices
         # A recording that names no kind is analysed anew as what it was analysed last.
         named = protocol_of(path) in catalogue.kinds()
         made = digest(path, created, "" if named else in_force(path).kind, choices=own)
-        fit, found = made.fit, made.in_force
+        fit = made.fit
     if fit is None:
         because = made.because if made is not None else ()
         raise RigError(
@@ -161,13 +162,7 @@ def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fi
             else "",
         )
     lines = [] if made is None or not made.not_stored else [f"Not stored: {made.not_stored}"]
-    if made is not None:
-        return fit, lines
-    stale = [
-        f"This analysis is stale: {reason}. Renew it: {found.renewed_by}." for reason in found.stale
-    ]
-    result = replace(fit.result, warnings=(*stale, *fit.result.warnings))
-    return replace(fit, result=result), lines + [f"{path.name}: {words}" for words in stale]
+    return fit, lines + [f"{path.name}: {words}" for words in doubts_of(fit)]
 
 
 def _readable(created: str) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.quantity import Quantity, key_names
 from experiments.result import Result, Verdict
-from rig.analysis.judging import GearVerdict, held_against, whose_limit
+from rig.analysis.judging import GearVerdict, doubts_of, held_against, whose_limit
 from rig.analysis.wording import (
     STATISTICAL_PART,
     laboratory_unit,
@@ -508,7 +508,7 @@ def part_of(fit: Fit, index: int, title: str) -> Part:
             for g in (statistical_grid(result, result.estimates), *grids)
             if g is not None and (len(g.rows) > LONG_TABLE or g.title == "Statistical part")
         ),
-        warnings=result.warnings,
+        warnings=(*doubts_of(fit), *result.warnings),
         provenance=provenance_of(fit),
     )
 

@@ -8,10 +8,9 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from rig.analysis.fit import Fit
-from rig.analysis.passport.content import Passport, PassportPoint
-from rig.analysis.store import Analysis, read_analyses
-from rig.analysis.stored_fit import stored_fit
-from rig.errors import RigError
+from rig.analysis.newest import newest_analysed
+from rig.analysis.passport.content import Passport
+from rig.analysis.stored_fit import fit_in_force
 from rig.present.content import Grid, run_files, seal_words
 from rig.present.provenance import alarms_of
 from rig.runfile.read import close_recording, open_run
@@ -20,35 +19,15 @@ from rig.runfile.seal import check_seal
 
 @contextmanager
 def newest_fits(passport: Passport) -> Iterator[tuple[Fit, ...]]:
-    """The newest analysed run of every kind that the passport follows, as it lies in the store;
-    closed when it is left.
-    """
-    from rig.analysis.passport.gather import moment
-
-    newest: dict[str, PassportPoint] = {}
-    for series in passport.series:
-        last = series.points[-1]
-        held = newest.get(series.kind)
-        if held is None or (moment(last.start), last.number) > (moment(held.start), held.number):
-            newest[series.kind] = last
+    """The newest analysed run of every kind, as it lies in the store; closed when it is left."""
     fits: list[Fit] = []
     try:
-        for point in newest.values():
-            fits.append(stored_fit(point.path, _analysis(point)))
+        for run, found in newest_analysed(passport.runs).runs:
+            fits.append(fit_in_force(run.path, found))
         yield tuple(fits)
     finally:
         for fit in fits:
             close_recording(fit.recording)
-
-
-def _analysis(point: PassportPoint) -> Analysis:
-    name = point.analysis.rpartition("/")[2]
-    for analysis in read_analyses(point.path):
-        if analysis.path.name == name:
-            return analysis
-    raise RigError(
-        "the analysis that the passport read is gone", where=str(point.path), value=point.analysis
-    )
 
 
 def gear_files(passport: Passport, fits: Sequence[Fit]) -> Grid:

@@ -62,7 +62,7 @@ class TripLatch:
         self.folder = folder
         self.path = folder / LATCH_NAME
         self._places = (folder, *elsewhere)
-        self._option = option or f"--output {folder}"
+        self._option = option or f"--runs {folder}"
         self._bench = bench
 
     def read(self) -> LatchedTrip | None:
@@ -135,7 +135,7 @@ class TripLatch:
             raise RigError(
                 "no trip is latched here",
                 where=str(self.folder),
-                remedy="Name the folder with --output, or a rig of hardware with --config.",
+                remedy="Name the folder with --runs, or a rig of hardware with --config.",
             )
         entry = {**asdict(trip), "acknowledged_by": name, "acknowledged_at": time, "remark": remark}
         try:

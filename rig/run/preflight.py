@@ -87,7 +87,7 @@ def _existing(output: Path) -> Path:
 def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
     folder, problem = _existing(output), folder_problem(output)
     if problem:
-        return (Check("folder", "failed", problem, "Name another with --output."),)
+        return (Check("folder", "failed", problem, "Name another with --runs."),)
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
@@ -96,7 +96,7 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
                 "folder",
                 "failed",
                 f"{folder}: {error.strerror or error}",
-                "Name another with --output.",
+                "Name another with --runs.",
             ),
         )
     needed = planned.file_size() + 50_000_000
@@ -111,7 +111,7 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
                 "disk space",
                 "failed",
                 evidence,
-                "Free space, or name another folder with --output.",
+                "Free space, or name another folder with --runs.",
             ),
         )
     worst = planned.space_needed()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,35 +27,63 @@ def origin_note(recording: Recording) -> str:
     return ORIGIN_WORDS[recording.metadata.origin]
 
 
+@dataclass(frozen=True)
+class TableColumn:
+    """A column of a table in text: its heading, and its cells for a block of rows; blocks are asked for in order."""
+
+    heading: str
+    cells: Callable[[slice], list[Any]]
+
+
 def export_csv(recording: Recording, target: Path, *, overwrite: bool = False) -> int:
     """Write the run as text, a block at a time, rounded to a tenth of a count; returns the number of rows."""
-    names = list(recording.signals)
-    headings = [
-        "time [s]",
-        *(f"{name} [{recording.signals[name].unit}]" for name in names),
-        "flags",
-        "segment",
+    columns = [recorded_column(recording, name) for name in recording.signals]
+    whole = slice(0, recording.rows)
+    return export_table(recording, columns, whole, target, overwrite=overwrite)
+
+
+def export_table(
+    recording: Recording,
+    columns: Sequence[TableColumn],
+    rows: slice,
+    target: Path,
+    *,
+    notes: Sequence[str] = (),
+    overwrite: bool = False,
+) -> int:
+    """Write some rows of a run as text, these columns between time and flags; returns the number of rows.
+
+    A block at a time; the file is there whole or not at all. `notes` are lines more for its head.
+    Raises `RunFileError`.
+    """
+    whole = [
+        TableColumn("time [s]", lambda part: recording.time(part).round(TIME_DECIMALS).tolist()),
+        *columns,
+        TableColumn("flags", lambda part: recording.flags(part).tolist()),
+        TableColumn("segment", lambda part: _segment_of_rows(recording, part)),
     ]
     partial = _partial(target, overwrite)
     try:
         with partial.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.writelines(f"# {line}\n" for line in _description(recording))
-            stream.write(",".join(headings) + "\n")
-            for block in recording.blocks(size=BLOCK_ROWS):
-                columns = [
-                    recording.time(block).round(TIME_DECIMALS).tolist(),
-                    *(_rounded(recording, name, block) for name in names),
-                ]
-                columns += [recording.flags(block).tolist(), _segment_of_rows(recording, block)]
+            stream.writelines(f"# {line}\n" for line in (*_description(recording), *notes))
+            stream.write(",".join(column.heading for column in whole) + "\n")
+            for part in recording.blocks(rows, size=BLOCK_ROWS):
+                cells = [column.cells(part) for column in whole]
                 stream.writelines(
-                    ",".join(map(str, row)) + "\n" for row in zip(*columns, strict=True)
+                    ",".join(map(str, row)) + "\n" for row in zip(*cells, strict=True)
                 )
         os.replace(partial, target)
     except OSError as error:
         raise _not_written(target, error) from error
     finally:
         partial.unlink(missing_ok=True)
-    return recording.rows
+    return rows.stop - rows.start
+
+
+def recorded_column(recording: Recording, name: str) -> TableColumn:
+    """A channel in SI as it was recorded, its unit in the heading."""
+    heading = f"{name} [{recording.signals[name].unit}]"
+    return TableColumn(heading, lambda part: _rounded(recording, name, part))
 
 
 def _rounded(recording: Recording, name: str, block: slice) -> list[float]:

@@ -135,6 +135,30 @@ def test_the_outcome_decides_before_the_verdict(
 
 
 @pytest.mark.parametrize(
+    ("verdicts", "required", "code"),
+    [
+        ((), False, 0),
+        (("PASS", "NOT JUDGED"), False, 0),
+        (("PASS", "NOT JUDGED"), True, 7),
+        (("MARGINAL", "PASS"), False, 3),
+        (("MARGINAL", "NOT JUDGED"), True, 7),
+        (("MARGINAL", "NOT JUDGED", "FAIL"), True, 1),
+    ],
+)
+def test_several_verdicts_end_as_the_worst_of_them(
+    verdicts: tuple[str, ...], required: bool, code: int
+) -> None:
+    assert exits.code_of_verdicts(verdicts, required=required) == code
+
+
+def test_the_readme_tells_the_codes_as_the_program_does() -> None:
+    rows = [line for line in (exits.__doc__ or "").splitlines() if line.startswith("|")]
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 11
+    assert [row for row in rows if row not in readme] == []
+
+
+@pytest.mark.parametrize(
     ("arguments", "code", "kind"),
     [
         (["show", "no-such-run.h5", "--json"], exits.ERROR, "RunFileError"),

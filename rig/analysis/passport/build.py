@@ -108,14 +108,19 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
                 why = estimate.get("note") or "not identifiable from this run"
                 missing.append(Missing(f"{quantity.title}: {why}", one.run.run_id))
         if takes_tare(one.analysis.kind) and one.facts.get("torque of") != "gear":
-            missing.append(
-                Missing(
-                    "its running torque is that of motor and gear together: no motor tare was subtracted",
-                    one.run.run_id,
-                    f"rig fit {one.run.path} --tare RUN (a {tare_kind()} run)",
-                )
-            )
+            missing.append(_without_tare(one))
     return missing
+
+
+def _without_tare(one: AnalysedRun) -> Missing:
+    """That the torque of a run is not the gear's own, and what helps: a tare is then found by itself."""
+    tare = one.analysis.tare.get("run", "")
+    why = f"the tare {tare} could not be subtracted" if tare else "no motor tare was subtracted"
+    return Missing(
+        f"its running torque is that of motor and gear together: {why}",
+        one.run.run_id,
+        f"rig run {tare_kind()}, then rig fit {one.run.path}",
+    )
 
 
 def _nothing_of(quantity: FollowedQuantity, gathered: Gathered) -> Missing:

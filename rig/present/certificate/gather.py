@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
-from experiments import catalogue
 from rig.analysis.fit import Fit
-from rig.analysis.in_force import InForce, in_force
-from rig.analysis.judging import GearVerdict, StoredResult, judge
-from rig.analysis.passport.gather import COUNTED_OUTCOMES, counted_origin, runs_of
-from rig.analysis.stored_fit import stored_fit
+from rig.analysis.in_force import InForce
+from rig.analysis.judging import GearVerdict, judge
+from rig.analysis.newest import newest_analysed
+from rig.analysis.passport.gather import counted_origin, runs_of
+from rig.analysis.stored_fit import fit_in_force
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
@@ -70,17 +70,11 @@ def certified(
     """
     runs = runs_of(folder, serial)
     counted = _counted(runs)
+    newest = newest_analysed(counted)
     fits: list[Fit] = []
-    found: list[InForce] = []
-    passed_over: list[str] = []
     try:
-        for kind in catalogue.names():
-            newest = _newest(kind, counted, passed_over)
-            if newest is not None:
-                run, analysis = newest
-                assert analysis.analysis is not None
-                fits.append(stored_fit(run.path, analysis.analysis))
-                found.append(analysis)
+        for run, analysis in newest.runs:
+            fits.append(fit_in_force(run.path, analysis))
         if not fits:
             raise _nothing(folder, serial, runs)
         acceptance = acceptance or acceptance_for(folder, serial)
@@ -89,11 +83,11 @@ def certified(
             folder=folder,
             runs=tuple(counted),
             fits=tuple(fits),
-            analyses=tuple(found),
+            analyses=tuple(analysis for _, analysis in newest.runs),
             acceptance=acceptance,
-            verdict=judge([_as_judged(fit, serial) for fit in fits], acceptance),
+            verdict=judge(fits, acceptance),
             missing=_missing(acceptance, protocols, fits),
-            passed_over=tuple(passed_over),
+            passed_over=newest.passed_over,
         )
     finally:
         for fit in fits:
@@ -104,30 +98,6 @@ def _counted(runs: Sequence[IndexedRun]) -> list[IndexedRun]:
     """Sealed runs of one origin (hardware where there is any), the unfinished among them too, in order of time."""
     origin = counted_origin(runs)
     return [run for run in runs if run.state == "sealed" and origin in ("", run.origin)]
-
-
-def _newest(
-    kind: str, runs: Sequence[IndexedRun], passed_over: list[str]
-) -> tuple[IndexedRun, InForce] | None:
-    """The newest run of a protocol that was brought to its end and has an analysis; newer ones are noted."""
-    newer: list[str] = []
-    for run in reversed([run for run in runs if run.protocol == kind]):
-        if run.outcome not in COUNTED_OUTCOMES:
-            newer.append(f"Run {run.run_id} ({kind}) ended {run.outcome} and does not stand here.")
-            continue
-        found = in_force(run.path, kind)
-        if found.analysis is None or not found.of_this_run:
-            newer.append(f"Run {run.run_id} ({kind}) is not analysed: rig fit {run.path}")
-            continue
-        passed_over += newer
-        return run, found
-    passed_over += newer
-    return None
-
-
-def _as_judged(fit: Fit, serial: str) -> StoredResult:
-    metadata = fit.recording.metadata
-    return StoredResult(fit.result, metadata.origin, metadata.outcome, serial)
 
 
 def _missing(

@@ -272,6 +272,4 @@ def _found(journal: Journal, order: CampaignOrder) -> Iterator[StoredResult]:
         found = in_force(path, done.protocol)
         if found.analysis is not None:
             metadata = read_run_header(path).metadata
-            yield stored_result(
-                found.analysis, metadata.origin, metadata.outcome, metadata.gear_serial
-            )
+            yield stored_result(found, metadata.origin, metadata.outcome, metadata.gear_serial)

@@ -211,7 +211,7 @@ def _not_written(path: Path, error: OSError) -> RunFileError:
         "the journal of a campaign cannot be written",
         where=str(path),
         value=error.strerror or str(error),
-        remedy="Make the folder writable, or name another one with --output.",
+        remedy="Make the folder writable, or name another one with --runs.",
     )
 
 

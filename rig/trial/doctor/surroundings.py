@@ -87,7 +87,7 @@ def disk(folder: Path) -> Finding:
             name="disk",
             result="failed",
             evidence=what,
-            remedy="Name another folder with --output.",
+            remedy="Name another folder with --runs.",
         )
     try:
         free = shutil.disk_usage(place).free

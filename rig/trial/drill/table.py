@@ -74,7 +74,7 @@ LIMITS = """
 
 The first cause is latched to the bench (`.tripped.json`; of a simulated rig in the folder of its runs) and outlives the program.
 The next `rig run` on it is refused before the rig is connected, until somebody has acknowledged it by name: `rig acknowledge
---operator NAME --output DIR`, on hardware and on a hub `--config rig.toml` in the place of `--output`.
+--operator NAME --runs DIR`, on hardware and on a hub `--config rig.toml` in the place of `--runs`.
 Who it was and what was found stays in `acknowledged-trips.jsonl`. Nothing starts again by itself.
 
 ## What this does not show

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QPainter, QPixmap
+from PySide6.QtGui import QFontMetricsF, QPaintEngine, QPainter, QPixmap
 
 LABELLED, BARE = 1.0, 0.5
 """What pyqtgraph calls the spacing of a level of ticks; here it says whether they carry numbers."""
@@ -25,22 +26,49 @@ class LabAxis(pg.AxisItem):
     size changes: in most frames of a run it is the same, and making it takes longer than the curves."""
 
     def __init__(self, orientation: str) -> None:
+        self._label_shown = ""
         super().__init__(orientation)
         self._drawn: QPixmap | None = None
         self._drawn_for: tuple[Any, ...] = ()
         self.times_drawn = 0
         """How often the picture was made."""
 
+    def labelString(self) -> str:
+        """The label, or its unit alone where the axis is too short for it: the title says what is drawn."""
+        whole = self.labelText
+        self.labelText = self._fitting(whole)
+        try:
+            return super().labelString()
+        finally:
+            self.labelText = whole
+
+    def resizeEvent(self, ev: Any = None) -> None:
+        """The label as the new length allows."""
+        text = self.labelString()
+        if text != self._label_shown and self.label is not None:
+            self._label_shown = text
+            self.label.setHtml(text)
+        super().resizeEvent(ev)
+
+    def _fitting(self, label: str) -> str:
+        """A label, or the unit at its end, whichever fits along the axis."""
+        assert self.label is not None
+        length = self.width() if self.orientation in ("top", "bottom") else self.height()
+        wanted = QFontMetricsF(self.label.font()).horizontalAdvance(label)
+        unit = re.search(r"\[[^\]]*\]$", label)
+        return label if unit is None or wanted <= length else unit[0]
+
     def paint(self, p: QPainter, opt: Any, widget: Any) -> None:
         """Ticks, numbers, and the lines of the grid."""
         place = p.worldTransform()
-        if widget is None or place.isScaling() or place.isRotating():
+        drawing = p.paintEngine().type() is QPaintEngine.Type.SVG
+        if widget is None or drawing or place.isScaling() or place.isRotating():
             # Into a file or a printer: lines and letters, no pixels.
             super().paint(p, opt, widget)
             return
         rect, ratio = (
             self.boundingRect().adjusted(-EDGE, -EDGE, EDGE, EDGE),
-            widget.devicePixelRatioF(),
+            p.deviceTransform().m11(),
         )
         # The picture begins at a whole pixel; where its content stands between two pixels belongs to it.
         left, top = place.dx() + rect.x(), place.dy() + rect.y()

@@ -60,6 +60,13 @@ class LabBox(pg.ViewBox):
     curve. Over an axis it zooms along that.
     """
 
+    moves_along_x = False
+    """Whether the mouse moves the view along x alone too, so that its height may go on fitting what is in view."""
+
+    def mouseDragEvent(self, ev: Any, axis: int | None = None) -> None:
+        """Move the view, or zoom with the right button."""
+        super().mouseDragEvent(ev, axis=0 if axis is None and self.moves_along_x else axis)
+
     def wheelEvent(self, ev: Any, axis: int | None = None) -> None:
         """Zoom along x, or along the axis that the wheel was turned over."""
         super().wheelEvent(ev, axis=0 if axis is None else axis)

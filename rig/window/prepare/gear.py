@@ -5,6 +5,7 @@ confirmation by name.
 from __future__ import annotations
 
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Signal
@@ -29,9 +30,10 @@ from rig.gears.card import (
 )
 from rig.gears.making import write_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
+from rig.window.prepare.new_gear import NewGearForm
 from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, restyled, room_for, text_label
 
 NEW_GEAR = "another gear …"
 
@@ -70,6 +72,15 @@ class GearSection(QWidget):
         self.revert_button = push_button(
             "&Undo changes", act=lambda: self.choose(self._stored.serial if self._stored else "")
         )
+        self.new_button = push_button(
+            "Ne&w gear …",
+            tip="Make parameter set and card of a gear from its part number",
+            act=lambda: self.show_new(True),
+        )
+        self.new = NewGearForm(session)
+        self.new.hide()
+        self.new.made.connect(self._take_new)
+        self.new.given_up.connect(lambda: self.show_new(False))
         self.form.changed.connect(self._show_status)
         self.form.changed.connect(self.changed)
         self._lay_out()
@@ -80,10 +91,27 @@ class GearSection(QWidget):
     def _lay_out(self) -> None:
         label = text_label("&Gear", buddy=self.choice)
         row = in_row(label, (self.choice, 1), self.details_button)
+        head = in_row((self.status, 1), self.new_button)
         buttons = in_row(self.confirm_button, self.revert_button, (None, 1))
-        self.setLayout(
-            in_column(row, self.status, self.digest, self.form, buttons, margins=(0, 0, 0, 0))
+        self.card_part = room_for(
+            in_column(head, self.digest, self.form, buttons, margins=(0, 0, 0, 0))
         )
+        self.setLayout(in_column(row, self.new, self.card_part, margins=(0, 0, 0, 0)))
+
+    def show_new(self, shown: bool) -> None:
+        """The form for a new gear in the place of the card, or the card again."""
+        self.new.setVisible(shown)
+        self.card_part.setVisible(not shown)
+        self.details_button.setEnabled(not shown)
+        if shown:
+            self.new.product.editor.setFocus()
+
+    def _take_new(self, serial: str) -> None:
+        self.show_new(False)
+        self.refresh_choice()
+        self.choose(serial)
+        # What was made is looked at from its beginning.
+        self.choice.setFocus()
 
     @property
     def facts(self) -> GearFacts | None:
@@ -112,10 +140,12 @@ class GearSection(QWidget):
     def set_operator(self, name: str) -> None:
         """Who would confirm."""
         self._operator = name.strip()
+        self.new.set_operator(name)
         self._show_status()
 
     def choose(self, serial: str) -> None:
         """Show the card of a gear; "" an empty one."""
+        self.show_new(False)
         try:
             self._stored = card_for(self._session.folder, serial)
         except RigError as error:
@@ -153,7 +183,7 @@ class GearSection(QWidget):
     def _add(self, listed: ListedCard) -> None:
         if listed.card is not None:
             facts = stated_facts(listed.card.facts)
-            words = f"{listed.card.serial} · {facts.get('part', 'part not known')}"
+            words = f"{listed.card.serial} · {file_words(facts.get('part', 'part not known'))}"
             self.choice.addItem(
                 words if listed.card.is_confirmed else f"{words} · not confirmed",
                 listed.card.serial,
@@ -244,7 +274,11 @@ class GearSection(QWidget):
 def digest_of(facts: GearFacts) -> str:
     """A card in two lines."""
     values = stated_facts(facts)
-    words = [str(values[name]) for name in ("part", "mounting", "lubricant") if name in values]
+    words = [
+        file_words(values[name]) for name in ("part", "mounting", "lubricant") if name in values
+    ]
+    if "acceptance" in values:
+        words.append(f"must show what {file_words(values['acceptance'])} lists")
     if facts.hours is not None:
         words.append(f"{facts.hours:g} h")
     if facts.load_inertia_kg_m2 is not None:
@@ -255,6 +289,12 @@ def digest_of(facts: GearFacts) -> str:
             + " kg m²"
         )
     return " · ".join(words)
+
+
+def file_words(told: object) -> str:
+    """What a fact of the card says; of a file its name alone."""
+    text = str(told)
+    return Path(text).name if text.lower().endswith(".toml") else text
 
 
 def _check_fact(name: str, value: Any) -> None:

@@ -318,7 +318,7 @@ def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int
 
 def rig_flags(request: RunRequest, parameters: Path | None = None) -> list[str]:
     """Which rig, gear and operator: what a run and a campaign are told alike."""
-    words = [f"--backend={request.backend}", f"--output={request.output}"]
+    words = [f"--backend={request.backend}", f"--runs={request.output}"]
     words.append(f"--mounting={request.mounting}")
     if request.gear_serial != "unknown":
         words.append(f"--gear={request.gear_serial}")
@@ -339,7 +339,7 @@ def doctor_arguments(
     """What follows `python -m rig` to have this rig looked over; on hardware it moves only if the
     run would be armed.
     """
-    words = ["doctor", "--json", f"--backend={rig.backend}", f"--output={rig.folder}"]
+    words = ["doctor", "--json", f"--backend={rig.backend}", f"--runs={rig.folder}"]
     if rig.configuration is not None:
         words.append(f"--config={rig.configuration}")
     if request is None:

@@ -19,11 +19,10 @@ from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis
 from rig.analysis.tare import tare_kind
 from rig.library.index import IndexedRun, fingerprint_of
-from rig.window.work.background import BackgroundCommand
+from rig.window.work.background import BackgroundCommand, in_words
 
 MOST_KEPT = 40
 """Results with their figures that are kept in memory; the oldest go first."""
-LONGEST_COMPLAINT = 1200
 
 
 @dataclass(frozen=True)
@@ -185,11 +184,3 @@ class FitDesk(QObject):
             self.refused.emit(order, answer)
         else:
             self.fitted.emit(order, answer)
-
-
-def in_words(complaint: str) -> str:
-    """What a command said on standard error, or that it said nothing."""
-    return (
-        complaint.strip()[-LONGEST_COMPLAINT:]
-        or "The program ended without a result and without a word."
-    )

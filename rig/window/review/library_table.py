@@ -14,7 +14,7 @@ from PySide6.QtCore import (
     Qt,
     Signal,
 )
-from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtGui import QHideEvent, QKeySequence, QShortcut
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QComboBox,
@@ -48,17 +48,19 @@ from rig.window.shell.stack import (
     text_label,
 )
 from rig.window.work.background import single_shot
+from rig.window.work.verdicts import VerdictDesk
 
 CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table
 without waiting for each.
 """
 WIDTHS = {
-    "#": 40,
-    "started": 130,
+    "#": 36,
     "protocol": 108,
-    "gear": 82,
-    "outcome": 98,
+    "gear": 78,
+    "outcome": 122,
+    "verdict": 116,
+    "started": 130,
     "operator": 96,
     "time": 84,
     "origin": 92,
@@ -192,11 +194,14 @@ class LibraryTable(QWidget):
             )
         )
         self.setMinimumWidth(440)
+        self.desk = VerdictDesk(self)
+        self.desk.judged.connect(self.model.take_verdicts)
         self._connect(session)
 
     def _connect(self, session: WindowSession) -> None:
         self.filters.changed.connect(self._filter)
         self.source.changed.connect(self._take)
+        self.source.looked.connect(self._judge)
         self.source.failed.connect(self.count.setText)
         self.source.progressed.connect(self._progress)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._selection_changed())
@@ -292,6 +297,22 @@ class LibraryTable(QWidget):
             if again and again != self.selected:
                 self.select(*again)
         self._count()
+
+    def hideEvent(self, event: QHideEvent) -> None:
+        """What nobody looks at is not judged."""
+        super().hideEvent(event)
+        self.desk.stop()
+
+    def _judge(self) -> None:
+        """Verdicts of what is in view first."""
+        if not self.isVisible():
+            return
+        first = max(self.table.rowAt(0), 0)
+        rows = range(self.filtered.rowCount())
+        ordered = sorted(rows, key=lambda row: (row < first, row))
+        listed = [self.filtered.index(row, 0).data(RUN_ROLE) for row in ordered]
+        in_view = {run.path for run in listed}
+        self.desk.look([*listed, *(run for run in self.model.runs if run.path not in in_view)])
 
     def _filter(self, wanted: Wanted) -> None:
         self.filtered.set_wanted(wanted)

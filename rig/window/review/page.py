@@ -16,21 +16,21 @@ from PySide6.QtWidgets import QStackedWidget, QWidget
 from rig.library.index import IndexedRun
 from rig.window.review.details.page import RunDetails
 from rig.window.review.difference import DifferenceView
-from rig.window.review.fit import ResultCache, in_words
+from rig.window.review.fit import ResultCache
 from rig.window.review.library_table import HTML, LibraryTable
 from rig.window.review.overlay_view import OverlayView
 from rig.window.review.passport import PassportView
 from rig.window.review.results import ChooseFile
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_row, split, text_label
-from rig.window.work.background import BackgroundCommand
+from rig.window.work.background import BackgroundCommand, in_words
 
 EMPTY = (
     "Choose a run on the left: its results, figures, signals and files appear here.\n\n"
     "Choose two or more to overlay their figures, two to see what differs. "
     "Search with Ctrl+F; the arrow keys go through the list."
 )
-SIZES = (490, 860)
+SIZES = (570, 780)
 """Pixels of library and details at first."""
 
 

@@ -4,7 +4,8 @@ and what is missing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,19 +17,26 @@ from PySide6.QtWidgets import (
 )
 
 from model.errors import WordedError
-from rig.analysis.store import read_analyses
+from rig.analysis.fit import LEFT_AWAY
+from rig.analysis.in_force import InForce, in_force
+from rig.analysis.judging import GearVerdict, not_judged
+from rig.analysis.passport.followed import watched_kinds
 from rig.analysis.tare import takes_tare
+from rig.analysis.tare_search import find_tare
 from rig.analysis.wording import fixed, number
-from rig.errors import RigError
 from rig.gears.acceptance import acceptance_for
-from rig.library.index import IndexedRun
+from rig.library.index import IndexedRun, LibraryIndex
+from rig.present.certificate.gather import certified
+from rig.runfile.read import close_recording, open_run
 from rig.window.plot.result_plot import PlotGallery
-from rig.window.review.fit import FitDesk, FitOrder, tares_among
+from rig.window.review.fit import FitDesk, FitOrder, renewal_of
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
 from rig.window.work.background import LatestTask
+from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
+from rig.window.work.verdicts import SIGNS, ListedVerdict, listed_verdict
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries
@@ -45,7 +53,7 @@ STATE_COLUMNS = (
     "runs",
     "remarks",
 )
-RUN_COLUMNS = ("#", "started", "protocol", "outcome", "operator", "file")
+RUN_COLUMNS = ("#", "started", "protocol", "outcome", "verdict", "operator", "file")
 MISSING_COLUMNS = ("what", "run", "what to do")
 
 
@@ -67,11 +75,14 @@ class PassportView(QWidget):
         self.desk = FitDesk(parent=self)
         self.passport: Passport | None = None
         self.title, self.mark = text_label("Passport", "title"), text_label("", "mark")
+        self.verdict = text_label(plain=True)
+        self.because = text_label("", "muted", wraps=True, plain=True, selectable=True)
+        self.because.hide()
         self.says = text_label("", "muted", wraps=True)
         self.analyse = push_button(
             "Fit what is &missing",
-            tip="Fit every run of this gear that has no analysis yet, friction with the newest "
-            "motor tare; kept beside its run",
+            tip="Fit every run of this gear that has no analysis yet, or a stale one, each with the tare "
+            "that belongs to it; kept beside its run",
             act=self.fit_missing,
         )
         self._lacking: tuple[str, ...] = ()
@@ -100,12 +111,13 @@ class PassportView(QWidget):
             lambda order, why: self._refusals.append(f"{order.run.name}: {why}")
         )
         self._reading = LatestTask(self, self._take, self.says.setText)
+        self._ordering = LatestTask(self, self._take_orders, self.says.setText)
         self._lay_out()
         self._show_busy(False)
 
     def _lay_out(self) -> None:
         ways = (self.busy, self.cancel, self.prepare, self.analyse, self.report, self.pdf)
-        head = in_row((self.title, 1), self.mark, *ways)
+        head = in_row((self.title, 1), self.mark, self.verdict, spacing=14)
         self.tabs = QTabWidget()
         for page, name in (
             (self.charts, "Charts"),
@@ -114,12 +126,21 @@ class PassportView(QWidget):
             (self.missing, "Missing"),
         ):
             self.tabs.addTab(page, name)
-        self.setLayout(in_column(head, self.says, (self.tabs, 1), margins=(8, 8, 8, 4)))
+        self.setLayout(
+            in_column(
+                head,
+                self.because,
+                self.says,
+                in_row((None, 1), *ways),
+                (self.tabs, 1),
+                margins=(8, 8, 8, 4),
+            )
+        )
 
     @property
     def is_busy(self) -> bool:
         """Whether it is still being read, or runs are being fitted."""
-        return self._reading.is_running or self.desk.is_running
+        return self._reading.is_running or self._ordering.is_running or self.desk.is_running
 
     def show_gear(self, serial: str, library: Sequence[IndexedRun] = ()) -> None:
         """The passport of a gear by its serial number; `library` are the runs of the folder."""
@@ -131,13 +152,20 @@ class PassportView(QWidget):
         serial, self.passport = self._serial, None
         self.title.setText(f"Passport of {serial}")
         self.mark.clear()
+        self.verdict.clear()
+        self.because.hide()
         self.charts.show_plots((), "")
         self.says.setText("Reading the analyses of its runs …")
         self._reading.start(_reader(self._session.folder, serial))
 
     def fit_missing(self) -> None:
         """Fit what has no analysis yet, each run in a process of its own, and read the passport again."""
-        orders = missing_fits(self._library, self._serial)
+        library, serial = self._library, self._serial
+        self.analyse.setDisabled(True)
+        self._ordering.start(lambda: missing_fits(library, serial))
+
+    def _take_orders(self, orders: list[FitOrder]) -> None:
+        self.analyse.setEnabled(True)
         if not orders:
             self.says.setText("Every run of this gear that can be fitted has been.")
             return
@@ -162,9 +190,16 @@ class PassportView(QWidget):
             self._show_busy(False)
             if asked:
                 self._read()
+                self._session.runs_changed.emit()
 
-    def _take(self, passport: Passport) -> None:
-        self.passport = passport
+    def _take(self, read: ReadGear) -> None:
+        passport, self.passport = read.passport, read.passport
+        self.verdict.setText(f"{SIGNS[read.judged.verdict]} {read.judged.verdict}")
+        restyled(self.verdict, VERDICT_COLOURS[read.judged.verdict])
+        reasons = read.judged.because
+        self.because.setText(because_words(reasons))
+        self.because.setToolTip("\n".join(reasons))
+        self.because.setVisible(bool(reasons))
         self.title.setText(
             f"Passport of {passport.serial}" + (f" · {passport.gear}" if passport.gear else "")
         )
@@ -180,6 +215,7 @@ class PassportView(QWidget):
                 local_time(run.start),
                 run.protocol,
                 with_sign(outcome_of(run)),
+                read.words(run),
                 run.operator,
                 run.path.name,
             )
@@ -211,13 +247,44 @@ class PassportView(QWidget):
             self.run_chosen.emit(self.passport.runs[row].path)
 
 
-def _reader(folder: Path, serial: str) -> Callable[[], Passport]:
-    def read() -> Passport:
+@dataclass(frozen=True)
+class ReadGear:
+    """A gear as its page shows it: the passport, the verdict on the gear, and that on each of its runs."""
+
+    passport: Passport
+    judged: GearVerdict
+    listed: Mapping[Path, ListedVerdict | None]
+
+    def words(self, run: IndexedRun) -> str:
+        """The verdict on a run in a word or two."""
+        verdict = self.listed.get(run.path)
+        return verdict.text if verdict is not None else ""
+
+
+def _reader(folder: Path, serial: str) -> Callable[[], ReadGear]:
+    def read() -> ReadGear:
         from rig.analysis.passport.build import passport
 
-        return passport(folder, serial)
+        made = passport(folder, serial)
+        listed = {run.path: listed_verdict(run) for run in made.runs}
+        return ReadGear(made, gear_verdict(folder, serial), listed)
 
     return read
+
+
+def gear_verdict(folder: Path, serial: str) -> GearVerdict:
+    """The verdict on a gear as its certificate has it; NOT JUDGED, and why, where none could be written."""
+    try:
+        with certified(folder, serial) as gathered:
+            return gathered.verdict
+    except WordedError as error:
+        return not_judged(str(error))
+
+
+def because_words(reasons: Sequence[str]) -> str:
+    """The first of the reasons, and how many more there are."""
+    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    return f"{reasons[0]}{more}" if reasons else ""
 
 
 def lacking_runs(folder: Path, serial: str, library: Sequence[IndexedRun]) -> tuple[str, ...]:
@@ -241,35 +308,39 @@ def lacking_runs(folder: Path, serial: str, library: Sequence[IndexedRun]) -> tu
 
 
 def missing_fits(library: Sequence[IndexedRun], serial: str) -> list[FitOrder]:
-    """The fits that the passport of a gear waits for; friction with the newest motor tare of the same kind of rig."""
-    from rig.analysis.passport.followed import watched_kinds
-    from rig.analysis.passport.gather import COUNTED_OUTCOMES
-
+    """The analyses that the passport of a gear waits for: where there is none, where one is stale, and where one is
+    of motor and gear together though there is a tare by now. Which tare belongs to a run the analysis finds itself.
+    """
     kinds = watched_kinds()
-
     orders = []
     for run in library:
-        if (
-            run.gear_serial != serial
-            or run.state != "sealed"
-            or run.protocol not in kinds
-            or run.outcome not in COUNTED_OUTCOMES
-        ):
+        if run.gear_serial != serial or not run.is_complete or run.protocol not in kinds:
             continue
-        tares = tares_among(library, run.origin) if takes_tare(run.protocol) else []
-        tare = tares[-1].path if tares else None
         try:
-            # At its end a run is fitted without a tare: of the gear alone nothing is known before
-            # it is fitted with one.
-            done = any(
-                analysis.kind == run.protocol and (tare is None or analysis.content.get("tare"))
-                for analysis in read_analyses(run.path)
-            )
-        except RigError:
+            found = in_force(run.path, run.protocol)
+            order = _order_for(run, found)
+        except WordedError:
             continue
-        if not done:
-            orders.append(FitOrder(run.path, tare=tare, keep=True))
+        if order is not None:
+            orders.append(order)
     return orders
+
+
+def _order_for(run: IndexedRun, found: InForce) -> FitOrder | None:
+    """The fit that a run waits for; None where its analysis stands, or was made by hand as nobody can repeat it."""
+    anew = FitOrder(run.path, keep=True)
+    if found.analysis is None or not found.of_this_run:
+        return anew
+    if found.stale:
+        return renewal_of(run.path, found)
+    lacks_tare = takes_tare(run.protocol) and not found.analysis.tare
+    if not lacks_tare or found.analysis.content.get("no_tare") == [LEFT_AWAY]:
+        return None
+    recording = open_run(run.path, rows=False)
+    try:
+        return anew if find_tare(recording, LibraryIndex(run.path.parent)).path else None
+    finally:
+        close_recording(recording)
 
 
 def summary(passport: Passport) -> str:

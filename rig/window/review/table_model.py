@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import (
@@ -23,6 +24,8 @@ from rig.library.index import IndexedRun
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.shell.palette import Palette
+from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
+from rig.window.work.verdicts import ListedVerdict
 
 NO_SERIAL = "unknown"
 """What stands in a run file for a gear without a serial number, and for no gear at all."""
@@ -97,10 +100,11 @@ COLUMNS = (
     LibraryColumn(
         "#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True
     ),
-    LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
     LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
     LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
     LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
+    LibraryColumn("verdict", lambda _: "", lambda _: ""),
+    LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
     LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
     LibraryColumn(
         "time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True
@@ -112,7 +116,11 @@ COLUMNS = (
     ),
     LibraryColumn("part", lambda r: r.gear or "–", lambda r: r.gear),
 )
-OUTCOME = next(i for i, column in enumerate(COLUMNS) if column.heading == "outcome")
+OUTCOME, VERDICT = (
+    next(i for i, column in enumerate(COLUMNS) if column.heading == heading)
+    for heading in ("outcome", "verdict")
+)
+"""The verdict is no part of the run: the model is told it."""
 
 
 class LibraryModel(QAbstractTableModel):
@@ -122,6 +130,17 @@ class LibraryModel(QAbstractTableModel):
         super().__init__(parent)
         self._palette = palette
         self._runs: tuple[IndexedRun, ...] = ()
+        self.verdicts: dict[Path, ListedVerdict] = {}
+        """What the runs are worth, as far as it has been worked out."""
+
+    def take_verdicts(self, found: Mapping[Path, ListedVerdict | None]) -> None:
+        """Verdicts that have been worked out; None takes one away."""
+        for path, verdict in found.items():
+            if verdict is None:
+                self.verdicts.pop(path, None)
+            else:
+                self.verdicts[path] = verdict
+        self._tell_changed(0, len(self._runs))
 
     @property
     def runs(self) -> tuple[IndexedRun, ...]:
@@ -170,6 +189,9 @@ class LibraryModel(QAbstractTableModel):
         if not index.isValid():
             return None
         run, column = self._runs[index.row()], COLUMNS[index.column()]
+        verdict = self.verdicts.get(run.path)
+        if index.column() == VERDICT and role in (Qt.ItemDataRole.DisplayRole, SORT_ROLE):
+            return verdict.text if verdict is not None else ""
         if role == Qt.ItemDataRole.DisplayRole:
             return column.text(run)
         if role == SORT_ROLE:
@@ -177,7 +199,8 @@ class LibraryModel(QAbstractTableModel):
         if role == RUN_ROLE:
             return run
         if role == Qt.ItemDataRole.ToolTipRole:
-            return tool_tip(run)
+            said = verdict.reasons if verdict is not None else ""
+            return "\n".join(part for part in (tool_tip(run), said) if part)
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if column.numeric else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter
@@ -189,9 +212,12 @@ class LibraryModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.ForegroundRole:
             if column == OUTCOME:
                 return QColor(colour_of(outcome_of(run), palette))
+            verdict = self.verdicts.get(run.path)
+            if column == VERDICT and verdict is not None:
+                return QColor(getattr(palette, VERDICT_COLOURS[verdict.judged.verdict]))
             if run.problem:
                 return QColor(palette.muted)
-        if role == Qt.ItemDataRole.FontRole and column == OUTCOME and run.outcome:
+        if role == Qt.ItemDataRole.FontRole and column in (OUTCOME, VERDICT) and run.outcome:
             font = QFont()
             font.setBold(True)
             return font

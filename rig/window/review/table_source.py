@@ -41,6 +41,8 @@ class LibrarySource(QObject):
     """Why the folder cannot be read."""
     progressed = Signal(int, int)
     """Files read so far, and how many have to be: none when all were read and nothing has changed."""
+    looked = Signal()
+    """The folder was read, whether or not anything has changed: what lies beside the runs may have."""
     _read = Signal(object)
 
     def __init__(self, folder: Path, parent: QObject | None = None) -> None:
@@ -113,6 +115,7 @@ class LibrarySource(QObject):
             self.changed.emit(self.runs)
         else:
             self.progressed.emit(0, 0)
+        self.looked.emit()
         if self._again:
             self._again = False
             self._pause.start()

@@ -77,6 +77,8 @@ class LivePlots(QWidget):
         self._work: SegmentWork | None = None
         self._is_over = False
         self._waiting_for: Path | None = None
+        self._seen: LiveContext | None = None
+        """What the views of this run share."""
         self._context: tuple[PlannedRun | None, PlanPreview | None] = (None, None)
         self._grid_holder = QWidget()
         self._hint = text_label(
@@ -162,6 +164,9 @@ class LivePlots(QWidget):
         try:
             self._finish_work()
             self.live.continue_in(path)
+            if self._seen is not None:
+                # The growing file was let go of: nothing can be read from it any more.
+                self._seen.recording = self.live.recording
             self.live.look()
             self.live.read(float("inf"), self._pacer.put)
             self._take_all(self._pacer.rest())
@@ -204,7 +209,9 @@ class LivePlots(QWidget):
         metadata = live.recording.metadata
         self.protocol, self.mark = metadata.experiment, ORIGIN_WORDS[metadata.origin]
         self._work = SegmentWork()
-        context = LiveContext(live.recording, *self._context, work=self._work, begun=self.begun)
+        self._seen = context = LiveContext(
+            live.recording, *self._context, work=self._work, begun=self.begun
+        )
         # A recording of nobody's protocol gets the board of a protocol that asks for nothing special.
         experiment = catalogue.declared(self.protocol) or Experiment
         self._lay_out([VIEWS[name](self._session, context) for name in experiment.live])

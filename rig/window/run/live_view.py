@@ -24,11 +24,12 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
+@dataclass
 class LiveContext:
     """What the views know of a run when it begins: its file; the plan and its preview where this window started it."""
 
     recording: Recording
+    """The file that is open now: the growing one, and from its end on the sealed one."""
     planned: PlannedRun | None = None
     prediction: PlanPreview | None = None
     work: SegmentWork = field(default_factory=SegmentWork)

@@ -1,11 +1,10 @@
 """How the run ended: verdict, what was found with its unit, what to do next, and the ways on to review and report.
 
-What was found is worked out by `rig fit` in a process of its own, after the run has been sealed.
+What was found stands beside the run: `rig run` analyses what it has sealed, and here that is read.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -20,16 +19,19 @@ from PySide6.QtWidgets import (
 
 from experiments.quantity import key_names
 from experiments.result import Result
-from rig.analysis.result_data import result_from_mapping
 from rig.analysis.tare import takes_tare
 from rig.analysis.wording import show
 from rig.bench.identity import option_of
 from rig.run.trips import rule_of
+from rig.runfile.layout import PART_SUFFIX
 from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, text_label
-from rig.window.work.background import BackgroundCommand
+from rig.window.work.background import BackgroundCommand, LatestTask
+from rig.window.work.recovery import Recovery
+from rig.window.work.verdicts import ReadRun, read_run
 
+READING = "Reading the results …"
 MOST_LINES = 6
 """Results that are named here; all of them stand in review and report."""
 MOST_REASONS = 4
@@ -68,13 +70,25 @@ class OutcomeView(QFrame):
         self.certificate_pdf = push_button("Certificate as PDF", tip="The same for paper")
         self.certificate.clicked.connect(lambda: self._open_certificate(".html"))
         self.certificate_pdf.clicked.connect(lambda: self._open_certificate(".pdf"))
+        self.recover = push_button(
+            "&Recover this run",
+            "primary",
+            tip="Make a run file of the rows that the acquisition left behind, and seal it",
+            act=self._recover,
+        )
+        self.recover.hide()
         words = in_column(self.headline, self.text, self.results, (None, 1))
         papers = (self.certificate, self.certificate_pdf)
-        ways = in_column(*papers, self.review, self.report, (None, 1))
+        ways = in_column(*papers, self.recover, self.review, self.report, (None, 1))
         self.setLayout(in_row((words, 1), ways, margins=(14, 8, 14, 8)))
         self._path: Path | None = None
         self._certificates: list[Path] = []
         self._work: list[BackgroundCommand] = []
+        self._reading = LatestTask(self, self._show_read, self.results.setText)
+        self._analysis_error = ""
+        self._recovery = Recovery(self)
+        self._recovery.recovered.connect(self._take_recovered)
+        self._recovery.refused.connect(self._take_not_recovered)
         self.open_report = True
         """Whether a report that was written is opened in the browser."""
         self.hide()
@@ -84,6 +98,7 @@ class OutcomeView(QFrame):
         for command in self._work:
             command.cancel()
         self._work.clear()
+        self._reading.forget()
         self._path = None
         self._offer_certificates(())
         self.hide()
@@ -98,16 +113,18 @@ class OutcomeView(QFrame):
         self.text.setText(sentence_of(state, report, bench))
         self.text.setVisible(bool(self.text.text()))
         self.review.setEnabled(path is not None)
-        self.report.setEnabled(path is not None and not str(path).endswith(".part"))
+        self.report.setEnabled(path is not None and not str(path).endswith(PART_SUFFIX))
+        self._offer_recovery(state)
         self.results.hide()
         self.show()
         # The way on, under Enter; what somebody is writing is not taken out of their hands.
         if self.review.isEnabled() and not isinstance(QApplication.focusWidget(), QLineEdit):
             self.review.setFocus()
         if path is not None and state.outcome == "COMPLETED":
-            self.results.setText("Working out the results …")
+            self._analysis_error = str(report.get("analysis_error", ""))
+            self.results.setText(READING)
             self.results.show()
-            self._run(["fit", str(path), "--json"], self._show_results)
+            self._reading.start(lambda: read_run(path))
 
     def show_campaign(
         self, state: RunState, report: dict[str, Any], run: dict[str, Any], path: Path | None
@@ -126,8 +143,32 @@ class OutcomeView(QFrame):
         self.results.setText("\n".join(campaign_lines(report)))
         self.results.setVisible(bool(report))
         self.review.setEnabled(path is not None)
+        self._offer_recovery(state)
         self._offer_certificates(report.get("certificate", ()))
         self.show()
+
+    def _offer_recovery(self, state: RunState) -> None:
+        """Where the acquisition died its file waits to be made a run of."""
+        left = state.state is State.LOST and self._path is not None and self._path.exists()
+        self.recover.setVisible(left and str(self._path).endswith(PART_SUFFIX))
+
+    def _recover(self) -> None:
+        if self._path is not None:
+            self.recover.setEnabled(False)
+            self._recovery.start(self._path)
+
+    def _take_recovered(self, path: Path, final: Path) -> None:
+        self.recover.setEnabled(True)
+        self._session.message.emit(f"Recovered: {final}")
+        self._session.runs_changed.emit()
+        if self._path == path:
+            self._path = final
+            self.recover.hide()
+            self.report.setEnabled(True)
+
+    def _take_not_recovered(self, path: Path, why: str) -> None:
+        self.recover.setEnabled(True)
+        self._session.message.emit(f"Not recovered: {path.name}: {why}")
 
     def _offer_certificates(self, paths: Sequence[str]) -> None:
         self._certificates = [Path(path) for path in paths]
@@ -148,17 +189,17 @@ class OutcomeView(QFrame):
         self._work.append(command)
         command.start()
 
-    def _show_results(self, code: int, out: str, complaint: str) -> None:
-        result = fitted_result(out)
-        if result is None or not result.estimates:
-            self.results.setText(
-                complaint.strip()[-400:] or "The analysis has nothing to tell of this run."
-            )
-        else:
-            lines = "   ·   ".join(result_lines(result))
-            verdict = told_verdict(out)
-            self.results.setText("\n".join((lines, verdict_line(verdict), *remarks(result))))
-            self.judged.emit(verdict["verdict"])
+    def _show_read(self, read: ReadRun) -> None:
+        """What the run says by the analysis that the run itself made at its end, and nothing fitted anew."""
+        lines = ["   ·   ".join(result_lines(read.result))] if read.result is not None else []
+        if read.verdict is not None:
+            judged = read.verdict.judged
+            lines.append(verdict_line(judged.verdict, judged.because))
+            self.judged.emit(judged.verdict)
+        lines += remarks(read.result) if read.result is not None else []
+        if self._analysis_error:
+            lines.append(f"The analysis failed: {self._analysis_error}. The run is sealed.")
+        self.results.setText("\n".join(lines))
 
     def _ask_review(self) -> None:
         if self._path is not None:
@@ -187,7 +228,7 @@ class OutcomeView(QFrame):
 
     def _open(self, page: Path) -> None:
         if not QDesktopServices.openUrl(QUrl.fromLocalFile(str(page.resolve()))):
-            self._session.message.emit(f"The report is written, but nothing here opens it: {page}")
+            self._session.message.emit(f"Written, but nothing here opens it: {page}")
 
 
 def headline_of(state: RunState, report: dict[str, Any]) -> str:
@@ -220,7 +261,7 @@ def campaign_lines(report: dict[str, Any]) -> list[str]:
     if more > 0:
         reasons = [*reasons[:MOST_REASONS], f"{more} more: see the certificate"]
     lines = [
-        verdict_line({"verdict": str(report["verdict"]), "because": reasons}),
+        verdict_line(str(report["verdict"]), reasons),
         *report.get("resumed", ()),
     ]
     lines += [f"Analysis: {problem}" for problem in report.get("problems", ())]
@@ -257,24 +298,10 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
     return " ".join(parts)
 
 
-def fitted_result(out: str) -> Result | None:
-    """The result that `rig fit --json` printed; None where it printed none."""
-    try:
-        return result_from_mapping(json.loads(out))
-    except (ValueError, KeyError, TypeError):
-        return None
-
-
-def told_verdict(out: str) -> dict[str, Any]:
-    """Verdict and reasons that `rig fit --json` printed."""
-    told = json.loads(out)
-    return {"verdict": str(told["verdict"]), "because": [str(why) for why in told["because"]]}
-
-
-def verdict_line(verdict: dict[str, Any]) -> str:
+def verdict_line(verdict: str, because: Sequence[str]) -> str:
     """The verdict on the gear with its reasons."""
-    because = "; ".join(verdict["because"])
-    return f"Verdict: {verdict['verdict']}" + (f" ({because})" if because else "")
+    reasons = "; ".join(because)
+    return f"Verdict: {verdict}" + (f" ({reasons})" if reasons else "")
 
 
 def result_lines(result: Result) -> list[str]:

@@ -16,6 +16,8 @@ from rig.exits import explain
 
 PATIENCE = 3000
 """ms that a command is given to end by itself when it is called off."""
+LONGEST_COMPLAINT = 1200
+"""Characters of what a command said that are shown, the last ones."""
 LONGEST_WAIT = 5.0
 """s that the end of the window waits for a file that is being read."""
 
@@ -92,6 +94,14 @@ def json_object(text: str) -> dict[str, Any] | None:
     except ValueError:
         return None
     return value if isinstance(value, dict) else None
+
+
+def in_words(complaint: str) -> str:
+    """What a command said on standard error, or that it said nothing."""
+    return (
+        complaint.strip()[-LONGEST_COMPLAINT:]
+        or "The program ended without a result and without a word."
+    )
 
 
 class LatestTask(QObject):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import random
 import shutil
@@ -12,10 +13,12 @@ from typing import Any
 import pytest
 
 from experiments import catalogue
-from model.gear_file import gear_to_mapping, shipped_gear
+from model.gear import HarmonicDrive
+from model.gear_file import gear_to_mapping, save_gear, shipped_gear
+from rig.analysis import format_1
 from rig.analysis.gear_set import GearSource, set_sha256
 from rig.analysis.in_force import InForce, in_force, in_force_by_kind, keep, kept_by_hand
-from rig.analysis.store import Analysis, Basis, analysis_folder, append_analysis
+from rig.analysis.store import Analysis, Basis, analysis_folder, append_analysis, json_text
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.card import save_card, with_changes
 from rig.runfile.seal import check_seal, hash_path
@@ -193,6 +196,47 @@ def test_another_part_on_the_gears_card_makes_the_analysis_stale(run: Path) -> N
     assert in_force(run).stale == ("the parameter set of the gear is another one now",)
 
 
+def carded_set(run: Path, gear: HarmonicDrive) -> None:
+    """The card of gear A1 names this set as its part."""
+    part = run.parent / "part.toml"
+    save_gear(gear, part)
+    card = with_changes(None, {"serial": "A1", "part": str(part)}, "B. Example", AT)
+    save_card(run.parent, card)
+
+
+def with_origin(gear: HarmonicDrive, **changes: Any) -> HarmonicDrive:
+    """The set with another origin of its first number."""
+    path, first = next(iter(gear.origins.items()))
+    return replace(gear, origins={**gear.origins, path: replace(first, **changes)})
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_stale"),
+    [
+        ({"source": "the same number, told in other words"}, False),
+        ({"provenance": "identified"}, True),
+        ({"standard_uncertainty": 0.123}, True),
+    ],
+)
+def test_only_what_an_analysis_reads_of_a_set_makes_it_stale(
+    run: Path, changes: dict[str, Any], is_stale: bool
+) -> None:
+    stored(run, 1)
+    carded_set(run, with_origin(shipped_gear(), **changes))
+    assert bool(in_force(run).stale) is is_stale
+
+
+def test_a_set_that_was_named_by_the_earlier_hash_is_the_same_set(run: Path) -> None:
+    gear = shipped_gear()
+    whole = hashlib.sha256(json_text(gear_to_mapping(gear)).encode()).hexdigest()
+    assert whole != set_sha256(gear)
+    stored(run, 1, gear_source=GearSource("card", "A1", whole).as_json())
+    carded_set(run, gear)
+    assert in_force(run).stale == ()
+    carded_set(run, with_origin(gear, source="other words"))
+    assert len(in_force(run).stale) == 1
+
+
 def test_a_set_given_by_hand_is_held_against_no_card(run: Path) -> None:
     stored(run, 1, gear_source=GearSource("by hand", "A1", "ab" * 32).as_json())
     values = {"serial": "A1", "part": "csf-25-120", "load_inertia_kg_m2": 0.5}
@@ -230,6 +274,14 @@ def test_another_version_of_the_kind_makes_the_analysis_stale(run: Path) -> None
     assert words == (
         f"it was made by version {NOW - 1} of the friction analysis, which is at {NOW}"
     )
+
+
+def test_an_analysis_of_format_1_was_checked_for_nothing_and_is_stale(run: Path) -> None:
+    analysis = stored(run, 1)
+    old = {**analysis.content, "format": format_1.FORMAT}
+    analysis.path.chmod(0o644)
+    analysis.path.write_text(json_text(old), encoding="utf-8")
+    assert in_force(run).stale[0] == "it was made before analyses were checked for evidence"
 
 
 def test_each_kind_has_its_own_analysis_in_force(run: Path) -> None:

@@ -8,9 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments import catalogue
 from experiments.result import Check, Result, Verdict
 from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
+from rig.analysis.in_force import in_force
 from rig.analysis.judging import (
     StoredResult,
     held_against,
@@ -109,6 +111,7 @@ LIMITS = st.builds(
     st.floats(0.1, 10.0),
     lower=st.none() | st.floats(0.01, 0.1),
     confirmed_by=st.sampled_from(["A. Example", ""]),
+    subject=st.sampled_from(["gear", "motor + gear"]),
 )
 
 
@@ -121,7 +124,7 @@ def expected(line: Verdict, one: StoredResult | None, acceptance: Acceptance) ->
         or not of.confirmed_by
         or one.outcome == "ABORTED"
         or LACKING in one.result.checks
-        or (line.kind == "friction" and one.result.options["torque_is_of"] != "gear")
+        or (line.kind != "kinematic-error" and one.result.options["torque_is_of"] != of.subject)
         or e.identifiable == "no"
         or math.isnan(e.value)
     )
@@ -160,6 +163,31 @@ def test_the_verdict_is_the_worst_over_the_list_and_nothing_else(
         assert alone.lines == verdict.of(one.result)
 
 
+def test_a_stale_analysis_judges_nothing_and_names_what_renews_it() -> None:
+    acceptance = asked(limit("friction"))
+    one = replace(found("friction"), stale=("its tare changed",), renewed_by="rig fit RUN")
+    verdict = judge_run(one, acceptance)
+    words = "the analysis is stale: its tare changed. Renew it: rig fit RUN"
+    assert verdict.verdict == "NOT JUDGED"
+    assert words in verdict.because[0]
+    (line,) = verdict.lines
+    assert line.estimate.value == one.result.estimates["running_torque_1000_rpm"].value
+    for told in (
+        verdict,
+        judge([one], acceptance),
+        judge_run(one, None),
+        judge_run(one, asked(limit("kinematic-error"))),
+    ):
+        assert told.as_json()["stale"] == [f"run 1-friction, friction: {words}"]
+
+
+def test_an_analysis_that_nobody_reads_judges_nothing() -> None:
+    one = replace(found("friction"), not_in_force="analysis 1 is in force, not analysis 2")
+    verdict = judge_run(one, asked(limit("friction")))
+    assert verdict.verdict == "NOT JUDGED"
+    assert "analysis 1 is in force" in verdict.because[0]
+
+
 @pytest.mark.parametrize(
     ("changes", "because"),
     [
@@ -178,6 +206,27 @@ def test_what_lacks_something_is_not_judged_and_says_what(
     verdict = judge_run(found("friction", **changes), acceptance)  # type: ignore[arg-type]
     assert verdict.verdict == "NOT JUDGED"
     assert because in verdict.because[0]
+
+
+@pytest.mark.parametrize("kind", ["friction", "starting-torque", "warm-up"])
+def test_a_torque_is_judged_by_a_limit_on_the_same_subject_alone(kind: str) -> None:
+    def verdict(measured: str, limited: str) -> str:
+        asked_of = asked(limit(kind, subject=limited))
+        judged = judge_run(found(kind, subject=measured), asked_of)
+        words = "that of the gear alone" if measured == "gear" else "that of motor + gear"
+        assert judged.verdict == "PASS" or words in judged.because[0]
+        return judged.verdict
+
+    subjects = ("gear", "motor + gear")
+    assert [[verdict(a, b) for a in subjects] for b in subjects] == [
+        ["PASS", "NOT JUDGED"],
+        ["NOT JUDGED", "PASS"],
+    ]
+
+
+def test_what_is_no_torque_has_no_subject() -> None:
+    one = found("kinematic-error", subject="motor + gear")
+    assert judge_run(one, asked(limit("kinematic-error"))).verdict == "PASS"
 
 
 def test_nothing_listed_and_nothing_named_is_not_judged() -> None:
@@ -237,9 +286,11 @@ def test_a_fit_and_its_stored_analysis_have_one_verdict(tmp_path: Path) -> None:
     acceptance = handmade.acceptance()
     because = judge_listed(run, "friction", "simulated", "COMPLETED", "SN", acceptance).because
     assert because == (f"the run is not analysed: rig fit {run}",)
-    stored = append_analysis(run, fit.result, Basis("ab" * 32, "2026-11-01T00:00:00+00:00"))
+    version = catalogue.load("friction").version
+    basis = Basis("ab" * 32, "2026-11-01T00:00:00+00:00", analysis_version=version)
+    append_analysis(run, fit.result, basis)
     listed = judge_listed(run, "friction", fit.origin, fit.outcome, fit.serial, acceptance)
-    read = stored_result(stored, fit.origin, fit.outcome, fit.serial)
+    read = stored_result(in_force(run, "friction"), fit.origin, fit.outcome, fit.serial)
     verdicts = [judge_run(fit, acceptance), judge_run(read, acceptance), listed]
     assert {v.verdict for v in verdicts} == {"PASS"}
     assert len({v.because for v in verdicts}) == 1

@@ -149,12 +149,16 @@ def test_a_verdict_can_be_required(call: Call, monkeypatch: pytest.MonkeyPatch) 
     assert "rig gear set" in found["because"][0]
 
 
+def test_the_statistical_part_stands_with_all_alone(call: Call) -> None:
+    assert "68.5 … 72.1" not in call("fit", "friction.h5").stdout
+    assert "68.5 … 72.1" in call("fit", "friction.h5", "--all").stdout
+
+
 def test_people_get_a_table(call: Call) -> None:
     shown = call("fit", "friction.h5").stdout
     for words in (
         "70.3",
         "± U (95 %)",
-        "68.5 … 72.1",
         "weakly",
         "does not move",
         "verdict  PASS",

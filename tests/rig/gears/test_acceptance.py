@@ -185,3 +185,14 @@ def test_the_card_says_what_a_gear_must_show(tmp_path: Path) -> None:
     path.unlink()
     with pytest.raises(ConfigurationError, match="cannot be read"):
         acceptance_for(tmp_path, "SN-3")
+
+
+def test_a_limit_is_on_the_gear_unless_it_says_another_subject(tmp_path: Path) -> None:
+    both = TEXT.replace("lower = 20\n", 'lower = 20\nsubject = "motor + gear"\n')
+    acceptance = load_acceptance(written(tmp_path, both))
+    assert [limit.subject for limit in acceptance.limits] == ["gear", "motor + gear"]
+    assert acceptance_text(acceptance).count("subject") == 1
+    save_acceptance(acceptance, tmp_path / "again.toml")
+    assert load_acceptance(tmp_path / "again.toml").limits == acceptance.limits
+    with pytest.raises(ConfigurationError, match=r"limits\[1\]\.subject.*gear, motor \+ gear"):
+        load_acceptance(written(tmp_path, both.replace("motor + gear", "motor")))

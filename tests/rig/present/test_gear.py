@@ -15,6 +15,7 @@ import pypdf
 import pytest
 from typer.testing import CliRunner
 
+from experiments import catalogue
 from experiments.result import Result
 from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.passport.build import passport
@@ -77,6 +78,7 @@ def life(folder: Path, values: Sequence[float] = VALUES, **more: Any) -> Path:
                 "2025-11-21T05:00:00+00:00",
                 gear_to_mapping(shipped_gear()),
                 TARE,
+                analysis_version=catalogue.load("friction").version,
             ),
         )
     return folder

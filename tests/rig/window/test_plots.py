@@ -18,6 +18,7 @@ from rig.analysis.result_data import plot_to_mapping as as_mapping
 from rig.analysis.store import json_text
 from rig.window.plot.axis import LabAxis, log_ticks, plain
 from rig.window.plot.overlay import Overlaid, common_figures, mark_of, overlay, short_names
+from rig.window.plot.plots import LabPlot
 from rig.window.plot.result_plot import (
     PlotGallery,
     ResultPlot,
@@ -357,3 +358,21 @@ def test_a_figure_comes_back_from_json_with_panels_and_roles() -> None:
     older = as_mapping(made)
     del older["panels"], older["enlarged"], older["series"][0]["role"], older["series"][0]["panel"]
     assert plot_from_mapping(older).series[0].role == "data"
+
+
+def test_a_label_that_does_not_fit_its_axis_leaves_its_unit(
+    session: WindowSession, qtbot: QtBot
+) -> None:
+    plot = LabPlot(session, "Motor torque", "time [s]", "motor torque [mN m]")
+    qtbot.addWidget(plot)
+    plot.show()
+    axis = plot.item.getAxis("left")
+    for height, label in (
+        (400, "motor torque [mN m]"),
+        (150, "[mN m]"),
+        (400, "motor torque [mN m]"),
+    ):
+        plot.resize(500, height)
+        qtbot.waitUntil(lambda label=label: axis.label.toPlainText().strip() == label)
+        assert axis.label.boundingRect().width() <= axis.height()
+    assert axis.labelText == "motor torque [mN m]"

@@ -15,7 +15,7 @@ from pytestqt.qtbot import QtBot
 from model.gear_file import save_gear, shipped_gear
 from rig.analysis.store import read_analyses
 from rig.window.review.page import ReviewPage
-from rig.window.review.signals_data import shapes_of
+from rig.window.review.signals.data import shapes_of
 from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import write_run
 from tests.rig.window.reviewing import LONGEST, drawn

@@ -15,9 +15,12 @@ from model.gear_file import load_gear, save_gear, shipped_gear
 from rig.analysis.fit_run import fit_run
 from rig.analysis.in_force import in_force
 from rig.analysis.store import json_text, read_analyses
+from rig.analysis.tare_search import FoundTare
+from rig.gears.card import now_text, save_card, with_changes
 from rig.window.review.fit import FitOrder, ResultCache
 from rig.window.review.page import ReviewPage, report_path
 from rig.window.review.passport import missing_fits
+from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand
 from tests.rig.window.reviewing import LONGEST, indexed
 
@@ -183,17 +186,28 @@ def test_what_was_identified_is_saved_as_a_parameter_set(
     assert read_analyses(friction[0]) == ()
 
 
-def test_friction_without_a_tare_waits_for_a_fit_once_there_is_one(friction: list[Path]) -> None:
+def test_friction_without_a_tare_waits_for_a_fit_once_there_is_one(
+    friction: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
     runs = [
         indexed(number, path=path, gear_serial="SN-0815", protocol="friction")
         for number, path in enumerate(friction, 1)
     ]
     assert [order.run for order in missing_fits(runs, "SN-0815")] == [friction[0]]
-    broken_off = indexed(
-        3, path=Path("tare-1.h5"), protocol="motor-tare", gear_serial="unknown", outcome="ABORTED"
+    broken_off = indexed(3, path=friction[0], gear_serial="SN-0815", outcome="ABORTED")
+    assert [order.run for order in missing_fits([broken_off, *runs[1:]], "SN-0815")] == []
+    monkeypatch.setattr(
+        "rig.window.review.passport.find_tare", lambda *_: FoundTare(Path("tare.h5"))
     )
-    whole = indexed(4, path=Path("tare-2.h5"), protocol="motor-tare", gear_serial="unknown")
-    found = missing_fits([*runs, whole, broken_off], "SN-0815")
-    assert [(order.run, order.tare) for order in found] == [
-        (path, Path("tare-2.h5")) for path in friction
-    ]
+    found = missing_fits(runs, "SN-0815")
+    # Which tare it is the analysis finds by itself: the page names none.
+    assert [(order.run, order.tare) for order in found] == [(path, None) for path in friction]
+
+
+def test_a_stale_analysis_waits_for_a_fit(friction: list[Path], session: WindowSession) -> None:
+    run = indexed(2, path=friction[1], gear_serial="SN-0815", protocol="friction")
+    assert missing_fits([run], "SN-0815") == []
+    facts = {"serial": "SN-0815", "load_inertia_kg_m2": 0.05}
+    save_card(session.folder, with_changes(None, facts, "A. Example", now_text()))
+    (order,) = missing_fits([run], "SN-0815")
+    assert (order.run, order.keep) == (friction[1], True)

@@ -18,6 +18,8 @@ from rig.window.main import MainWindow
 from rig.window.review.fit import renewal_of
 from rig.window.review.page import ReviewPage
 from rig.window.review.passport import lacking_runs
+from rig.window.run.outcome_view import OutcomeView
+from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import block, header
 from tests.rig.window.reviewing import LONGEST, indexed
@@ -39,6 +41,31 @@ def test_what_was_left_behind_is_recovered_by_a_press(
     qtbot.waitUntil(lambda: page.details.path == sealed, timeout=LONGEST)
     assert sealed.exists()
     assert not page.details.header.recover.isVisible()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_where_an_acquisition_died_its_run_is_recovered_on_the_spot(
+    session: WindowSession, qtbot: QtBot
+) -> None:
+    sealed = session.folder / "00007-friction-SN.h5"
+    writer = RunWriter(sealed, header("00007-friction-SN"))
+    writer.append(block(0, 200))
+    writer.flush()
+    writer.abandon()
+    view = OutcomeView(session)
+    qtbot.addWidget(view)
+    view.show_end(RunState(state=State.FINISHED, outcome="ABORTED", ended=True), {}, writer.part)
+    assert not view.recover.isVisible()
+    view.show_end(RunState(state=State.LOST, ended=True), {}, writer.part)
+    assert view.recover.isVisible()
+    assert not view.report.isEnabled()
+    qtbot.mouseClick(view.recover, Qt.MouseButton.LeftButton)
+    qtbot.waitUntil(sealed.exists, timeout=LONGEST)
+    qtbot.waitUntil(lambda: not view.recover.isVisible(), timeout=LONGEST)
+    assert view.report.isEnabled()
+    with qtbot.waitSignal(view.review_requested) as asked:
+        view.review.click()
+    assert asked.args == [sealed]
 
 
 @pytest.mark.usefixtures("in_process")

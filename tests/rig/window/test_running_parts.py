@@ -12,12 +12,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pytestqt.qtbot import QtBot
 
 import rig.run.session
 from experiments import catalogue
 from experiments.recording import Event, RunMetadata, Segment
 from model.channel import Channel
 from model.units import ARCMIN, REVOLUTION
+from rig.analysis.result_data import result_from_mapping
 from rig.run.margins import number, worded
 from rig.run.order import Progress
 from rig.run.trips import SESSION_ERRORS, TRIPS
@@ -25,11 +27,12 @@ from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
 from rig.window.run.banner import LOOKS, look_of
-from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows
-from rig.window.run.live_plots import VIEWS
-from rig.window.run.outcome_view import fitted_result, result_lines
+from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows, WaveView
+from rig.window.run.live_plots import VIEWS, LivePlots
+from rig.window.run.outcome_view import result_lines
 from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette
+from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed
 
 
@@ -274,14 +277,18 @@ def test_margins_and_results_carry_their_units() -> None:
         for name in ("travel", "following_error", "missed_cycles", "stale_data", "torsion_torque")
     )
     assert [number(v) for v in (3016.2, 0.07242, 22.1)] == ["3016", "0.0724", "22.1"]
-    result = fitted_result(
-        '{"run": "7", "kind": "starting-torque", "parameters": {"starting_torque": {"value": 0.0649, "unit": "N m", '
-        '"low": 0.063, "high": 0.067, "identifiability": "weakly", '
-        '"budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00125}]}}}'
+    told = {
+        "value": 0.0649,
+        "unit": "N m",
+        "low": 0.063,
+        "high": 0.067,
+        "identifiability": "weakly",
+        "budget": [{"source": "scale", "kind": "B", "standard_uncertainty": 0.00125}],
+    }
+    result = result_from_mapping(
+        {"run": "7", "kind": "starting-torque", "parameters": {"starting_torque": told}}
     )
-    assert result is not None
     assert result_lines(result) == ["starting torque 64.9 ± 2.5 mN m (weakly identifiable)"]
-    assert fitted_result("no JSON") is None
 
 
 def test_every_live_plot_that_a_protocol_asks_for_is_there() -> None:
@@ -343,3 +350,43 @@ def test_a_growing_file_is_read_once_and_goes_on_in_the_sealed_one(tmp_path: Pat
     np.testing.assert_allclose(
         np.concatenate([block.time for block in seen]), 1e-3 * angle, atol=1e-12
     )
+
+
+def test_what_is_first_seen_in_the_sealed_file_is_read_from_it(
+    tmp_path: Path, session: WindowSession, qtbot: QtBot
+) -> None:
+    """The first steady rows of a quick run come with its end: the growing file has been let go of by then."""
+    metadata = RunMetadata(
+        run_id="00001-kinematic-error",
+        experiment="kinematic-error",
+        origin="simulated",
+        sample_rate=1000.0,
+        ratio=100.0,
+    )
+    names = ("input_angle", "output_angle", "target_speed", "torque", "input_index", "index_seen")
+    columns = [Column(Channel(name=name, unit="1", scale=1e-2)) for name in names]
+    writer = RunWriter(
+        tmp_path / "00001-kinematic-error.h5", RunHeader(metadata, tuple(columns)), chunk_rows=64
+    )
+
+    def put(start: int, stop: int, speed: int) -> None:
+        rows = np.arange(start, stop)
+        still = np.full(len(rows), 0)
+        turned = rows * speed
+        channels = [turned, turned // 100, still + speed, still, still, still + 100]
+        writer.append_rows(rows * 1_000_000, rows, np.zeros(len(rows), np.uint16), channels)
+        writer.flush()
+
+    put(0, 100, 0)
+    plots, said = LivePlots(session), []
+    qtbot.addWidget(plots)
+    session.message.connect(said.append)
+    plots.expect()
+    plots.open(writer.part)
+    put(100, 2000, 1)
+    sealed = writer.seal("COMPLETED")
+    plots.finish(sealed)
+    (wave,) = [view for view in plots.views if isinstance(view, WaveView)]
+    assert wave._rows.reference is not None
+    assert (said, plots.rows_read) == ([], 2000)
+    plots.close_file()

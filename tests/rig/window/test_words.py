@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-import json
-
 import pytest
 
+from experiments.result import Result
 from rig.analysis.difference import Change
+from rig.analysis.result_data import result_from_mapping
 from rig.window.review.difference import change_row
 from rig.window.review.table_model import gear_words
-from rig.window.run.outcome_view import (
-    fitted_result,
-    remarks,
-    result_lines,
-    told_verdict,
-    verdict_line,
-)
+from rig.window.run.outcome_view import remarks, result_lines, verdict_line
 from tests.rig.window.reviewing import indexed
 
 
-def answer(**changes: object) -> str:
-    """What `rig fit --json` prints of a friction run."""
+def answer(**changes: object) -> Result:
+    """A stored result of a friction run."""
     estimate = {
         "value": 0.0734795,
         "unit": "N m",
@@ -34,20 +28,16 @@ def answer(**changes: object) -> str:
         "kind": "friction",
         "parameters": {"running_torque_500_rpm": estimate, "coulomb": {**estimate, "unit": "N"}},
     }
-    return json.dumps({**found, **changes})
+    return result_from_mapping({**found, **changes})
 
 
 def said(**changes: object) -> list[str]:
     """What is said beside the numbers of such a run."""
-    result = fitted_result(answer(**changes))
-    assert result is not None
-    return remarks(result)
+    return remarks(answer(**changes))
 
 
 def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> None:
-    result = fitted_result(answer())
-    assert result is not None
-    first, second = result_lines(result)
+    first, second = result_lines(answer())
     assert first == "running torque 500 r/min 73.5 ± 2.1 mN m"
     assert second.startswith("Coulomb friction ")
     assert said() == []
@@ -58,9 +48,9 @@ def test_the_end_of_a_run_names_results_in_words_and_whose_torque_it_is() -> Non
 
 
 def test_the_end_of_a_run_says_what_its_gear_is_worth_and_why() -> None:
-    told = told_verdict(answer(verdict="NOT JUDGED", because=["no file", "no tare"]))
-    assert verdict_line(told) == "Verdict: NOT JUDGED (no file; no tare)"
-    assert verdict_line({"verdict": "PASS", "because": []}) == "Verdict: PASS"
+    told = verdict_line("NOT JUDGED", ["no file", "no tare"])
+    assert told == "Verdict: NOT JUDGED (no file; no tare)"
+    assert verdict_line("PASS", []) == "Verdict: PASS"
 
 
 @pytest.mark.parametrize(

@@ -11,10 +11,12 @@ from experiments.recording import Recording, RunMetadata
 from rig.analysis.wording import fixed
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
-from rig.window.review.signals_data import duration_of
+from rig.window.review.signals.data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
+from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
+from rig.window.work.verdicts import ListedVerdict
 
 LEFT_BEHIND = "left behind"
 """What the library calls a run whose acquisition ended without sealing it."""
@@ -31,6 +33,9 @@ class RunHeaderView(QFrame):
         self.setProperty("part", "card")
         self.title = text_label("", "title", plain=True, selectable=True)
         self.outcome, self.mark = text_label(plain=True), text_label("", "mark")
+        self.verdict = text_label(plain=True)
+        self.because = text_label("", "muted", wraps=True, plain=True, selectable=True)
+        self.because.hide()
         self.facts = text_label(wraps=True, plain=True, selectable=True)
         self.file = text_label("", "muted", wraps=True, plain=True, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
@@ -47,8 +52,10 @@ class RunHeaderView(QFrame):
             "PDF", tip="Write the report of this run for paper (PDF) and open it"
         )
         ways = (self.recover, self.report, self.pdf)
-        first = in_row((self.title, 1), self.mark, self.outcome, *ways, spacing=14)
-        self.setLayout(in_column(first, self.facts, self.file, margins=(12, 7, 12, 7), spacing=2))
+        words = (self.mark, self.outcome, self.verdict)
+        first = in_row((self.title, 1), *words, *ways, spacing=14)
+        rest = (self.because, self.facts, self.file)
+        self.setLayout(in_column(first, *rest, margins=(12, 7, 12, 7), spacing=2))
 
     def show_recording(self, recording: Recording, path: Path, state: str) -> None:
         """The head of a run; `state` as the library knows it."""
@@ -78,6 +85,18 @@ class RunHeaderView(QFrame):
         self.file.setText(" · ".join(part for part in parts if part))
         self.file.setToolTip(m.seal)
 
+    def show_verdict(self, listed: ListedVerdict | None) -> None:
+        """What the run is worth, with the first reason; nothing for a run that is not sealed."""
+        self.verdict.setText(listed.text if listed is not None else "")
+        self.verdict.setVisible(listed is not None)
+        reasons = listed.reasons.splitlines() if listed is not None else []
+        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+        self.because.setText(f"{reasons[0]}{more}" if reasons else "")
+        self.because.setToolTip("\n".join(reasons))
+        self.because.setVisible(bool(reasons))
+        if listed is not None:
+            restyled(self.verdict, VERDICT_COLOURS[listed.judged.verdict])
+
     def allow_report(self, allowed: bool) -> None:
         """Whether a report can be asked for."""
         self.report.setEnabled(allowed)
@@ -86,6 +105,7 @@ class RunHeaderView(QFrame):
     def show_problem(self, path: Path, state: str = "") -> None:
         """A file that cannot be read; `state` as the library knows it."""
         self.recover.setVisible(state == LEFT_BEHIND)
+        self.show_verdict(None)
         self.title.setText(path.name)
         self.mark.clear()
         self.allow_report(False)

@@ -16,7 +16,7 @@ from model.errors import WordedError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.in_force import in_force
-from rig.analysis.judging import GearVerdict, StoredResult, judge_run, not_judged
+from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_as
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
@@ -35,17 +35,18 @@ from rig.window.review.fit import (
     FitDesk,
     FitOrder,
     ResultCache,
-    in_words,
     order_of,
     renewal_of,
     tares_among,
 )
 from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
-from rig.window.review.signals import SignalsView
+from rig.window.review.signals.view import SignalsView
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, text_label
-from rig.window.work.background import BackgroundCommand, LatestTask
+from rig.window.work.background import BackgroundCommand, LatestTask, in_words
+from rig.window.work.recovery import Recovery
+from rig.window.work.verdicts import read_run
 
 GROWING_MS = 1000
 """ms between two looks at a run that is being written."""
@@ -75,7 +76,7 @@ class RunDetails(QWidget):
         self._wanted: FitOrder | None = None
         self._facts: Facts | None = None
         self._comparing: BackgroundCommand | None = None
-        self._recovering: BackgroundCommand | None = None
+        self._recovery = Recovery(self)
         self.header = RunHeaderView(session)
         self.desk = FitDesk(cache, self)
         self.bar = FitBar(session, choose_file)
@@ -88,6 +89,7 @@ class RunDetails(QWidget):
         self.comparison = ComparisonView(session)
         self.problem = text_label(wraps=True)
         self._reader = LatestTask(self, self._take_facts, self.conditions.setPlainText)
+        self._judging = LatestTask(self, self.header.show_verdict)
         self._growing = QTimer(self)
         self._growing.setInterval(GROWING_MS)
         self._lay_out()
@@ -116,6 +118,8 @@ class RunDetails(QWidget):
         self.header.report.clicked.connect(lambda: self.report_requested.emit([self.path], HTML))
         self.header.pdf.clicked.connect(lambda: self.report_requested.emit([self.path], PDF))
         self.header.recover.clicked.connect(self.recover)
+        self._recovery.recovered.connect(self._take_recovered)
+        self._recovery.refused.connect(self._take_not_recovered)
         self.bar.renew_requested.connect(self.fit)
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
@@ -154,6 +158,7 @@ class RunDetails(QWidget):
         self.problem.hide()
         self.tabs.show()
         self.header.show_recording(self.recording, path, state)
+        self.header.show_verdict(None)
         self.signals.clear()
         self._read_analyses()
         self._show_newest()
@@ -185,28 +190,20 @@ class RunDetails(QWidget):
 
     def recover(self) -> None:
         """Make a run file of what was left behind, in a process of its own, and open it."""
-        path = self.path
-        if path is None or self._recovering is not None:
-            return
-        self.header.recover.setEnabled(False)
-        self._recovering = BackgroundCommand(
-            ["recover", str(path), "--json"],
-            self,
-            lambda code, _, aside: self._take_recovered(path, code, aside),
-        )
-        self._recovering.start()
+        if self.path is not None:
+            self.header.recover.setEnabled(False)
+            self._recovery.start(self.path)
 
-    def _take_recovered(self, path: Path, code: int, complaint: str) -> None:
-        self._recovering = None
+    def _take_recovered(self, path: Path, final: Path) -> None:
         self.header.recover.setEnabled(True)
-        final = path.with_name(path.name.removesuffix(".part"))
-        if code != 0 or not final.exists():
-            self._session.message.emit(f"Not recovered: {in_words(complaint)}")
-            return
         self._session.message.emit(f"Recovered: {final}")
         self._session.runs_changed.emit()
         if self.path == path:
             self.show_run(final)
+
+    def _take_not_recovered(self, path: Path, why: str) -> None:
+        self.header.recover.setEnabled(True)
+        self._session.message.emit(f"Not recovered: {path.name}: {why}")
 
     def compare(self, order: FitOrder) -> None:
         """Hold a parameter set against the run, in a process of its own."""
@@ -291,6 +288,14 @@ class RunDetails(QWidget):
         except RigError as error:
             self._analyses, problem = (), str(error)
         self.files.show_run(self.path, self.recording.metadata.seal, self._analyses, problem)
+        self._judge()
+
+    def _judge(self) -> None:
+        """The verdict on the run as the library tells it, worked out beside the window."""
+        assert self.path is not None
+        path = self.path
+        if self._state == "sealed":
+            self._judging.start(lambda: read_run(path).verdict)
 
     @property
     def _gear(self) -> HarmonicDrive | None:
@@ -330,7 +335,7 @@ class RunDetails(QWidget):
         except (ValueError, KeyError, TypeError) as error:
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
-        self.results.show_result(result, self._gear, self._verdict_on(result))
+        self.results.show_result(result, self._gear, self._verdict_on(analysis))
         heading = f"Analysis {analysis.number}, {analysis.content.get('created', '')[:16].replace('T', ' ')}"
         tare = str(analysis.content.get("tare", {}).get("run", ""))
         said = f"{heading}, {analysis.kind}{self._tare_words(tare, analysis.kind)}."
@@ -345,7 +350,7 @@ class RunDetails(QWidget):
         if front:
             self.tabs.setCurrentWidget(self.results)
 
-    def _verdict_on(self, result: Result) -> GearVerdict:
+    def _verdict_on(self, analysis: Analysis) -> GearVerdict:
         """What this analysis is worth by the acceptance file of the gear, as it is now."""
         assert self.path is not None
         assert self.recording is not None
@@ -354,7 +359,9 @@ class RunDetails(QWidget):
             acceptance = acceptance_for(self.path.parent, m.gear_serial)
         except WordedError as error:
             return not_judged(f"the acceptance file cannot be read: {error}")
-        return judge_run(StoredResult(result, m.origin, m.outcome, m.gear_serial), acceptance)
+        found = in_force(self.path, analysis.kind)
+        stored = stored_as(analysis, found, m.origin, m.outcome, m.gear_serial)
+        return judge_run(stored, acceptance)
 
     def _tare_words(self, tare: str, kind: str) -> str:
         """Which tare an analysis was made with; nothing for a kind that has none."""
@@ -430,10 +437,19 @@ class RunDetails(QWidget):
             f"Fitted as {result.kind}{self._tare_words(tare, result.kind)}." if order.keep else ""
         )
         self._set_figures(result.plots, "" if result.plots else "This fit has no figures.")
-        self.results.show_result(result, self._gear, self._verdict_on(result))
         if order.keep:
             self.bar.offer_renewal(None)
             self._read_analyses()
+            self._session.runs_changed.emit()
+        self._show_fitted(order, result)
+
+    def _show_fitted(self, order: FitOrder, result: Result) -> None:
+        """The numbers of a fit with the verdict on them; figures alone of one that only draws what is in force."""
+        kept = [analysis for analysis in self._analyses if analysis.kind == result.kind]
+        if not kept:
+            self.results.show_result(result, self._gear, not_judged("the fit was not kept"))
+        elif order.keep:
+            self.results.show_result(result, self._gear, self._verdict_on(kept[-1]))
 
     def _take_refusal(self, order: FitOrder, complaint: str) -> None:
         if order != self._wanted:

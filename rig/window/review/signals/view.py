@@ -1,19 +1,26 @@
-"""The recorded channels of a run over time: chosen ones stacked by their unit, with segments, events and a readout."""
+"""The recorded channels of a run over time: chosen ones stacked by their unit, with segments, events, a readout and
+two cursors; what is seen can be taken along.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import QSignalBlocker, Qt
 from PySide6.QtWidgets import (
+    QFileDialog,
     QListWidgetItem,
     QWidget,
 )
 
 from experiments.recording import Recording
+from rig.errors import RunFileError
 from rig.window.plot.plots import Curve, LabPlot
 from rig.window.review.marks import MarksItem, TimeMarks, marks_of, segment_words
-from rig.window.review.signals_data import (
+from rig.window.review.signals.cursors import Cursors
+from rig.window.review.signals.data import (
     SPEEDS,
     Shape,
     channels_of,
@@ -21,6 +28,8 @@ from rig.window.review.signals_data import (
     shapes_of,
     values_at,
 )
+from rig.window.review.signals.export import export_picture, export_rows
+from rig.window.review.signals.stretch import stretches_of
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -44,6 +53,8 @@ AXIS_WIDTH = 62
 """Pixels of the axis beside each plot."""
 EVENT_REACH = 6.0
 """Pixels within which an event is named."""
+FORMATS = {"Rows as text (*.csv)": ".csv", "Picture (*.png)": ".png", "Drawing (*.svg)": ".svg"}
+"""What is seen can be taken along as."""
 
 
 class SignalsView(QWidget):
@@ -69,14 +80,29 @@ class SignalsView(QWidget):
         )
         self._reading = LatestTask(self, self._draw, self.readout.setText)
         self._marker = LatestTask(self, self._take_marks)
+        self.cursors = Cursors(session)
+        self._between = LatestTask(self, self.cursors.show_stretches, self.readout.setText)
+        self._measuring = single_shot(self, ZOOM_PAUSE_MS, self._measure)
+        self.cursors.moved.connect(self._measuring.start)
+        self.cursors.switch.toggled.connect(self._set_cursors)
+        self._writing = LatestTask(self, self._say_written, session.message.emit)
+        self.choose_target: Callable[[str], Path | None] = self._ask_target
+        """Asks where what is seen is written; it is given a name to begin with."""
+        self.export = push_button(
+            "E&xport …",
+            tip="What is seen: every row of these channels between the cursors, else in view (CSV, SI), "
+            "or the plots as they are (PNG, SVG)",
+            act=self._export,
+        )
         self.whole = push_button("&Whole run", tip="Show the whole run again", act=self.show_all)
         self._stack = split(way=Qt.Orientation.Vertical)
         self._pause = single_shot(self, ZOOM_PAUSE_MS, self._read)
         self._lay_out()
 
     def _lay_out(self) -> None:
-        foot = in_row((self.readout, 1), self.whole)
-        right = room_for(in_column((self._stack, 1), foot, margins=(0, 0, 0, 0), spacing=3))
+        foot = in_row((self.readout, 1), self.export, self.whole)
+        parts = ((self._stack, 1), self.cursors, foot)
+        right = room_for(in_column(*parts, margins=(0, 0, 0, 0), spacing=3))
         both = split(self.channels, (right, 1), sizes=[200, 680])
         self.setLayout(in_column(both, margins=(4, 6, 4, 4)))
 
@@ -96,6 +122,11 @@ class SignalsView(QWidget):
         first = next(iter(self.plots.values()), None)
         return (0.0, self._end) if first is None else tuple(first.item.getViewBox().viewRange()[0])
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is being measured or written."""
+        return self._between.is_running or self._writing.is_running
+
     def show_recording(self, recording: Recording, mark: str) -> None:
         """Another run, or the same one that has grown."""
         same = (
@@ -106,6 +137,7 @@ class SignalsView(QWidget):
         at_end = not same or self.view[1] >= self._end
         self._recording, self._mark = recording, mark
         self._end = duration_of(recording)
+        self.cursors.limit(self._end)
         channels = channels_of(recording)
         checked = (
             [name for name in checked if name in channels]
@@ -117,6 +149,8 @@ class SignalsView(QWidget):
             self._rebuild()
         if at_end:
             self.show_all()
+        if not same and self.cursors.is_on:
+            self.cursors.place_within(0.0, self._end)
         self._marker.start(lambda: marks_of(recording))
 
     def clear(self) -> None:
@@ -135,7 +169,9 @@ class SignalsView(QWidget):
         self._rebuild()
 
     def show_all(self) -> None:
-        """The whole run in view."""
+        """The whole run in view, and each curve as high as its plot."""
+        for plot in self.plots.values():
+            plot.item.enableAutoRange(y=True)
         self._look_at(0.0, max(self._end, 1e-3))
 
     def jump(self, moment: float, width: float = 10.0) -> None:
@@ -184,6 +220,7 @@ class SignalsView(QWidget):
             plot.item.setXLink(plots[-1].item)
         self._look_at(begin, end)
         self._draw_marks()
+        self.cursors.draw_in(plots)
 
     def _new_plot(self, unit: str) -> LabPlot:
         shown = unit if unit not in ("", "1") else "counts"
@@ -192,6 +229,7 @@ class SignalsView(QWidget):
         )
         plot.item.enableAutoRange(x=False, y=True)
         plot.item.setAutoVisible(y=True)
+        plot.item.getViewBox().moves_along_x = True
         # One width for all, so that one moment is at one place in every plot.
         plot.item.getAxis("left").setWidth(AXIS_WIDTH)
         plot.item.sigXRangeChanged.connect(lambda *_: self._pause.start())
@@ -206,6 +244,55 @@ class SignalsView(QWidget):
         if recording is not None and names:
             begin, end = self.view
             self._reading.start(lambda: shapes_of(recording, names, begin, end))
+
+    def _set_cursors(self, on: bool) -> None:
+        if on:
+            begin, end = self.view
+            self.cursors.place_within(max(begin, 0.0), min(end, self._end))
+
+    def _measure(self) -> None:
+        recording, names, stretch = self._recording, list(self.curves), self.cursors.stretch
+        if recording is not None and self.cursors.is_on:
+            self._between.start(lambda: stretches_of(recording, names, *stretch))
+
+    def _export(self) -> None:
+        recording, names = self._recording, list(self.curves)
+        if recording is None or not names:
+            return
+        target = self.choose_target(f"{recording.metadata.run_id or 'run'}-signals")
+        if target is None:
+            return
+        if target.suffix.lower() != ".csv":
+            try:
+                export_picture(self._stack, f"{recording.metadata.run_id} {self._mark}", target)
+            except RunFileError as error:
+                self._session.message.emit(str(error))
+            else:
+                self._say_written(f"Written: {target}")
+            return
+        begin, end = self.cursors.stretch if self.cursors.is_on else self.view
+
+        def write() -> str:
+            rows = export_rows(recording, names, begin, end, target)
+            return f"Written: {target}, {rows} rows"
+
+        self._session.message.emit(f"Writing {target.name} …")
+        self._writing.start(write)
+
+    def _say_written(self, words: str) -> None:
+        self._session.message.emit(words)
+
+    def _ask_target(self, name: str) -> Path | None:
+        if not self._session.free_for("Exporting signals"):
+            return None
+        begin = str(self._session.folder / f"{name}.csv")
+        title = "Where is what is seen written?"
+        chosen, kind = QFileDialog.getSaveFileName(self, title, begin, ";;".join(FORMATS))
+        if not chosen:
+            return None
+        target, suffix = Path(chosen), FORMATS.get(kind, ".csv")
+        # What is typed counts before what is chosen below it; a name without a kind takes that one.
+        return target if target.suffix.lower() in FORMATS.values() else Path(f"{target}{suffix}")
 
     def _draw(self, shapes: list[Shape]) -> None:
         for shape in shapes:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.samples import CycleFlag
 from experiments.recording import Recording
 from model.units import RPM
 from rig.window.work.live_file import Block, Envelope, SlidingSpeed
@@ -22,6 +24,7 @@ LEAD = 0.03
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 """Speeds that no channel holds and that follow from an angle."""
 SPEED_UNIT = "r/min"
+"""Unit in which such a speed is drawn; a channel is drawn in its own, which is SI."""
 
 
 @dataclass(frozen=True)
@@ -84,12 +87,39 @@ def shapes_of(
         for name, envelope in envelopes.items():
             if name in speeds:
                 stamps, values = speeds[name].of(block, SPEEDS[name])
-                envelope.add(stamps, values / RPM)
+                envelope.add(stamps, values / unit_factor(name))
             else:
                 envelope.add(block.time, block.si[name])
     return [
         Shape(name, channels[name][1], *envelope.curve()) for name, envelope in envelopes.items()
     ]
+
+
+class Speed:
+    """A speed of `SPEEDS` row by row [rad/s]: NaN in an incomplete row, and before there is a difference to take.
+
+    Blocks are asked for in their order, from `start` on; the rows just before it are read too.
+    """
+
+    def __init__(self, recording: Recording, name: str, start: int) -> None:
+        self._recording, self._angle = recording, SPEEDS[name]
+        rate = recording.metadata.sample_rate
+        self._sliding = SlidingSpeed(1.0 / rate)
+        self.of(slice(max(start - 1 - math.ceil(LEAD * rate), 0), start))
+
+    def of(self, rows: slice) -> FloatArray:
+        """The speed in each of these rows [rad/s]."""
+        block = _block(self._recording, {self._angle}, rows)
+        _, speeds = self._sliding.of(block, self._angle)
+        along = np.full(len(block), np.nan)
+        complete = np.flatnonzero(block.good)
+        along[complete[len(complete) - len(speeds) :]] = speeds
+        return along
+
+
+def unit_factor(name: str) -> float:
+    """SI value of one unit in which a channel is drawn."""
+    return RPM if name in SPEEDS else 1.0
 
 
 def values_at(recording: Recording, names: list[str], moment: float) -> dict[str, float]:
@@ -106,8 +136,11 @@ def values_at(recording: Recording, names: list[str], moment: float) -> dict[str
 
 def _blocks(recording: Recording, names: list[str], start: int, stop: int) -> Iterator[Block]:
     wanted = {SPEEDS.get(name, name) for name in names}
-    for begin in range(start, stop, BLOCK):
-        rows = slice(begin, min(begin + BLOCK, stop))
-        stamps = recording.time(rows)
-        good = (recording.flags(rows) & 1) == 0
-        yield Block(begin, stamps, {name: recording.si(name, rows) for name in wanted}, good)
+    for part in recording.blocks(slice(start, stop), size=BLOCK):
+        yield _block(recording, wanted, part)
+
+
+def _block(recording: Recording, names: Iterable[str], rows: slice) -> Block:
+    good = (recording.flags(rows) & CycleFlag.INCOMPLETE) == 0
+    channels = {name: recording.si(name, rows) for name in names}
+    return Block(rows.start, recording.time(rows), channels, good)

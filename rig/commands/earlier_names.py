@@ -1,0 +1,28 @@
+"""Earlier names of a flag: scripts that use them run on, and the help shows the one name that there is now."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from typer.core import TyperCommand
+
+FOLDER = "--runs"
+"""The folder of runs and gear cards, wherever one is read or written."""
+NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder": FOLDER}
+"""What the flag was called; a command that has one of these itself means something else by it."""
+
+
+class Command(TyperCommand):
+    """A command that understands the earlier names of its flags."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments, each earlier name taken for the present one."""
+        own = {name for parameter in self.params for name in parameter.opts}
+        names = {old: now for old, now in NAMED_BEFORE.items() if old not in own and now in own}
+        return super().parse_args(ctx, [_renamed(word, names) for word in args])
+
+
+def _renamed(word: str, names: Mapping[str, str]) -> str:
+    name, equals, value = word.partition("=")
+    return f"{names.get(name, name)}{equals}{value}"

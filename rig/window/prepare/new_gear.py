@@ -1,0 +1,224 @@
+"""A new gear from its part number: makers' tables fill its parameter set, what they lack is scaled and marked assumed,
+and the nameplate has the last word.
+"""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QObject, Qt, Signal
+from PySide6.QtWidgets import QCompleter, QGridLayout, QLineEdit, QWidget
+
+from experiments.errors import PlanError
+from model.catalogue.proportions import NAMEPLATE, open_questions
+from model.catalogue.table import products, read_product
+from model.errors import ParameterError
+from model.gear import HarmonicDrive
+from model.gear_file import SECTIONS
+from model.quantities import readable
+from rig.errors import RigError
+from rig.gears.card import now_text
+from rig.gears.making import made_gear, write_new_gear
+from rig.gears.stating import declared, value_of
+from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import in_column, in_row, line_field, push_button, restyled, text_label
+from rig.window.work.background import single_shot
+
+TYPING_PAUSE = 200
+"""ms without a change after which a part number is looked up."""
+EXAMPLE = "SHG-32-100-2UH"
+ASSUMED = ("assumed", "recalled")
+"""Provenances that nobody has looked up."""
+
+
+class NewGearField(QObject):
+    """A line of the form: its editor, and a note below, which says where its value is from or what is wrong."""
+
+    changed = Signal()
+
+    def __init__(self, name: str, hint: str = "") -> None:
+        super().__init__()
+        self.editor: QLineEdit = line_field(name, hint)
+        self.label = text_label(name, buddy=self.editor)
+        self.note = text_label("", "muted", wraps=True, plain=True)
+        self.editor.textChanged.connect(lambda _: self.changed.emit())
+
+    @property
+    def text(self) -> str:
+        """What was typed."""
+        return self.editor.text().strip()
+
+    def say(self, text: str, part: str = "muted") -> None:
+        """A note under the field."""
+        self.note.setText(text)
+        restyled(self.note, part)
+        self.editor.setProperty("invalid", "true" if part == "bad" else "false")
+        self.editor.style().unpolish(self.editor)
+        self.editor.style().polish(self.editor)
+
+    def refuse(self, error: ParameterError | PlanError | RigError) -> None:
+        """Say at the field what is wrong, what is allowed, and what to do."""
+        limit = f", allowed {error.limit}" if error.limit else ""
+        remedy = f" {error.remedy}" if error.remedy else ""
+        self.say(f"✗ {error.what}{limit}.{remedy}", "bad")
+
+
+class NewGearForm(QWidget):
+    """The form. `made` carries the serial number of a gear that was made, `given_up` that nobody wants one."""
+
+    made = Signal(str)
+    given_up = Signal()
+
+    def __init__(self, session: WindowSession) -> None:
+        super().__init__()
+        self._session = session
+        self._operator = ""
+        self._known = declared(SECTIONS)
+        self.gear: HarmonicDrive | None = None
+        """What the part number alone makes; None while it names no product."""
+        self.product = NewGearField("Part number", f"such as {EXAMPLE}")
+        self.serial = NewGearField("Serial number", "from the plate of the gear")
+        self.nameplate = {path: NewGearField("") for path in NAMEPLATE}
+        self.says = text_label("", "muted", wraps=True, plain=True)
+        self.make_button = push_button("&Make this gear", "primary", act=self.make)
+        self.cancel_button = push_button("Do not make it", act=self.given_up)
+        self._pause = single_shot(self, TYPING_PAUSE, self.look_up)
+        completer = QCompleter([str(product) for product in products()])
+        completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+        completer.setFilterMode(Qt.MatchFlag.MatchContains)
+        self.product.editor.setCompleter(completer)
+        self.product.changed.connect(self._pause.start)
+        self.serial.changed.connect(self._show_state)
+        for field in self.nameplate.values():
+            field.changed.connect(self._show_state)
+        self._lay_out()
+        self.look_up()
+
+    def _lay_out(self) -> None:
+        grid = QGridLayout()
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setVerticalSpacing(1)
+        grid.setColumnStretch(1, 1)
+        for place, field in enumerate((self.product, self.serial, *self.nameplate.values())):
+            grid.addWidget(field.label, 2 * place, 0)
+            grid.addWidget(field.editor, 2 * place, 1)
+            grid.addWidget(field.note, 2 * place + 1, 0, 1, 2)
+            field.note.setContentsMargins(0, 0, 0, 6)
+        buttons = in_row(self.make_button, self.cancel_button, (None, 1))
+        self.setLayout(in_column(self.says, grid, buttons, margins=(0, 0, 0, 0)))
+
+    def set_operator(self, name: str) -> None:
+        """Who would make it."""
+        self._operator = name.strip()
+        self._show_state()
+
+    def look_up(self) -> None:
+        """What the tables have of the part number."""
+        self._pause.stop()
+        self.gear = None
+        self.product.say("Read it from the plate: series, size, ratio and unit type.")
+        if self.product.text:
+            try:
+                part = read_product(self.product.text)
+                self.gear = made_gear(part, {}, self._operator, now_text())
+                popup = self.product.editor.completer().popup()
+                if popup is not None:
+                    # What is found needs no suggestions any more, which would lie over the next fields.
+                    popup.hide()
+            except ParameterError as error:
+                self.product.refuse(error)
+        self._show_nameplate()
+        self._show_state()
+
+    def make(self) -> None:
+        """Write parameter set and card; what is refused is said at its field."""
+        self.look_up()
+        stated = self._stated()
+        if self.gear is None or stated is None or not self._operator:
+            return
+        by, at = self._operator, now_text()
+        try:
+            gear = made_gear(read_product(self.product.text), stated, by, at)
+        except ParameterError as error:
+            self.nameplate.get(error.where, self.product).refuse(error)
+            return
+        try:
+            made = write_new_gear(self._session.folder, gear, {"serial": self.serial.text}, by, at)
+        except (PlanError, RigError) as error:
+            self.serial.refuse(error)
+            return
+        count = len(made.open_questions)
+        left = f"; {count} values of its nameplate are only assumed" if count else ""
+        self._session.message.emit(f"Gear {made.card.serial}, {gear.name}, is made{left}.")
+        self.clear()
+        self.made.emit(made.card.serial)
+
+    def clear(self) -> None:
+        """Nothing is stated."""
+        for field in (self.product, self.serial, *self.nameplate.values()):
+            field.editor.clear()
+        self.look_up()
+
+    def _stated(self) -> dict[str, float] | None:
+        """What was read off the nameplate [SI]; None while a field is refused, which says why."""
+        stated, refused = {}, False
+        for path, field in self.nameplate.items():
+            if not field.text:
+                continue
+            try:
+                stated[path] = value_of(path, field.text, self._known[path])
+            except ParameterError as error:
+                field.refuse(error)
+                refused = True
+        return None if refused else stated
+
+    def _show_nameplate(self) -> None:
+        """Each value of the nameplate as the tables have it, and whether anybody has looked it up."""
+        for path, field in self.nameplate.items():
+            shown = self.gear is not None
+            for part in (field.label, field.editor, field.note):
+                part.setVisible(shown)
+            if self.gear is None:
+                continue
+            value = self.gear.value(path)
+            (text,), unit = readable([value.value], value.unit)
+            words = value.description[:1].upper() + value.description[1:]
+            field.label.setText(short_label(path))
+            field.editor.setAccessibleName(words)
+            field.editor.setToolTip(words)
+            field.editor.setPlaceholderText(f"{text} {unit}".rstrip())
+            origin = value.origin
+            part = "warning" if origin.provenance in ASSUMED else "muted"
+            # The document and its conditions are read once, by the few who doubt: they stand in the tip.
+            field.say(f"{origin.provenance}: {origin.source.partition(': ')[0]}", part)
+            field.note.setToolTip(origin.source)
+
+    def _show_state(self) -> None:
+        """What it waits for, and what is still assumed."""
+        waits = (
+            "Type the part number."
+            if self.gear is None
+            else "Type the serial number."
+            if not self.serial.text
+            else "The operator has to be named first (top of the page)."
+            if not self._operator
+            else ""
+        )
+        self.make_button.setEnabled(not waits)
+        self.make_button.setToolTip(waits)
+        if self.gear is None:
+            self.says.setText(f"! {waits}")
+            return
+        asked = [path for path in open_questions(self.gear) if not self.nameplate[path].text]
+        assumed = (
+            f"{len(asked)} of {len(NAMEPLATE)} nameplate values are only assumed: read them off the "
+            "plate or the papers, or leave them marked."
+            if asked
+            else "Every nameplate value is looked up."
+        )
+        self.says.setText(f"! {waits} {assumed}" if waits else assumed)
+
+
+def short_label(path: str) -> str:
+    """What a value of the nameplate is called beside its field."""
+    section, _, name = path.rpartition(".")
+    words = name if section == "ratings" else f"{section} {name}"
+    return words.replace("_", " ")

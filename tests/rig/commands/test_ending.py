@@ -1,0 +1,81 @@
+"""How `rig run` ends on a terminal: five values with limit and verdict, the tare, and what to do next."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+from pathlib import Path
+
+from rich.console import Console
+
+from experiments.result import Result
+from rig.analysis.digest import Digest
+from rig.analysis.in_force import InForce
+from rig.analysis.judging import judge_run, not_judged
+from rig.analysis.tare_search import FoundTare
+from rig.commands.ending import MOST_LINES, Ending, print_ending
+from tests.rig.handmade import acceptance, estimate, fit, friction_result
+
+RUN = Path("runs/00001-friction-A1.h5")
+
+
+def many_values() -> Result:
+    """A result with eight values that matter; the one that is judged is the last of them."""
+    made = friction_result()
+    declared = made.quantity("running_torque")
+    others = [replace(declared, name=f"torque_{n}", title=f"torque {n}") for n in range(7)]
+    values = {q.name: estimate(q.name, 0.05, "N m", 0.001) for q in others}
+    running = made.estimates["running_torque"]
+    keys = tuple(replace(q, is_key=True) for q in (*others, declared))
+    return replace(
+        made, quantities=keys, metrics={}, estimates={**values, "running_torque": running}
+    )
+
+
+def ending(limit: float = 0.15) -> Ending:
+    why = FoundTare(None, ("there is no tare in runs",))
+    made = replace(fit(result=many_values()), path=RUN, found_tare=why)
+    return Ending(
+        judge_run(made, acceptance(limit)),
+        Digest(path=RUN, fit=made, in_force=InForce(kind="friction")),
+    )
+
+
+def printed(what: Ending, *, everything: bool = False) -> list[str]:
+    out = Console(file=io.StringIO(), width=100)
+    print_ending(out, what, RUN, everything=everything)
+    assert isinstance(out.file, io.StringIO)
+    return out.file.getvalue().splitlines()
+
+
+def test_five_values_are_told_what_is_judged_first() -> None:
+    lines = printed(ending())
+    values = [line for line in lines if "±" in line]
+    assert len(values) == MOST_LINES == 5
+    assert "running torque" in values[0]
+    assert values[0].rstrip().endswith("limit ≤ 150 mN m  PASS")
+    assert any("3 more" in line for line in lines)
+    assert printed(ending(0.08))[0].rstrip().endswith("FAIL")
+
+
+def test_the_tare_that_is_missing_and_the_next_step_are_told() -> None:
+    lines = printed(ending())
+    assert any(line.startswith("  tare  there is no tare in runs") for line in lines)
+    assert f"  next  rig run motor-tare, then rig fit {RUN}" in lines
+    assert "  next  rig report --gear SN-0815 --runs runs" in lines
+
+
+def test_all_tells_every_value_and_the_statistical_part() -> None:
+    text = "\n".join(printed(ending(), everything=True))
+    assert all(f"torque {n}" in text for n in range(7))
+    assert "statistical part" in text
+    assert "statistical part" not in "\n".join(printed(ending()))
+
+
+def test_an_analysis_that_crashed_is_told_and_what_to_do() -> None:
+    crashed = Ending(not_judged("the analysis failed: x"), crash="ValueError: x")
+    assert printed(crashed) == [
+        "The analysis failed: ValueError: x",
+        f"The run is sealed; analyse it anew with: rig fit {RUN}",
+    ]
+    assert crashed.as_json()["analysis_error"] == "ValueError: x"
