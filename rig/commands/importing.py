@@ -85,9 +85,9 @@ def import_(
             "--check", help="Write nothing: show what each channel is and what it is good for."
         ),
     ] = False,
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="DIR", help="Folder of runs.")
-    ] = Path("runs"),
+    output: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
     rate: Annotated[
         float | None,
         typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),

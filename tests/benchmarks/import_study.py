@@ -57,7 +57,7 @@ def imported(
         "import",
         kind,
         str(path),
-        "--output",
+        "--runs",
         str(folder),
         "--json",
     ]

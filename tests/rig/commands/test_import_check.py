@@ -58,7 +58,7 @@ def test_what_each_channel_is(rig: Rig, tmp_path: Path) -> None:
         *CHANNELS,
         "-c",
         "torque=M:mN m",
-        "-o",
+        "--runs",
         tmp_path / "runs",
     )
     found = rig.json(*words)
@@ -107,7 +107,7 @@ def test_labels_that_the_motion_suggests_can_be_taken_over(rig: Rig, tmp_path: P
     map_file = tmp_path / "map.toml"
     map_file.write_text('[channels.input_speed]\ncolumn = "v"\n' + lines)
     made = rig.json(
-        "import", "csv", path, "--map", map_file, "-c", "time=t", "-o", tmp_path / "runs"
+        "import", "csv", path, "--map", map_file, "-c", "time=t", "--runs", tmp_path / "runs"
     )
     shown = rig.json("show", made["run"])
     assert [segment["label"] for segment in shown["segments"]] == ["step", "step"]
