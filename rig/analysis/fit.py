@@ -78,6 +78,12 @@ class Fit:
         return self.recording.metadata.gear_serial
 
     @property
+    def leans_on_gear(self) -> bool:
+        """Whether it had a parameter set to lean on; an analysis of recordings needs none."""
+        analyses = {entry.name for entry in catalogue.ENTRIES if not entry.has_plan}
+        return self.gear_known or self.result.kind not in analyses
+
+    @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
         return evidence_of(self.gear, self.tare, self.settings, self.largest_missed_share)
@@ -165,10 +171,11 @@ def fit_recording(
     gear_known = parameters is not None
     if parameters is None:
         parameters = shipped_gear()
-        remarks.append(
-            f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis needs one. "
-            "Give yours with --parameters."
-        )
+        if experiment.has_plan:
+            remarks.append(
+                f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis "
+                "needs one. Give yours with --parameters."
+            )
     if path is not None and not recording.metadata.is_sealed:
         remarks.append(NOT_SEALED)
     if tare is not None:
@@ -176,7 +183,8 @@ def fit_recording(
     evidence = evidence_of(parameters, tare, settings or {}, largest_missed_share)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
-    options.setdefault("parameter_set", parameters.name)
+    if gear_known or experiment.has_plan:
+        options.setdefault("parameter_set", parameters.name)
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
     if largest_missed_share is not None:
         options["largest_missed_share"] = largest_missed_share
