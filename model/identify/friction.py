@@ -345,16 +345,13 @@ def _verdict_on(name: str, found: FrictionFit, low: float, high: float) -> tuple
     Whether it is told closely enough is for the target of its quantity to say, not for a rule of thumb here.
     """
     fit = found.stribeck
-    coulomb, static, velocity = (float(v) for v in fit.values[:3])
+    coulomb, static = (float(v) for v in fit.values[:2])
     if name in ("stribeck_velocity", "shape") and fit.chance > CHANCE:
         return "no", f"{NO_DIP}: the points do not bend"
     if not (math.isfinite(low) and math.isfinite(high)):
         return "no", "the profile of the likelihood does not close: the data do not bound it"
     if name in ("stribeck_velocity", "shape") and name in fit.at_bound:
         return "weakly", "stopped at its bound"
-    slowest = float(found.speed.min())
-    if slowest > velocity / 10.0 * 1.05 and name in ("static", "stribeck_velocity", "shape"):
-        return "weakly", "the slowest speed is above a tenth of the Stribeck velocity"
     return (
         "yes",
         f"{NO_DIP}: below Coulomb friction" if name == "static" and static < coulomb else "",
@@ -405,7 +402,7 @@ def _judge(
     if slowest > velocity / 10.0 * 1.05:
         remarks.append(
             f"The slowest speed ({slowest / RPM:.3g} r/min) is above a tenth of the Stribeck velocity "
-            f"({velocity / RPM:.3g} r/min): it cannot pin the Stribeck part. Measure down to "
+            f"({velocity / RPM:.3g} r/min): the Stribeck part rests on little of its bend. Measure down to "
             f"{velocity / 10.0 / RPM:.2g} r/min."
         )
     remarks += [
