@@ -15,10 +15,13 @@ author = "The harmonic-rig developers"
 copyright = author
 version = release = metadata.version("harmonic-rig")
 
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "code_cells"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
-exclude_patterns = ["_build"]
+default_role = "code"
+autodoc_member_order = "bysource"
+autodoc_typehints = "description"
+exclude_patterns = ["_build", "examples"]
 html_theme = "furo"
 html_title = "harmonic-rig"
 html_theme_options = {"source_repository": "", "navigation_with_keys": True}

@@ -13,16 +13,21 @@ from experiments.errors import PlanError
 
 if TYPE_CHECKING:
     from experiments.contract import Experiment
+    from experiments.ladder import Ladder
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One line of the catalogue: the name people type, its module, one line of summary, and whether it moves a rig."""
+    """One line of the catalogue: the name people type, its module, one line of summary, and whether it moves a rig.
+
+    `ladder` is the module of the models that its runs can be judged by, where there is one.
+    """
 
     name: str
     module: str
     summary: str
     has_plan: bool = True
+    ladder: str = ""
 
 
 ENTRIES: tuple[Entry, ...] = (
@@ -30,16 +35,19 @@ ENTRIES: tuple[Entry, ...] = (
         "kinematic-error",
         "experiments.protocols.kinematic_error.protocol",
         "kinematic error over whole output revolutions at low speed, both directions (figures 12, 13, 16)",
+        ladder="experiments.protocols.kinematic_error.ladder",
     ),
     Entry(
         "friction",
         "experiments.protocols.friction.protocol",
         "no-load running torque at constant speeds, both directions, up and down (figures 9, 17)",
+        ladder="experiments.protocols.friction.ladder",
     ),
     Entry(
         "velocity-steps",
         "experiments.protocols.velocity_steps.protocol",
         "speed steps, simulated output against measured output per speed (figure 19)",
+        ladder="experiments.protocols.velocity_steps.ladder",
     ),
     Entry(
         "motor-tare",
@@ -113,6 +121,27 @@ def entry(name: str) -> Entry:
     raise PlanError(
         "no such protocol or analysis", where="protocol", value=repr(name), limit=", ".join(kinds())
     )
+
+
+def ladders() -> tuple[str, ...]:
+    """The kinds whose runs can be judged by a ladder of models."""
+    return tuple(entry.name for entry in ENTRIES if entry.ladder)
+
+
+def ladder(name: str) -> Ladder:
+    """The ladder of models of this kind, for recordings that pass its checks; a kind without one is a `PlanError`."""
+    from experiments.evidence.conclusion import checked_sample
+
+    found = entry(name)
+    if not found.ladder:
+        raise PlanError(
+            "there is no ladder of models of this kind",
+            where="kind",
+            value=repr(name),
+            limit=", ".join(ladders()),
+        )
+    made: Ladder = import_module(found.ladder).LADDER
+    return replace(made, sample=checked_sample(load(name), made.sample))
 
 
 def declared(name: str) -> Experiment | None:

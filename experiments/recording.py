@@ -56,7 +56,7 @@ class RunMetadata:
     start_time: str = ""
     end_time: str = ""
     operator: str = ""
-    gear: HarmonicDrive | None = None
+    gear: HarmonicDrive | None = field(default=None, repr=False)
     gear_serial: str = ""
     ratio: float = float("nan")
     mounting: Mounting = "circular-spline-fixed"
@@ -65,10 +65,10 @@ class RunMetadata:
     gear_mounted: bool = True
     sample_rate: float = float("nan")
     time_base: TimeBase = "none"
-    parameters: Mapping[str, Any] = field(default_factory=dict)
+    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
     conditions: Mapping[str, Any] = field(default_factory=dict)
-    process: Mapping[str, Any] = field(default_factory=dict)
-    limits: Mapping[str, Any] = field(default_factory=dict)
+    process: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    limits: Mapping[str, Any] = field(default_factory=dict, repr=False)
     """What the rig was limited to while the run was made, as its file keeps it."""
     sha256: str = ""
     """Of the bytes of the file; "" for one that is being written, and for a recording that is no file."""

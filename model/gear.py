@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -558,6 +559,12 @@ class HarmonicDrive:
                 limit=f"> {2.0 * reach * math.tan(self.geometry.tooth_angle):.6g} m",
                 remedy="Check tooth height, force depth and tooth angle.",
             )
+
+    def __repr__(self) -> str:
+        """One line: what it is, and where its numbers come from; `values()` has them all."""
+        provenances = Counter(value.origin.provenance for value in self.values())
+        told = ", ".join(f"{count} {word}" for word, count in provenances.most_common())
+        return f"HarmonicDrive({self.name}, N = {self.ratio:g}; values: {told})"
 
     @property
     def ratio(self) -> float:

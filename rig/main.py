@@ -21,6 +21,7 @@ from rig.commands import (
     drilling,
     files,
     gears,
+    importing,
     library,
     modelling,
     motors,
@@ -28,6 +29,7 @@ from rig.commands import (
     reporting,
     running,
     simulating,
+    validating,
     window,
 )
 from rig.commands.earlier_names import Command
@@ -63,6 +65,7 @@ PANELS = {
     "Fit and compare": (
         analysis.fit,
         analysis.compare,
+        validating.validate,
         certifying.certificate,
         reporting.report,
         modelling.model,
@@ -73,7 +76,7 @@ PANELS = {
         library.passport,
         library.diff,
         files.show,
-        files.import_,
+        importing.import_,
         files.export,
         files.recover,
         files.verify,

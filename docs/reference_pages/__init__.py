@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reference_pages import files, measurands, program
+from reference_pages import channel_map, files, measurands, program
 
 PAGES = {
     "protocols": program.protocols,
@@ -20,6 +20,7 @@ PAGES = {
     "motor-file": files.motor_file,
     "acceptance-file": files.acceptance_file,
     "campaign-file": files.campaign_file,
+    "channel-map": channel_map.channel_map,
     "measurands": measurands.measurands,
 }
 """Every page that is made, by its name."""

@@ -17,6 +17,7 @@ from experiments.contract import Evidence, Experiment
 from experiments.evidence.holds import Recorded
 from experiments.evidence.orders import sampled, sampled_angle
 from experiments.evidence.table import checks_of
+from experiments.ladder import Sample
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Check, Result, Table
@@ -38,6 +39,17 @@ def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], 
         recorded = Recorded(recording, experiment, evidence)
         passed = checks_of(recorded)
         return concluded(analyse(recording, passed), passed.checks, recorded)
+
+    return checked
+
+
+def checked_sample(
+    experiment: Experiment, sample: Callable[[Recording, Evidence], Sample]
+) -> Callable[[Recording, Evidence], Sample]:
+    """What a run shows to a ladder of models, after the checks of its protocol."""
+
+    def checked(recording: Recording, evidence: Evidence) -> Sample:
+        return sample(recording, checks_of(Recorded(recording, experiment, evidence)))
 
     return checked
 

@@ -176,10 +176,26 @@ def fit_ladder(
     `error_given`: the steps carry a kinematic error that was identified elsewhere. Raises `IdentificationError`
     where no step rings by a count of the output encoder.
     """
-    if richest not in FITTED:
+    _refuse_rung(richest)
+    problem, noise, period = _problem(steps, expected, error_given=error_given)
+    answers = _climb(problem, expected, noise, richest, period)
+    solutions = {name: found[0] for name, found in answers.items()}
+    rungs = _null_rungs(steps, solutions["linear"].values["skew"], paper)
+    rungs += [_rung(name, solution) for name, solution in solutions.items()]
+    return _stated(steps, problem, answers, tuple(rungs), _chosen(solutions), expected)
+
+
+def _refuse_rung(name: str) -> None:
+    if name not in FITTED:
         raise IdentificationError(
-            "no such rung", where="ladder", value=repr(richest), limit=", ".join(FITTED)
+            "no such rung", where="ladder", value=repr(name), limit=", ".join(FITTED)
         )
+
+
+def _problem(
+    steps: Sequence[StepData], expected: Expected, *, error_given: bool
+) -> tuple[Problem, float, float]:
+    """The steps made ready, the noise of their counts [rad], and the time between two samples [s]."""
     period = float(np.median(np.concatenate([np.diff(s.time) for s in steps])))
     interval = period / max(2, math.ceil(period * 12.0 * expected.frequency))
     noise = math.hypot(
@@ -191,11 +207,36 @@ def fit_ladder(
         error_width=GIVEN_ERROR if error_given else UNKNOWN_ERROR,
         model=_models(expected),
     )
-    answers = _climb(problem, expected, noise, richest, period)
-    solutions = {name: found[0] for name, found in answers.items()}
-    rungs = _null_rungs(steps, solutions["linear"].values["skew"], paper)
-    rungs += [_rung(name, solution) for name, solution in solutions.items()]
-    return _stated(steps, problem, answers, tuple(rungs), _chosen(solutions), expected)
+    return problem, noise, period
+
+
+@dataclass(frozen=True)
+class FittedRung:
+    """One fitted rung, able to predict the steps of another run of the same gear."""
+
+    solution: Solution
+    problem: Problem
+
+
+def fit_rung(steps: Sequence[StepData], expected: Expected, name: str) -> FittedRung:
+    """Fit the ladder up to a rung to all steps, and keep that rung. Raises `IdentificationError` for none such."""
+    _refuse_rung(name)
+    problem, noise, period = _problem(steps, expected, error_given=False)
+    return FittedRung(_climb(problem, expected, noise, name, period)[name][0], problem)
+
+
+def predict_steps(fitted: FittedRung, steps: Sequence[StepData]) -> list[Array]:
+    """The output angle [rad] of a fitted rung at the stamps of every step, with the measured input prescribed."""
+    problem, solution = fitted.problem, fitted.solution
+    tables = problem.model(solution.values).step(problem.interval)
+    predicted: list[Array] = []
+    for step in steps:
+        arrays = step_arrays(step, problem.interval, problem.basis)
+        ideal = problem.ideal(arrays, solution.error)
+        angle, _, _, _ = problem.response(arrays, solution.values, ideal, tables)
+        at = step.time + solution.values["skew"]
+        predicted.append(np.interp(at, arrays.fine, angle) + step.output_angle[0])
+    return predicted
 
 
 def _models(expected: Expected) -> Callable[[Mapping[str, float]], TorsionModel]:

@@ -78,9 +78,15 @@ class Fit:
         return self.recording.metadata.gear_serial
 
     @property
+    def leans_on_gear(self) -> bool:
+        """Whether it had a parameter set to lean on; an analysis of recordings needs none."""
+        analyses = {entry.name for entry in catalogue.ENTRIES if not entry.has_plan}
+        return self.gear_known or self.result.kind not in analyses
+
+    @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
-        return _evidence(self.gear, self.tare, self.settings, self.largest_missed_share)
+        return evidence_of(self.gear, self.tare, self.settings, self.largest_missed_share)
 
     @property
     def tare_words(self) -> tuple[str, ...]:
@@ -165,18 +171,20 @@ def fit_recording(
     gear_known = parameters is not None
     if parameters is None:
         parameters = shipped_gear()
-        remarks.append(
-            f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis needs one. "
-            "Give yours with --parameters."
-        )
+        if experiment.has_plan:
+            remarks.append(
+                f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis "
+                "needs one. Give yours with --parameters."
+            )
     if path is not None and not recording.metadata.is_sealed:
         remarks.append(NOT_SEALED)
     if tare is not None:
         check_tare(recording, tare.recording, tare.result)
-    evidence = _evidence(parameters, tare, settings or {}, largest_missed_share)
+    evidence = evidence_of(parameters, tare, settings or {}, largest_missed_share)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
-    options.setdefault("parameter_set", parameters.name)
+    if gear_known or experiment.has_plan:
+        options.setdefault("parameter_set", parameters.name)
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
     if largest_missed_share is not None:
         options["largest_missed_share"] = largest_missed_share
@@ -207,12 +215,13 @@ def _refuse_another_ratio(recording: Recording, gear: HarmonicDrive) -> None:
         )
 
 
-def _evidence(
+def evidence_of(
     gear: HarmonicDrive,
     tare: Fit | None,
     settings: Mapping[str, Any],
     largest_missed_share: float | None,
 ) -> Evidence:
+    """What an analysis leans on: parameter set, tare, settings, and the share of missed cycles that it lets pass."""
     from experiments.contract import Evidence
 
     evidence = Evidence(
@@ -226,6 +235,15 @@ def _evidence(
         if largest_missed_share is None
         else dataclasses.replace(evidence, maximum_missed_share=largest_missed_share)
     )
+
+
+def with_gear(fit: Fit, gear: HarmonicDrive) -> Fit:
+    """A fit beside another parameter set, to be scored and compared; the result stays as it was fitted.
+
+    Raises `RigError` for the set of a gear with another ratio.
+    """
+    _refuse_another_ratio(fit.recording, gear)
+    return dataclasses.replace(fit, gear=gear, gear_known=True)
 
 
 def score(fit: Fit) -> Result:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.evidence.tare import AGE_LIMIT
+from model.gear_file import shipped_gear
 from rig.analysis.adopt import adopt
-from rig.analysis.fit import LEFT_AWAY, Fit, fit_recording, kind_of
+from rig.analysis.fit import LEFT_AWAY, Fit, evidence_of, fit_recording, kind_of
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
 from rig.analysis.stored_fit import stored_fit
@@ -29,6 +30,7 @@ from rig.library.index import IndexedRun, LibraryIndex
 from rig.runfile import read
 
 if TYPE_CHECKING:
+    from experiments.contract import Evidence
     from experiments.recording import Recording
     from experiments.result import Result
     from model.gear import HarmonicDrive
@@ -79,6 +81,23 @@ def fit_run(path: Path, kind: str = "", choices: Choices | None = None) -> Fit:
         largest_missed_share=choices.largest_missed_share,
     )
     return replace(fit, gear_source=source, found_tare=tared.found)
+
+
+def evidence_for(
+    path: Path, kind: str, choices: Choices | None = None
+) -> tuple[Recording, Evidence]:
+    """A run file with all that an analysis of it would lean on: set, tare and settings as `fit_run` takes them."""
+    choices = choices or Choices()
+    recording = read.open_run(path)
+    tared = _tare_for(recording, path, kind, choices)
+    gear, _ = gear_for(recording, path, kind, choices.gear)
+    evidence = evidence_of(
+        gear or shipped_gear(),
+        tared.fit,
+        {**tared.settings, **choices.settings},
+        choices.largest_missed_share,
+    )
+    return recording, evidence
 
 
 def gear_for(

@@ -121,7 +121,7 @@ def fit(
     if keep is not None:
         _keep_by_hand(kind, runs, keep, by, json=json)
         return
-    choices = _choices(
+    choices = choices_of_flags(
         parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
     )
     fits = tuple(fit_run(run, kind, choices) for run in runs)
@@ -164,7 +164,7 @@ def compare(
     from rig.analysis.fit import score
     from rig.analysis.fit_run import fit_run
 
-    choices = _choices(
+    choices = choices_of_flags(
         parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
     )
     gear = choices.gear
@@ -207,7 +207,7 @@ def split_kind(words: list[str]) -> tuple[str, list[Path]]:
     return "", [Path(w) for w in words]
 
 
-def _choices(
+def choices_of_flags(
     parameters: Path | None,
     tare: Path | None,
     setting: list[str] | None,

@@ -1,8 +1,7 @@
-"""`rig runs`, `show`, `import`, `export`, `recover`, `verify`: what can be done with run files."""
+"""`rig runs`, `show`, `export`, `recover`, `verify`: what can be done with run files."""
 
 from __future__ import annotations
 
-import math
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
@@ -22,22 +21,6 @@ class TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sho
 
     csv = "csv"
     mat = "mat"
-
-
-class MountingChoice(str, Enum):  # noqa: UP042
-    """Which part of the gear is fixed."""
-
-    circular_spline_fixed = "circular-spline-fixed"
-    flexspline_fixed = "flexspline-fixed"
-
-
-class TimeBaseChoice(str, Enum):  # noqa: UP042
-    """What the time column of a foreign recording is."""
-
-    hardware = "hardware"
-    device = "device"
-    host = "host"
-    nominal = "nominal"
 
 
 def runs(
@@ -171,151 +154,6 @@ def export(
         )
     else:
         echo(f"{rows} rows written to {target}")
-
-
-def import_(
-    format: Annotated[
-        TableFormat, typer.Argument(help="csv (any delimited text) or mat (MATLAB 4 to 7.3).")
-    ],
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="The recording of another rig.")],
-    channel: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--channel",
-            "-c",
-            metavar="NAME=COLUMN[:UNIT[:SCALE]]",
-            help="One channel; repeat it. COLUMN is a heading or a number from 1; NAME `time` "
-            "is the time column. SCALE: counts "
-            "per revolution for an angle in `count`, N m per A (or V) for a torque in A (or V), else a factor.",
-        ),
-    ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option(
-            "--map", metavar="FILE", help="Channel map in TOML: [channels.NAME], [[segments]]."
-        ),
-    ] = None,
-    output: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
-        "runs"
-    ),
-    rate: Annotated[
-        float | None,
-        typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),
-    ] = None,
-    no_time: Annotated[
-        bool, typer.Option("--no-time", help="The recording has no time base; only angles count.")
-    ] = False,
-    time_base: Annotated[
-        TimeBaseChoice, typer.Option("--time-base", help="What stamped the time column.")
-    ] = TimeBaseChoice.device,
-    start: Annotated[
-        str, typer.Option("--start", help="When the first row was recorded, ISO 8601.")
-    ] = "",
-    protocol: Annotated[
-        str, typer.Option("--protocol", help="The protocol that it corresponds to, if any.")
-    ] = "",
-    gear: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
-    ] = "",
-    parameters: Annotated[
-        Path | None,
-        typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML)."),
-    ] = None,
-    ratio: Annotated[
-        float | None, typer.Option("--ratio", help="Input revolutions per output revolution.")
-    ] = None,
-    mounting: Annotated[
-        MountingChoice, typer.Option("--mounting", help="Which part of the gear was fixed.")
-    ] = MountingChoice.circular_spline_fixed,
-    output_sense: Annotated[
-        int,
-        typer.Option(
-            "--output-sense",
-            help="+1 or -1: sense of the output encoder; 0: from the mounting.",
-            min=-1,
-            max=1,
-        ),
-    ] = 0,
-    torque_constant: Annotated[
-        float | None, typer.Option("--torque-constant", help="N m per A, for a torque given in A.")
-    ] = None,
-    delimiter: Annotated[
-        str, typer.Option("--delimiter", help="Found out without it; `tab` and `space` are words.")
-    ] = "",
-    decimal: Annotated[
-        str, typer.Option("--decimal", help="Decimal mark; found out without it.")
-    ] = "",
-    drop_bad_rows: Annotated[
-        bool,
-        typer.Option("--drop-bad-rows", help="Leave out rows with holes, count and list them."),
-    ] = False,
-    operator: Annotated[str, typer.Option("--operator", help="Who recorded it.")] = "",
-    title: Annotated[str, typer.Option("--title", help="What it is, in a few words.")] = "",
-    json: JsonFlag = False,
-) -> None:
-    """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
-    or says what it lacks.
-    """
-    from rig.errors import ConfigurationError
-    from rig.library.folder import claim_run
-    from rig.runfile.importing.convert import (
-        ImportOptions,
-        import_csv,
-        import_mat,
-        parse_channel,
-        read_channel_map,
-    )
-
-    channels, segments = read_channel_map(map_file) if map_file else ((), ())
-    given = tuple(parse_channel(text) for text in channel or ())
-    names = {source.name for source in given}
-    for name, value in (("--ratio", ratio), ("--torque-constant", torque_constant)):
-        if value is not None and not (math.isfinite(value) and value != 0.0):
-            raise ConfigurationError(
-                "is not usable", where=name, value=value, limit="a finite number that is not 0"
-            )
-    gear_set = None
-    if parameters is not None:
-        from model.gear_file import load_gear
-
-        gear_set = load_gear(parameters)
-    options = ImportOptions(
-        channels=(*(source for source in channels if source.name not in names), *given),
-        rate=rate,
-        no_time=no_time,
-        time_base=time_base.value,
-        start_time=start,
-        drop_bad_rows=drop_bad_rows,
-        torque_constant=torque_constant,
-        segments=segments,
-        delimiter=delimiter,
-        decimal=decimal,
-        experiment=protocol,
-        title=title,
-        operator=operator,
-        gear=gear_set,
-        gear_serial=gear,
-        ratio=math.nan if ratio is None else ratio,
-        mounting=mounting.value,
-        output_sense=output_sense,
-    )
-    read = import_csv if format is TableFormat.csv else import_mat
-    recording = read(
-        file, options, lambda: claim_run(output, protocol or "import", gear or file.stem).path
-    )
-    if json:
-        print_json(
-            {
-                "run": str(recording.path),
-                "rows": recording.rows,
-                "rows_left_out": recording.dropped,
-                "notes": recording.notes,
-            }
-        )
-        return
-    echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
-    for note in recording.notes:
-        echo(f"  {note}")
 
 
 def recover(

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from model.gear import HarmonicDrive
     from rig.bench.backends.assembly import WorldChoice
     from rig.run.dry_run import PlannedRun
     from rig.run.start import RunRequest
@@ -23,6 +24,7 @@ def request_of(
     backend: str = "sim",
     config: Path | None = None,
     parameters: Path | None = None,
+    gear: HarmonicDrive | None = None,
     mounting: str | None = None,
     sample_rate: float | None = None,
     output: Path | None = None,
@@ -34,7 +36,8 @@ def request_of(
     world: WorldChoice | None = None,
 ) -> RunRequest:
     """The request that flags make. What they leave open comes from the gear's card in the folder of the runs, from the
-    configuration that is named (or that a rig of hardware needs), and by default.
+    configuration that is named (or that a rig of hardware needs), and by default. `gear` is a parameter set at hand
+    in the place of the file `parameters`.
 
     Raises `ConfigurationError`, `ParameterError`; nothing is connected.
     """
@@ -50,6 +53,7 @@ def request_of(
         from rig.bench.config.load import DEFAULT_PATH
 
         config = DEFAULT_PATH
+    by_hand = gear if parameters is None else load_gear(parameters)
     gear, motor = shipped_gear(), shipped_motor()
     limits: Mapping[str, float] = {}
     output_bearing: Mapping[str, Any] = {}
@@ -66,8 +70,8 @@ def request_of(
         )
     # A replay plans anew for the gear that was turned: for another one the plan would not be the recorded one.
     recorded = Path(backend.removeprefix(REPLAY)) if backend.startswith(REPLAY) else None
-    if parameters is not None:
-        gear = load_gear(parameters)
+    if by_hand is not None:
+        gear = by_hand
     elif recorded is not None and recorded.is_file():
         gear = read_run_header(recorded).metadata.gear or gear
     request = RunRequest(
@@ -89,7 +93,7 @@ def request_of(
         confirmation=confirmation,
         world=world or WorldChoice(),
     )
-    return carded(request, mounting, parameters is not None or recorded is not None)
+    return carded(request, mounting, by_hand is not None or recorded is not None)
 
 
 def carded(request: RunRequest, mounting: str | None, parameters_given: bool) -> RunRequest:

@@ -138,7 +138,8 @@ def _in_order(runs: Sequence[Path]) -> list[Path]:
 
 def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fit, list[str]]:
     """What is reported of a run, and what is to be said of it; with choices it is made anew."""
-    from rig.analysis.digest import digest, read_or_digest
+    from rig.analysis.digest import digest, protocol_of, read_or_digest
+    from rig.analysis.in_force import in_force
     from rig.analysis.judging import doubts_of
 
     if choices is None:
@@ -146,12 +147,19 @@ def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fi
     else:
         # A tare that was named is for the others.
         own = replace(choices, tare=None) if choices.tare == path else choices
-        made = digest(path, created, choices=own)
+        # A recording that names no kind is analysed anew as what it was analysed last.
+        named = protocol_of(path) in catalogue.kinds()
+        made = digest(path, created, "" if named else in_force(path).kind, choices=own)
         fit = made.fit
     if fit is None:
         because = made.because if made is not None else ()
         raise RigError(
-            "this run does not bear its analysis", where=str(path), value="; ".join(because)
+            "this run does not bear its analysis",
+            where=str(path),
+            value="; ".join(because),
+            remedy=f"A recording of another rig is analysed first: rig fit KIND {path}."
+            if protocol_of(path) not in catalogue.kinds()
+            else "",
         )
     lines = [] if made is None or not made.not_stored else [f"Not stored: {made.not_stored}"]
     return fit, lines + [f"{path.name}: {words}" for words in doubts_of(fit)]

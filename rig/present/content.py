@@ -416,6 +416,8 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
     """The parameter sets that the analyses leaned on: the first one whole, of the others what differs from it."""
     parameter_sets: list[tuple[HarmonicDrive, list[str]]] = []
     for fit in fits:
+        if not fit.leans_on_gear:
+            continue
         same = next((kinds for gear, kinds in parameter_sets if gear == fit.gear), None)
         if same is None:
             parameter_sets.append((fit.gear, [fit.result.kind]))

@@ -136,6 +136,16 @@ def draw_png(
         return _saved(figure, format="png", dpi=dpi, metadata={"Software": None})
 
 
+def draw_figure(plot: Plot, origin: str, size: tuple[float, float] = FULL_WIDTH) -> Figure:
+    """A plot as a matplotlib figure with its title, for a script or a notebook to show, save or change."""
+    import matplotlib
+
+    plot, _ = _drawable(plot)
+    size = size_of(plot, size)
+    with matplotlib.rc_context(_STYLE):
+        return _draw(plot, origin, (size[0], size[1] + 0.3), plot.title)
+
+
 def size_of(plot: Plot, size: tuple[float, float]) -> tuple[float, float]:
     """Width and height [inch] of a figure with all its panels; `size` is that of the first one."""
     return size[0], size[1] * (1.0 + TALL * sum(panel.share for panel in plot.panels))

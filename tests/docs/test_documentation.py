@@ -15,6 +15,7 @@ import pytest
 import typer
 
 from rig import main
+from tests.docs.given_files import lay_out
 from tests.rig.slow_computer import says_too_slow
 
 ROOT = Path(__file__).parents[2]
@@ -82,6 +83,7 @@ def test_every_command_of_a_page_works(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    lay_out(page, tmp_path)
     commands = commands_of(page)
     if commands[0].endswith("&"):
         with in_background(commands[0].rstrip("& ")):

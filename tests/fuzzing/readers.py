@@ -21,9 +21,9 @@ from model.errors import WordedError
 from model.gear_file import load_gear
 from rig.bench.config.load import load_configuration
 from rig.gears.card import load_card
-from rig.runfile.importing.channel_map import read_channel_map
-from rig.runfile.importing.convert import ImportOptions, import_csv, import_mat
-from rig.runfile.importing.units import parse_channel
+from rig.runfile.importing.channel_map import ImportOptions, read_channel_map
+from rig.runfile.importing.channel_source import parse_channel
+from rig.runfile.importing.convert import import_csv, import_mat
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.verify import verify_run
 from tests.drivers.test_eds import GOOD

@@ -5,13 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from rig.runfile.importing.convert import (
-    Imported,
-    ImportOptions,
-    import_csv,
-    import_mat,
-    parse_channel,
-)
+from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_source import parse_channel
+from rig.runfile.importing.convert import Imported, import_csv, import_mat
 from rig.runfile.read import close_recording, open_run
 
 TIME = np.arange(6) * 0.002

@@ -12,9 +12,20 @@ from typing import Any
 from experiments.recording import TimeBase
 from model.gear import HarmonicDrive, Mounting
 from rig.errors import ConfigurationError
-from rig.runfile.importing.units import ChannelSource
-
-_MAP_KEYS = {"column", "unit", "scale", "offset", "modulus", "long_name"}
+from rig.runfile.importing.adapters.text_form import TextForm
+from rig.runfile.importing.channel_source import ChannelSource
+from rig.runfile.importing.map_keys import (
+    CHANNEL_KEYS,
+    CONDITIONS,
+    GEAR_KEYS,
+    PYTHON_KINDS,
+    RECORDING_KEYS,
+    RUNS,
+    SEGMENT_KEYS,
+    SEGMENTS_FROM_KEYS,
+    TABLES,
+    Key,
+)
 
 
 @dataclass(frozen=True)
@@ -30,33 +41,94 @@ class ForeignSegment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SegmentsFrom:
+    """Where segments come from: a column that labels the rows, or a channel of set-points."""
+
+    column: str = ""
+    file: str = ""
+    labels: Mapping[str, str] = field(default_factory=dict)
+    setpoint: str = ""
+    label: str = "traverse"
+    least_s: float = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
 class ImportOptions:
-    """What the file does not say of itself. `rate` [Hz] stands for a time column that is not there."""
+    """What the file does not say of itself. `rate` [Hz] stands for a time column that is not there.
+
+    NaN, 0 and "" stand for what nobody said; what is said of the device is stated in the run.
+    """
 
     channels: tuple[ChannelSource, ...]
+    reverse: tuple[ChannelSource, ...] = ()
+    """The same channels for the reverse half of a table with both directions in one row."""
     rate: float | None = None
     no_time: bool = False
-    time_base: TimeBase = "device"
+    time_base: TimeBase | None = None
+    """What stamped the rows; None: a device where there are times, the nominal rate where there is only that."""
     start_time: str = ""
     drop_bad_rows: bool = False
     torque_constant: float | None = None
     segments: tuple[ForeignSegment, ...] = ()
+    segments_from: SegmentsFrom | None = None
     delimiter: str = ""
     decimal: str = ""
+    skip: int = 0
+    header: int = 0
+    is_ragged: bool = False
+    interpolate: bool = False
+    allow_jumps: bool = False
+    ignore_headings: bool = False
     experiment: str = ""
     title: str = ""
     operator: str = ""
     gear: HarmonicDrive | None = None
     gear_serial: str = ""
+    gear_mounted: bool = True
     ratio: float = math.nan
-    mounting: Mounting = "circular-spline-fixed"
+    mounting: Mounting | None = None
     output_sense: int = 0
-    """+1 or -1; 0 takes it from the mounting."""
+    """+1 or -1: whether the output angle counts with or against the input; 0: nobody said it."""
+    resonance_hz: float | None = None
+    load_inertia_kg_m2: float | None = None
     conditions: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def form(self) -> TextForm:
+        """What is said of the form of a text file."""
+        return TextForm(
+            delimiter=self.delimiter,
+            decimal=self.decimal,
+            skip=self.skip,
+            header=self.header,
+            is_ragged=self.is_ragged,
+        )
 
-def read_channel_map(path: Path) -> tuple[tuple[ChannelSource, ...], tuple[ForeignSegment, ...]]:
-    """The channels and segments of a map file (TOML): `[channels.<name>]` with column, unit, scale; `[[segments]]`."""
+
+@dataclass(frozen=True)
+class RunMap:
+    """What a map says of one run: its name ("" where the file is one run), and the options that it fills in."""
+
+    name: str
+    values: Mapping[str, Any]
+
+    @property
+    def channels(self) -> tuple[ChannelSource, ...]:
+        """The channels of the run."""
+        return self.values.get("channels", ())
+
+    def options(self, given: Mapping[str, Any]) -> ImportOptions:
+        """The options of the run; what was given beside the map goes before it, channel by channel."""
+        values = {**self.values, **given}
+        mine = {source.name for source in given.get("channels", ())}
+        others = (source for source in self.channels if source.name not in mine)
+        values["channels"] = (*others, *given.get("channels", ()))
+        conditions = {**self.values.get(CONDITIONS, {}), **given.get(CONDITIONS, {})}
+        return ImportOptions(**{**values, CONDITIONS: conditions})
+
+
+def read_channel_map(path: Path) -> tuple[RunMap, ...]:
+    """The runs of a map file (TOML): one, or one for each `[runs.NAME]`. Raises `ConfigurationError`."""
     where = str(path)
     try:
         content = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
@@ -68,63 +140,155 @@ def read_channel_map(path: Path) -> tuple[tuple[ChannelSource, ...], tuple[Forei
         raise ConfigurationError(
             f"is not valid TOML: {error}", where=where, remedy="Correct the line."
         ) from error
-    unknown = set(content) - {"channels", "segments"}
-    if unknown or not isinstance(content.get("channels"), dict):
+    runs = content.pop(RUNS, {})
+    if not isinstance(runs, dict) or not all(isinstance(run, dict) for run in runs.values()):
+        raise ConfigurationError("is no table of maps", where=f"{where}: {RUNS}")
+    if not runs:
+        return (RunMap("", _values(content, where, needs_channels=True)),)
+    common = _values(content, where, needs_channels=False)
+    maps = []
+    for name, run in runs.items():
+        own = _values(run, f"{where}: {RUNS}.{name}", needs_channels="channels" not in common)
+        mine = {source.name for source in own.get("channels", ())}
+        others = tuple(s for s in common.get("channels", ()) if s.name not in mine)
+        channels = (*others, *own.get("channels", ()))
+        maps.append(RunMap(name, {**common, **own, "channels": channels}))
+    return tuple(maps)
+
+
+def _values(content: dict[str, Any], where: str, *, needs_channels: bool) -> dict[str, Any]:
+    """The options that the tables of a map fill in."""
+    unknown = set(content) - set(TABLES) - {CONDITIONS}
+    if unknown or (needs_channels and not isinstance(content.get("channels"), dict)):
         raise ConfigurationError(
             "is not a channel map",
             where=where,
             value=", ".join(sorted(unknown)) or "no [channels.<name>]",
-            limit="[channels.<name>] with column, unit, scale; [[segments]]",
+            limit=f"[channels.<name>] with column, unit, scale; {', '.join(TABLES)}, {CONDITIONS}, {RUNS}",
         )
-    channels = []
-    for name, entry in content["channels"].items():
-        entry = _entry(
-            entry,
-            _MAP_KEYS,
-            f"{where}: channels.{name}",
-            texts=("unit", "long_name"),
-            either=("column",),
-        )
-        if "column" not in entry:
-            raise ConfigurationError("is missing", where=f"{where}: channels.{name}.column")
-        channels.append(ChannelSource(name=name, **{**entry, "column": str(entry["column"])}))
-    segments = []
-    listed = content.get("segments", [])
-    for index, entry in enumerate(listed if isinstance(listed, list) else [listed]):
-        keys = set(ForeignSegment.__dataclass_fields__)
-        entry = _entry(entry, keys, f"{where}: segments[{index}]", texts=("label",))
-        if not {"label", "start", "stop"} <= set(entry):
+    values: dict[str, Any] = {}
+    for table in ("channels", "reverse"):
+        if table in content:
+            values[table] = _sources(content[table], f"{where}: {table}")
+    if "segments" in content:
+        values["segments"] = _segments(content["segments"], where)
+    if "segments_from" in content:
+        values["segments_from"] = _segments_from(content["segments_from"], where)
+    for table, keys in (("recording", RECORDING_KEYS), ("gear", GEAR_KEYS)):
+        entry = _entry(content.get(table, {}), keys, f"{where}: {table}")
+        fields = {key.name: key.field for key in keys}
+        values |= {fields[name]: value for name, value in entry.items()}
+    if CONDITIONS in content:
+        values[CONDITIONS] = _conditions(content[CONDITIONS], f"{where}: {CONDITIONS}")
+    return values
+
+
+def _sources(content: object, where: str) -> tuple[ChannelSource, ...]:
+    if not isinstance(content, dict):
+        raise ConfigurationError("is not a table of channels", where=where)
+    sources = []
+    for name, entry in content.items():
+        checked = _entry(entry, CHANNEL_KEYS, f"{where}.{name}")
+        texts = {key: str(checked[key]) for key in ("column", "time") if key in checked}
+        sources.append(ChannelSource(name=name, **{**checked, **texts}))
+    return tuple(sources)
+
+
+def _segments(listed: object, where: str) -> tuple[ForeignSegment, ...]:
+    entries = listed if isinstance(listed, list) else [listed]
+    return tuple(
+        ForeignSegment(**_entry(entry, SEGMENT_KEYS, f"{where}: segments[{index}]"))
+        for index, entry in enumerate(entries)
+    )
+
+
+def _segments_from(entry: object, where: str) -> SegmentsFrom:
+    where = f"{where}: segments_from"
+    entry = dict(entry) if isinstance(entry, dict) else entry
+    labels = entry.pop("labels", {}) if isinstance(entry, dict) else {}
+    if not isinstance(labels, dict) or not all(isinstance(x, str) for x in labels.values()):
+        raise ConfigurationError("is no table of labels", where=f"{where}.labels")
+    checked = _entry(entry, SEGMENTS_FROM_KEYS, where)
+    if ("column" in checked) == ("setpoint" in checked):
+        raise ConfigurationError("needs one of column and setpoint", where=where)
+    if "column" in checked:
+        checked["column"] = str(checked["column"])
+    return SegmentsFrom(**checked, labels=labels)
+
+
+def _conditions(content: object, where: str) -> dict[str, Any]:
+    if not isinstance(content, dict):
+        raise ConfigurationError("is not a table", where=where)
+    for key, value in content.items():
+        if not isinstance(value, (str, int, float)):
             raise ConfigurationError(
-                "needs label, start and stop", where=f"{where}: segments[{index}]"
+                "is of the wrong kind",
+                where=f"{where}.{key}",
+                value=repr(value),
+                limit="a text, a number",
             )
-        whole = {key: int(entry[key]) for key in ("direction", "repeat") if key in entry}
-        segments.append(ForeignSegment(**{**entry, **whole}))
-    return tuple(channels), tuple(segments)
+    return dict(content)
 
 
-def _entry(
-    entry: object,
-    keys: set[str],
-    where: str,
-    texts: tuple[str, ...] = (),
-    either: tuple[str, ...] = (),
-) -> dict[str, Any]:
-    """A table of a map file with known keys, numbers and texts."""
+def _entry(entry: object, keys: tuple[Key, ...], where: str) -> dict[str, Any]:
+    """A table of a map file with known keys of the right kinds, the needed ones among them."""
+    known = {key.name: key for key in keys}
     if not isinstance(entry, dict):
-        raise ConfigurationError("is not a table", where=where, limit=", ".join(sorted(keys)))
-    for key, value in entry.items():
-        if key not in keys:
-            raise ConfigurationError(
-                "no such key", where=f"{where}.{key}", limit=", ".join(sorted(keys))
-            )
-        number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        if not (
-            isinstance(value, str)
-            if key in texts
-            else number or (key in either and isinstance(value, str))
+        raise ConfigurationError("is not a table", where=where, limit=", ".join(known))
+    for name, value in entry.items():
+        if name not in known:
+            raise ConfigurationError("no such key", where=f"{where}.{name}", limit=", ".join(known))
+        kind = known[name].kind
+        if not isinstance(value, PYTHON_KINDS[kind]) or (
+            isinstance(value, bool) and kind != "yes or no"
         ):
-            limit = "text" if key in texts else "a number"
             raise ConfigurationError(
-                "is of the wrong kind", where=f"{where}.{key}", value=repr(value), limit=limit
+                "is of the wrong kind", where=f"{where}.{name}", value=repr(value), limit=kind
             )
-    return entry
+    missing = [key.name for key in keys if key.is_needed and key.name not in entry]
+    if missing:
+        raise ConfigurationError("is missing", where=f"{where}.{missing[0]}")
+    return dict(entry)
+
+
+def check_said(options: ImportOptions) -> None:
+    """Raise `ConfigurationError` for options that no recording can have."""
+    for name, value in (
+        ("--ratio", None if math.isnan(options.ratio) else options.ratio),
+        ("--torque-constant", options.torque_constant),
+        ("--resonance-hz", options.resonance_hz),
+        ("--load-inertia", options.load_inertia_kg_m2),
+    ):
+        if value is not None and not (math.isfinite(value) and value != 0.0):
+            raise ConfigurationError(
+                "is not usable", where=name, value=value, limit="a finite number that is not 0"
+            )
+    for name, value in (
+        ("--resonance-hz", options.resonance_hz),
+        ("--load-inertia", options.load_inertia_kg_m2),
+    ):
+        if value is not None and value < 0.0:
+            raise ConfigurationError("is negative", where=name, value=value, limit="> 0")
+    if options.output_sense not in (-1, 0, 1):
+        raise ConfigurationError(
+            "is no sense of rotation",
+            where="--output-sense",
+            value=options.output_sense,
+            limit="+1, -1",
+        )
+    if options.time_base not in (None, "hardware", "device", "host", "nominal"):
+        raise ConfigurationError(
+            "is no time base",
+            where="--time-base",
+            value=options.time_base,
+            limit="hardware, device, host, nominal",
+        )
+    if options.mounting not in (None, "circular-spline-fixed", "flexspline-fixed"):
+        raise ConfigurationError(
+            "is no mounting",
+            where="--mounting",
+            value=options.mounting,
+            limit="circular-spline-fixed, flexspline-fixed",
+        )
+    if options.skip < 0 or options.header < 0:
+        raise ConfigurationError("is negative", where="--skip, --header", limit=">= 0")

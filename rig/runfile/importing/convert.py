@@ -7,40 +7,22 @@ or, if asked for, rows that are left out, counted and listed in an event of the 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from experiments.recording import Event, RunMetadata, TimeBase
-from rig.errors import ConfigurationError, RunFileError
+from experiments.recording import Event
+from rig.errors import RunFileError
 from rig.runfile.header import RunHeader, iso_time
-from rig.runfile.importing.channel_map import ForeignSegment, ImportOptions, read_channel_map
-from rig.runfile.importing.matlab import MatlabTable
-from rig.runfile.importing.reading import Reading, Rows
-from rig.runfile.importing.tables import DelimitedTable, Table
-from rig.runfile.importing.units import ChannelSource, parse_channel
-from rig.runfile.seal import file_sha256
+from rig.runfile.importing.adapters.table import Table
+from rig.runfile.importing.channel_map import ImportOptions, check_said
+from rig.runfile.importing.heading import header_of
+from rig.runfile.importing.opening import open_table
+from rig.runfile.importing.reading import Reading, Rows, reversed_rows
 from rig.runfile.write import RunWriter
-
-EARLIEST_CALENDAR_S = 978_307_200.0
-"""2001-01-01 in seconds since 1970: a time column beyond this is calendar time."""
-
-__all__ = [
-    "ChannelSource",
-    "ForeignSegment",
-    "ImportOptions",
-    "Imported",
-    "import_csv",
-    "import_mat",
-    "import_table",
-    "parse_channel",
-    "read_channel_map",
-]
 
 
 @dataclass(frozen=True)
@@ -55,139 +37,96 @@ class Imported:
 
 def import_csv(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
     """Make a run of a delimited text file; `place()` names the run file once the first rows have been understood."""
-    table = DelimitedTable(path, options.delimiter, options.decimal)
-    return import_table(table, options, place, table.description)
+    return import_tables((open_table("csv", path, options.form),), options, place)
 
 
 def import_mat(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
     """Make a run of a MATLAB file; `place()` names the run file once the first rows have been understood."""
-    table = MatlabTable(path)
-    return import_table(table, options, place, table.description)
+    return import_tables((open_table("mat", path),), options, place)
 
 
-def import_table(
-    table: Table, options: ImportOptions, place: Callable[[], Path], description: str = ""
+def import_tables(
+    tables: Sequence[Table], options: ImportOptions, place: Callable[[], Path]
 ) -> Imported:
-    """Make a run of any table of numbers."""
-    reading = Reading(table, options)
+    """Make a run of the files of one recording, whatever kind they are."""
+    check_said(options)
+    reading = Reading(tables, options)
+    backward = reversed_rows(tables, options, reading.columns) if options.reverse else None
     batches = reading.batches()
     first = next(batches, None)
     if first is None:
         raise RunFileError(
             "has no usable rows",
-            where=str(table.path),
+            where=str(tables[0].path),
             value=f"{reading.dropped} left out",
             limit="at least 2 rows",
             remedy="Check the columns, units and decimal mark.",
         )
-    header = _header(table, options, reading, first)
+    header = header_of(tables, options, reading, first)
     run = place()
     header = replace(header, metadata=replace(header.metadata, run_id=run.name.removesuffix(".h5")))
     writer = RunWriter(run, header)
     try:
-        if description:
-            reading.note(description)
-        for rows in _chain(first, batches):
-            flags = np.zeros(len(rows.time_ns), dtype=np.uint16)
-            writer.append_rows(rows.time_ns + header.epoch_ns, rows.cycles, flags, rows.stored)
+        _write_rows(writer, chain((first,), batches, _behind(reading, backward)), header)
+        dropped = reading.dropped + (backward.dropped if backward else 0)
         if writer.rows < 2:
             raise RunFileError(
                 "is too short",
-                where=str(table.path),
+                where=str(tables[0].path),
                 value=f"{writer.rows} row",
                 limit="at least 2 rows",
             )
         reading.close_notes(header.metadata.sample_rate)
         for segment in reading.segments(writer.rows):
             writer.segment(segment)
-        for note in reading.notes:
+        notes = (*reading.notes, *_missing(header))
+        for note in notes:
             level = "warning" if note.startswith("WARNING") else "info"
             writer.event(Event(reading.last_ns + header.epoch_ns, level, "IMPORT", "import", note))
-        writer.count_dropped(reading.dropped)
+        writer.count_dropped(dropped)
         end_time = iso_time(reading.last_ns + header.epoch_ns) if header.metadata.start_time else ""
+        rows = writer.rows
         writer.seal("", end_time)
     except BaseException:
         writer.abandon()
         writer.part.unlink(missing_ok=True)
         raise
-    return Imported(run, reading.rows, reading.dropped, tuple(reading.notes))
+    return Imported(run, rows, dropped, notes)
 
 
-def _header(table: Table, options: ImportOptions, reading: Reading, first: Rows) -> RunHeader:
-    start_ns = 0
-    start_time = options.start_time
-    if start_time:
-        try:
-            moment = datetime.fromisoformat(start_time)
-        except ValueError:
-            raise ConfigurationError(
-                "is no date and time",
-                where="--start",
-                value=start_time,
-                limit="ISO 8601, as 2025-11-21T09:30:00+01:00",
-            ) from None
-        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        start_ns = int(moment.timestamp() * 1e6) * 1000 - int(first.time_ns[0])
-    elif first.time_ns[0] >= EARLIEST_CALENDAR_S * 1e9:
-        start_time = iso_time(int(first.time_ns[0]))
-    rate = options.rate or (math.nan if options.no_time else _sample_rate(first.time_ns))
-    time_base: TimeBase = (
-        "none" if options.no_time else "nominal" if options.rate else options.time_base
-    )
-    gear = options.gear
-    ratio = (
-        gear.mounted_ratio(options.mounting)
-        if gear and math.isnan(options.ratio)
-        else options.ratio
-    )
-    sense = options.output_sense or (-1 if options.mounting == "circular-spline-fixed" else 1)
-    process = {
-        "backend": "import",
-        "source_file": table.path.name,
-        "source_sha256": file_sha256(table.path),
-        "channel_map": [
-            {
-                "channel": s.name,
-                "column": s.column,
-                "unit": s.unit,
-                "scale": s.scale,
-                "offset": s.offset,
-                "modulus": s.modulus,
-            }
-            for s in options.channels
-        ],
-    }
-    metadata = RunMetadata(
-        run_id="",
-        experiment=options.experiment,
-        origin="imported",
-        title=options.title or f"import of {table.path.name}",
-        start_time=start_time,
-        operator=options.operator,
-        gear=gear,
-        gear_serial=options.gear_serial,
-        ratio=ratio,
-        mounting=options.mounting,
-        output_sense=sense,
-        sample_rate=rate,
-        time_base=time_base,
-        conditions=options.conditions,
-        process=process,
-    )
-    return RunHeader(metadata, reading.columns, epoch_ns=start_ns)
+def _write_rows(writer: RunWriter, batches: Iterator[Rows], header: RunHeader) -> None:
+    for rows in batches:
+        flags = np.zeros(len(rows.time_ns), dtype=np.uint16)
+        writer.append_rows(rows.time_ns + header.epoch_ns, rows.cycles, flags, rows.stored)
 
 
-def _sample_rate(time_ns: NDArray[np.int64]) -> float:
-    """Rows per second: the mean of the usual steps, which neither gaps nor the rounding of the time column move."""
-    steps = np.diff(time_ns)
-    if not len(steps):
-        return math.nan
-    usual = float(np.median(steps))
-    near = steps[(steps > 0.5 * usual) & (steps < 1.5 * usual)]
-    # Two steps of which one is many times the other have none near their median.
-    return 1e9 / float(near.mean() if len(near) else usual)
+def _behind(reading: Reading, backward: Reading | None) -> Iterator[Rows]:
+    """The reverse half behind the forward one, which is through by then."""
+    if backward is None:
+        return
+    last = reading.last_ns + 1
+    for rows in backward.batches():
+        yield Rows(rows.time_ns + last, rows.cycles + last, rows.stored)
 
 
-def _chain(first: Rows, rest: Iterator[Rows]) -> Iterator[Rows]:
-    yield first
-    yield from rest
+def _missing(header: RunHeader) -> list[str]:
+    """What would stand in a rig's own file and nobody said of this one."""
+    stated = header.metadata.process["stated"]
+    names = [column.name for column in header.columns]
+    missing = []
+    if not any(c.channel.calibration.accuracy for c in header.columns if c.channel.unit == "rad"):
+        missing += (
+            ["accuracy of the angles"] if {"input_angle", "output_angle"} & set(names) else []
+        )
+    efforts = [c.channel.calibration for c in header.columns if c.channel.unit in ("N m", "N")]
+    if efforts and not any(c.scale_relative_uncertainty for c in efforts):
+        missing.append("uncertainty of the torque's scale")
+    if efforts and not any(c.offset_uncertainty for c in efforts):
+        missing.append("uncertainty of the torque's zero")
+    if not stated["lag_s"] and header.metadata.time_base != "none":
+        missing.append("lag of the channels")
+    if "output_angle" in names and not stated["ratio"]:
+        missing.append("ratio")
+    if not missing:
+        return []
+    return [f"not said, and so in no budget: {', '.join(missing)}"]

@@ -3,16 +3,15 @@
 import csv
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
 
 from model.units import DEGREE
-from rig import main
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.write import RunWriter
+from tests.rig.commands.calling import Rig
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, block, counts_of, header, write_run
 
 RUN = "00001-friction-A1.h5"
@@ -24,29 +23,6 @@ def _in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "160")
     monkeypatch.delenv("HARMONIC_RIG_DEBUG", raising=False)
-
-
-class Rig:
-    """Calls `rig` and keeps what it printed."""
-
-    def __init__(self, capsys: pytest.CaptureFixture[str]) -> None:
-        self._capsys = capsys
-        self.out = self.err = ""
-
-    def __call__(self, *words: object) -> int:
-        with pytest.raises(SystemExit) as ending:
-            main.run([str(word) for word in words])
-        self.out, self.err = self._capsys.readouterr()
-        code = ending.value.code
-        return code if isinstance(code, int) else 0 if code is None else -1
-
-    def json(self, *words: object, code: int = 0) -> dict[str, Any]:
-        assert self(*words, "--json") == code, self.err
-        return json.loads(self.out, parse_constant=_no_constant)
-
-
-def _no_constant(word: str) -> None:
-    raise AssertionError(f"{word} is no JSON")
 
 
 @pytest.fixture
@@ -208,9 +184,9 @@ def test_export_and_import_again(rig: Rig, run: Path, tmp_path: Path, fmt: str) 
         fmt,
         run.with_suffix(f".{fmt}"),
         "-c",
-        "time=time",
+        "time=time:s",
         "-c",
-        "torque=torque",
+        "torque=torque:N m",
         "-o",
         tmp_path / "in",
     )
@@ -295,21 +271,22 @@ def test_import(rig: Rig, tmp_path: Path) -> None:
     [
         ("-c", "x"),
         ("-c", "torque=M:furlong"),
-        ("-c", "torque=7"),
+        ("-c", "torque=7:N m"),
         (),
-        ("-c", "torque=M", "--ratio", "0"),
-        ("-c", "torque=M", "--ratio", "nan"),
-        ("-c", "torque=M", "--rate", "-1"),
-        ("-c", "torque=M", "--map", "nowhere.toml"),
-        ("-c", "torque=M", "--start", "yesterday"),
-        ("-c", "torque=M", "--mounting", "upside-down"),
+        ("-c", "torque=M:N m", "--ratio", "0"),
+        ("-c", "torque=M:N m", "--ratio", "nan"),
+        ("-c", "torque=M:N m", "--rate", "-1"),
+        ("-c", "torque=M:N m", "--map", "nowhere.toml"),
+        ("-c", "torque=M:N m", "--start", "yesterday"),
+        ("-c", "torque=M:N m", "--mounting", "upside-down"),
+        ("-c", "torque=M"),
     ],
 )
 def test_an_import_that_is_asked_for_wrongly(
     rig: Rig, tmp_path: Path, words: tuple[str, ...]
 ) -> None:
     (tmp_path / "bench.csv").write_text("t,M\n0,1\n1,2\n2,3\n")
-    assert rig("import", "csv", "bench.csv", "-c", "time=t", "-o", "runs", *words) == 2
+    assert rig("import", "csv", "bench.csv", "-c", "time=t:s", "-o", "runs", *words) == 2
     assert rig.err
     assert "Traceback" not in rig.err
     assert not list(tmp_path.glob("runs/*"))

@@ -15,7 +15,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.library.index import INDEX_NAME, LibraryIndex
 from rig.run.start import RunRequest, run_request
-from tests.rig.commands.test_files_commands import Rig
+from tests.rig.commands.calling import Rig
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 
 

@@ -11,7 +11,9 @@ from experiments.recording import Recording
 from model.units import RPM
 from rig.analysis.fit_run import fit_files
 from rig.exits import explain
-from rig.runfile.importing.convert import ImportOptions, import_mat, parse_channel
+from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_source import parse_channel
+from rig.runfile.importing.convert import import_mat
 from tests.rig.importing import bring_in, file_of, table
 
 DATA = Path(os.environ.get("HARMONIC_RIG_DATA") or Path(__file__).parents[5] / "shared" / "data")
@@ -63,7 +65,7 @@ def test_the_motion_of_an_import(tmp_path: Path) -> None:
     torque = 0.05 * acceleration + 0.02 * speed + 0.3 * np.sign(speed)
     path = tmp_path / "motion.csv"
     np.savetxt(path, np.stack([time, angle, torque], 1), delimiter=",")
-    made = bring_in(path, "time=1", "input_angle=2:rad", "torque=3")
+    made = bring_in(path, "time=1:s", "input_angle=2:rad", "torque=3:N m")
     (found,) = fit_files([made.path], "motion")
     estimates = found.result.estimates
     assert estimates["inertia"].value == pytest.approx(0.05, rel=0.01)

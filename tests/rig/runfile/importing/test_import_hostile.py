@@ -32,12 +32,12 @@ def test_files_without_rows_and_files_that_are_none(
 ) -> None:
     path = file_of(tmp_path, content, "bench.dat")
     with pytest.raises(RigError, match=r"bench\.dat"):
-        bring_in(path, "time=1", "torque=2", fmt=fmt)
+        bring_in(path, "time=1:s", "torque=2:N m", fmt=fmt)
     assert [p.name for p in tmp_path.iterdir()] == ["bench.dat"]
     with pytest.raises(RunFileError, match="nowhere"):
-        bring_in(tmp_path / "nowhere", "time=1", "torque=2", fmt=fmt)
+        bring_in(tmp_path / "nowhere", "time=1:s", "torque=2:N m", fmt=fmt)
     with pytest.raises(RunFileError):
-        bring_in(tmp_path, "time=1", "torque=2", fmt=fmt)
+        bring_in(tmp_path, "time=1:s", "torque=2:N m", fmt=fmt)
 
 
 def try_import(folder: Path, content: bytes, fmt: str, drop: bool) -> None:
@@ -47,7 +47,7 @@ def try_import(folder: Path, content: bytes, fmt: str, drop: bool) -> None:
         path.unlink()
     path = file_of(folder, content, "any")
     try:
-        made = bring_in(path, "time=1", "torque=2", fmt=fmt, drop_bad_rows=drop)
+        made = bring_in(path, "time=1:s", "torque=2:N m", fmt=fmt, drop_bad_rows=drop)
     except RigError:
         assert not run.exists()
         return

@@ -11,8 +11,10 @@ import scipy.io
 from experiments.recording import Recording
 from rig.errors import RigError, RunFileError
 from rig.library.folder import claim_run
-from rig.runfile.importing.convert import ImportOptions, import_mat, parse_channel
-from rig.runfile.importing.matlab import MatlabTable
+from rig.runfile.importing.adapters.matlab import MatlabTable
+from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_source import parse_channel
+from rig.runfile.importing.convert import import_mat
 from rig.runfile.read import open_run
 
 DATA = Path(
@@ -51,12 +53,12 @@ def test_structs_matrices_integers_and_texts(tmp_path: Path) -> None:
     }
     scipy.io.savemat(path, content)
     recording = imported(
-        path, "time=log.t", "torque=log.inner.M:N m", "output_angle=both#2:count:36000"
+        path, "time=log.t:s", "torque=log.inner.M:N m", "output_angle=both#2:count:36000"
     )
     np.testing.assert_array_equal(recording.stored("output_angle"), counts)
     np.testing.assert_array_equal(recording.si("torque"), 2 * TIME)
     with pytest.raises(RigError, match="no such column"):
-        imported(path, "time=log.t", "torque=note:N m")
+        imported(path, "time=log.t:s", "torque=note:N m")
 
 
 def test_version_7_3(tmp_path: Path) -> None:
@@ -67,10 +69,10 @@ def test_version_7_3(tmp_path: Path) -> None:
         file["text"].attrs["MATLAB_class"] = np.bytes_("char")
     with path.open("r+b") as stream:
         stream.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
-    recording = imported(path, "time=t", "input_angle=log.a:deg")
+    recording = imported(path, "time=t:s", "input_angle=log.a:deg")
     np.testing.assert_allclose(recording.si("input_angle"), np.radians(ANGLE))
     with pytest.raises(RigError, match=r"no such column.*t, log.a|no such column.*log.a, t"):
-        imported(path, "time=t", "input_angle=text:deg")
+        imported(path, "time=t:s", "input_angle=text:deg")
 
 
 @pytest.mark.parametrize("how", ["virtual", "external", "absurd"])
@@ -88,7 +90,7 @@ def test_version_7_3_that_is_built_as_no_recording_is(tmp_path: Path, how: str) 
         else:
             file.create_dataset("a", (1, 1 << 40), np.float64, chunks=(1, 64))
     with pytest.raises(RunFileError, match=r"lies in other files|larger than anything in its file"):
-        imported(path, "time=t", "input_angle=a:deg")
+        imported(path, "time=t:s", "input_angle=a:deg")
 
 
 def test_holes_are_named_by_row(tmp_path: Path) -> None:
@@ -97,8 +99,8 @@ def test_holes_are_named_by_row(tmp_path: Path) -> None:
     holes[[7, 9]] = np.nan
     scipy.io.savemat(path, {"t": TIME, "a": holes})
     with pytest.raises(RunFileError, match="row 8, column a: not finite; value nan"):
-        imported(path, "time=t", "input_angle=a:deg")
-    recording = imported(path, "time=t", "input_angle=a:deg", drop_bad_rows=True)
+        imported(path, "time=t:s", "input_angle=a:deg")
+    recording = imported(path, "time=t:s", "input_angle=a:deg", drop_bad_rows=True)
     assert recording.rows == 48
 
 
@@ -106,18 +108,18 @@ def test_arrays_that_do_not_belong_together(tmp_path: Path) -> None:
     path = tmp_path / "x.mat"
     scipy.io.savemat(path, {"t": TIME, "a": ANGLE[:-1]})
     with pytest.raises(RunFileError, match="differ in length; value t 50, a 49"):
-        imported(path, "time=t", "input_angle=a:deg")
+        imported(path, "time=t:s", "input_angle=a:deg")
 
 
 def test_files_without_numbers(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "x.mat", {"note": "text"})
     with pytest.raises(RunFileError, match="no numeric arrays"):
-        imported(tmp_path / "x.mat", "time=t", "input_angle=a")
+        imported(tmp_path / "x.mat", "time=t:s", "input_angle=a:rad")
     with pytest.raises(RunFileError, match="no such file"):
-        imported(tmp_path / "none.mat", "time=t", "input_angle=a")
+        imported(tmp_path / "none.mat", "time=t:s", "input_angle=a:rad")
     (tmp_path / "text.mat").write_text("t,a\n0,1\n")
     with pytest.raises(RunFileError, match="not a readable MATLAB file"):
-        imported(tmp_path / "text.mat", "time=t", "input_angle=a")
+        imported(tmp_path / "text.mat", "time=t:s", "input_angle=a:rad")
 
 
 @pytest.mark.parametrize("keep", [0, 3, 127, 128, 140, 300, 600])
@@ -126,7 +128,7 @@ def test_files_cut_short(tmp_path: Path, keep: int) -> None:
     scipy.io.savemat(path, {"t": TIME, "s": {"a": ANGLE}})
     path.write_bytes(path.read_bytes()[:keep])
     with pytest.raises(RigError) as caught:
-        imported(path, "time=t", "input_angle=s.a:deg")
+        imported(path, "time=t:s", "input_angle=s.a:deg")
     assert "\n" not in str(caught.value)
 
 

@@ -18,15 +18,14 @@ from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.replayed import replayed
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import claim_run
-from rig.runfile.importing.convert import (
+from rig.runfile.importing.channel_map import (
     ForeignSegment,
-    Imported,
     ImportOptions,
-    _sample_rate,
-    import_csv,
-    parse_channel,
     read_channel_map,
 )
+from rig.runfile.importing.channel_source import parse_channel
+from rig.runfile.importing.convert import Imported, import_csv
+from rig.runfile.importing.heading import sample_rate
 from rig.runfile.read import open_run
 from rig.runfile.source import FileSource
 from rig.runfile.verify import verify_run
@@ -112,7 +111,7 @@ def test_a_torque_constant_and_a_time_in_milliseconds(tmp_path: Path) -> None:
 
 
 def test_two_steps_of_which_neither_is_usual_have_a_rate() -> None:
-    assert _sample_rate(np.array([0, 114_000_000, 116_000_000])) == pytest.approx(1e9 / 58e6)
+    assert sample_rate(np.array([0, 114_000_000, 116_000_000])) == pytest.approx(1e9 / 58e6)
 
 
 def test_a_count_that_is_no_whole_number_is_refused(tmp_path: Path) -> None:
@@ -124,7 +123,7 @@ def test_a_count_that_is_no_whole_number_is_refused(tmp_path: Path) -> None:
 
 def test_a_hole_in_a_column_that_is_not_wanted_does_no_harm(tmp_path: Path) -> None:
     recording = imported(
-        tmp_path, "t,angle,M\n0,1,2\n0.1,,3\n0.2,x,4\n", options("time=t", "torque=M:N m")
+        tmp_path, "t,angle,M\n0,1,2\n0.1,,3\n0.2,x,4\n", options("time=t:s", "torque=M:N m")
     )
     assert recording.si("torque").tolist() == [2.0, 3.0, 4.0]
 
@@ -132,7 +131,7 @@ def test_a_hole_in_a_column_that_is_not_wanted_does_no_harm(tmp_path: Path) -> N
 @pytest.mark.parametrize("encoding", ["utf-16", "cp1252", "utf-8", "utf-8-sig"])
 def test_encodings(tmp_path: Path, encoding: str) -> None:
     text = "t,Winkel [°],M\n0,0,1\n1,90,2\n".encode(encoding)
-    recording = imported(tmp_path, text, options("time=t", "input_angle=Winkel", "torque=M:N m"))
+    recording = imported(tmp_path, text, options("time=t:s", "input_angle=Winkel", "torque=M:N m"))
     np.testing.assert_allclose(recording.si("input_angle"), [0, np.pi / 2])
 
 
@@ -170,7 +169,7 @@ def test_the_run_says_what_it_is(tmp_path: Path) -> None:
     ("channel", "values", "unit", "expected"),
     [
         ("input_angle=x:arcmin", "60,120", "rad", [np.pi / 180, np.pi / 90]),
-        ("input_angle=x", "1,2", "rad", [1.0, 2.0]),
+        ("input_angle=x:rad", "1,2", "rad", [1.0, 2.0]),
         ("output_angle=x:°:-1", "90,180", "rad", [-np.pi / 2, -np.pi]),
         ("my_speed=x:deg/s", "180,360", "rad/s", [np.pi, 2 * np.pi]),
         ("torque=x:mN m", "1,2", "N m", [0.001, 0.002]),
@@ -208,7 +207,7 @@ def test_units_and_scales(
 
 def test_counts_stay_counts(tmp_path: Path) -> None:
     recording = imported(
-        tmp_path, "t;c\n0;4000000000\n1;-7\n", options("time=t", "input_angle=c:count:10000")
+        tmp_path, "t;c\n0;4000000000\n1;-7\n", options("time=t:s", "input_angle=c:count:10000")
     )
     assert recording.stored("input_angle").tolist() == [4_000_000_000, -7]
     assert recording.stored("input_angle").dtype == np.int64
@@ -220,8 +219,11 @@ def test_units_come_from_headings(tmp_path: Path) -> None:
     recording = imported(tmp_path, text, options("time=t", "input_angle=Angle", "torque=3"))
     np.testing.assert_allclose(recording.time(), [0, 0.5])
     np.testing.assert_allclose(recording.si("input_angle"), [0, np.pi])
-    done = run_import(tmp_path, text, options("time=t", "input_angle=Angle:rad"))
-    assert any("WARNING" in note and "heading says deg" in note for note in done.notes)
+    other = ("time=t", "input_angle=Angle:rad")
+    with pytest.raises(ConfigurationError, match=r"another unit than its heading says; value rad"):
+        run_import(tmp_path, text, options(*other))
+    recording = imported(tmp_path, text, options("time=t:ms", other[1], ignore_headings=True))
+    assert recording.si("input_angle").tolist() == [0.0, 180.0]
 
 
 def test_wrapped_columns_are_unwrapped_over_batches(tmp_path: Path) -> None:
@@ -315,31 +317,31 @@ def test_decimal_commas_do_not_mix_with_points(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("channels", "changes", "message"),
     [
-        (("time=t", "input_angle=angle:furlong"), {}, "unit that is not known.*furlong"),
+        (("time=t:s", "input_angle=angle:furlong"), {}, "unit that is not known.*furlong"),
         (
-            ("time=t", "input_angle=angle:N m"),
+            ("time=t:s", "input_angle=angle:N m"),
             {},
             "input_angle: has a unit of another dimension.*rad",
         ),
         (("time=t:deg", "input_angle=angle:deg"), {}, "time: has a unit of another dimension"),
-        (("time=t", "torque=M:A"), {}, "needs its scale in N m per A"),
-        (("time=t", "torque=M:V"), {"torque_constant": 0.2}, "needs its scale in N m per V"),
-        (("time=t", "input_angle=angle:count"), {}, "counts per revolution"),
-        (("time=t", "input_angle=angel"), {}, "no such column.*angel.*t, angle, M"),
-        (("time=t", "input_angle=4"), {}, "no such column"),
-        (("time=t", "input_angle=0"), {}, "no such column"),
-        (("time=t",), {}, "no channels are mapped"),
+        (("time=t:s", "torque=M:A"), {}, "needs its scale in N m per A"),
+        (("time=t:s", "torque=M:V"), {"torque_constant": 0.2}, "needs its scale in N m per V"),
+        (("time=t:s", "input_angle=angle:count"), {}, "counts per revolution"),
+        (("time=t:s", "input_angle=angel"), {}, "no such column.*angel.*t, angle, M"),
+        (("time=t:s", "input_angle=4"), {}, "no such column"),
+        (("time=t:s", "input_angle=0"), {}, "no such column"),
+        (("time=t:s",), {}, "no channels are mapped"),
         (("input_angle=angle",), {}, "there is no time.*--rate"),
-        (("time=t", "input_angle=angle"), {"rate": 100.0}, "must come from one place"),
+        (("time=t:s", "input_angle=angle"), {"rate": 100.0}, "must come from one place"),
         (("input_angle=angle",), {"rate": 0.0}, "no sample rate"),
         (("input_angle=angle",), {"rate": float("nan")}, "no sample rate"),
-        (("time=t", "input_angle=angle", "input_angle=M:deg"), {}, "given twice"),
-        (("time=t", "input angle=angle"), {}, "not a name for a channel"),
-        (("time=t", "flags=angle"), {}, "not a name for a channel"),
-        (("time=t", "input_angle=angle"), {"start_time": "yesterday"}, "no date and time"),
-        (("time=t", "input_angle=angle"), {"decimal": "x"}, "no decimal mark"),
+        (("time=t:s", "input_angle=angle", "input_angle=M:deg"), {}, "given twice"),
+        (("time=t:s", "input angle=angle:deg"), {}, "not a name for a channel"),
+        (("time=t:s", "flags=angle:1"), {}, "not a name for a channel"),
+        (("time=t:s", "input_angle=angle:deg"), {"start_time": "yesterday"}, "no date and time"),
+        (("time=t:s", "input_angle=angle:deg"), {"decimal": "x"}, "no decimal mark"),
         (
-            ("time=t", "input_angle=angle"),
+            ("time=t:s", "input_angle=angle:deg"),
             {"segments": (ForeignSegment("a", 5.0, 9.0),)},
             "segment has no rows",
         ),
@@ -388,23 +390,23 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
 def test_headings_that_appear_twice_need_a_number(tmp_path: Path) -> None:
     text = "t,x,x\n0,1,2\n1,2,3\n"
     with pytest.raises(ConfigurationError, match="more than one column"):
-        run_import(tmp_path, text, options("time=t", "input_angle=x:rad"))
-    assert imported(tmp_path, text, options("time=t", "input_angle=3:rad")).si(
+        run_import(tmp_path, text, options("time=t:s", "input_angle=x:rad"))
+    assert imported(tmp_path, text, options("time=t:s", "input_angle=3:rad")).si(
         "input_angle"
     ).tolist() == [2.0, 3.0]
 
 
 def test_files_without_headings_go_by_number(tmp_path: Path) -> None:
-    recording = imported(tmp_path, "0 1.5 7\n1 2.5 8\n", options("time=1", "input_angle=2:rad"))
+    recording = imported(tmp_path, "0 1.5 7\n1 2.5 8\n", options("time=1:s", "input_angle=2:rad"))
     assert recording.si("input_angle").tolist() == [1.5, 2.5]
 
 
 def test_implausible_units_are_pointed_out(tmp_path: Path) -> None:
     fast = "t,angle\n" + "".join(f"{k / 1000},{k * 9}\n" for k in range(100))
-    done = run_import(tmp_path, fast, options("time=t", "input_angle=angle:rad"))
+    done = run_import(tmp_path, fast, options("time=t:s", "input_angle=angle:rad"))
     assert any("turns at up to 9e+03 rad/s" in note for note in done.notes)
     slow = "t,angle\n" + "".join(f"{k * 1000},{k}\n" for k in range(100))
-    done = run_import(tmp_path, slow, options("time=t", "input_angle=angle:rad"))
+    done = run_import(tmp_path, slow, options("time=t:s", "input_angle=angle:rad"))
     assert any("unit of the time column" in note for note in done.notes)
 
 
@@ -415,8 +417,8 @@ def test_a_channel_map_in_a_file(tmp_path: Path) -> None:
         '[channels.current]\ncolumn = "M"\nunit = "A"\nlong_name = "Iq"\n'
         '[[segments]]\nlabel = "hold"\nstart = 0.5\nstop = 1.5\nsetpoint = 3.0\ndirection = 1\n'
     )
-    channels, segments = read_channel_map(path)
-    recording = imported(tmp_path, GOOD, ImportOptions(channels=channels, segments=segments))
+    (run,) = read_channel_map(path)
+    recording = imported(tmp_path, GOOD, run.options({}))
     np.testing.assert_allclose(recording.si("input_angle"), np.array([0, np.pi / 2, np.pi]) + 0.5)
     assert recording.signals["current"].long_name == "Iq"
     assert recording.segments == (
@@ -464,7 +466,9 @@ def test_numbers_come_back_exactly(
     lines = [f"{index / 8!r}{delimiter}{value!r}" for index, value in enumerate(values)]
     text = "\n".join(lines) + "\n"
     text = text.replace(".", ",") if comma and delimiter != "," else text
-    recording = imported(tmp_path_factory.mktemp("exact"), text, options("time=1", "position=2:m"))
+    recording = imported(
+        tmp_path_factory.mktemp("exact"), text, options("time=1:s", "position=2:m")
+    )
     assert recording.si("position").tolist() == values
 
 
@@ -472,7 +476,7 @@ def test_numbers_come_back_exactly(
     not (DATA / "laas_cogging").is_dir(), reason="recordings of other rigs are not here"
 )
 def test_a_real_cogging_map(tmp_path: Path) -> None:
-    chosen = options("time=Time", "input_angle=Position:rad", "current=Iq:A")
+    chosen = options("time=Time:s", "input_angle=Position:rad", "current=Iq:A")
     file = DATA / "laas_cogging" / "stopped_data.txt"
     done = import_csv(file, chosen, lambda: claim_run(tmp_path, "import", "laas").path)
     recording = open_run(done.path)
@@ -486,6 +490,6 @@ def test_a_real_cogging_map(tmp_path: Path) -> None:
 
 def test_whole_numbers_with_comma_and_blank_are_no_decimal_commas(tmp_path: Path) -> None:
     recording = imported(
-        tmp_path, "1, 5, 7\n2, 6, 8\n3, 7, 9\n", options("time=1", "input_angle=2:rad")
+        tmp_path, "1, 5, 7\n2, 6, 8\n3, 7, 9\n", options("time=1:s", "input_angle=2:rad")
     )
     assert recording.si("input_angle").tolist() == [5.0, 6.0, 7.0]

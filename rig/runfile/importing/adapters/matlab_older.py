@@ -71,14 +71,15 @@ def copy_arrays(source: str, target: str) -> int:
 
 
 def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]]) -> None:
-    """Numeric arrays of a variable, with those inside structs under `name.field`."""
+    """Numeric arrays of a variable: those inside structs under `name.field`, of cell arrays under `name{2}`."""
     fields = getattr(value, "_fieldnames", None)
     if fields is not None:
         for key in fields:
             _flatten(f"{name}.{key}", getattr(value, key), arrays)
     elif isinstance(value, np.ndarray) and value.dtype == object:
-        if value.size == 1:
-            _flatten(name, value.ravel()[0], arrays)
+        cells = value.ravel(order="F")
+        for number, cell in enumerate(cells, 1):
+            _flatten(name if len(cells) == 1 else f"{name}{{{number}}}", cell, arrays)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "iufb":
         arrays[name] = value
 

@@ -1,0 +1,87 @@
+"""`rig.execute`: a protocol on a rig, as `rig run` does it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rig.api.reading import load
+from rig.api.runs import Run
+from rig.bench.backends.assembly import WorldChoice
+from rig.bench.backends.registry import HARDWARE
+from rig.commands.ordering import request_of
+from rig.commands.prompting import terminal_ask
+from rig.errors import RigError
+from rig.run.start import plan_request, run_request
+from rig.run.stop import StopRequest, pressed_by_signals
+
+if TYPE_CHECKING:
+    from experiments.steps.note import Prompt
+    from model.gear import HarmonicDrive
+
+SIMULATED_ANSWER = "simulated"
+"""What a simulated rig answers to a prompt: there is nobody who could look."""
+
+
+def execute(
+    protocol: str,
+    backend: str = "sim",
+    *,
+    gear: HarmonicDrive | None = None,
+    serial: str = "unknown",
+    folder: str | Path | None = None,
+    operator: str = "",
+    seed: int = 0,
+    world: Mapping[str, Any] | None = None,
+    config: str | Path | None = None,
+    mounting: str | None = None,
+    sample_rate: float | None = None,
+    confirm: str = "",
+    ask: Callable[[Prompt], str | None] | None = None,
+    **parameters: Any,
+) -> Run:
+    """Execute a protocol on a rig and keep it as one run file; returns that run, however it ended (`Run.outcome`).
+
+    `backend` is "sim", "wire", "replay:RUN.h5" or "hardware"; `gear` the parameter set, `serial` the serial number of
+    the gear, `folder` where the run file goes ("runs", or that of the configuration). `parameters` are the protocol's
+    own, as `rig run PROTOCOL --help` lists them, with underscores: `points=10`, `speeds_rpm=(60.0, 600.0)`.
+    `seed` and `world` (gear_seed, bench_seed, mount, day, number, population, start_state) choose a simulated world.
+    A rig of hardware is described by `config` and armed by `confirm`, the serial number once more; prompts are put
+    on the terminal, unless `ask` answers them. In the main thread Ctrl-C is a STOP, a second one an ABORT.
+
+    Raises `PlanError`, `LimitError`, `ConfigurationError` before anything moves; `RigError` where nothing was recorded.
+    """
+    request = request_of(
+        protocol,
+        parameters,
+        backend=backend,
+        config=None if config is None else Path(config),
+        gear=gear,
+        mounting=mounting,
+        sample_rate=sample_rate,
+        output=None if folder is None else Path(folder),
+        gear_serial=serial,
+        operator=operator,
+        seed=seed,
+        confirmation=confirm,
+        world=WorldChoice(**(world or {})),
+    )
+    planned = plan_request(request)
+    stop = StopRequest()
+    # Signals reach the main thread alone: from another one a run cannot be stopped by Ctrl-C.
+    in_main = threading.current_thread() is threading.main_thread()
+    with pressed_by_signals(stop) if in_main else nullcontext():
+        report = run_request(
+            request, planned, stop=stop, ask=ask or _answers(request.backend, stop)
+        )
+    if not report.readable:
+        raise RigError("the run left no file", where=str(report.path), value=report.message)
+    return load(report.path)
+
+
+def _answers(backend: str, stop: StopRequest) -> Callable[[Prompt], str | None]:
+    """Who answers the prompts of a run: whoever sits at the terminal of a rig of hardware, else the simulation."""
+    return terminal_ask(stop) if backend == HARDWARE else lambda prompt: SIMULATED_ANSWER

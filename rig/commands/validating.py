@@ -1,0 +1,96 @@
+"""`rig validate`: every model of a ladder fitted to some runs and judged on others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rig.commands.analysis import Json, NoTare, Parameters, Settings, Tare, choices_of_flags
+from rig.commands.terminal import console, print_json, ruled_table
+
+if TYPE_CHECKING:
+    from rig.analysis.validate import Validation
+
+
+def validate(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Runs of one protocol, to be fitted.")
+    ],
+    on: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--on",
+            metavar="RUN",
+            help="Judge on this run, which is not fitted; repeat it. Without it each run is held out in its turn.",
+        ),
+    ] = None,
+    kind: Annotated[
+        str, typer.Option(help="Kind of the ladder, where the runs' protocol does not say it.")
+    ] = "",
+    tare: Tare = None,
+    no_tare: NoTare = False,
+    parameters: Parameters = None,
+    setting: Settings = None,
+    plot: Annotated[
+        Path | None, typer.Option("--plot", metavar="FILE", help="Draw it as a picture (.png).")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Judge models by runs that they were not fitted to: hold-out error, skill against the null model, BIC.
+
+    Ladders: friction (mean torque to the paper's model), kinematic-error (no error to whole orders and
+    sidebands), velocity-steps (rigid gear, the paper's equation 2, springs with hardening and hysteresis).
+    """
+    from rig.analysis.validate import validate_runs
+
+    choices = choices_of_flags(
+        parameters, tare, setting, no_tare=no_tare, largest_missed_share=None
+    )
+    found = validate_runs(runs, on or (), kind, choices)
+    if plot is not None:
+        _draw(found, plot)
+    if json:
+        print_json(found.as_json())
+    else:
+        _print(found)
+
+
+def _draw(found: Validation, path: Path) -> None:
+    from rig.errors import RigError
+    from rig.present.figure import draw_png
+
+    try:
+        path.write_bytes(draw_png(found.plot(), found.origin))
+    except OSError as error:
+        raise RigError(
+            "the picture cannot be written",
+            where=str(path),
+            value=error.strerror or str(error),
+            remedy="Choose another --plot.",
+        ) from None
+
+
+def _print(found: Validation) -> None:
+    from rig.commands.visible import Text
+
+    out, table = console(), found.table()
+    out.print()
+    out.print(Text(f"{found.kind}: {table.title}", style="bold"))
+    out.print(Text(f"  {table.note}", style="dim"))
+    grid = ruled_table(*table.columns, numbers=table.columns[1:])
+    for row in table.rows:
+        grid.add_row(*(f"{cell:,}" if isinstance(cell, int) else str(cell) for cell in row))
+    out.print(grid)
+    out.print(
+        Text.assemble("  least hold-out error  ", (found.best.name, "bold")),
+        soft_wrap=True,
+    )
+    out.print(
+        Text(
+            f"  least BIC             {found.best_by_bic.name} "
+            f"(the rows are worth {found.independent:.0f} independent values)"
+        ),
+        soft_wrap=True,
+    )

@@ -1,0 +1,157 @@
+"""Text exports of the TwinCAT 3 scope: properties of the channels above the data, a column of time for each
+channel or for each run of channels of one rate.
+
+Time columns are milliseconds after the start of the export, which the file gives as 100 ns since
+1601. Channels of different rates stand side by side: a row holds samples of different times, and the
+channels that are through leave their cells blank. Whether ScaleFactor, Offset and the unit's own
+scale have been applied to the numbers, the file does not say.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from rig.errors import RunFileError
+from rig.runfile.importing.adapters.text import TextRows
+from rig.runfile.importing.adapters.text_form import encoding_of, open_text
+from rig.runfile.importing.clocks import FILETIME_1970, FILETIME_TICKS
+
+_LOOKED_AT = 60
+_NO_UNIT = "(None)"
+_UNIT = re.compile(r"(\S+)\s+\(.*\)")
+
+
+@dataclass(frozen=True)
+class _Head:
+    """Lines of the export's own header: delimiter, properties by name, first line of data, start [ns since 1970]."""
+
+    delimiter: str
+    properties: dict[str, list[str]]
+    first_row: int
+    start_ns: int
+
+
+def is_scope_export(path: Path) -> bool:
+    """Whether a text file begins as these exports do."""
+    with open_text(path, encoding_of(path)) as stream:
+        first = [line.replace('"', "") for line in islice(stream, 4)]
+    return (
+        len(first) == 4
+        and first[0].startswith("Name")
+        and first[1].startswith("File")
+        and first[2].startswith("Starttime of export")
+    )
+
+
+class ScopeTable(TextRows):
+    """The channels of a scope export; each knows its column of time."""
+
+    is_ragged = True
+    last_line = "EOF"
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.encoding = encoding_of(path)
+        head = _head(path, self.encoding)
+        self.delimiter, self.first_row = head.delimiter, head.first_row
+        names = head.properties["Name"]
+        units = head.properties.get("Unit", [])
+        headings: list[str] = []
+        times: list[int | None] = []
+        found: list[str] = []
+        latest: int | None = None
+        for index, name in enumerate(names):
+            if name == "Name":
+                latest = index
+            headings.append("time" if name == "Name" else name)
+            times.append(None if name == "Name" else latest)
+            found.append(
+                "ms" if name == "Name" else _unit(units[index] if index < len(units) else "")
+            )
+        self.headings, self.times, self.units = tuple(headings), tuple(times), tuple(found)
+        self.start_ns = head.start_ns
+        self.decimal_commas = (self._has_decimal_comma(),) * len(headings)
+        self.notes = (
+            f"TwinCAT scope export, {sum(t is not None for t in times)} channels, "
+            f"decimal {'comma' if self.decimal_commas[0] else 'point'}",
+            *self._scaled(head.properties),
+        )
+
+    def _has_decimal_comma(self) -> bool:
+        if self.delimiter == ",":
+            return False
+        with open_text(self.path, self.encoding) as stream:
+            rows = list(islice(stream, self.first_row - 1, self.first_row + _LOOKED_AT))
+        return any("," in row for row in rows) and not any("." in row for row in rows)
+
+    def _scaled(self, properties: dict[str, list[str]]) -> list[str]:
+        """A warning for each channel whose scaling the export states without saying whether it is in the numbers."""
+        usual = {"ScaleFactor": "1", "Offset": "0", "Unit ScaleFactor": "1", "Unit Offset": "0"}
+        said = []
+        for index, name in enumerate(self.headings):
+            stated = {
+                key: properties[key][index]
+                for key in usual
+                if index < len(properties.get(key, [])) and properties[key][index] != key
+            }
+            unusual = [f"{k} {v}" for k, v in stated.items() if v and v != usual[k]]
+            if unusual and self.times[index] is not None:
+                said.append(
+                    f"{name}: the export states {', '.join(unusual)}, and not whether the numbers have it"
+                )
+        return said
+
+
+def _head(path: Path, encoding: str) -> _Head:
+    """The header. Raises `RunFileError` where the properties and the data don't have the same columns."""
+    with open_text(path, encoding) as stream:
+        lines = [line.rstrip("\r\n") for line in islice(stream, _LOOKED_AT)]
+    delimiter = lines[0][len("Name") : len("Name") + 1]
+    start_ns = 0
+    properties: dict[str, list[str]] = {}
+    first_row = 0
+    for number, line in enumerate(lines, 1):
+        cells = [cell.strip() for cell in line.split(delimiter)] if delimiter else [line]
+        if cells[0] == "Starttime of export" and cells[1:]:
+            if not cells[1].isdigit():
+                break
+            start_ns = (int(cells[1]) - FILETIME_1970) * FILETIME_TICKS
+        elif number > 4 and cells[0] and not properties and cells[0] != "Name":
+            break
+        elif number > 4 and cells[0] == "Name" and not properties:
+            properties["Name"] = cells
+        elif properties and cells[0]:
+            properties[cells[0]] = cells
+        elif properties:
+            first_row = number + 1
+            break
+    if not properties or not first_row or first_row > len(lines):
+        raise RunFileError(
+            "begins as a TwinCAT scope export and is none",
+            where=str(path),
+            limit="4 lines, the channels' properties from `Name` on, a blank line, the data",
+            remedy="Export it again, or name its lines with --skip and --header.",
+        )
+    width = len(properties["Name"])
+    for name, cells in properties.items():
+        if len(cells) > width:
+            raise RunFileError(
+                "a line of its header has more cells than there are columns",
+                where=f"{path}, {name}",
+                value=f"{len(cells)} cells",
+                limit=f"{width}",
+                remedy="The decimal comma of the header is the delimiter too: export with another "
+                "delimiter, or name the lines with --skip and --header and every column's unit by hand.",
+            )
+    return _Head(delimiter, properties, first_row, start_ns)
+
+
+def _unit(text: str) -> str:
+    """The unit out of `V (Voltage)`; "" for a channel without one."""
+    if text in ("", _NO_UNIT):
+        return ""
+    match = _UNIT.fullmatch(text)
+    return match.group(1) if match else text

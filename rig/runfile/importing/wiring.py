@@ -1,0 +1,313 @@
+"""Which column of which file becomes which channel, and what is its time: the map laid on the files."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rig.errors import ConfigurationError
+from rig.runfile.importing.adapters.table import Table, column_named, find_column, split_heading
+from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_source import ChannelSource, column_of, source_unit
+from rig.runfile.importing.clocks import NumberClock, TextClock
+from rig.runfile.importing.segments import Words
+from rig.runfile.importing.streams import LeftOut, Stream
+from rig.runfile.importing.units import COUNT, FILETIME, TEXT_TIMES, TIME_CHANNEL, UNITS, unit_of
+from rig.runfile.layout import Column
+
+LABEL_COLUMN = "label"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wire:
+    """One channel: its source, its file and column there, its column of time (None: none), the unit of the heading."""
+
+    source: ChannelSource
+    table: Table
+    column: int
+    time: int | None
+    heading_unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wiring:
+    """The channels of a run in order, how each is stored, the streams that carry them, and the rows per second.
+
+    `places[k]` is the column of channel k among the values of the joined streams; `labels` that of
+    the column that labels the rows. `rate` is None where columns of time are there, or no time is.
+    """
+
+    columns: tuple[Column, ...]
+    sources: tuple[ChannelSource, ...]
+    streams: tuple[Stream, ...]
+    places: tuple[int, ...]
+    labels: int | None
+    words: Words
+    rate: float | None
+
+
+def wire(
+    tables: Sequence[Table],
+    sources: Sequence[ChannelSource],
+    options: ImportOptions,
+    left_out: LeftOut,
+) -> Wiring:
+    """Find every channel of the map in the files. Raises `ConfigurationError` for what is missing, or said twice."""
+    by_name = {source.name: source for source in sources}
+    if len(by_name) != len(sources):
+        raise ConfigurationError("a channel is given twice", where="--channel")
+    time = by_name.pop(TIME_CHANNEL, None)
+    if not by_name:
+        raise ConfigurationError(
+            "no channels are mapped",
+            where=str(tables[0].path),
+            limit=", ".join(tables[0].headings[:20]),
+            remedy="Give --channel name=column:unit for each, or --map FILE.",
+        )
+    _check_time(tables, time, options)
+    wires = [_wire(tables, source, time, options) for source in by_name.values()]
+    columns = tuple(
+        column_of(w.source, w.heading_unit, options.torque_constant, options.ratio) for w in wires
+    )
+    rate = options.rate or _stated_rate(wires, options)
+    if options.segments_from is not None and options.segments_from.column:
+        wanted = options.segments_from
+        label = ChannelSource(name=LABEL_COLUMN, column=wanted.column, file=wanted.file)
+        wires.append(_wire(tables, label, time, options))
+    words = Words()
+    streams, places = _streams(wires, columns, time, words, left_out, options)
+    has_label = len(wires) > len(columns)
+    return Wiring(
+        columns=columns,
+        sources=tuple(by_name.values()),
+        streams=streams,
+        places=places[: len(columns)],
+        labels=places[-1] if has_label else None,
+        words=words,
+        rate=rate,
+    )
+
+
+def _check_time(
+    tables: Sequence[Table], time: ChannelSource | None, options: ImportOptions
+) -> None:
+    """Raise `ConfigurationError` unless the time comes from one place, the files themselves included."""
+    given = sum([time is not None, options.rate is not None, options.no_time])
+    own = any(source.time for source in options.channels)
+    of_files = all(table.period or any(t is not None for t in table.times) for table in tables)
+    if given > 1 or not (given or own or of_files):
+        raise ConfigurationError(
+            "the time must come from one place" if given else "there is no time",
+            where=str(tables[0].path),
+            limit="one of --channel time=COLUMN:s, --rate HZ, --no-time",
+            remedy="Without a time base only analyses over angle are possible.",
+        )
+    rate = options.rate
+    if rate is not None and not (math.isfinite(rate) and 0.0 < rate <= 1e9):
+        raise ConfigurationError(
+            "is no sample rate", where="--rate", value=rate, limit="> 0 and <= 1e9 Hz"
+        )
+
+
+def _stated_rate(wires: Sequence[Wire], options: ImportOptions) -> float | None:
+    """Rows per second where the file states its step and nothing else was given."""
+    if options.no_time or any(w.time is not None for w in wires):
+        return None
+    periods = {w.table.period for w in wires}
+    if len(periods) != 1 or None in periods:
+        return None
+    (period,) = periods
+    assert period is not None
+    return 1.0 / period
+
+
+def _wire(
+    tables: Sequence[Table],
+    source: ChannelSource,
+    time: ChannelSource | None,
+    options: ImportOptions,
+) -> Wire:
+    table, column = _place(tables, source)
+    heading = _said_by_heading(table, column, options)
+    return Wire(
+        source=source,
+        table=table,
+        column=column,
+        time=_time_of(table, column, source, time, options),
+        heading_unit=_agreed(source, heading),
+    )
+
+
+def _place(tables: Sequence[Table], source: ChannelSource) -> tuple[Table, int]:
+    """The file and the column of a channel."""
+    if source.file:
+        chosen = [t for n, t in enumerate(tables, 1) if _is_named(t, n, source.file)]
+        if len(chosen) == 1:
+            return chosen[0], find_column(chosen[0], source.column)
+        if len(tables) > 1 or column_named(tables[0], f"{source.column}@{source.file}") is None:
+            raise ConfigurationError(
+                "there is no such file among those that are imported"
+                if not chosen
+                else "more than one of the files has this name",
+                where=source.name,
+                value=source.file,
+                limit=", ".join(f"{n} {table.path.name}" for n, table in enumerate(tables, 1)),
+            )
+        return tables[0], find_column(tables[0], f"{source.column}@{source.file}")
+    if len(tables) == 1:
+        return tables[0], find_column(tables[0], source.column)
+    found = [
+        (table, column)
+        for table in tables
+        if (column := column_named(table, source.column)) is not None
+    ]
+    if len(found) != 1:
+        names = ", ".join(table.path.name for table, _ in found or [(t, 0) for t in tables])
+        raise ConfigurationError(
+            "more than one of the files has this column" if found else "no file has this column",
+            where=source.name,
+            value=source.column,
+            limit=names,
+            remedy=f"Write {source.name}={source.column}@FILE, with the file's name or number.",
+        )
+    return found[0]
+
+
+def _is_named(table: Table, number: int, name: str) -> bool:
+    return name in (table.path.name, table.path.stem, str(number))
+
+
+def _time_of(
+    table: Table,
+    column: int,
+    source: ChannelSource,
+    time: ChannelSource | None,
+    options: ImportOptions,
+) -> int | None:
+    """The column of time of a channel; None where the rows are counted."""
+    if options.rate is not None or options.no_time:
+        return None
+    own = table.times[column]
+    wanted = source.time or (time.column if time else "")
+    if not wanted:
+        if own is None and not table.period:
+            raise ConfigurationError(
+                "there is no time",
+                where=f"{table.path}, {source.name}",
+                limit="one of --channel time=COLUMN:s, --rate HZ, --no-time",
+            )
+        return own
+    found = find_column(table, wanted)
+    if own is not None and own != found:
+        raise ConfigurationError(
+            "has a column of time of its own",
+            where=f"{table.path}, {source.name}",
+            value=f"column {found + 1}",
+            limit=f"column {own + 1}",
+            remedy="Leave the time away: the file says which belongs to which channel.",
+        )
+    return found
+
+
+def _streams(
+    wires: Sequence[Wire],
+    columns: Sequence[Column],
+    time: ChannelSource | None,
+    words: Words,
+    left_out: LeftOut,
+    options: ImportOptions,
+) -> tuple[tuple[Stream, ...], tuple[int, ...]]:
+    """The streams of the wires, and where among their values each wire's column stands."""
+    groups: dict[tuple[int, int | None], list[int]] = {}
+    for index, w in enumerate(wires):
+        groups.setdefault((id(w.table), w.time), []).append(index)
+    streams: list[Stream] = []
+    order: list[int] = []
+    for indices in groups.values():
+        members = [wires[index] for index in indices]
+        clock = _clock(members[0], time, options)
+        readers = {
+            members[k].column: words.read
+            for k, index in enumerate(indices)
+            if index >= len(columns) and _holds_words(members[k], members[:k])
+        }
+        if isinstance(clock, TextClock):
+            assert members[0].time is not None
+            readers[members[0].time] = clock.read
+        stream = Stream(
+            table=members[0].table,
+            columns=[w.column for w in members],
+            names=[w.source.name for w in members],
+            counted=[index < len(columns) and columns[index].dtype == "int64" for index in indices],
+            time=members[0].time,
+            clock=clock,
+            readers=readers,
+            left_out=left_out,
+        )
+        streams.append(stream)
+        order += indices
+    places = [order.index(index) for index in range(len(wires))]
+    return tuple(streams), tuple(places)
+
+
+def _holds_words(label: Wire, channels: Sequence[Wire]) -> bool:
+    """Whether a column of labels may hold words: in a text, and where it is no channel too."""
+    return label.table.line_word == "line" and label.column not in {w.column for w in channels}
+
+
+def _clock(
+    wire: Wire, time: ChannelSource | None, options: ImportOptions
+) -> NumberClock | TextClock | None:
+    """What reads the column of time. Raises `ConfigurationError` where nobody says its unit."""
+    if wire.time is None:
+        return None
+    table = wire.table
+    said = time or ChannelSource(name=TIME_CHANNEL, column=table.headings[wire.time])
+    heading = _agreed(said, _said_by_heading(table, wire.time, options))
+    unit = source_unit(said, heading, ("s",))
+    if unit in TEXT_TIMES:
+        return TextClock(unit == FILETIME)
+    if unit == COUNT:
+        if said.scale is None:
+            raise ConfigurationError(
+                "ticks need their length in seconds",
+                where=TIME_CHANNEL,
+                remedy=f"Write {said.option}:count:<seconds per tick>.",
+            )
+        return NumberClock(said.scale, said.modulus)
+    si_unit, factor = UNITS[unit]
+    if si_unit != "s":
+        allowed = ", ".join(name for name, (si, _) in UNITS.items() if si == "s")
+        raise ConfigurationError(
+            "has a unit of another dimension", where=TIME_CHANNEL, value=unit, limit=allowed
+        )
+    return NumberClock(factor * (1.0 if said.scale is None else said.scale), said.modulus)
+
+
+def _said_by_heading(table: Table, column: int, options: ImportOptions) -> str:
+    """The unit that the file says a column to have, in this program's spelling; "" where it says none."""
+    if options.ignore_headings:
+        return ""
+    return _known_unit(table.units[column] or split_heading(table.headings[column])[1])
+
+
+def _agreed(source: ChannelSource, heading_unit: str) -> str:
+    """The unit of the heading. Raises `ConfigurationError` where the map says another one: one of them is wrong."""
+    if source.unit and heading_unit and unit_of(source.unit, source.name) != heading_unit:
+        raise ConfigurationError(
+            "is said to be in another unit than its heading says",
+            where=f"{source.name}, column {source.column}",
+            value=source.unit,
+            limit=heading_unit,
+            remedy="Leave the unit away, or say with --ignore-headings that the headings are wrong.",
+        )
+    return heading_unit
+
+
+def _known_unit(text: str) -> str:
+    """The unit that a heading names, or "" for words in brackets that are no unit."""
+    try:
+        return unit_of(text, "") if text else ""
+    except ConfigurationError:
+        return ""

@@ -1,0 +1,94 @@
+"""Runs from files: those of this program, and recordings of other rigs without a run file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import io
+
+import rig
+from rig.errors import ConfigurationError, RunFileError
+from tests.rig.importing import DEGREES, TORQUES, bring_in, file_of, table
+
+CHANNELS = {"time": "t:s", "input_angle": "Position:deg", "torque": "M:N m"}
+
+
+def test_delimited_text_is_a_run_as_its_import_would_be(tmp_path: Path) -> None:
+    path = file_of(tmp_path, table())
+    run = rig.read_csv(path, channels=CHANNELS, ratio=120.0, protocol="friction", gear="SN-7")
+    assert run["input_angle"] == pytest.approx(np.radians(DEGREES))
+    assert run["torque"] == pytest.approx(TORQUES)
+    assert (run.metadata.ratio, run.metadata.experiment) == (120.0, "friction")
+    assert run.metadata.gear_serial == "SN-7"
+    made = bring_in(path, "time=t:s", "input_angle=Position:deg", "torque=M:N m")
+    with rig.load(made.path) as imported:
+        assert np.array_equal(imported["torque"], run["torque"])
+        assert np.array_equal(imported.time, run.time)
+
+
+def test_nothing_is_left_behind_and_the_run_is_no_file(tmp_path: Path) -> None:
+    path = file_of(tmp_path, table())
+    run = rig.read_csv(path, channels=CHANNELS)
+    assert run.path is None
+    assert (run.metadata.sha256, run.metadata.is_sealed) == ("", False)
+    assert [one.name for one in tmp_path.iterdir()] == [path.name]
+
+
+def test_a_map_and_a_channel_of_ones_own(tmp_path: Path) -> None:
+    path = file_of(tmp_path, table())
+    channel_map = tmp_path / "map.toml"
+    channel_map.write_text(
+        '[channels.time]\ncolumn = "t"\nunit = "s"\n[channels.torque]\ncolumn = "M"\nscale = 2.0\n'
+        '[[segments]]\nlabel = "hold"\nstart = 0.0\nstop = 0.006\n',
+        encoding="utf-8",
+    )
+    run = rig.read_csv(path, channels={"input_angle": "Position:deg"}, map=channel_map)
+    assert run["torque"] == pytest.approx(2.0 * TORQUES)
+    assert [segment.label for segment in run.segments] == ["hold"]
+    assert set(run.channels) == {"input_angle", "torque"}
+
+
+def test_a_matlab_file(tmp_path: Path) -> None:
+    path = tmp_path / "bench.mat"
+    io.savemat(path, {"t": np.arange(6) * 0.01, "M": TORQUES})
+    run = rig.read_mat(path, channels={"time": "t:s", "torque": "M:N m"})
+    assert run["torque"] == pytest.approx(TORQUES)
+
+
+def test_a_numpy_file(tmp_path: Path) -> None:
+    path = tmp_path / "bench.npz"
+    np.savez(path, t=np.arange(6) * 0.01, M=TORQUES)
+    run = rig.read_npz(path, channels={"time": "t:s", "torque": "M:N m"})
+    assert run["torque"] == pytest.approx(TORQUES)
+
+
+def test_a_map_of_several_runs_is_asked_which(tmp_path: Path) -> None:
+    path = file_of(tmp_path, table())
+    several = tmp_path / "map.toml"
+    several.write_text(
+        '[channels.time]\ncolumn = "t"\nunit = "s"\n'
+        '[runs.one.channels.torque]\ncolumn = "M"\nunit = "N m"\n'
+        '[runs.two.channels.speed]\ncolumn = "M"\nunit = "rad/s"\n',
+        encoding="utf-8",
+    )
+    assert set(rig.read_csv(path, map=several, run="one").channels) == {"torque"}
+    with pytest.raises(ConfigurationError, match="the map has several runs, allowed one, two"):
+        rig.read_csv(path, map=several)
+
+
+def test_a_parameter_set_by_name(tmp_path: Path) -> None:
+    run = rig.read_csv(file_of(tmp_path, table()), channels=CHANNELS, parameters="csf-25-120")
+    assert run.metadata.gear == rig.gear()
+    assert run.metadata.ratio == 120.0
+
+
+def test_errors_are_those_of_the_command_line(tmp_path: Path) -> None:
+    path = file_of(tmp_path, table())
+    with pytest.raises(ConfigurationError, match="sample_rate_hz: no such option of an import"):
+        rig.read_csv(path, channels=CHANNELS, sample_rate_hz=1000.0)
+    with pytest.raises(ConfigurationError, match="there is no such column"):
+        rig.read_csv(path, channels={"time": "t:s", "torque": "Moment:N m"})
+    with pytest.raises(RunFileError):
+        rig.load(tmp_path / "nothing.h5")

@@ -1,0 +1,107 @@
+"""Several files of one run: joined where their times are equal, resampled only when that is asked for."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rig.errors import ConfigurationError, RunFileError
+from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_source import parse_channel
+from rig.runfile.importing.convert import Imported, import_tables
+from rig.runfile.importing.opening import open_tables
+from rig.runfile.read import open_run
+
+Join = Callable[..., Imported]
+
+
+@pytest.fixture
+def join(tmp_path: Path) -> Join:
+    def of(texts: dict[str, str], *channels: str, **changes: object) -> Imported:
+        paths = []
+        for name, text in texts.items():
+            paths.append(tmp_path / name)
+            paths[-1].write_text(text)
+        options = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
+        tables = open_tables("csv", paths, options.form)
+        return import_tables(tables, options, lambda: tmp_path / "00001-import-x.h5")
+
+    return of
+
+
+def rows(times: list[float], scale: float = 1.0) -> str:
+    return "t [s],x\n" + "".join(f"{t!r},{scale * t!r}\n" for t in times)
+
+
+EVEN = [k * 0.01 for k in range(40)]
+CHANNELS = ("time=t", "position=x@a:m", "force=x@b.csv:N")
+
+
+def test_equal_times_join_row_by_row(join: Join) -> None:
+    long = [k * 0.01 for k in range(40_000)]
+    made = join({"a.csv": rows(long), "b.csv": rows(long, -2.0)}, *CHANNELS)
+    recording = open_run(made.path)
+    assert made.rows == 40_000
+    np.testing.assert_array_equal(recording.si("force"), -2.0 * np.array(long))
+    assert recording.metadata.process["source_file"] == "a.csv, b.csv"
+
+
+def test_a_time_that_only_one_has_is_named(join: Join) -> None:
+    texts = {"a.csv": rows(EVEN), "b.csv": rows([*EVEN[:7], *EVEN[8:]])}
+    with pytest.raises(
+        RunFileError, match=r"a\.csv, line 9, position: no row of the other.*0\.07 s"
+    ):
+        join(texts, *CHANNELS)
+    made = join(texts, *CHANNELS, drop_bad_rows=True)
+    assert (made.rows, made.dropped) == (39, 1)
+
+
+def test_other_times_are_brought_over_by_lines_when_asked(join: Join) -> None:
+    shifted = [t + 0.003 for t in EVEN]
+    texts = {"a.csv": rows(EVEN), "b.csv": rows(shifted, 3.0)}
+    with pytest.raises(RunFileError, match=r"--interpolate"):
+        join(texts, *CHANNELS)
+    made = join(texts, *CHANNELS, interpolate=True)
+    recording = open_run(made.path)
+    # The first sample of a lies before the first of b.
+    assert (made.rows, made.dropped) == (39, 1)
+    np.testing.assert_allclose(recording.si("force"), 3.0 * np.array(EVEN[1:]), atol=1e-12)
+
+
+def test_nothing_is_interpolated_across_a_gap(join: Join) -> None:
+    shifted = [t + 0.003 for t in EVEN if not 0.1 < t < 0.2]
+    made = join({"a.csv": rows(EVEN), "b.csv": rows(shifted)}, *CHANNELS, interpolate=True)
+    times = open_run(made.path).si("position")
+    assert not ((times > 0.104) & (times < 0.202)).any()
+    assert len(times) == 29
+
+
+def test_rows_without_times_join_by_their_number(join: Join) -> None:
+    text = "x\n" + "".join(f"{k}\n" for k in range(30))
+    made = join({"a.csv": text, "b.csv": text}, *CHANNELS[1:], rate=100.0)
+    assert made.rows == 30
+    made.path.unlink()
+    with pytest.raises(RunFileError, match=r"line 31, force: no row .*number; value row 30"):
+        join({"a.csv": text[: text.index("29")], "b.csv": text}, *CHANNELS[1:], rate=100.0)
+
+
+@pytest.mark.parametrize(
+    ("channel", "message"),
+    [
+        ("position=x:m", r"more than one of the files has this column.*x@FILE"),
+        ("position=y:m", r"no file has this column"),
+        ("position=x@c:m", r"no such file among those.*1 a\.csv, 2 b\.csv"),
+    ],
+)
+def test_which_file_is_meant_must_be_clear(join: Join, channel: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        join({"a.csv": rows(EVEN), "b.csv": rows(EVEN)}, "time=t", channel)
+
+
+def test_a_hole_in_one_file_is_named_there(join: Join) -> None:
+    texts = {"a.csv": rows(EVEN), "b.csv": rows(EVEN).replace("0.05,0.05\n", "0.05,?\n")}
+    with pytest.raises(RunFileError, match=r"b\.csv, line 7, column x: not a number"):
+        join(texts, *CHANNELS)
+    made = join(texts, *CHANNELS, drop_bad_rows=True)
+    assert made.rows == 39
