@@ -31,6 +31,8 @@ SAID_SINCE = {"run, with U (k = 2)": "run, with U (95 %)"}
 """Words for the same thing that were others then."""
 PLACE = re.compile(r"([^.\[\]]+)|\[(\d+)\]")
 """The steps of a place: keys, and numbers in brackets."""
+ASKED_SINCE = {"import": ("--output-sense", "-1")}
+"""What a command has to say since that was guessed then: which way the output angle counts."""
 WRITTEN_NOW = {"show_recovered", "verify_recovered", "show_anew", "verify_anew"}
 """Commands on files that this version has just written: the hash of such a file is its own."""
 
@@ -132,7 +134,7 @@ def answers(folder: Path) -> dict[str, tuple[int, str, str]]:
         for name, entry in EXPECTED.items():
             output, errors = StringIO(), StringIO()
             with redirect_stdout(output), redirect_stderr(errors), pytest.raises(SystemExit) as end:
-                run([*entry["arguments"], "--json"])
+                run([*entry["arguments"], *ASKED_SINCE.get(name, ()), "--json"])
             results[name] = (int(str(end.value.code or 0)), output.getvalue(), errors.getvalue())
     return results
 
