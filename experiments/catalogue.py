@@ -79,6 +79,18 @@ ENTRIES: tuple[Entry, ...] = (
         "order spectrum of a channel over an angle",
         has_plan=False,
     ),
+    Entry(
+        "skew",
+        "experiments.recordings.skew",
+        "delay between two channels, apart from hysteresis",
+        has_plan=False,
+    ),
+    Entry(
+        "hysteresis",
+        "experiments.recordings.hysteresis",
+        "stiffness, loss and lost motion from loops of output torque",
+        has_plan=False,
+    ),
 )
 """Protocols first, in the order of a day on the rig; then the analyses that need no plan."""
 

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 
 
-@pytest.mark.parametrize(("name", "most"), [("strict", 56), ("tests", 26)])
+@pytest.mark.parametrize(("name", "most"), [("strict", 53), ("tests", 26)])
 def test_the_list_of_files_that_are_not_typed_yet_only_shrinks(name: str, most: int) -> None:
     text = (ROOT / ".ci" / f"pyright-{name}.json").read_text(encoding="utf-8")
     listed = re.search(r'"exclude": \[(.*?)\]', text, re.DOTALL)

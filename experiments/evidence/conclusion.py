@@ -15,12 +15,13 @@ from dataclasses import replace
 
 from experiments.contract import Evidence, Experiment
 from experiments.evidence.holds import Recorded
-from experiments.evidence.orders import SampledAngle, sampled
+from experiments.evidence.orders import sampled, sampled_angle
 from experiments.evidence.table import checks_of
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Check, Result, Table
 from model.identify.estimate import Estimate
+from model.identify.orders.aliases import SamplingWindow
 
 LARGEST_SHARE = 0.5
 """U as a share of the value above which a number is not called identified, where no target is declared."""
@@ -44,7 +45,7 @@ def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], 
 def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> Result:
     """A result with the checks of its recording, its covariance whole, nothing called more than it is."""
     covariance = result.covariance
-    angle = functools.cache(lambda: SampledAngle(recorded))
+    angle = functools.cache(lambda: sampled_angle(recorded))
     estimates = {
         name: _called(result.quantity(name), estimate, name, angle)
         for name, estimate in result.estimates.items()
@@ -67,7 +68,7 @@ def _table(checks: tuple[Check, ...]) -> Table:
 
 
 def _called(
-    quantity: Quantity, estimate: Estimate, name: str, angle: Callable[[], SampledAngle]
+    quantity: Quantity, estimate: Estimate, name: str, angle: Callable[[], SamplingWindow]
 ) -> Estimate:
     """The estimate, called identified only where the data decided."""
     order = _order(quantity.member(name)) if quantity.placeholder == ORDER else None

@@ -449,7 +449,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=3,
+    version=4,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

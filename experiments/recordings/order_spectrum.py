@@ -1,75 +1,77 @@
-"""Order spectrum: amplitude of any channel per order of an angle, from whole revolutions, each direction."""
+"""Order spectrum: amplitude of any channel per order of an angle, any order, each direction."""
 
 from __future__ import annotations
 
-import numpy as np
+import math
+from dataclasses import replace
 
-from experiments.angle.traverses import traverses_of
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
-from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
+from experiments.errors import AnalysisError, analysing
+from experiments.evidence import check_recording, check_settings, rotary_ratio
 from experiments.quantity import Quantity
-from experiments.recording import Recording, Segment
+from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
-from experiments.result import Plot, Result, Series, Table, way_of
-from model.arrays import FloatArray
-from model.errors import ModelError
-from model.identify.estimate import Estimate
-from model.identify.revolution import OrderPeaks, order_peaks
-from model.units import DEGREE
+from experiments.recordings.orders_plots import orders_table, spectrum_plot
+from experiments.recordings.orders_source import KINEMATIC_ERROR, order_source
+from experiments.recordings.orders_words import order_estimates, said_of
+from experiments.result import Result, way_of
+from model.identify.orders.fit import fit_samples
+from model.identify.orders.near_two import near_two
+from model.identify.orders.samples import OrderSamples
+from model.identify.orders.search import Search
 
 NAME = "order-spectrum"
 SETTINGS = ("channel", "angle", "highest_order")
-KINEMATIC_ERROR = "kinematic_error"
-"""The name of a channel that is made here: theta_o - theta_i/N."""
-STRONGEST = 8
-LARGEST = 4_000_000
-"""Samples of one stretch that are transformed at once."""
-LABELS = ("traverse", "hold")
+STRONGEST = 12
+"""Orders that are listed as results; the table has all."""
+HIGHEST = 64.0
+PERIODS = 50.0
+"""Periods of the highest order that an angle below one revolution must cover."""
 
 QUANTITIES = (
+    Quantity(name="forward_amplitude_{order}", title="order {order} forward, amplitude", unit=""),
+    Quantity(name="reverse_amplitude_{order}", title="order {order} reverse, amplitude", unit=""),
     Quantity(name="amplitude_{order}", title="order {order}, amplitude", unit=""),
     Quantity(name="revolutions_{way}", title="revolutions {way}", unit="1"),
 )
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
-    """The strongest orders of a channel over an angle, and the whole spectrum of each direction as a plot.
+    """The orders of a channel over an angle that rise above the noise, and the spectrum of each direction as a plot.
 
     Settings: channel ("kinematic_error" where both angles are there, else the torque), angle ("input_angle" or
-    "output_angle"), highest_order (64). Stretches in one direction are the run's segments, or found from the angle.
+    "output_angle"), highest_order (64). Stretches in one direction are the run's
+    segments, or found from the angle. Directions that differ are listed apart, with their mean beside them.
     """
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
     angle_name = chosen_channel(recording, settings, "angle", ANGLES, "an order spectrum")
     channel, unit = _channel(recording, settings)
-    highest = float(settings.get("highest_order", 64.0))
     warnings = list(
         check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings
     )
-    ratio = rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
-    spectra: dict[int, OrderPeaks] = {}
-    for segment in _longest_eachway(recording, angle_name):
-        angle, value = _channels(recording, segment, angle_name, channel, ratio)
-        try:
-            spectra[segment.direction] = order_peaks(angle, value, highest_order=highest)
-        except ModelError as error:
-            warnings.append(f"{way_of(segment.direction)}: {error.what}.")
-    if not spectra:
-        raise AnalysisError(
-            "there is no stretch of a whole revolution in one direction",
-            where=recording.metadata.run_id,
-            remedy="Record at least one whole revolution.",
-        )
+    stated = rotary_ratio(recording, math.nan)
+    ratio = evidence.gear.mounted_ratio(recording.metadata.mounting)
+    source = order_source(recording, angle_name, channel, rotary_ratio(recording, ratio))
+    on_input = angle_name == "input_angle"
+    with analysing(recording.metadata.run_id):
+        highest = float(settings.get("highest_order", HIGHEST))
+        samples = OrderSamples.gathered(source.pieces, highest)
+        _require_turns(recording, samples, highest)
+        fit = fit_samples(samples, Search(highest, stated if on_input else math.nan))
+    warnings += [*source.warnings, *said_of(fit, source.left_out)]
+    explained = near_two(fit, stated, _measured_ratio(recording)) if on_input else None
+    chosen = replace(fit, orders=fit.orders[:STRONGEST])
+    estimates = order_estimates(chosen, recording, channel, unit)
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
-        estimates=_strongest(spectra, unit),
-        metrics={f"revolutions_{way_of(d)}": float(s.revolutions) for d, s in spectra.items()},
-        warnings=tuple(warnings),
-        plots=(_plot(spectra, channel, unit, angle_name),),
-        tables=(_table(spectra, unit),),
+        estimates={k: e for k, e in estimates.items() if not k.startswith("phase")},
+        metrics={f"revolutions_{way_of(d)}": samples.revolutions(d) for d in samples.directions},
+        warnings=(*warnings, *([explained] if explained else [])),
+        plots=(spectrum_plot(fit, channel, unit, angle_name),),
+        tables=(orders_table(fit, unit),),
         options={"channel": channel, "angle": angle_name},
     )
 
@@ -85,108 +87,30 @@ def _channel(recording: Recording, settings: dict[str, object]) -> tuple[str, st
     return name, recording.signals[name].unit
 
 
-def _longest_eachway(recording: Recording, angle_name: str) -> list[Segment]:
-    """The longest stretch of each direction: of the run's segments, else of what the angle shows."""
-    candidates = recording.labelled(*LABELS)
-    if not candidates and angle_name == "input_angle":
-        candidates = traverses_of(recording, approach=0.0)
-    if not candidates:
-        way = (
-            recording.si(angle_name, slice(recording.rows - 1, None))[0]
-            - recording.si(angle_name, slice(0, 1))[0]
-        )
-        candidates = (
-            Segment(
-                index=0,
-                label="traverse",
-                start=0,
-                stop=recording.rows,
-                setpoint=0.0,
-                direction=1 if way >= 0.0 else -1,
-            ),
-        )
-    best: dict[int, Segment] = {}
-    for segment in candidates:
-        longest = best.get(segment.direction)
-        if longest is None or segment.stop - segment.start > longest.stop - longest.start:
-            best[segment.direction] = segment
-    return [best[d] for d in sorted(best, reverse=True)]
-
-
-def _channels(
-    recording: Recording, segment: Segment, angle_name: str, channel: str, ratio: float
-) -> tuple[FloatArray, FloatArray]:
-    rows = slice(segment.start, min(segment.stop, segment.start + LARGEST))
-    good = usable(recording, rows)
-    angle = (
-        recording.output_angle(rows)
-        if angle_name == "output_angle"
-        else recording.si(angle_name, rows)
-    )[good]
-    if channel == KINEMATIC_ERROR:
-        value = recording.output_angle(rows)[good] - recording.si("input_angle", rows)[good] / ratio
-    else:
-        value = recording.si(channel, rows)[good]
-    return angle, value
-
-
-def _strongest(spectra: dict[int, OrderPeaks], unit: str) -> dict[str, Estimate]:
-    """Amplitudes of the strongest orders that rise above the noise, mean of the directions;
-    interval from the noise nearby.
-    """
-    first = spectra[max(spectra)]
-    estimates: dict[str, Estimate] = {}
-    for order in first.peaks[:STRONGEST].tolist():
-        every = [float(np.interp(order, s.orders, s.amplitude)) for s in spectra.values()]
-        floors = [float(np.interp(order, s.orders, s.noise_floor)) for s in spectra.values()]
-        value = float(np.mean(every))
-        # The floor is the mean power of noise: half of it lies in phase with the order.
-        half = 1.96 * float(np.sqrt(0.5 * np.mean(np.square(floors)) / len(floors)))
-        name = f"amplitude_{order:.6g}"
-        estimates[name] = Estimate(
-            name=name, value=value, unit=unit, low=max(value - half, 0.0), high=value + half
-        )
-    return estimates
-
-
-def _plot(spectra: dict[int, OrderPeaks], channel: str, unit: str, angle_name: str) -> Plot:
-    series = tuple(
-        series
-        for d, s in spectra.items()
-        for series in (
-            Series(
-                label=way_of(d), x=s.orders, y=s.amplitude, style="line", group=0 if d > 0 else 1
-            ),
-            Series(
-                label=f"noise floor, {way_of(d)}",
-                x=s.orders,
-                y=s.noise_floor,
-                style="line",
-                group=2 if d > 0 else 3,
-            ),
-        )
-    )
-    name = angle_name.replace("_", " ")
-    return Plot(
-        name="order-spectrum",
-        title=f"Orders of the {channel.replace('_', ' ')}",
-        x_label=f"order per revolution of the {name}",
-        y_label=f"amplitude [{unit}]",
-        series=series,
-        y_scale="log",
+def _require_turns(recording: Recording, samples: OrderSamples, highest: float) -> None:
+    """Refuse an angle that covers neither a whole revolution nor enough periods of the highest order asked for."""
+    turns = max(samples.revolutions(d) for d in samples.directions)
+    if turns >= 1.0 or turns * highest >= PERIODS:
+        return
+    raise AnalysisError(
+        "there is no stretch of a whole revolution in one direction",
+        where=recording.metadata.run_id,
+        value=f"{turns:.3g} revolutions",
+        limit=f">= 1, or {PERIODS:g} periods of the highest order",
+        remedy="Record at least one whole revolution; or, of a joint behind a gear, ask for the orders of its motor: "
+        f"--set highest_order={math.ceil(max(2.0 * PERIODS / max(turns, 1e-3), 500.0)):g}.",
     )
 
 
-def _table(spectra: dict[int, OrderPeaks], unit: str) -> Table:
-    rows: list[tuple[float | int | str, ...]] = []
-    for d, s in spectra.items():
-        strongest = sorted(range(len(s.orders)), key=lambda k: -s.amplitude[k])[:40]
-        rows += [
-            (way_of(d), float(s.orders[k]), float(s.amplitude[k]), float(s.phase[k]) / DEGREE)
-            for k in strongest
-        ]
-    columns = ("direction", "order", f"amplitude [{unit}]", "phase [deg]")
-    return Table("orders", "Strongest orders", columns, tuple(rows))
+def _measured_ratio(recording: Recording) -> float:
+    """Travel of the input over that of the output, where both were recorded; NaN where not."""
+    if not recording.has("input_angle", "output_angle") or recording.rows < 2:
+        return math.nan
+    ends = slice(0, 1), slice(recording.rows - 1, None)
+    first, last = (recording.si("input_angle", rows)[0] for rows in ends)
+    begin, end = (recording.output_angle(rows)[0] for rows in ends)
+    # A run that comes back to where it began tells nothing by its ends.
+    return float((last - first) / (end - begin)) if abs(end - begin) > 0.5 else math.nan
 
 
 EXPERIMENT = Experiment(
@@ -198,6 +122,8 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=(),
     has_plan=False,
+    cuts_gaps=True,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
 )
+"""Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart."""

@@ -505,11 +505,16 @@ def _stated(
         at = step.time + solution.values["skew"]
         return np.interp(at, arrays.fine, angle) + step.output_angle[0]
 
+    def whole(step: StepData) -> StepArrays:
+        """The step to its end: more than its fit looks at, where it is long."""
+        return step_arrays(step, problem.interval, problem.basis, longest=math.inf)
+
     def answer(step: StepData) -> Array:
-        arrays = step_arrays(step, problem.interval, problem.basis)
+        arrays = whole(step)
         return at_stamps(step, arrays, respond(arrays)[1])
 
-    for step, arrays in zip(steps, problem.steps, strict=True):
+    for step in steps:
+        arrays = whole(step)
         ideal, angle, speed = respond(arrays)
         predicted.append(at_stamps(step, arrays, angle))
         rigid.append(at_stamps(step, arrays, ideal))

@@ -17,22 +17,29 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels, increasing
-from model.identify.least_squares import solve
+from model.identify.least_squares import LinearFit, solve
 from model.units import DEGREE, REVOLUTION, RPM
 
 FEW_REVOLUTIONS = 6
+USUAL_ORDERS = 12
+"""Orders of the input that the torque over one revolution is always given."""
+STANDS_OUT = 0.01
+"""Probability that noise alone makes one further order stand out."""
 NOISY_RANGE = 4.0
 """Range of a handful of visits, in standard errors, that noise alone explains."""
 FEW_POINTS = 6
 """Speeds of a tare below which nobody can say whether it is a straight line."""
 BENT = 0.2
 """Relative standard uncertainty of the slope with which a tare goes on above its fastest speed."""
-REST_LIMIT = 5.0 * DEGREE
-"""Standstill, in angle that a steady speed would have turned, above which a hold counts as stick."""
+REST_LIMIT = 0.1 * DEGREE
+"""Standstill, in angle that a steady speed would have turned, above which a hold counts as stick: below a steep
+Stribeck curve a speed loop stops and goes by tenths of a degree, and the mean torque is several per cent low."""
+RESTING_STEPS = 3.0
+"""Counts, or samples where each brings some, whose time is no standstill: cogging lets a slow speed ripple."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,11 +119,11 @@ def average_torque(
 
 
 def _rest_angle(rests: Array, turned: Array, speed: float) -> float:
-    """The longest time without a count, as angle at the mean speed, less what a count itself takes."""
+    """The longest time without a count, as angle at the mean speed, less what a few counts or samples take."""
     if len(rests) == 0:
         return 0.0
-    count = float(np.median(np.diff(turned)))
-    return max(float(rests.max()) * abs(speed) - 2.0 * count, 0.0)
+    step = max(float(np.min(np.diff(turned))), float(np.min(rests)) * abs(speed))
+    return max(float(rests.max()) * abs(speed) - RESTING_STEPS * step, 0.0)
 
 
 def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple[float, float]:
@@ -141,23 +148,49 @@ def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple
 
 
 def _error_within(turned: Array, effort: Array, whole: int) -> tuple[float, float]:
-    """Error of the mean from what a Fourier series over one input revolution leaves (few revolutions)."""
+    """Error of the mean from what a Fourier series over one input revolution leaves (few revolutions).
+
+    Further orders that stand out join the series: cogging is part of the motor and adds nothing to a mean over whole
+    revolutions, so that it is no error of it.
+    """
     bins = min(240 * whole, max(len(effort) // 4, 40 * whole))
     place = np.minimum((turned * (bins / (REVOLUTION * whole))).astype(np.intp), bins - 1)
     counts = np.bincount(place, minlength=bins)
     filled = counts > 0
     means = np.bincount(place, weights=effort, minlength=bins)[filled] / counts[filled]
     angle: Array = (np.flatnonzero(filled).astype(np.float64) + 0.5) * (REVOLUTION * whole / bins)
-    orders = [n for n in range(1, 13) if 2 * n + 4 < int(filled.sum()) // 3]
-    design: Array = np.column_stack(
-        [np.ones_like(angle)] + [f(n * angle) for n in orders for f in (np.cos, np.sin)]
-    )
-    if len(angle) <= design.shape[1] + 3:
+    orders = list(range(1, min(USUAL_ORDERS, (len(angle) // 3 - 5) // 2) + 1))
+    if len(angle) <= 2 * len(orders) + 4:
         spread = float(np.std(effort, ddof=1)) if len(effort) > 1 else abs(float(effort.mean()))
         return max(spread / math.sqrt(max(whole, 1)), 1e-12), 2.0
-    fit = solve(design, means, where="torque over one revolution")
+    fit = _series(angle, means, orders)
+    further = np.arange(len(orders) + 1, bins // (2 * whole))
+    # Half of the means are left to tell the noise.
+    standing = _standing_out(angle, fit.residual, further)[: len(angle) // 4 - 1 - len(orders)]
+    if len(standing):
+        fit = _series(angle, means, [*orders, *standing])
     floor = 1e-12 * max(abs(float(means.mean())), 1e-9)
     return max(float(fit.standard_error[0]), floor), max(fit.freedom, 2.0)
+
+
+def _series(angle: Array, values: Array, orders: Sequence[int]) -> LinearFit:
+    """A Fourier series of these orders of the input revolution, its constant first."""
+    waves = [f(n * angle) for n in orders for f in (np.cos, np.sin)]
+    design: Array = np.column_stack([np.ones_like(angle), *waves])
+    return solve(design, values, where="torque over one revolution")
+
+
+def _standing_out(angle: Array, residual: Array, orders: NDArray[np.intp]) -> list[int]:
+    """The orders whose power noise alone would not give, the strongest first.
+
+    Noise has an exponential power, whose median is log 2 of its mean; a few strong orders do not move it.
+    """
+    if len(orders) == 0:
+        return []
+    power = np.abs(np.exp(1j * np.outer(orders, angle)) @ residual) ** 2
+    mean = float(np.median(power)) / math.log(2.0)
+    strong = power > mean * math.log(len(orders) / STANDS_OUT)
+    return [int(n) for n in orders[np.argsort(-power)] if strong[n - orders[0]]]
 
 
 @dataclass(frozen=True, kw_only=True)

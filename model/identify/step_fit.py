@@ -79,9 +79,18 @@ class StepArrays:
     own: Array
 
 
-def step_arrays(data: StepData, interval: float, basis: Sequence[tuple[int, int]]) -> StepArrays:
-    """A step made ready for the fit, on a fine grid of this interval [s], which is that of all steps."""
-    last = min(float(data.time[-1]), LONGEST)
+def step_arrays(
+    data: StepData,
+    interval: float,
+    basis: Sequence[tuple[int, int]],
+    *,
+    longest: float = LONGEST,
+) -> StepArrays:
+    """A step made ready for the fit, on a fine grid of this interval [s], which is that of all steps.
+
+    What comes after `longest` [s] is not fitted; a step that is predicted is taken to its end.
+    """
+    last = min(float(data.time[-1]), longest)
     fine = np.arange(data.time[0], last + 0.5 * interval, interval)
     fine = fine[fine <= data.time[-1]]
     angle = scipy.interpolate.CubicSpline(data.time, data.input_angle)(fine)

@@ -30,6 +30,8 @@ from model.kernels import regression as kernels
 
 NAMES = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
 """F_c, F_s, v_s, sigma, c_v: the order of every array of parameters here."""
+LINEAR = (0, 1, 4)
+"""Places of F_c, F_s and c_v among them, in which the curve is linear, and which are not negative."""
 
 
 LOWEST_VELOCITY, HIGHEST_VELOCITY = 1.0 / 3.0, 1.0 / 4.0
@@ -259,7 +261,8 @@ def profile_intervals(
 ) -> Array:
     """Profile-likelihood intervals of the five parameters, shape (5, 2); NaN where the profile does not close.
 
-    The data must be those of the fit. Holding one parameter, all others are at their best.
+    The data must be those of the fit. Holding one parameter, all others are at their best. F_c, F_s and c_v are never
+    negative: where the profile has not closed at zero, zero is the low end, which is physics and no bound of a search.
     """
     points = _points(speed, force, standard_error, common)
     v, f = points.speed, points.force
@@ -293,6 +296,7 @@ def profile_intervals(
         ]
     )
     intervals[2:4] = np.exp(intervals[2:4])
+    intervals[LINEAR, 0] = np.nan_to_num(intervals[LINEAR, 0], nan=0.0)
     return intervals
 
 

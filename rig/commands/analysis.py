@@ -110,7 +110,8 @@ def fit(
 
     Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home,
     and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
-    order-spectrum. The exit code is the verdict by the acceptance file of the gear:
+    order-spectrum, skew (delay between two channels) and hysteresis (loops of output torque).
+    The exit code is the verdict by the acceptance file of the gear:
     0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
     """
     from rig.analysis.fit_run import fit_run

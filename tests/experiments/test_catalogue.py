@@ -37,7 +37,12 @@ def test_names_and_kinds() -> None:
     assert catalogue.names() == PROTOCOLS
     assert catalogue.kinds()[: len(PROTOCOLS)] == PROTOCOLS
     assert set(catalogue.kinds()) - set(PROTOCOLS) == {
-        *("motion", "friction-curve", "revolution", "order-spectrum")
+        "motion",
+        "friction-curve",
+        "revolution",
+        "order-spectrum",
+        "skew",
+        "hysteresis",
     }
 
 

@@ -29,7 +29,10 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from tests.experiments.conftest import SERIES
-from tests.experiments.recordings.test_friction_curve import BOTH, friction, table
+from tests.experiments.recordings.test_friction_curve import BOTH as SPEEDS
+from tests.experiments.recordings.test_friction_curve import friction, table
+from tests.experiments.recordings.test_hysteresis import loops, recorded
+from tests.experiments.recordings.test_skew import BOTH, encoders
 from tests.experiments.synthetic import Bench, record
 from tests.experiments.test_analyses_without_plan import axis, foreign
 
@@ -60,7 +63,11 @@ def small(
             time, position, force = axis()
             return foreign(time, position=(position, "m"), force=(force, "N"))
         if kind == "friction-curve":
-            return table(BOTH, friction(BOTH, 1.5))
+            return table(SPEEDS, friction(SPEEDS, 1.5))
+        if kind == "skew":
+            return encoders(50.0, -50.0, 200.0, -200.0)
+        if kind == "hysteresis":
+            return recorded(*loops())
         if kind == "velocity-steps":
             steps = velocity_steps.Parameters(speeds_rpm=(60.0, 1800.0, 2950.0), repeats=1)
             whole = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))
@@ -76,7 +83,9 @@ def small(
 
     def analysed(kind: str) -> Result:
         tare = request.getfixturevalue("tare") if catalogue.load(kind).takes_tare else None
-        settings = {"highest_order": 48} if kind in ("revolution", "order-spectrum") else {}
+        settings: dict[str, Any] = dict(BOTH) if kind == "skew" else {}
+        if kind in ("revolution", "order-spectrum"):
+            settings = {"highest_order": 48}
         return catalogue.load(kind).analyse(
             recording(kind), Evidence(gear, tare, settings=settings)
         )

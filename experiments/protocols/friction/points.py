@@ -58,11 +58,20 @@ from model.identify.common_errors import (
 )
 from model.identify.estimate import Cause
 from model.identify.friction import tare_scatter
-from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
+from model.identify.running_torque import (
+    REST_LIMIT,
+    FrictionPoints,
+    RunningTorque,
+    Tare,
+    pair_directions,
+)
 from model.identify.stribeck import stribeck_curve, stribeck_jacobian
+from model.units import DEGREE, RPM
 
 PLACE_ORDERS = (1, 2, 3, 4)
 """Orders of the output revolution that friction is looked at over."""
+SAME_SPEED = 0.03
+"""Relative difference of two speeds up to which they are visits to one."""
 REPETITIONS_PER_ORDER = 3
 """Repetitions of speeds that each order needs."""
 BEARING_RELATIVE = 0.2
@@ -155,7 +164,9 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
             where=recording.metadata.run_id,
             remedy="Hold each speed for whole revolutions.",
         )
+    holds, stuck = _sliding(holds)
     tare, said = read_tare(evidence.tare, _speeds(holds))
+    said = [*stuck, *said]
     if tare is not None:
         holds, bracket = (
             [
@@ -188,6 +199,32 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         output=output_bearing(recording, evidence.settings),
         heat=heat,
     )
+
+
+def _sliding(holds: list[Hold]) -> tuple[list[Hold], list[str]]:
+    """The holds at speeds at which the input never stuck, and words that name the other speeds.
+
+    Raises `AnalysisError` where it stuck at all of them.
+    """
+    speed = _speeds(holds)
+    stuck = speed[[h.torque.sticks for h in holds]]
+    if not len(stuck):
+        return holds, []
+    named = ", ".join(f"{rpm:g}" for rpm in np.unique(np.round(stuck / RPM, 1)))
+    beside = np.abs(speed[:, None] / stuck - 1.0).min(axis=1)
+    sliding = [h for h, away in zip(holds, beside, strict=True) if away > SAME_SPEED]
+    if not sliding:
+        raise AnalysisError(
+            "the input stood still at every speed, and a torque at standstill is no running torque",
+            where="holds",
+            value=f"{named} r/min",
+            limit=f"<= {REST_LIMIT / DEGREE:g} degrees of standstill at the mean speed",
+            remedy="Run faster, or stiffen the speed loop.",
+        )
+    return sliding, [
+        f"The input stopped and went at {named} r/min: these speeds are left out, standstill is no "
+        "sliding friction. Run faster, or stiffen the speed loop."
+    ]
 
 
 def _thermometer(recording: Recording) -> float:
@@ -357,17 +394,15 @@ def common_errors(
     if law.is_known:
         # It moves no hold, only what is brought to 20 degC.
         errors.append(CommonError(source=THERMOMETRY, effect=np.zeros_like(speed)))
-    if measured.tare is not None:
-        errors.append(
-            CommonError(
-                source=TARE,
-                effect=measured.heat.tare * tare,
-                cause=Cause.TARE,
-                note="the same motor, warmer or colder",
-            )
-        )
     return errors + _never_seen(
-        measured, recording, speed, direction, dry=dry, gear_torque=gear_torque, ratio=ratio
+        measured,
+        recording,
+        speed,
+        direction,
+        dry=dry,
+        gear_torque=gear_torque,
+        tare=tare,
+        ratio=ratio,
     )
 
 
@@ -390,10 +425,14 @@ def _never_seen(
     *,
     dry: FloatArray,
     gear_torque: FloatArray,
+    tare: FloatArray,
     ratio: float,
 ) -> list[CommonError]:
     """Errors that no data of the run can tell: torque scale, torque zero of holds without a partner, output bearing,
-    and how the gear's next run would differ.
+    how the gear's next run would differ, and the motor's temperature in the tare.
+
+    The friction of a motor that is warmer is less by a factor. It is a straight line over speed, as F_c and c_v are
+    together: what is left of it in the torques passes for the gear's.
     """
     relative, source = torque_scale_uncertainty(recording, measured.channel)
     errors = [
@@ -422,6 +461,16 @@ def _never_seen(
             is_fitted=False,
         ),
     ]
+    if measured.tare is not None:
+        errors.append(
+            CommonError(
+                source=TARE,
+                effect=measured.heat.tare * tare,
+                cause=Cause.TARE,
+                note="the same motor, warmer or colder",
+                is_fitted=False,
+            )
+        )
     for part, effect in measured.output.effects(speed, ratio).items():
         errors.append(
             CommonError(source=part, effect=effect, note=measured.output.source, is_fitted=False)

@@ -19,7 +19,6 @@ from model.errors import ModelError
 from model.identify.dynamics import LadderFit
 from model.identify.sensitivity import Identifiability
 from model.identify.step_data import StepScore, score_step
-from model.identify.step_fit import LONGEST
 from model.kinematic_error import order_spectrum
 from model.units import ARCSEC, RPM
 
@@ -87,7 +86,7 @@ def _step_figure(
 ) -> Plot:
     """Figure 19 of one step: measured, and simulated from the commanded input."""
     asked = commanded_step(step)
-    end = min(LONGEST, float(score.time[-1])) - AT_THE_END
+    end = float(score.time[-1]) - AT_THE_END
     shown = score.time <= min(max(SHOWN, 3.0 * 60.0 / max(rpm, 1)), end)
 
     def speed_of(simulated: FloatArray) -> FloatArray:

@@ -1,0 +1,1 @@
+"""Analyses of recordings that need no plan."""

@@ -210,6 +210,14 @@ def test_a_transient_below_one_count_is_told_by_many_samples() -> None:
     assert told.low <= MODE.natural_frequency / (2.0 * np.pi) <= told.high
 
 
+def test_a_long_step_is_predicted_to_its_end() -> None:
+    data = [step(speed, n, duration=5.0)[0] for n, speed in enumerate((300.0, -300.0))]
+    found = fit_ladder(data, EXPECTED, richest="linear", error_given=True)
+    for measured, predicted in zip(data, found.predicted, strict=True):
+        away = measured.output_angle - predicted
+        assert np.ptp(away[measured.time > 3.0]) < 8.0 * OUTPUT_QUANTUM
+
+
 @pytest.mark.parametrize("soft", [0.0, 0.2])
 def test_the_derivatives_by_the_kinematic_error_are_those_of_the_response(soft: float) -> None:
     """Through a hardening spring and a sliding Dahl element as well: else a fit stops before its answer."""

@@ -22,8 +22,8 @@ from model.identify.running_torque import (
     tare_from,
 )
 from model.identify.stribeck import NAMES, stribeck_curve
-from model.units import REVOLUTION, RPM
-from tests.model.identify.rigs import SPEEDS, hold, sweep
+from model.units import DEGREE, REVOLUTION, RPM
+from tests.model.identify.rigs import INPUT_QUANTUM, SPEEDS, counted, hold, sweep
 
 GEAR = shipped_gear()
 
@@ -285,6 +285,23 @@ def test_the_error_within_few_revolutions_is_of_the_right_size() -> None:
     assert 0.7 < np.std(z) < 1.35
 
 
+@pytest.mark.parametrize(("revolutions", "rows"), [(1, 4000), (1, 260), (3, 800)])
+def test_cogging_is_no_error_of_the_mean_over_whole_revolutions(
+    revolutions: int, rows: int
+) -> None:
+    """Orders 24 and 48 of the motor, several times the noise, average out and must not pass for scatter."""
+    random = np.random.default_rng(revolutions * rows)
+    time = np.linspace(0.0, 10.0, rows + 1)
+    z = []
+    for _ in range(60):
+        angle = random.uniform(0.0, REVOLUTION) + REVOLUTION * revolutions * time / 10.0
+        cogging = 0.0025 * np.cos(24.0 * angle + 1.0) + 0.0006 * np.cos(48.0 * angle)
+        torque = 0.06 + cogging + 0.0015 * random.standard_normal(len(time))
+        found = average_torque(time, angle, torque)
+        z.append((found.torque - 0.06) / found.standard_error)
+    assert 0.75 < np.std(z) < 1.3
+
+
 def test_stick_is_seen() -> None:
     time = np.linspace(0.0, 60.0, 12_000)
     angle = 0.3 * time
@@ -292,6 +309,21 @@ def test_stick_is_seen() -> None:
     found = average_torque(time, angle, np.full_like(time, 0.06))
     assert found.sticks
     assert not average_torque(time, 0.3 * time, np.full_like(time, 0.06)).sticks
+
+
+@pytest.mark.parametrize("rate", [250.0, 1000.0])
+def test_stopping_and_going_by_a_degree_is_stick(rate: float) -> None:
+    """A loop that lets a shaft stand for half of every degree; cogging that only ripples the speed is none."""
+    time = np.arange(0.0, 31.0, 1.0 / rate)
+    steady = 2.0 * RPM * time
+    beat = 1.0 * DEGREE
+    stepped = beat * (
+        np.floor(steady / beat) + np.clip(2.0 * (steady / beat % 1.0) - 1.0, 0.0, 1.0)
+    )
+    rippled = steady + 0.6 / 24.0 * np.sin(24.0 * steady)
+    torque = np.full_like(time, 0.06)
+    assert average_torque(time, counted(stepped, INPUT_QUANTUM), torque).sticks
+    assert not average_torque(time, counted(rippled, INPUT_QUANTUM), torque).sticks
 
 
 def test_half_difference_and_half_sum() -> None:

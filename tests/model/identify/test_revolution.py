@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from model.errors import IdentificationError
-from model.identify.revolution import directions_of_travel, fit_revolution, order_peaks
+from model.identify.revolution import fit_revolution
 from model.units import REVOLUTION
 
 DATA = (
@@ -92,26 +92,6 @@ def test_one_direction_alone_gives_no_friction() -> None:
     fit = fit_revolution(angle[:3000], value[:3000], highest_order=60)
     assert "friction" not in fit.estimates
     assert fit.estimates["mean"].identifiable == "weakly"
-
-
-def test_directions_of_travel_ignore_jitter() -> None:
-    angle, _ = back_and_forth(3, 0.0)
-    sign = directions_of_travel(angle)
-    assert np.all(sign[:2990] == 1.0)
-    assert np.all(sign[3010:] == -1.0)
-
-
-def test_order_peaks_over_input_and_output_angle() -> None:
-    random = np.random.default_rng(0)
-    angle = np.linspace(0.0, 240.0 * REVOLUTION, 200_000) + 0.05 * np.sin(
-        np.linspace(0.0, 900.0, 200_000)
-    )
-    value = (
-        np.cos(2.0 * angle) + 0.3 * np.cos(angle / 120.0) + 0.1 * random.standard_normal(len(angle))
-    )
-    assert order_peaks(angle, value, highest_order=10.0).peaks[0] == pytest.approx(2.0, abs=0.005)
-    over_output = order_peaks(angle, value, ratio=120.0, highest_order=300.0)
-    assert set(np.round(over_output.peaks[:2])) == {240.0, 1.0}
 
 
 @pytest.mark.parametrize(

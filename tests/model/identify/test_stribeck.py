@@ -94,10 +94,15 @@ def test_fast_data_leave_the_stribeck_part_open() -> None:
 
 def test_a_friction_that_falls_with_speed_stops_at_its_bound() -> None:
     speed, _, error = measured(2, noise=1e-3)
-    fit = fit_stribeck(speed, stribeck_curve(speed, [100.0, 160.0, 10.0, 1.0, -0.05]), error)
+    force = stribeck_curve(speed, [100.0, 160.0, 10.0, 1.0, -0.05])
+    fit = fit_stribeck(speed, force, error)
     assert "viscous" in fit.at_bound
     assert fit.values[4] == 0.0
     assert fit.values[1] >= fit.values[0]
+    # Zero is the least that friction can be: the interval ends there, it is not left open.
+    low, high = profile_intervals(fit, speed, force, error)[4]
+    assert low == 0.0
+    assert 0.0 < high < 0.1
 
 
 def test_bad_points_are_refused() -> None:

@@ -12,6 +12,7 @@ from experiments import catalogue
 from experiments.recording import Segment
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.analysis.digest import digest
 from rig.run.start import RunRequest, run_request
 from rig.window.prepare.protocol import ProtocolSection
 from rig.window.review.marks import segment_words
@@ -72,6 +73,7 @@ def test_its_run_shows_the_plots_that_it_asks_for(
 def test_the_end_of_its_run_names_its_key_result_first(
     session: WindowSession, qtbot: QtBot, run: Path
 ) -> None:
+    digest(run, "2026-01-01T00:00:00+00:00")
     view = OutcomeView(session)
     qtbot.addWidget(view)
     view.show_end(RunState(state=State.FINISHED, outcome="COMPLETED"), {}, run)

@@ -1,0 +1,223 @@
+"""Hysteresis: loops of output torque over torsion, from slow swings with a locked input or from presliding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from experiments.budget import budget_table, scale_line
+from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.errors import AnalysisError, analysing
+from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
+from experiments.quantity import Quantity
+from experiments.recording import Recording
+from experiments.recordings.channels import chosen_channel
+from experiments.result import Plot, Result, Series, Table
+from model.arrays import FloatArray
+from model.identify.estimate import Estimate
+from model.identify.hysteresis import NAMES, UNITS, HysteresisFit, fit_hysteresis
+
+NAME = "hysteresis"
+SETTINGS = ("angle", "torque", "at_torque")
+TORQUE = "output_torque"
+TORSION = "torsion"
+"""The name of an angle that is made here: theta_o - theta_i/N."""
+MOST_ROWS = 4_000_000
+"""Rows that are read; of more the first."""
+PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss")
+"""What is proportional to the scale of the torque."""
+
+QUANTITIES = (
+    Quantity(
+        name="branch_stiffness",
+        title="stiffness of the loading branch",
+        unit="N m/rad",
+        definition="slope of torque over torsion beyond half the amplitude, while it is loaded",
+        is_key=True,
+    ),
+    Quantity(
+        name="secant_stiffness",
+        title="secant stiffness",
+        unit="N m/rad",
+        definition="torque over torsion between the tips of the loop",
+        is_key=True,
+    ),
+    Quantity(
+        name="loss", title="loss per loop", unit="J", definition="area of the loop", is_key=True
+    ),
+    Quantity(
+        name="hysteresis_loss",
+        title="hysteresis loss",
+        unit="rad",
+        shown="arcmin",
+        definition="width of the loop at no torque",
+        is_key=True,
+    ),
+    Quantity(
+        name="lost_motion",
+        title="lost motion",
+        unit="rad",
+        shown="arcmin",
+        definition="between the middles of the loop at +T and at -T",
+        is_key=True,
+    ),
+    Quantity(name="loops", title="loops", unit="1"),
+    Quantity(name="amplitude", title="amplitude of the torque", unit="N m"),
+    Quantity(name="torque_of_lost_motion", title="torque of the lost motion", unit="N m"),
+)
+
+
+def analyse(recording: Recording, evidence: Evidence) -> Result:
+    """Stiffness, loss and lost motion from the loops of output torque over torsion.
+
+    Settings: angle ("torsion" where both angles are there, else "output_angle" or "position", with the input locked),
+    torque ("output_torque"), at_torque [N m] of the lost motion (4 % of the amplitude). Refused without a torque at
+    the output: what the motor gives is not what twists the gear.
+    """
+    settings = evidence.settings
+    check_settings(settings, SETTINGS, NAME)
+    torque = _torque(recording, settings)
+    checked = check_recording(
+        recording, "hysteresis loops", evidence.maximum_missed_share, least_rows=40
+    )
+    rows = slice(0, min(recording.rows, MOST_ROWS))
+    good = usable(recording, rows)
+    angle_name, angle = _angle(recording, settings, rows)
+    level = float(settings["at_torque"]) if "at_torque" in settings else None
+    with analysing(recording.metadata.run_id):
+        fit = fit_hysteresis(angle[good], recording.si(torque, rows)[good], level)
+    estimates = _with_scale(fit, recording, torque)
+    return Result(
+        run=recording.metadata.run_id,
+        kind=NAME,
+        quantities=QUANTITIES,
+        estimates=estimates,
+        metrics={
+            "loops": float(len(fit.loops)),
+            "amplitude": fit.amplitude,
+            "torque_of_lost_motion": fit.torque,
+        },
+        warnings=(*checked.warnings, *_said(recording, fit, level)),
+        plots=(_plot(fit, angle[good], recording.si(torque, rows)[good]),),
+        tables=(_table(fit), budget_table(estimates.values())),
+        options={"angle": angle_name, "torque": torque},
+    )
+
+
+def _torque(recording: Recording, settings: Mapping[str, Any]) -> str:
+    name = str(settings.get("torque", TORQUE))
+    if not recording.has(name):
+        raise AnalysisError(
+            "hysteresis, stiffness and lost motion need the torque at the output, which this recording does not have",
+            where=recording.metadata.run_id,
+            value=name,
+            limit="channels " + ", ".join(sorted(recording.signals)),
+            remedy="Record an output-torque sensor with the input locked (channel output_torque). The motor's torque "
+            "is not the torque that twists the gear.",
+        )
+    if recording.signals[name].unit != "N m":
+        raise AnalysisError(
+            "is no torque",
+            where=f"{recording.metadata.run_id}: {name}",
+            value=recording.signals[name].unit,
+            limit="N m",
+        )
+    return name
+
+
+def _angle(
+    recording: Recording, settings: Mapping[str, Any], rows: slice
+) -> tuple[str, FloatArray]:
+    """The torsion angle [rad]: of both angles where they are there, else of the one beside a locked input."""
+    both = recording.has("input_angle", "output_angle")
+    wanted = settings.get("angle", TORSION if both else None)
+    if wanted == TORSION:
+        recording.require("the torsion", "input_angle", "output_angle")
+        ratio = rotary_ratio(recording, float("nan"))
+        if not np.isfinite(ratio):
+            raise AnalysisError(
+                "torsion needs the ratio of the gear",
+                where=recording.metadata.run_id,
+                value="none",
+                limit="input revolutions per output revolution",
+                remedy="Import it with --ratio, or analyse one angle: --set angle=output_angle.",
+            )
+        return TORSION, recording.output_angle(rows) - recording.si("input_angle", rows) / ratio
+    names = ("output_angle", "position", "input_angle")
+    name = chosen_channel(recording, settings, "angle", names, "hysteresis loops")
+    if recording.signals[name].unit != "rad":
+        raise AnalysisError(
+            "is no angle",
+            where=f"{recording.metadata.run_id}: {name}",
+            value=recording.signals[name].unit,
+            limit="rad",
+        )
+    # The sign of the output's sense is of its following the input, which is locked here.
+    return name, recording.si(name, rows)
+
+
+def _with_scale(fit: HysteresisFit, recording: Recording, torque: str) -> dict[str, Estimate]:
+    """The estimates with the scale of the torque in their budgets, where they are proportional to it."""
+    return {
+        name: e.with_budget((scale_line(recording, e.value, torque),))
+        if name in PROPORTIONAL and e.budget
+        else replace(e)
+        for name, e in fit.estimates.items()
+    }
+
+
+def _said(recording: Recording, fit: HysteresisFit, level: float | None) -> list[str]:
+    said: list[str] = []
+    if level is None:
+        said.append(
+            f"Lost motion is stated at ±{fit.torque:.3g} N m, 4 % of the loops' amplitude; a catalogue's is at 4 % of "
+            "the rated torque: --set at_torque=."
+        )
+    if len(fit.loops) < 2:
+        said.append("There is one loop: nothing tells how well its numbers repeat.")
+    if recording.rows > MOST_ROWS:
+        said.append(f"The first {MOST_ROWS} of {recording.rows} rows were used.")
+    return said
+
+
+def _plot(fit: HysteresisFit, angle: FloatArray, torque: FloatArray) -> Plot:
+    series = tuple(
+        Series(
+            label=f"loop {number}",
+            x=np.concatenate([angle[loop.up], angle[loop.down]]),
+            y=np.concatenate([torque[loop.up], torque[loop.down]]),
+            style="line",
+            group=number - 1,
+        )
+        for number, loop in enumerate(fit.loops[:6], start=1)
+    )
+    return Plot(
+        name="hysteresis",
+        title="Torque over torsion",
+        x_label="torsion [rad]",
+        y_label="output torque [N m]",
+        series=series,
+    )
+
+
+def _table(fit: HysteresisFit) -> Table:
+    heads = (f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True))
+    rows = tuple((number, *loop.numbers) for number, loop in enumerate(fit.loops, start=1))
+    return Table("loops", "Each loop", ("loop", *heads), rows)
+
+
+EXPERIMENT = Experiment(
+    name=NAME,
+    title="Hysteresis loops",
+    summary="stiffness, loss and lost motion from loops of output torque",
+    parameters=NoParameters,
+    plan=no_plan,
+    analyse=analyse,
+    needs=(),
+    has_plan=False,
+    quantities=QUANTITIES,
+    version=1,
+)

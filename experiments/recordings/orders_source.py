@@ -1,0 +1,143 @@
+"""A channel of a recording over one of its angles, stretch by stretch, read as it is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from experiments.angle.phase_reference import phase_reference
+from experiments.errors import AnalysisError
+from experiments.evidence import usable
+from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
+from experiments.recording import Recording
+from experiments.torque.zero import torque_zero
+from model.arrays import FloatArray
+from model.identify.orders.samples import CHUNK, Piece, Source
+from model.identify.orders.turning import DeadZone, runs_of
+
+LABELS = ("traverse", "hold")
+"""Segments of a run that turn at a constant speed."""
+KINEMATIC_ERROR = "kinematic_error"
+"""The name of a channel that is made here: theta_o - theta_i/N."""
+LOOKED_AT, LOOKS = 20_000, 8
+"""Rows of each of the parts that tell the noise of an angle, and how many these are."""
+STILL = 0.1
+"""rad within which a segment has not turned."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OrderSource:
+    """The pieces of a channel over an angle, and what has to be said of them.
+
+    reference: from where phases count; left_out: share of the rows of a run without segments that are in no stretch.
+    """
+
+    pieces: Source
+    reference: str
+    left_out: float
+    warnings: tuple[str, ...]
+
+
+def order_source(recording: Recording, angle_name: str, channel: str, ratio: float) -> OrderSource:
+    """The channel over the angle: of the run's segments at constant speed, else of all that turns one way."""
+    if recording.signals[angle_name].unit != "rad":
+        raise AnalysisError(
+            "a revolution needs an angle",
+            where=recording.metadata.run_id,
+            value=f"{angle_name} in {recording.signals[angle_name].unit}",
+            limit="rad",
+            remedy="Import the channel as an angle, or choose another one with the setting angle=NAME.",
+        )
+    reference, what = 0.0, "the recorded angle"
+    if angle_name == "input_angle":
+        phase = phase_reference(recording)
+        reference, what = phase.input_angle, phase.what
+    angle = angle_of(recording, angle_name)
+    value, warnings = _value(recording, channel, ratio)
+    labelled = _segments(recording, angle)
+    zone = None if labelled else _dead_zone(recording, angle)
+    stretches = labelled if zone is None else _found(recording, angle, zone)
+    quantum = recording.signals[angle_name].quantum or (0.0 if zone is None else zone.rounding)
+
+    def pieces() -> Iterator[Piece]:
+        for number, (start, stop, direction) in enumerate(stretches):
+            for rows in recording.blocks(slice(start, stop), size=CHUNK):
+                good = usable(recording, rows)
+                if good.any():
+                    turned = angle(rows)[good] - reference
+                    yield Piece.of(number, direction, turned, value(rows)[good], quantum)
+
+    kept = sum(stop - start for start, stop, _ in stretches)
+    return OrderSource(
+        pieces=pieces,
+        reference=what,
+        left_out=0.0 if labelled else 1.0 - kept / max(recording.rows, 1),
+        warnings=tuple(warnings),
+    )
+
+
+def angle_of(recording: Recording, name: str) -> Callable[[slice], FloatArray]:
+    """An angle by rows; that of the output in the sense of the input."""
+    if name == "output_angle":
+        return recording.output_angle
+    return lambda rows: recording.si(name, rows)
+
+
+def _value(
+    recording: Recording, channel: str, ratio: float
+) -> tuple[Callable[[slice], FloatArray], list[str]]:
+    """The channel by rows, its zero taken off, and what has to be said of that."""
+    if channel == KINEMATIC_ERROR:
+        return (
+            lambda rows: recording.output_angle(rows) - recording.si("input_angle", rows) / ratio,
+            [],
+        )
+    zeroed = channel in ("torque", "drive_torque") and recording.labelled(ZERO_BEFORE, ZERO_AFTER)
+    if not zeroed:
+        return lambda rows: recording.si(channel, rows), []
+    zero = torque_zero(recording, channel)
+
+    def value(rows: slice) -> FloatArray:
+        return recording.si(channel, rows) - zero.at(recording.time(rows))
+
+    return value, list(zero.warnings)
+
+
+def _segments(
+    recording: Recording, angle: Callable[[slice], FloatArray]
+) -> list[tuple[int, int, int]]:
+    """First row, end and direction of each segment that turns."""
+    found: list[tuple[int, int, int]] = []
+    for segment in recording.labelled(*LABELS):
+        start, stop = segment.start, min(segment.stop, recording.rows)
+        if stop - start < 2:
+            continue
+        travel = float(angle(slice(stop - 1, stop))[0] - angle(slice(start, start + 1))[0])
+        if abs(travel) > STILL:
+            found.append((start, stop, 1 if travel > 0.0 else -1))
+    return found
+
+
+def _dead_zone(recording: Recording, angle: Callable[[slice], FloatArray]) -> DeadZone:
+    """The dead zone of an angle from some of its rows."""
+    starts = np.linspace(0, max(recording.rows - LOOKED_AT, 0), LOOKS).astype(int)
+    looks = [slice(int(s), min(int(s) + LOOKED_AT, recording.rows)) for s in np.unique(starts)]
+    return DeadZone.of([angle(rows) for rows in looks])
+
+
+def _found(
+    recording: Recording, angle: Callable[[slice], FloatArray], zone: DeadZone
+) -> list[tuple[int, int, int]]:
+    """First row, end and direction of all that turns one way beyond the dead zone of the angle."""
+
+    def ways() -> Iterator[np.ndarray]:
+        for rows in recording.blocks(size=CHUNK):
+            # A halo of the half width, so that blocks join without a seam.
+            before = min(zone.half_width, rows.start)
+            after = min(rows.stop + zone.half_width, recording.rows)
+            whole = zone.ways(angle(slice(rows.start - before, after)))
+            yield whole[before : before + rows.stop - rows.start]
+
+    return runs_of(ways(), zone.blink)

@@ -1,0 +1,79 @@
+"""Estimates of the orders of a channel, and the sentences that belong to them: one form for all analyses of orders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from experiments.budget import scale_line
+from experiments.recording import Recording
+from experiments.recordings.channels import EFFORTS
+from experiments.result import way_of
+from model.identify.estimate import Estimate
+from model.identify.orders.fit import OrdersFit, Wave
+from model.identify.orders.samples import HELD
+from model.identify.polar import polar
+
+MENTIONED = 0.01
+"""Share of rows that stand still or belong to no stretch above which it is said."""
+
+
+def order_estimates(
+    fit: OrdersFit, recording: Recording, channel: str, unit: str
+) -> dict[str, Estimate]:
+    """amplitude_v and phase_v of each order; forward_ and reverse_amplitude_v where the directions differ."""
+    estimates: dict[str, Estimate] = {}
+    for order in fit.orders:
+        for estimate in _estimates(order.name, order.mean, unit):
+            estimates[estimate.name] = estimate
+        if order.mean.amplitude < fit.rounded(order):
+            mean = f"amplitude_{order.name}"
+            note = "may be the rounding of the angle under a stronger order"
+            estimates[mean] = replace(estimates[mean], identifiable="weakly", note=note)
+        if not order.differ:
+            continue
+        mean = f"amplitude_{order.name}"
+        note = "mean of directions that differ"
+        estimates[mean] = replace(
+            estimates[mean], note="; ".join(n for n in (estimates[mean].note, note) if n)
+        )
+        for direction, wave in order.waves.items():
+            amplitude, _ = _estimates(order.name, wave, unit)
+            name = f"{way_of(direction)}_{amplitude.name}"
+            estimates[name] = replace(amplitude, name=name)
+    scaled = channel in EFFORTS or (
+        recording.has(channel)
+        and recording.signals[channel].calibration.scale_relative_uncertainty > 0.0
+    )
+    if not scaled:
+        return estimates
+    return {
+        name: e.with_budget((scale_line(recording, e.value, channel),)) if e.unit == unit else e
+        for name, e in estimates.items()
+    }
+
+
+def _estimates(label: str, wave: Wave, unit: str) -> tuple[Estimate, Estimate]:
+    found = polar(label, wave.vector, wave.covariance, wave.freedom, unit)
+    return found.amplitude, found.phase
+
+
+def said_of(fit: OrdersFit, left_out: float) -> list[str]:
+    """What has to be said of how the orders were found."""
+    said: list[str] = []
+    samples = fit.samples
+    if left_out > MENTIONED:
+        said.append(
+            f"{100.0 * left_out:.0f} % of the rows stand still, or belong to no stretch in one direction, "
+            "and were left out."
+        )
+    if not samples.is_whole:
+        said.append(
+            f"Orders were looked for in {samples.held_samples} of {samples.samples} samples ({HELD} groups of them), "
+            "and fitted to all."
+        )
+    differ = [order.name for order in fit.orders if order.differ]
+    if differ:
+        said.append(f"The directions differ in order {', '.join(differ)}: each is listed.")
+    if not fit.orders:
+        said.append("No order rises above the noise.")
+    return said
