@@ -276,7 +276,8 @@ def _metrics(table: _Table, fits: Mapping[str, CurveFit]) -> dict[str, float]:
 
 def _remarks(table: _Table, fit: CurveFit) -> list[str]:
     """What a reader must know of the points and the law."""
-    law, remarks = fit.chosen, []
+    law = fit.chosen
+    remarks: list[str] = []
     if fit.at_rest:
         remarks.append(
             f"{fit.at_rest} points at rest or below least_speed are no sliding friction."

@@ -210,7 +210,7 @@ def _load_turn(motion: RecordedMotion) -> float:
 def _remarks(motion: RecordedMotion, fit: MotionFit) -> list[str]:
     """What a reader must know of the channels and of what was left out."""
     share, unit = fit.metrics["standstill_share"], motion.position_unit
-    remarks = []
+    remarks: list[str] = []
     if share > 0.0:
         remarks.append(
             f"{100.0 * share:.2g} % of the samples are at standstill (below {fit.recipe.least_speed:.3g} {unit}/s) "

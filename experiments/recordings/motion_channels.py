@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -96,9 +96,8 @@ class RecordedMotion:
     @functools.cached_property
     def stated_lag(self) -> float | None:
         """How late the effort is beside the place [s], where the import states it; None where nobody does."""
-        stated = self.recording.metadata.process.get("stated")
-        lags = stated.get("lag_s") if isinstance(stated, Mapping) else None
-        if not isinstance(lags, Mapping) or self.effort not in lags:
+        lags = _mapping(_stated(self.recording).get("lag_s"))
+        if self.effort not in lags:
             return None
         return float(lags[self.effort]) - float(lags.get(self.place, 0.0))
 
@@ -141,10 +140,19 @@ class RecordedMotion:
     @property
     def sense_is_unknown(self) -> bool:
         """Whether an imported output channel is used whose sense nobody stated."""
-        metadata = self.recording.metadata
-        stated = metadata.process.get("stated")
-        said = isinstance(stated, Mapping) and bool(stated.get("output_sense"))
-        return self.place.startswith("output_") and metadata.origin == "imported" and not said
+        is_imported = self.recording.metadata.origin == "imported"
+        said = bool(_stated(self.recording).get("output_sense"))
+        return self.place.startswith("output_") and is_imported and not said
+
+
+def _stated(recording: Recording) -> Mapping[str, Any]:
+    """What the import states of the device."""
+    return _mapping(recording.metadata.process.get("stated"))
+
+
+def _mapping(content: object) -> Mapping[str, Any]:
+    """What a file says where it should say an object; empty where it does not."""
+    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}
 
 
 def _runs(good: np.ndarray) -> list[tuple[int, int]]:

@@ -320,7 +320,7 @@ def _starts(points: CurvePoints, law: str) -> list[tuple[float, float]]:
     for share in TRUSTED:
         count = math.ceil(share * len(points))
         for velocity in velocities.tolist():
-            sizes = []
+            sizes: list[tuple[float, float, float]] = []
             for shape in SHAPES:
                 left = _trimmed_residual(points, law, velocity, shape, count)
                 sizes.append((float(np.sort(left**2)[:count].sum()) / share, velocity, shape))

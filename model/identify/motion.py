@@ -111,10 +111,12 @@ class MotionFit:
     regressors: tuple[str, ...]
     rungs: tuple[Rung, ...] = ()
     instrument: str = ""
-    filter_uncertainty: Mapping[str, float] = field(default_factory=dict)
-    rung_uncertainty: Mapping[str, float] = field(default_factory=dict)
-    lag_uncertainty: Mapping[str, float] = field(default_factory=dict)
-    cutoffs: Mapping[float, Mapping[str, float]] = field(default_factory=dict)
+    filter_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
+    rung_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
+    lag_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
+    cutoffs: Mapping[float, Mapping[str, float]] = field(
+        default_factory=dict[float, Mapping[str, float]]
+    )
     speed_channel: SpeedChannel | None = None
 
     @property

@@ -93,7 +93,7 @@ def look_at(source: MotionSource) -> Look:
             remedy="Choose a part of the run with motion.",
         )
     rows = min(SPECTRUM_ROWS, min(len(v) for _, v in pieces) // 4)
-    spectra = []
+    spectra: list[Array] = []
     frequency = np.empty(0)
     for _, values in pieces:
         frequency, power = scipy.signal.welch(
@@ -150,7 +150,7 @@ def _pieces(source: MotionSource) -> list[tuple[bool, Array]]:
 def _top_speed(source: MotionSource, pieces: list[tuple[bool, Array]], cutoff: float) -> float:
     """The speed [unit/s] that one sample in a hundred exceeds."""
     recipe = MotionFilter(cutoff_hz=cutoff, decimation=1)
-    speeds = []
+    speeds: list[Array] = []
     for is_position, values in pieces:
         smooth = low_pass(values, recipe, source.period)
         speeds.append(np.abs(slope(smooth, source.period) if is_position else smooth))

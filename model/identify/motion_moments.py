@@ -174,7 +174,7 @@ def solve_moments(
         )
     values = system.solution(np.ones(len(moments.sums), dtype=bool))
     scores = system.right - system.left @ values
-    inverse = np.linalg.inv(system.left.sum(axis=0))
+    inverse: Array = np.linalg.inv(system.left.sum(axis=0))
     spread, effective = lagged_sum(scores[np.any(system.squares != 0.0, axis=(1, 2))])
     n = moments.kept
     return MomentFit(
@@ -221,7 +221,10 @@ class _System:
         return cls(squares - noise_sums(moments, names), cross, squares, cross, sums[:, y, y])
 
     def solution(self, blocks: BoolArray) -> Array:
-        return np.linalg.solve(self.left[blocks].sum(axis=0), self.right[blocks].sum(axis=0))
+        values: Array = np.linalg.solve(
+            self.left[blocks].sum(axis=0), self.right[blocks].sum(axis=0)
+        )
+        return values
 
     def error(self, values: Array) -> Array:
         """Squared residual of each block."""
