@@ -47,6 +47,7 @@ ACCEPTANCE = Acceptance(
             upper=upper,
             confirmed_by="A. Example",
             confirmed_on="2026-11-01",
+            subject="motor + gear" if quantity.startswith("starting-torque") else "gear",
         )
         for quantity, upper, unit in LIMITS
     ),
