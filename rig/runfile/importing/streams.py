@@ -311,8 +311,10 @@ def _without_jumps(stream: Stream) -> Iterator[Piece]:
     tail = np.zeros((0, len(stream.columns)))
     for piece in stream.pieces():
         seen = np.concatenate([tail, piece.values])
-        for place in np.flatnonzero(stream.angles):
-            jumps = wraps(seen[:, place], stream.angles[place])
+        for place, scale in enumerate(stream.angles):
+            if not scale:
+                continue
+            jumps = wraps(seen[:, place], scale)
             if len(jumps):
                 line = int(piece.lines[max(int(jumps[0]) - len(tail), 0)])
                 raise RunFileError(
