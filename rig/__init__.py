@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from rig.api.executing import execute
     from rig.api.fitting import fit
     from rig.api.gearing import gear
-    from rig.api.reading import load, read_csv, read_hdf5, read_mat, read_npz
+    from rig.api.reading import load, read_csv, read_hdf5, read_json, read_mat, read_npz
     from rig.api.reporting import report
     from rig.api.results import Comparison, Result, Results, Value
     from rig.api.runs import Run
@@ -52,6 +52,7 @@ _PLACES = {
     "read_mat": "rig.api.reading",
     "read_npz": "rig.api.reading",
     "read_hdf5": "rig.api.reading",
+    "read_json": "rig.api.reading",
     "fit": "rig.api.fitting",
     "simulate": "rig.api.simulating",
     "execute": "rig.api.executing",
@@ -75,6 +76,7 @@ __all__ = [
     "read_mat",
     "read_npz",
     "read_hdf5",
+    "read_json",
     "fit",
     "simulate",
     "execute",

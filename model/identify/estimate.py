@@ -81,16 +81,29 @@ class BudgetLine:
 
 
 def effective_degrees_of_freedom(lines: Iterable[BudgetLine]) -> float:
-    """Degrees of freedom of the root sum of squares of these lines (Welch, Satterthwaite); infinite for none."""
+    """Degrees of freedom of the root sum of squares of these lines (Welch, Satterthwaite); infinite for none.
+
+    A line whose u is infinite, or that has no degree of freedom, decides alone: beside it the others are nothing.
+    """
+    counted = [line for line in lines if line.standard_uncertainty != 0.0]
+    alone = [
+        line.degrees_of_freedom
+        for line in counted
+        if math.isinf(line.standard_uncertainty) or line.degrees_of_freedom <= 0.0
+    ]
+    if alone:
+        return min(alone)
     square = fourth = 0.0
-    for line in lines:
+    for line in counted:
         square += line.standard_uncertainty**2
         fourth += line.standard_uncertainty**4 / line.degrees_of_freedom
     return square**2 / fourth if fourth > 0.0 else math.inf
 
 
 def coverage_factor(degrees_of_freedom: float) -> float:
-    """k of U = k u at 95 %, from Student's t."""
+    """k of U = k u at 95 %, from Student's t; infinite without a degree of freedom: then u says nothing."""
+    if degrees_of_freedom <= 0.0:
+        return math.inf
     # A list of runs reads estimates and computes none: it does not pay for SciPy.
     from model.identify.least_squares import student_quantile
 

@@ -83,6 +83,17 @@ def read_hdf5(
     return _read("hdf5", paths, channels, map, run, options)
 
 
+def read_json(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in JSON (a list of objects, one per row), as a run in memory; see `read_csv`."""
+    return _read("json", paths, channels, map, run, options)
+
+
 RENAMED = {
     "protocol": "experiment",
     "parameters": "gear",

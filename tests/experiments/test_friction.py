@@ -122,6 +122,18 @@ def test_a_tare_with_the_gear_mounted_is_refused(bench: Bench, gear: HarmonicDri
         motor_tare.analyse(record(plan, bench, "motor-tare"), Evidence(gear))
 
 
+def test_a_tare_of_two_speeds_has_no_interval(tare_run: Recording, gear: HarmonicDrive) -> None:
+    """A line through two points leaves nothing to tell its error from."""
+    holds = tare_run.labelled("hold")
+    two = sorted({abs(segment.setpoint) for segment in holds})[-2:]
+    others = {segment.index for segment in holds if abs(segment.setpoint) not in two}
+    segments = tuple(s for s in tare_run.segments if s.index not in others)
+    result = motor_tare.analyse(dataclasses.replace(tare_run, segments=segments), Evidence(gear))
+    assert result.metrics["speeds"] == 2.0
+    estimate = result.estimates["motor_viscous"]
+    assert (estimate.identifiable, estimate.expanded_uncertainty) == ("no", math.inf)
+
+
 def test_the_tare_finds_motor_friction_and_cogging(tare: Result) -> None:
     assert tare.estimates["motor_coulomb"].value == pytest.approx(0.012, rel=0.01)
     assert tare.estimates["motor_viscous"].value == pytest.approx(3.8e-5, rel=0.01)

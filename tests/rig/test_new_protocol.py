@@ -159,7 +159,10 @@ def test_the_terminal_plans_it_and_shows_its_flags() -> None:
 
 
 def test_the_terminal_shows_its_numbers_as_it_declares_them(turned: Path) -> None:
-    text = called("fit", str(turned), "--no-keep")
+    short = called("fit", str(turned), "--no-keep")
+    assert re.search(r"play of the toy +40\.0 ± 2\.0 +arcsec +yes", short), short
+    # The statistical intervals stand among all that was found.
+    text = called("fit", str(turned), "--no-keep", "--all")
     assert re.search(r"play of the toy +40\.0 ± 2\.0 +arcsec +38\.0 … 42\.0 +yes", text), text
     assert re.search(r"static wind-up +1\.500 ± 0\.033 +arcmin", text)
     assert re.search(r"twist forward +28\.6\d+ ± 0\.0\d+ +°", text)

@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.table import BadCell, Batch, CellReader, Table
 from rig.runfile.importing.clocks import LATEST_S, NumberClock, TextClock
+from rig.runfile.importing.wraps import wraps
 
 LISTED_ROWS = 5
 OUTSIDE = "no sample of the other channels before, after or near enough"
 LARGEST_EXACT = 2.0**53
 GAP = 1.5
 """A step of the time that is longer than so many usual ones is a gap: nothing is interpolated across it."""
+FIRST_STAYS = "Name it as the first channel, whose samples stay as they are, or import it as a run of its own."
+"""What to do with a channel that has no values between its samples."""
 
 
 @dataclass
@@ -97,13 +100,15 @@ class Stream:
     """The wanted columns of one file with their time.
 
     `names` of the channels that the columns become; `counted` says which must be whole numbers;
-    `time` is the column of time and `clock` what reads it, both None where there is none.
+    `angles` holds how many rad one of the column's own units is, 0 for what is no angle. `time` is
+    the column of time and `clock` what reads it, both None where there is none.
     """
 
     table: Table
     columns: Sequence[int]
     names: Sequence[str]
     counted: Sequence[bool]
+    angles: Sequence[float]
     time: int | None
     clock: NumberClock | TextClock | None
     readers: Mapping[int, CellReader]
@@ -301,11 +306,33 @@ def _refuse_lonely(
     left_out.refuse(stream.table, BadCell(int(part.lines[lonely[0]]), "", text, why), len(lonely))
 
 
+def _without_jumps(stream: Stream) -> Iterator[Piece]:
+    """The rows of a stream. Raises `RunFileError` where an angle jumps: a line across the jump is no angle."""
+    tail = np.zeros((0, len(stream.columns)))
+    for piece in stream.pieces():
+        seen = np.concatenate([tail, piece.values])
+        for place, scale in enumerate(stream.angles):
+            if not scale:
+                continue
+            jumps = wraps(seen[:, place], scale)
+            if len(jumps):
+                line = int(piece.lines[max(int(jumps[0]) - len(tail), 0)])
+                raise RunFileError(
+                    "the angle jumps as if it were wrapped, and no line goes across that",
+                    where=f"{stream.table.path}, {stream.table.line_word} {line}, channel {stream.names[place]}",
+                    value=f"{abs(seen[jumps[0], place] - seen[jumps[0] - 1, place]):.6g} of the column",
+                    limit="steps as those beside it",
+                    remedy=FIRST_STAYS,
+                )
+        tail = seen[-3:]
+        yield piece
+
+
 class _Line:
     """A stream as straight lines between its samples."""
 
     def __init__(self, stream: Stream) -> None:
-        self._source = stream.pieces()
+        self._source = _without_jumps(stream)
         self._columns = len(stream.columns)
         self._held: Piece | None = next(self._source, None)
         self._step = float("nan")

@@ -12,7 +12,7 @@ from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource, column_of, source_unit
 from rig.runfile.importing.clocks import NumberClock, TextClock
 from rig.runfile.importing.segments import Words
-from rig.runfile.importing.streams import LeftOut, Stream
+from rig.runfile.importing.streams import FIRST_STAYS, LeftOut, Stream
 from rig.runfile.importing.units import COUNT, FILETIME, TEXT_TIMES, TIME_CHANNEL, UNITS, unit_of
 from rig.runfile.layout import Column
 
@@ -77,6 +77,8 @@ def wire(
         wires.append(_wire(tables, label, time, options))
     words = Words()
     streams, places = _streams(wires, columns, time, words, left_out, options)
+    if options.interpolate:
+        _check_lines(streams[1:], sources, has_label=len(wires) > len(columns))
     has_label = len(wires) > len(columns)
     return Wiring(
         columns=columns,
@@ -240,6 +242,7 @@ def _streams(
             columns=[w.column for w in members],
             names=[w.source.name for w in members],
             counted=[index < len(columns) and columns[index].dtype == "int64" for index in indices],
+            angles=[_radians(columns, index) for index in indices],
             time=members[0].time,
             clock=clock,
             readers=readers,
@@ -249,6 +252,31 @@ def _streams(
         order += indices
     places = [order.index(index) for index in range(len(wires))]
     return tuple(streams), tuple(places)
+
+
+def _radians(columns: Sequence[Column], index: int) -> float:
+    """How many rad one of a column's own units is; 0 for what is no angle, as the column of labels."""
+    if index >= len(columns) or columns[index].channel.unit != "rad":
+        return 0.0
+    return columns[index].channel.scale
+
+
+def _check_lines(
+    streams: Sequence[Stream], sources: Sequence[ChannelSource], *, has_label: bool
+) -> None:
+    """Raise `ConfigurationError` for a channel of these streams that has no values between its samples."""
+    moduli = {source.name: source.modulus for source in sources}
+    for stream in streams:
+        for name, counted in zip(stream.names, stream.counted, strict=True):
+            why = ""
+            if counted:
+                why = "is counted: there are no values between its counts"
+            elif moduli.get(name):
+                why = "is wrapped: a line across its range is no angle"
+            elif has_label and name == LABEL_COLUMN:
+                why = "holds labels: there is nothing between two of them"
+            if why:
+                raise ConfigurationError(why, where=f"--interpolate, {name}", remedy=FIRST_STAYS)
 
 
 def _holds_words(label: Wire, channels: Sequence[Wire]) -> bool:

@@ -45,6 +45,16 @@ def test_degrees_of_freedom_combine_by_welch_and_satterthwaite() -> None:
     assert effective_degrees_of_freedom((line(1.0), line(2.0))) == math.inf
 
 
+@pytest.mark.parametrize("u", [math.inf, 0.1])
+def test_a_line_without_a_degree_of_freedom_leaves_no_interval(u: float) -> None:
+    """As many points as coefficients: their scatter is not known at all, however well the rest is."""
+    made = estimate(line(u, 0.0), line(0.2, 9.0))
+    assert made.degrees_of_freedom == 0.0
+    assert made.expanded_uncertainty == math.inf
+    assert effective_degrees_of_freedom((line(0.0, 0.0), line(1.0, 7.0))) == pytest.approx(7.0)
+    assert effective_degrees_of_freedom((line(math.inf, 1.0), line(0.2))) == 1.0
+
+
 def test_json_has_k_and_degrees_of_freedom_and_no_infinity() -> None:
     answer = estimate(line(3.0, 4.0), line(5.0)).as_json()
     assert answer["degrees_of_freedom"] == pytest.approx(34.0**2 / (81.0 / 4.0))

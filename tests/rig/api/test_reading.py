@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,13 @@ def test_a_numpy_file(tmp_path: Path) -> None:
     path = tmp_path / "bench.npz"
     np.savez(path, t=np.arange(6) * 0.01, M=TORQUES)
     run = rig.read_npz(path, channels={"time": "t:s", "torque": "M:N m"})
+    assert run["torque"] == pytest.approx(TORQUES)
+
+
+def test_a_list_of_objects(tmp_path: Path) -> None:
+    path = tmp_path / "bench.json"
+    path.write_text(json.dumps([{"t": 0.01 * k, "M": M} for k, M in enumerate(TORQUES)]))
+    run = rig.read_json(path, channels={"time": "t:s", "torque": "M:N m"})
     assert run["torque"] == pytest.approx(TORQUES)
 
 

@@ -1,13 +1,14 @@
 """Several files of one run: joined where their times are equal, resampled only when that is asked for."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rig.errors import ConfigurationError, RunFileError
-from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_map import ImportOptions, SegmentsFrom
 from rig.runfile.importing.channel_source import parse_channel
 from rig.runfile.importing.convert import Imported, import_tables
 from rig.runfile.importing.opening import open_tables
@@ -18,12 +19,18 @@ Join = Callable[..., Imported]
 
 @pytest.fixture
 def join(tmp_path: Path) -> Join:
-    def of(texts: dict[str, str], *channels: str, **changes: object) -> Imported:
+    def of(
+        texts: dict[str, str],
+        *channels: str,
+        options: ImportOptions | None = None,
+        **changes: object,
+    ) -> Imported:
         paths = []
         for name, text in texts.items():
             paths.append(tmp_path / name)
             paths[-1].write_text(text)
-        options = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
+        if options is None:
+            options = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
         tables = open_tables("csv", paths, options.form)
         return import_tables(tables, options, lambda: tmp_path / "00001-import-x.h5")
 
@@ -75,6 +82,51 @@ def test_nothing_is_interpolated_across_a_gap(join: Join) -> None:
     times = open_run(made.path).si("position")
     assert not ((times > 0.104) & (times < 0.202)).any()
     assert len(times) == 29
+
+
+SHIFTED = [t + 0.003 for t in EVEN]
+TIME_AND_FORCE = ("time=t", "force=x@b.csv:N")
+
+
+@pytest.mark.parametrize(
+    ("angle", "why"),
+    [("x@a:count:4096", "is counted"), ("x@a:deg", "is wrapped")],
+)
+def test_no_line_is_drawn_between_counts_nor_across_a_range(
+    join: Join, angle: str, why: str
+) -> None:
+    counts = "t [s],x\n" + "".join(f"{t!r},{k}\n" for k, t in enumerate(EVEN))
+    texts = {"a.csv": counts, "b.csv": rows(SHIFTED)}
+    modulus = {} if "count" in angle else {"modulus": 360.0}
+    source = replace(parse_channel(f"input_angle={angle}"), **modulus)
+    time, force = map(parse_channel, TIME_AND_FORCE)
+    refused = ImportOptions(channels=(time, force, source), interpolate=True)
+    with pytest.raises(
+        ConfigurationError, match=rf"--interpolate, input_angle: {why}.*first channel"
+    ):
+        join(texts, options=refused)
+    # As the first channel its own samples stay, and the force is brought onto them.
+    made = join(texts, options=replace(refused, channels=(time, source, force)))
+    assert made.rows == 39
+
+
+def test_no_line_is_drawn_between_labels(join: Join) -> None:
+    options = ImportOptions(
+        channels=tuple(map(parse_channel, ("time=t", "force=x@a:N"))),
+        segments_from=SegmentsFrom(column="x", file="b.csv", labels={"1": "traverse"}),
+        interpolate=True,
+    )
+    with pytest.raises(ConfigurationError, match="--interpolate, label: holds labels"):
+        join({"a.csv": rows(EVEN), "b.csv": rows(SHIFTED)}, options=options)
+
+
+def test_no_line_is_drawn_across_a_jump_that_nobody_told_of(join: Join) -> None:
+    """Fine times of the first channel would make a ramp of the jump, and nothing would notice it."""
+    fine = [k * 0.001 for k in range(400)]
+    wrapped = "t [s],x\n" + "".join(f"{t!r},{(k * 15.0) % 360.0!r}\n" for k, t in enumerate(EVEN))
+    texts = {"a.csv": rows(fine), "b.csv": wrapped}
+    with pytest.raises(RunFileError, match=r"b\.csv, line 26, .*jumps as if it were wrapped"):
+        join(texts, "time=t", "force=x@a:N", "input_angle=x@b:deg", interpolate=True)
 
 
 def test_rows_without_times_join_by_their_number(join: Join) -> None:
