@@ -45,8 +45,6 @@ LAG_TOLD = 2.0
 """Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""
 LAG_ROUNDS, LAG_SETTLED, LONGEST_LAG = 6, 0.2, 0.1
 """How often the effort is aligned anew, sampling periods below which nothing is left, s beyond which it is none."""
-LEAST_CORRELATION = 0.9
-"""Of the accelerations of an instrument and of the position."""
 SCALE_TOLERANCE = 0.05
 """By which a measured speed may differ from the derivative of the position."""
 
@@ -115,7 +113,7 @@ def identify_motion(
     recipe = choice.recipe(look, cutoff, source.period)
     recipe.check(source.period)
     basis, speed = _instrument(source, choice, look, cutoff)
-    with_instrument = speed is not None and speed.correlation >= LEAST_CORRELATION
+    with_instrument = speed is not None and speed.is_instrument
     slow = choice.recipe(look, min(look.slow_cutoff_hz, cutoff), source.period)
     basis, lag = _aligned(source, slow, basis, choice, with_instrument)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
