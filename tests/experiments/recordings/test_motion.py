@@ -173,6 +173,18 @@ def test_a_set_point_keeps_the_noise_of_the_encoder_out_of_the_inertia(
     assert value(alone, "inertia") < 0.97 * INERTIA
 
 
+@pytest.mark.xfail(strict=True, reason="noise that neighbouring samples share is taken for motion")
+def test_noise_that_samples_share_is_told_from_motion_without_a_set_point(
+    gear: HarmonicDrive,
+) -> None:
+    """The cut-off is chosen far too high then, and the inertia, a quarter of the true one, is called identified."""
+    run = moved(9791, noise=0.0, dwell=0.1)
+    position = run.position + encoder_noise(len(run.time), 5e-4)
+    estimate = fitted(run.recording(position=(position, "rad")), gear).estimates["inertia"]
+    holds = abs(estimate.value - INERTIA) < estimate.expanded_uncertainty
+    assert holds or estimate.identifiable != "yes"
+
+
 def test_a_set_point_of_another_motion_does_not_guide(gear: HarmonicDrive) -> None:
     run, other = moved(9791, dwell=0.1), moved(9793, dwell=0.1)
     strange = run.recording(target_position=(other.position, "rad"))
