@@ -57,7 +57,8 @@ class CurvePoints:
     @property
     def speeds(self) -> int:
         """How many different speeds there are."""
-        return len(np.unique(np.round(self.speed / self.speed.max(), 9)))
+        relative = np.round(self.speed / float(self.speed.max()), 9)
+        return len(set(relative.tolist()))
 
 
 def curve_points(
