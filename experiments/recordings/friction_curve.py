@@ -28,15 +28,8 @@ from experiments.recordings.motion_channels import number
 from experiments.result import Covariance, Plot, Result, Series, Table, both_ways, residual_panel
 from model.arrays import BoolArray, FloatArray
 from model.identify.estimate import BudgetLine, Estimate, Identifiable
-from model.identify.friction_curve import (
-    LAWS,
-    CurveFit,
-    CurvePoints,
-    Law,
-    LawFit,
-    curve_points,
-    fit_curve,
-)
+from model.identify.friction_curve import CurveFit, LawFit, fit_curve
+from model.identify.friction_points import LAWS, CurvePoints, Law, curve_points
 from model.identify.least_squares import student_quantile
 
 NAME = "friction-curve"

@@ -31,11 +31,10 @@ from model.identify.estimate import BudgetLine, Estimate
 from model.identify.motion import (
     VARIANTS,
     MotionChoice,
-    MotionFit,
-    MotionScore,
     identify_motion,
     score_source,
 )
+from model.identify.motion_result import MotionFit, MotionScore
 
 NAME = "motion"
 SETTINGS = (

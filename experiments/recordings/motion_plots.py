@@ -10,7 +10,7 @@ from experiments.recordings.motion_channels import RecordedMotion
 from experiments.result import Plot, Series, Table, residual_panel
 from model.arrays import FloatArray
 from model.identify.estimate import Estimate
-from model.identify.motion import MotionFit
+from model.identify.motion_result import MotionFit
 
 CURVE_POINTS = 400
 

@@ -5,15 +5,15 @@ Gautier and Khalil 1990, Janot, Vandanjon and Gautier 2014).
 
 Channels are a position or a speed and the force that drives it, linear (m, N) or rotary (rad, N m).
 What is done to them stands in `motion_columns`, how it is solved in `motion_moments`, which model is
-taken in `motion_ladder`; cut-off and dead zone follow from the noise (`motion_look`), the lag of the
-effort from the motion (`motion_lag`).
+taken in `motion_ladder`, what is said of it in `motion_result`; cut-off and dead zone follow from the
+noise (`motion_look`), the lag of the effort from the motion (`motion_lag`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -21,7 +21,6 @@ from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, increasing, sampling_period, series
-from model.identify.estimate import Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.motion_columns import Basis, MotionFilter
 from model.identify.motion_ladder import (
@@ -30,27 +29,22 @@ from model.identify.motion_ladder import (
     STRIBECK_SPEEDS,
     Fitted,
     Ladder,
-    Rung,
     gathered,
 )
 from model.identify.motion_lag import LagEstimate, lag_left
 from model.identify.motion_look import Look, SpeedChannel, compare_speed, look_at
-from model.identify.motion_moments import MomentFit
+from model.identify.motion_result import MotionFit, MotionScore, reported
 from model.identify.motion_source import ArrayMotion, MotionSource
 
 Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
 VARIANTS: tuple[Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
 MINIMUM_SAMPLES = 200
-LARGEST_ERROR = 0.5
-"""|residual|/|effort| above which the model does not describe the effort: nothing of it is identified."""
 SAMPLES_PER_PERIOD = 1.5
 """Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
 LAG_TOLD = 2.0
 """Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""
 LAG_ROUNDS, LAG_SETTLED, LONGEST_LAG = 6, 0.2, 0.1
 """How often the effort is aligned anew, sampling periods below which nothing is left, s beyond which it is none."""
-LEAST_CORRELATION = 0.9
-"""Of the accelerations of an instrument and of the position."""
 SCALE_TOLERANCE = 0.05
 """By which a measured speed may differ from the derivative of the position."""
 
@@ -83,59 +77,6 @@ class MotionChoice:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionFit:
-    """Inertia and friction of a motion, with what is needed to judge and to plot them.
-
-    estimates by name; covariance (p, p) in their order; time, velocity, acceleration, measured,
-    predicted, friction with offset: (n,), some of the decimated samples. `filter_uncertainty`, `rung_uncertainty`,
-    `lag_uncertainty`: standard uncertainties (type B) by parameter. `cutoffs`: the parameters at
-    half, at once and at twice the cut-off [Hz]; `rungs` those of every model.
-    """
-
-    variant: str
-    recipe: MotionFilter
-    basis: Basis
-    estimates: dict[str, Estimate]
-    metrics: dict[str, float]
-    warnings: tuple[str, ...]
-    time: Array
-    velocity: Array
-    acceleration: Array
-    measured: Array
-    predicted: Array
-    friction: Array
-    covariance: Array
-    freedom: float
-    coefficients: Array
-    regressors: tuple[str, ...]
-    rungs: tuple[Rung, ...] = ()
-    instrument: str = ""
-    filter_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
-    rung_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
-    lag_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
-    cutoffs: Mapping[float, Mapping[str, float]] = field(
-        default_factory=dict[float, Mapping[str, float]]
-    )
-    speed_channel: SpeedChannel | None = None
-
-    @property
-    def values(self) -> Array:
-        """The parameters in the order of the estimates."""
-        return np.array([e.value for e in self.estimates.values()])
-
-
-@dataclass(frozen=True)
-class MotionScore:
-    """A fitted set on data it was not fitted to: relative error [%], norm of the residual, and the curves."""
-
-    relative_error_percent: float
-    residual_norm: float
-    time: Array
-    measured: Array
-    predicted: Array
-
-
 def fit_motion(
     time: ArrayLike,
     position: ArrayLike,
@@ -156,7 +97,7 @@ def fit_motion(
     recipe.check(source.period)
     ladder = Ladder(source, recipe, Basis(), False, ())
     chosen = ladder.chosen(variant if variant == "asymmetric" else "symmetric")
-    return _reported(chosen, rotary)
+    return reported(chosen, rotary)
 
 
 def identify_motion(
@@ -172,7 +113,7 @@ def identify_motion(
     recipe = choice.recipe(look, cutoff, source.period)
     recipe.check(source.period)
     basis, speed = _instrument(source, choice, look, cutoff)
-    with_instrument = speed is not None and speed.correlation >= LEAST_CORRELATION
+    with_instrument = speed is not None and speed.is_instrument
     slow = choice.recipe(look, min(look.slow_cutoff_hz, cutoff), source.period)
     basis, lag = _aligned(source, slow, basis, choice, with_instrument)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
@@ -184,7 +125,7 @@ def identify_motion(
         if other:
             cutoffs[factor * cutoff] = other
     effect = _lag_effect(chosen, basis, choice, lag, source.period)
-    fit = _with_lag(_reported(chosen, rotary, ladder.rungs()), effect, basis.lag != 0.0)
+    fit = _with_lag(reported(chosen, rotary, ladder.rungs()), effect, basis.lag != 0.0)
     warnings = [*fit.warnings, *_lag_words(basis, choice, lag)]
     if speed is not None and not with_instrument:
         warnings.append(
@@ -383,109 +324,3 @@ def _instrument_words(
         what = "set-point" if choice.instrument_is_position else "measured speed"
         return f"{what}, {1e3 * speed.lag:.3g} ms late"
     return f"even and odd samples of the {'position' if look.of_position else 'speed'}"
-
-
-def _units(names: tuple[str, ...], rotary: bool) -> dict[str, str]:
-    force, length = ("N m", "rad") if rotary else ("N", "m")
-    table = {
-        "inertia": "kg m2" if rotary else "kg",
-        "viscous": f"{force} s/{length}",
-        "stribeck": f"{length}/s",
-    }
-    return {name: table.get(name.split("_")[0], force) for name in names}
-
-
-def _reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> MotionFit:
-    """A fitted rung as estimates with intervals, metrics and curves."""
-    fit, moments = chosen.fit, chosen.moments
-    shown = dict(zip(moments.names, moments.shown.T, strict=True))
-    estimates = _estimates(chosen, rotary)
-    parts = np.stack([shown[name] for name in fit.names], axis=1) * fit.values
-    rests = [k for k, n in enumerate(fit.names) if n != "acceleration" and "load" not in n]
-    return MotionFit(
-        variant=chosen.rung,
-        recipe=chosen.recipe,
-        basis=chosen.basis,
-        estimates=estimates,
-        metrics={
-            "relative_error_percent": 100.0 * fit.relative_error,
-            "hold_out_error_percent": 100.0 * fit.hold_out_error,
-            "condition": fit.condition_raw,
-            "condition_scaled": fit.condition,
-            "residual_norm": fit.residual_norm,
-            "samples": float(fit.samples),
-            "standstill_share": moments.standing_share,
-            "least_speed": chosen.recipe.least_speed,
-            "cutoff": chosen.recipe.cutoff_hz,
-        },
-        warnings=_warnings(fit, estimates),
-        time=moments.shown_time,
-        velocity=shown["speed"],
-        acceleration=shown["acceleration"],
-        measured=shown["effort"],
-        predicted=parts.sum(axis=1),
-        friction=parts[:, rests].sum(axis=1),
-        covariance=chosen.covariance,
-        freedom=fit.freedom,
-        coefficients=fit.values,
-        regressors=fit.names,
-        rungs=rungs,
-    )
-
-
-def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
-    """The parameters with 95 % intervals; none is identified where the model does not describe the effort."""
-    names, _ = chosen.transform
-    half = student_quantile(chosen.fit.freedom) * np.sqrt(
-        np.maximum(np.diag(chosen.covariance), 0.0)
-    )
-    error = chosen.fit.relative_error
-    values = dict(zip(names, chosen.values.tolist(), strict=True))
-    wrong = [n for n, v in values.items() if is_size(n) and v < 0.0]
-    estimates: dict[str, Estimate] = {}
-    for place, (name, unit) in enumerate(_units(names, rotary).items()):
-        verdict, note = "yes", ""
-        if not error <= LARGEST_ERROR:
-            verdict, note = (
-                "no",
-                f"the model leaves {100.0 * error:.0f} % of the effort unexplained",
-            )
-        elif name in wrong:
-            verdict, note = "no", "negative, which is not physical"
-        elif wrong:
-            verdict, note = "weakly", f"{' and '.join(wrong)} came out negative in the same fit"
-        value, width = values[name], float(half[place])
-        estimates[name] = Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=value - width,
-            high=value + width,
-            identifiable=verdict,
-            note=note,
-        )
-    return estimates
-
-
-def is_size(name: str) -> bool:
-    """Whether a parameter cannot be negative."""
-    return name.split("_")[0] in ("inertia", "viscous", "coulomb", "static")
-
-
-def _warnings(fit: MomentFit, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
-    """What a reader must know of the fit."""
-    warnings = [
-        f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force."
-        for name, estimate in estimates.items()
-        if is_size(name) and estimate.value < 0.0
-    ]
-    if not fit.relative_error <= LARGEST_ERROR:
-        warnings.append(
-            f"The model leaves {100.0 * fit.relative_error:.0f} % of the effort unexplained: something else "
-            "than inertia and friction moves this axis (a load over position, a coupled axis, a wrong channel)."
-        )
-    if fit.condition_raw > 100.0 and fit.condition > 100.0:
-        warnings.append(
-            f"The regressors are nearly dependent (condition number {fit.condition:.3g}): excite more richly."
-        )
-    return tuple(warnings)

@@ -18,7 +18,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
@@ -29,6 +29,8 @@ from model.identify.motion_source import MotionSource
 LOOKED_AT = 1 << 19
 """Rows that are looked at, in pieces over the whole recording where it has more."""
 PIECES = 8
+LEAST_CORRELATION, SHARE_TOLERANCE = 0.9, 0.1
+"""What a channel that guides a fit has in common with the position: correlation, or slope of the accelerations."""
 SPECTRUM_ROWS = 1 << 15
 ABOVE_NOISE = 10.0
 """Power over the noise floor that still is motion."""
@@ -165,7 +167,22 @@ class SpeedChannel:
     lag_uncertainty: float
     scale: float
     correlation: float
-    """Of both accelerations, once the lag is taken off: what it is worth as an instrument."""
+    """Of both accelerations, once the lag is taken off."""
+    share: float
+    """Slope of the position's acceleration over the channel's: 1 for the same motion, less by the channel's noise."""
+    share_uncertainty: float
+    """U of it, from the scatter over parts of the recording."""
+
+    @property
+    def is_instrument(self) -> bool:
+        """Whether it guides a fit: by its correlation, or, beside a noisy position, by its own motion in that.
+
+        Noise of the position lowers the correlation and not the slope: just there an instrument is needed.
+        """
+        alike = (
+            abs(self.share - 1.0) <= SHARE_TOLERANCE and self.share_uncertainty <= SHARE_TOLERANCE
+        )
+        return self.correlation >= LEAST_CORRELATION or alike
 
 
 def compare_speed(
@@ -206,8 +223,25 @@ def compare_speed(
     place = np.arange(len(own), dtype=np.float64)
     aligned = np.interp(place + lag, place, other)
     scale = float(own @ aligned / (own @ own))
-    alike = np.corrcoef(slope(own, source.period), slope(aligned, source.period))[0, 1]
-    return SpeedChannel(lag * source.period, spread * source.period, scale, float(alike))
+    ours, theirs = slope(own, source.period), slope(aligned, source.period)
+    share, share_spread = _share(ours, theirs)
+    return SpeedChannel(
+        lag=lag * source.period,
+        lag_uncertainty=spread * source.period,
+        scale=scale,
+        correlation=float(np.corrcoef(ours, theirs)[0, 1]),
+        share=share,
+        share_uncertainty=share_spread,
+    )
+
+
+def _share(ours: Array, theirs: Array) -> tuple[float, float]:
+    """Slope of our acceleration over theirs with its U, by parts of the recording."""
+    pairs = zip(np.array_split(ours, PIECES), np.array_split(theirs, PIECES), strict=True)
+    # Each part by its weight in the whole slope, so that a quiet one says little.
+    misses = np.array([b @ (a - b * (ours @ theirs) / (theirs @ theirs)) for a, b in pairs])
+    error = math.sqrt(PIECES / (PIECES - 1) * float(misses @ misses)) / float(theirs @ theirs)
+    return float(ours @ theirs / (theirs @ theirs)), student_quantile(PIECES - 1) * error
 
 
 def _late(own: Array, other: Array, most: int) -> float:

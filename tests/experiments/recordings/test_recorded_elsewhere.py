@@ -15,6 +15,7 @@ from experiments.recording import Recording
 from experiments.recordings import motion
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from model.identify.hysteresis import fit_hysteresis
 from tests.experiments.recordings.test_friction_curve import fitted, table
 from tests.experiments.test_analyses_without_plan import foreign
 
@@ -130,3 +131,35 @@ def test_a_pendulum_that_swings_out(gear: HarmonicDrive) -> None:
     viscous, coulomb = values(result, "viscous", "coulomb")
     assert coulomb + 2.0 * viscous == pytest.approx(0.0250, rel=0.15)
     assert values(result, "inertia")[0] == pytest.approx(0.00695, rel=0.1)
+
+
+@needs_data
+def test_a_tribometer_with_pauses(gear: HarmonicDrive) -> None:
+    """Its force builds up over most of its way: loops carry figures, a law of friction over speed does not."""
+    time, _, position, friction = np.loadtxt(
+        DATA / "tribometer" / "test_data_2.txt", skiprows=1, unpack=True
+    )
+    cycles = (time >= 20.0) & (time < 132.0)
+    time, way, force = time[cycles], 1e-3 * position[cycles], -1e-6 * friction[cycles]
+    loops = fit_hysteresis(way, force).estimates["loss"]
+    assert loops.value == pytest.approx(516.1e-6, abs=8.4e-6)
+    result = analysed(foreign(time, position=(way, "m"), force=(force, "N")), gear)
+    assert result.metrics["standstill_share"] == pytest.approx(0.48, abs=0.03)
+    assert {e.identifiable for e in result.estimates.values()} == {"no"}
+
+
+@needs_data
+def test_a_tribometer_where_it_slides() -> None:
+    """A coefficient of 0.4643 ± 0.0034 forward and 0.4642 ± 0.0032 back at a normal force of 5 N."""
+    time, normal, position, friction = np.loadtxt(
+        DATA / "tribometer" / "test_data_2.txt", skiprows=1, unpack=True
+    )
+    way = position - position[0]
+    speed = 1e-3 * np.gradient(position, time)
+    forward = (speed > 20e-6) & (way > 0.17) & (way < 0.225)
+    back = (speed < -20e-6) & (way > 0.025) & (way < 0.08)
+    slides = (time >= 20.0) & (time < 132.0) & (forward | back)
+    points = table(speed[slides], -friction[slides] / normal[slides])
+    result = fitted(points, law="coulomb")
+    assert values(result, "coulomb")[0] == pytest.approx(0.4643, abs=0.0034)
+    assert abs(values(result, "offset")[0]) < 0.0034
