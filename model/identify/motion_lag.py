@@ -44,9 +44,9 @@ def lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> La
     right = np.concatenate([sums[:, x, y], guide[:, [y]]], axis=1)
     whole = left.sum(axis=0)
     try:
-        found: Array = np.linalg.solve(whole, right.sum(axis=0))
-        inverse: Array = np.linalg.inv(whole)
-        sensitivity: Array = np.linalg.solve(whole[:p, :p], whole[:p, p])
+        found: Array = np.asarray(np.linalg.solve(whole, right.sum(axis=0)), dtype=float)
+        inverse: Array = np.asarray(np.linalg.inv(whole), dtype=float)
+        sensitivity: Array = np.asarray(np.linalg.solve(whole[:p, :p], whole[:p, p]), dtype=float)
     except np.linalg.LinAlgError:
         # Without jerk and reversals nothing tells a lag.
         return LagEstimate(0.0, math.inf, np.zeros(p))

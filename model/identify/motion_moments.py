@@ -174,7 +174,7 @@ def solve_moments(
         )
     values = system.solution(np.ones(len(moments.sums), dtype=bool))
     scores = system.right - system.left @ values
-    inverse: Array = np.linalg.inv(system.left.sum(axis=0))
+    inverse: Array = np.asarray(np.linalg.inv(system.left.sum(axis=0)), dtype=float)
     spread, effective = lagged_sum(scores[np.any(system.squares != 0.0, axis=(1, 2))])
     n = moments.kept
     return MomentFit(
@@ -221,10 +221,8 @@ class _System:
         return cls(squares - noise_sums(moments, names), cross, squares, cross, sums[:, y, y])
 
     def solution(self, blocks: BoolArray) -> Array:
-        values: Array = np.linalg.solve(
-            self.left[blocks].sum(axis=0), self.right[blocks].sum(axis=0)
-        )
-        return values
+        left, right = self.left[blocks].sum(axis=0), self.right[blocks].sum(axis=0)
+        return np.asarray(np.linalg.solve(left, right), dtype=float)
 
     def error(self, values: Array) -> Array:
         """Squared residual of each block."""

@@ -57,7 +57,7 @@ def _line(degree: int) -> Callable[[Sequence[Sample]], FloatArray]:
 
 
 def _on_line(coefficients: FloatArray, sample: Sample) -> FloatArray:
-    return np.asarray(np.polyval(coefficients, sample.at))
+    return np.vander(sample.at, len(coefficients)) @ coefficients
 
 
 def _stribeck(speed: FloatArray, values: FloatArray, shape: tuple[float, float]) -> FloatArray:
