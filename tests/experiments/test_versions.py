@@ -29,9 +29,10 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from tests.experiments.conftest import SERIES
-from tests.experiments.recordings.test_friction_curve import BOTH, friction, table
+from tests.experiments.recordings.test_friction_curve import BOTH as SPEEDS
+from tests.experiments.recordings.test_friction_curve import friction, table
 from tests.experiments.recordings.test_hysteresis import loops, recorded
-from tests.experiments.recordings.test_skew import encoders
+from tests.experiments.recordings.test_skew import BOTH, encoders
 from tests.experiments.synthetic import Bench, record
 from tests.experiments.test_analyses_without_plan import axis, foreign
 
@@ -66,7 +67,7 @@ def small(
         if kind == "hysteresis":
             return recorded(*loops())
         if kind == "friction-curve":
-            return table(BOTH, friction(BOTH, 1.5))
+            return table(SPEEDS, friction(SPEEDS, 1.5))
         if kind == "velocity-steps":
             steps = velocity_steps.Parameters(speeds_rpm=(60.0, 1800.0, 2950.0), repeats=1)
             whole = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))

@@ -151,8 +151,9 @@ def test_published_and_energy_balance_are_named_and_differ_by_their_levers(holds
 
 def test_a_slowest_speed_above_a_tenth_of_the_stribeck_velocity_is_warned_about() -> None:
     fit = fit_friction(sweep(GEAR, 4, np.geomspace(60.0, 3000.0, 15)), GEAR)
-    assert any("cannot pin" in w for w in fit.warnings)
-    assert fit.estimates["stribeck_velocity"].identifiable != "yes"
+    assert any("rests on little of its bend" in w for w in fit.warnings)
+    found = fit.estimates["stribeck_velocity"]
+    assert found.low <= GEAR.mesh_friction.stribeck_velocity <= found.high
 
 
 def common(holds, size: float, *, is_fitted: bool) -> CommonError:
