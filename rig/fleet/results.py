@@ -71,7 +71,7 @@ COLUMNS: tuple[Column, ...] = (
     Column("note", "text", "why it is not `yes`"),
     # The judgement.
     Column(
-        "limit",
+        "limit_value",
         "number",
         "the limit of the acceptance file, in `unit`; of two the one that decides",
     ),

@@ -117,14 +117,22 @@ class LibraryIndex:
     """The runs of one folder. `refresh` looks at the files, `search` at what they said. May be used
     from several threads.
 
-    `on_progress` is told how many files have been read of how many that must be, in the thread that reads.
+    `on_progress` is told how many files have been read of how many that must be, in the thread that reads. With `once`
+    the files are looked at when something is first asked, and not again: for whoever asks of thousands of runs that
+    nobody changes meanwhile.
     """
 
     def __init__(
-        self, folder: str | Path, on_progress: Callable[[int, int], None] = lambda done, of: None
+        self,
+        folder: str | Path,
+        on_progress: Callable[[int, int], None] = lambda done, of: None,
+        *,
+        once: bool = False,
     ) -> None:
         self.folder = Path(folder)
         self._on_progress = on_progress
+        self._once = once
+        self._all: list[IndexedRun] | None = None
         self.rebuilt = ""
         """Why the index was made anew, or is kept in memory; empty where it was not."""
         self._rows: dict[str, tuple[str, Row]] | None = None
@@ -155,15 +163,26 @@ class LibraryIndex:
         `ValueError` for what is neither.
         """
         bounds = _bound(since), _bound(until)
-        with self._lock:
-            self._refresh()
-            runs = [self._run(name, row) for name, (_, row) in (self._rows or {}).items()]
+        runs = self._runs()
+        if not any((text, gear, protocol, outcome, since, until, origin)):
+            return runs
         exact = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
-        matches = [
+        return [
             run for run in runs if _fits(run, words, exact, outcome) and _within(run.start, *bounds)
         ]
-        return sorted(matches, key=lambda run: (run.number, run.path.name))
+
+    def _runs(self) -> list[IndexedRun]:
+        """All runs in the order of their numbers, after a look at the files where one is due."""
+        with self._lock:
+            if self._all is not None:
+                return list(self._all)
+            self._refresh()
+            runs = [self._run(name, row) for name, (_, row) in (self._rows or {}).items()]
+            runs.sort(key=lambda run: (run.number, run.path.name))
+            if self._once:
+                self._all = runs
+            return list(runs)
 
     def _refresh(self) -> int:
         files = {path.name: (path, fingerprint_of(path)) for path in run_files(self.folder)}
