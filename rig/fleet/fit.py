@@ -8,14 +8,15 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rig.errors import ConfigurationError, RigError
 from rig.fleet.dataset import FOLDER_NAME, DataSet, Identity
-from rig.fleet.engine import Batches, Finished, cluster, work_here, work_on
+from rig.fleet.engine import Errand, outcomes
 from rig.fleet.progress import Progress
-from rig.fleet.task import Job
+from rig.fleet.task import Done, Job, RunTask, fit_runs, lost
 from rig.fleet.work import PathMap, Work, first_folder, runs_named, work_for
 
 INSTALL = "Install it: pip install 'harmonic-rig[fleet]'."
@@ -74,8 +75,7 @@ class _Tally:
         self.restamped: dict[Identity, str] = {}
         self.seconds = self.fit_seconds = 0.0
 
-    def count(self, finished: Finished) -> None:
-        batch, done = finished
+    def count(self, batch: Sequence[RunTask], done: Done) -> None:
         self.fitted += len(done.fitted)
         self.reused += len(done.reused)
         self.failed += done.failed
@@ -134,11 +134,13 @@ def fit_fleet(
         work = work_for(runs, job, data.known(), base=output.parent, there=order.mapped)
         tally = _Tally(work, now)
         on_progress(tally.progress)
-        with _kept(data, tally), _finished(order, job, work) as coming:
-            for finished in coming:
-                if finished[1].rows:
-                    data.append(finished[1].rows)
-                tally.count(finished)
+        errand = Errand(partial(fit_runs, job), lost)
+        who = (order.workers, order.scheduler)
+        with _kept(data, tally), outcomes(errand, work.tasks, *who) as coming:
+            for batch, done in coming:
+                if done.rows:
+                    data.append(done.rows)
+                tally.count(batch, done)
                 on_progress(tally.progress)
     return FleetReport(
         output=output,
@@ -158,20 +160,6 @@ def _kept(data: DataSet, tally: _Tally) -> Iterator[None]:
         yield
     finally:
         data.put_together(tally.restamped)
-
-
-@contextmanager
-def _finished(order: FleetOrder, job: Job, work: Work) -> Iterator[Iterator[Finished]]:
-    batches = Batches(work.tasks)
-    if not work.tasks or not (order.workers or order.scheduler):
-        yield work_here(job, batches)
-        return
-    with cluster(order.workers, order.scheduler) as client:
-        coming = work_on(client, job, batches)
-        try:
-            yield coming
-        finally:
-            coming.close()
 
 
 def require_packages(*packages: str) -> None:

@@ -77,7 +77,9 @@ class Done:
     fit_seconds: float = 0.0
 
 
-def work(job: Job, tasks: Sequence[RunTask], now: Callable[[], float] = time.perf_counter) -> Done:
+def fit_runs(
+    job: Job, tasks: Sequence[RunTask], now: Callable[[], float] = time.perf_counter
+) -> Done:
     """Analyse some runs one after the other."""
     began, spent = now(), 0.0
     neighbours = neighbours_of(job.name)
