@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
-from rig.errors import RigError
+from rig.errors import ConfigurationError, RigError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -27,6 +27,32 @@ LARGEST_BATCH = 500
 """Pieces of one batch."""
 AHEAD = 2
 """Batches underway for every thread of the workers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crew:
+    """Who works: `workers` processes of this computer, 0 for this one alone, or the cluster at the address `scheduler`.
+
+    `batch_seconds` of work is one task. Raises `ConfigurationError` for both, and for fewer processes than none.
+    """
+
+    workers: int = 0
+    scheduler: str = ""
+    batch_seconds: float = BATCH_SECONDS
+
+    def __post_init__(self) -> None:
+        if self.workers < 0 or (self.workers and self.scheduler):
+            raise ConfigurationError(
+                "is no crew",
+                where="--workers, --scheduler",
+                value=", ".join(map(str, filter(None, (self.workers, self.scheduler)))),
+                limit="a number of processes of this computer >= 0, or a cluster",
+            )
+
+    @property
+    def is_this_process(self) -> bool:
+        """Whether nobody else works."""
+        return not (self.workers or self.scheduler)
 
 
 class Piece(Protocol):
@@ -48,9 +74,10 @@ SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
 
 
 class Batches(Generic[SomePiece]):
-    """The pieces that are still to be done, handed out in batches of about `BATCH_SECONDS`."""
+    """The pieces that are still to be done, handed out in batches of about `batch_seconds` of work."""
 
-    def __init__(self, pieces: Sequence[SomePiece]) -> None:
+    def __init__(self, pieces: Sequence[SomePiece], batch_seconds: float = BATCH_SECONDS) -> None:
+        self._batch_seconds = batch_seconds
         self._waiting = deque(pieces)
         self._suspects: deque[SomePiece] = deque()
         self._seconds: dict[str, float] = {}
@@ -66,7 +93,7 @@ class Batches(Generic[SomePiece]):
         expected = 0.0
         while self._waiting and len(batch) < LARGEST_BATCH:
             expected += self._seconds.get(self._waiting[0].kind, FIRST_GUESS)
-            if batch and expected > BATCH_SECONDS:
+            if batch and expected > self._batch_seconds:
                 break
             batch.append(self._waiting.popleft())
         return batch
@@ -97,18 +124,14 @@ class Errand(Generic[SomePiece, SomeOutcome]):
 def outcomes(
     errand: Errand[SomePiece, SomeOutcome],
     pieces: Sequence[SomePiece],
-    workers: int = 0,
-    scheduler: str = "",
+    crew: Crew,
 ) -> Iterator[Iterator[tuple[list[SomePiece], SomeOutcome]]]:
-    """Batches with what came of them, as they come to their end.
-
-    `workers` 0 works in this process; `scheduler` is the address of a cluster that is there already.
-    """
-    batches = Batches(pieces)
-    if not pieces or not (workers or scheduler):
+    """Batches with what came of them, as they come to their end."""
+    batches = Batches(pieces, crew.batch_seconds)
+    if not pieces or crew.is_this_process:
         yield _work_here(errand, batches)
         return
-    with cluster(min(workers, len(pieces)), scheduler) as client:
+    with cluster(min(crew.workers, len(pieces)), crew.scheduler) as client:
         coming = _work_on(client, errand, batches)
         try:
             yield coming

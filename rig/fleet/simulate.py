@@ -28,7 +28,7 @@ from model.motor import shipped_motor
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.bench.backends.assembly import WorldChoice
 from rig.errors import ConfigurationError
-from rig.fleet.engine import Errand, outcomes
+from rig.fleet.engine import Crew, Errand, outcomes
 from rig.fleet.progress import Progress
 from rig.fleet.questions import TRUTH_NAME
 from rig.fleet.truth import gather_truth, keep_truth
@@ -164,9 +164,8 @@ def days_of(production: Production) -> list[BenchDay]:
 
 def simulate_fleet(
     production: Production,
+    crew: Crew = Crew(),
     *,
-    workers: int = 0,
-    scheduler: str = "",
     on_progress: Callable[[Progress], None] = lambda progress: None,
     now: Callable[[], float] = time.monotonic,
 ) -> ProductionReport:
@@ -199,11 +198,12 @@ def simulate_fleet(
     shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     tell()
     errand = Errand(partial(make_days, production), _lost)
-    with outcomes(errand, wanted, workers, scheduler) as coming:
+    with outcomes(errand, wanted, crew) as coming:
         for _, outcome in coming:
             made += outcome.runs
             failed += outcome.failed
             tell()
+    shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     gather_truth(production.folder, [production.folder / day.name for day in days])
     return ProductionReport(
         output=production.folder,
