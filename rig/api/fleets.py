@@ -27,8 +27,8 @@ def fleet_fit(
 
     `runs` are folders of runs, patterns, lists (.txt) or run files; `workers` processes of this computer fit them, or
     the dask cluster at `scheduler`. The table is kept in `output` ("fleet-results" in the first folder), and what is
-    done is not done again. `acceptance` judges all gears instead of what their cards name, `mapped` ("from=to") says where
-    workers see the runs, `store` keeps each analysis beside its run too. `settings` are those of the analysis.
+    done is not done again. `acceptance` judges all gears instead of what their cards name, `mapped` ("from=to") says
+    where workers see the runs, `store` keeps each analysis beside its run too. `settings` are those of the analysis.
     A script that asks for workers stands under `if __name__ == "__main__":`.
 
     Raises `ConfigurationError` for what names no run, `RigError` where results cannot be written, no scheduler answers,

@@ -25,6 +25,8 @@ FIRST_GUESS = 0.5
 """Seconds of a piece of work of a kind of which none is done yet."""
 LARGEST_BATCH = 500
 """Pieces of one batch."""
+CONNECT_TIMEOUT = "10s"
+"""How long a scheduler is called before it does not answer."""
 AHEAD = 2
 """Batches underway for every thread of the workers."""
 
@@ -189,9 +191,9 @@ def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
     import dask
     from distributed import Client, LocalCluster
 
-    quiet: dict[str, Any] = {"distributed.comm.timeouts.connect": "10s"}
+    patience: dict[str, Any] = {"distributed.comm.timeouts.connect": CONNECT_TIMEOUT}
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(quiet))
+        stack.enter_context(dask.config.set(patience))
         if scheduler:
             try:
                 yield stack.enter_context(Client(scheduler, set_as_default=False))

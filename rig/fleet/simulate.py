@@ -37,7 +37,6 @@ from rig.run.start import RunRequest, run_request
 
 if TYPE_CHECKING:
     from rig.run.order import RunReport
-    from sim_backend.world import Population
 
 OPERATOR = "rig fleet simulate"
 MAKING = ".making"
@@ -76,7 +75,7 @@ class Production:
     gears: int
     benches: int = 1
     protocols: tuple[str, ...] = ("home", "friction")
-    population: Population = "narrow"
+    population: str = "narrow"
     seed: int = 0
     per_day: int = 20
     first_day: date = date(2026, 1, 5)
@@ -283,6 +282,12 @@ def _request(
 ) -> RunRequest:
     protocol, serial, gear = turned
     first = production.seed * SEEDS_PER_ORDER
+    world: dict[str, Any] = {
+        "gear_seed": first + gear,
+        "bench_seed": first + day.bench,
+        "day": day.day,
+        "population": production.population,
+    }
     return RunRequest(
         protocol=protocol,
         gear=shipped_gear(),
@@ -292,12 +297,7 @@ def _request(
         gear_serial=serial,
         operator=OPERATOR,
         seed=first + day.bench,
-        world=WorldChoice(
-            gear_seed=first + gear,
-            bench_seed=first + day.bench,
-            day=day.day,
-            population=production.population,
-        ),
+        world=WorldChoice(**world),
         sample_rate=production.sample_rate,
         calendar_ns=round(moment.timestamp()) * 1_000_000_000,
     )
