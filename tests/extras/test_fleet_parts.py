@@ -119,7 +119,11 @@ def test_batches_grow_and_shrink_with_what_their_kind_takes() -> None:
 def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    options: dict[str, Any] = {"processes": False, "dashboard_address": None, "memory_limit": 0}
+    options: dict[str, Any] = {
+        "processes": False,
+        "dashboard_address": "127.0.0.1:0",
+        "memory_limit": 0,
+    }
     with LocalCluster(n_workers=1, threads_per_worker=1, **options) as local:
         crew = Crew(scheduler=local.scheduler_address)
         with outcomes(Errand(play, lose), [Toy(k) for k in range(10)], crew) as coming:
