@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
 from rig.errors import ConfigurationError, RigError
 
@@ -159,7 +159,7 @@ def _work_on(
     coming = as_completed(loop=client.loop, raise_errors=False)
     try:
         while batches or underway:
-            room = AHEAD * max(sum(client.nthreads().values()), 1) - len(underway)
+            room = AHEAD * max(_threads_of(client), 1) - len(underway)
             for _ in range(room):
                 batch = batches.take()
                 if not batch:
@@ -182,18 +182,23 @@ def _work_on(
         client.cancel(list(underway))
 
 
+def _threads_of(client: Client) -> int:
+    """How many threads all workers have that are there now."""
+    return sum(cast("dict[str, int]", client.nthreads()).values())
+
+
 @contextmanager
 def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
     """A client of the cluster at `scheduler`, or of one of so many processes of this computer, closed at the end.
 
     Raises `RigError` where no scheduler answers.
     """
-    import dask
+    from dask import config
     from distributed import Client, LocalCluster
 
     patience: dict[str, Any] = {"distributed.comm.timeouts.connect": CONNECT_TIMEOUT}
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(patience))
+        stack.enter_context(config.set(patience))
         if scheduler:
             try:
                 yield stack.enter_context(Client(scheduler, set_as_default=False))

@@ -50,11 +50,15 @@ def _copy(run: Path, number: int) -> None:
     copy.chmod(0o600)
     with h5py.File(copy, "r+") as file:
         for name, text in (("run_id", copy.stem), ("sample/serial_number", gear)):
-            field = file["entry"][name]
-            assert isinstance(field, h5py.Dataset)
-            field[()] = text
+            _write(file, name, text)
     hash_path(copy).write_text(f"{file_sha256(copy)}  {copy.name}\n", encoding="ascii")
     protect(copy)
+
+
+def _write(file: h5py.File, name: str, text: str) -> None:
+    field = file[f"entry/{name}"]
+    assert isinstance(field, h5py.Dataset)
+    field[()] = text
 
 
 def renew(run: Path) -> None:
@@ -63,9 +67,7 @@ def renew(run: Path) -> None:
     for path in (run, hash_path(run)):
         path.chmod(0o600)
     with h5py.File(run, "r+") as file:
-        field = file["entry"]["sample/serial_number"]
-        assert isinstance(field, h5py.Dataset)
-        field[()] = "G-RENEW"
+        _write(file, "sample/serial_number", "G-RENEW")
     hash_path(run).write_text(f"{file_sha256(run)}  {run.name}\n", encoding="ascii")
     protect(run)
 

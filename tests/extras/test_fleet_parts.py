@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import duckdb
+import numpy as np
 import pandas
 import pyarrow.parquet as pq
 import pytest
@@ -124,7 +125,8 @@ def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
         "dashboard_address": "127.0.0.1:0",
         "memory_limit": 0,
     }
-    with LocalCluster(n_workers=1, threads_per_worker=1, **options) as local:
+    with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
+        local: Any = cluster
         crew = Crew(scheduler=local.scheduler_address)
         with outcomes(Errand(play, lose), [Toy(k) for k in range(10)], crew) as coming:
             found = [outcome for _, outcome in coming]
@@ -202,12 +204,12 @@ def test_a_file_of_another_schema_is_refused(tmp_path: Path) -> None:
 
 def test_other_programs_read_the_results(tmp_path: Path) -> None:
     keep(tmp_path, production())
-    frame = pandas.read_parquet(tmp_path)
+    frame: Any = pandas.read_parquet(tmp_path)
     assert list(frame.columns) == list(NAMES)
     assert frame["value"].sum() == pytest.approx(sum(r["value"] for r in production()))
     assert str(frame["started"].dtype).startswith("datetime64")
-    found = duckdb.sql(f"SELECT count(*) FROM '{tmp_path}/*.parquet' WHERE bench = 'A'")
-    assert found.fetchall() == [(20,)]
+    counted = f"SELECT count(*) FROM '{tmp_path}/*.parquet' WHERE bench = 'A'"
+    assert duckdb.execute(counted).fetchall() == [(20,)]
     meanings = {
         f.name: f.metadata[b"meaning"].decode()
         for f in pq.read_schema(next(tmp_path.glob("*.parquet")))
@@ -225,29 +227,29 @@ def test_the_ready_questions(tmp_path: Path) -> None:
     undetermined = row(run_file="x.h5", value=900.0, identifiable="no", bench="A", gear="X")
     broken_off = row(run_file="y.h5", value=900.0, outcome="TRIPPED", bench="A", gear="Y")
     keep(tmp_path, [*rows, undetermined, broken_off])
-    values = pandas.Series([r["value"] for r in rows])
+    values = np.array([r["value"] for r in rows])
     [spread] = answers(tmp_path, "spread")
     assert (spread["gears"], spread["runs"]) == (40, 40)
     assert spread["mean"] == pytest.approx(values.mean())
-    assert spread["standard_deviation"] == pytest.approx(values.std())
-    assert spread["deviation_over_u"] == pytest.approx(values.std() / 0.45)
+    assert spread["standard_deviation"] == pytest.approx(values.std(ddof=1))
+    assert spread["deviation_over_u"] == pytest.approx(values.std(ddof=1) / 0.45)
 
     benches = {found["bench"]: found for found in answers(tmp_path, "benches")}
     a, b = values[::2], values[1::2]
     assert benches["B"]["difference"] == pytest.approx(b.mean() - a.mean())
-    error = (a.var() / 20 + b.var() / 20) ** 0.5
+    error = (a.var(ddof=1) / 20 + b.var(ddof=1) / 20) ** 0.5
     assert benches["B"]["standard_error"] == pytest.approx(error)
     assert benches["A"]["difference_over_error"] == pytest.approx((a.mean() - b.mean()) / error)
 
     drift = {found["bench"]: found for found in answers(tmp_path, "drift")}
     assert drift["A"]["slope_per_day"] == pytest.approx(1.0)
-    residual = a - (60.1 + pandas.Series(range(0, 40, 2), index=a.index) // 4)
-    days = pandas.Series([k // 4 for k in range(0, 40, 2)])
-    expected = (residual.pow(2).sum() / 18 / ((days - days.mean()) ** 2).sum()) ** 0.5
+    days = np.arange(0, 40, 2) // 4
+    residual = a - (60.1 + days)
+    expected = ((residual**2).sum() / 18 / ((days - days.mean()) ** 2).sum()) ** 0.5
     assert drift["A"]["standard_error"] == pytest.approx(expected)
 
     [capability] = answers(tmp_path, "capability")
-    assert capability["cpk"] == pytest.approx((61.9 - values.mean()) / (3 * values.std()))
+    assert capability["cpk"] == pytest.approx((61.9 - values.mean()) / (3 * values.std(ddof=1)))
     outcomes_ = [r["verdict"] for r in rows]
     assert (capability["passed"], capability["marginal"], capability["failed"]) == tuple(
         map(outcomes_.count, ("PASS", "MARGINAL", "FAIL"))
