@@ -193,7 +193,7 @@ def questions(scratch: Path, rows: int) -> float:
 def main() -> int:
     """Measure, print, and say by the exit code whether every aim is met."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", help="a folder of runs, or a pattern")
     parser.add_argument("--runs", type=int, default=0, help="the first so many runs only")
     parser.add_argument(
         "--pairs", type=int, default=2, help="how often one and two workers are measured"
