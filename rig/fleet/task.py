@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from model.errors import WordedError
 from rig.analysis.fit_run import Choices, Footing, footing_of
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import judge_run
@@ -144,8 +143,7 @@ class _Analysis:
         """The rows; none where the key shows that they are known."""
         try:
             return self._rows()
-        except (WordedError, OSError, ArithmeticError, ValueError, LookupError, TypeError) as error:
-            # A defect of one analysis is told like any other reason: it must not end thousands of others.
+        except Exception as error:  # noqa: BLE001  a defect of one analysis must not end thousands of others
             self.error = error
             return [row_of_failure(self._shared, error, self._recording)]
         finally:
