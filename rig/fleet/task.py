@@ -65,7 +65,8 @@ class RunTask:
 class Done:
     """What came of some runs: their rows as the bytes of a Parquet file (none where all were known), and the counts.
 
-    `failed` are run file and reason; `fit_seconds` is the part of `seconds` that went into the analyses themselves.
+    `failed` are run file and reason; `fit_seconds` is the part of `seconds` that the analyses themselves took, from
+    opening the run to closing it.
     """
 
     rows: bytes = b""
@@ -147,9 +148,11 @@ class _Analysis:
             self.error = error
             return [row_of_failure(self._shared, error, self._recording)]
         finally:
+            began = self._now()
             if self._recording is not None:
                 with contextlib.suppress(OSError, ValueError):
                     close_recording(self._recording)
+            self.fit_seconds += self._now() - began
 
     def _rows(self) -> list[Row]:
         job, path = self._job, Path(self._task.path)
