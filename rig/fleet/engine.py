@@ -1,6 +1,7 @@
 """Who works: this process, some processes of this computer, or a cluster that is there already. One interface for all.
 
 Pieces of work (runs to fit, days to simulate) go out in batches of about two seconds, by what their kind took so far.
+Where workers are many, batches are longer.
 No more batches are underway than keep every worker busy, so that a scheduler holds few tasks however many pieces there
 are, and workers that join late get their share. A batch that its workers did not survive goes out again, piece by
 piece; a piece that no worker survives is told as lost.
@@ -9,6 +10,8 @@ piece; a piece that no worker survives is told as lost.
 from __future__ import annotations
 
 import logging
+import math
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -28,6 +31,10 @@ LARGEST_BATCH = 500
 """Pieces of one batch."""
 CONNECT_TIMEOUT = "10s"
 """How long a scheduler is called before it does not answer."""
+TASKS_PER_SECOND = 50.0
+"""Tasks that one scheduler is given: with more than a hundred workers a batch is longer than `BATCH_SECONDS`."""
+COUNTED_AGAIN = 1.0
+"""s after which the workers are counted again: some may have joined, others have left."""
 AHEAD = 2
 """Batches underway for every thread of the workers."""
 
@@ -80,7 +87,7 @@ class Batches(Generic[SomePiece]):
     """The pieces that are still to be done, handed out in batches of about `batch_seconds` of work."""
 
     def __init__(self, pieces: Sequence[SomePiece], batch_seconds: float = BATCH_SECONDS) -> None:
-        self._batch_seconds = batch_seconds
+        self._least_seconds = self._batch_seconds = batch_seconds
         self._waiting = deque(pieces)
         self._suspects: deque[SomePiece] = deque()
         self._seconds: dict[str, float] = {}
@@ -100,6 +107,10 @@ class Batches(Generic[SomePiece]):
                 break
             batch.append(self._waiting.popleft())
         return batch
+
+    def suit(self, threads: int) -> None:
+        """Hand out batches from here on that keep so many threads busy with few enough tasks."""
+        self._batch_seconds = max(self._least_seconds, threads / TASKS_PER_SECOND)
 
     def suspect(self, batch: Sequence[SomePiece]) -> None:
         """Hand out these pieces again, each alone."""
@@ -169,10 +180,13 @@ def _work_on(
 
     underway: dict[Future, list[SomePiece]] = {}
     coming = as_completed(loop=client.loop, raise_errors=False)
+    threads, counted = 0, -math.inf
     try:
         while batches or underway:
-            room = AHEAD * max(_threads_of(client), 1) - len(underway)
-            for _ in range(room):
+            if time.monotonic() - counted > COUNTED_AGAIN or not underway:
+                threads, counted = _threads_of(client), time.monotonic()
+                batches.suit(threads)
+            for _ in range(AHEAD * max(threads, 1) - len(underway)):
                 batch = batches.take()
                 if not batch:
                     break

@@ -214,6 +214,9 @@ def main() -> int:
         "--pairs", type=int, default=2, help="how often one and two workers are measured"
     )
     parser.add_argument(
+        "--share", type=int, default=300, help="runs by which the engine's share is measured"
+    )
+    parser.add_argument(
         "--rows", type=int, default=400_000, help="rows that the questions are asked of"
     )
     asked = parser.parse_args()

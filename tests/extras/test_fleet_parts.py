@@ -116,6 +116,13 @@ def test_batches_grow_and_shrink_with_what_their_kind_takes() -> None:
     assert [len(batches.take()) for _ in range(2)] == [1, 1]
 
 
+def test_batches_are_longer_where_workers_are_many() -> None:
+    batches = Batches([Toy(k) for k in range(100)], BATCH)
+    for threads, runs in ((2, 4), (100, 4), (1000, 40), (2, 4)):
+        batches.suit(threads)
+        assert len(batches.take()) == runs
+
+
 def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
