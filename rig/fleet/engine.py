@@ -247,7 +247,7 @@ def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
                 scheduler_kwargs={"dashboard": False},
                 worker_dashboard_address=None,
                 memory_limit=0,
-                silence_logs=logging.ERROR,
+                silence_logs=logging.CRITICAL,
             )
         )
         yield stack.enter_context(Client(local, set_as_default=False))
