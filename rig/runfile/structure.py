@@ -9,7 +9,7 @@ chunks take in the file.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -156,6 +156,26 @@ def refuse_foreign_structure(file: h5py.File, *, grows: bool, leave_out: str = "
             place = f"{path}/{name.decode()}".lstrip("/")
             if place != leave_out:
                 _check_member(walk, group, name, place)
+
+
+def refuse_foreign_members(file: h5py.File, members: Mapping[str, Sequence[str]]) -> None:
+    """The same for these members of these groups alone, for whoever reads nothing else of a file without a writer.
+
+    `members`: names of datasets by the path of their group. One that is not there is no matter of structure.
+    """
+    walk = _Walk(os.stat(file.filename).st_size, grows=False)
+    looked_at: set[str] = set()
+    for path, names in members.items():
+        group, place = h5g.open(file.id, b"/"), ""
+        for step in path.split("/"):
+            place = f"{place}/{step}".lstrip("/")
+            if place not in looked_at:
+                looked_at.add(place)
+                _check_member(walk, group, step.encode(), place)
+            group = h5g.open(group, step.encode())
+        for name in names:
+            if name.encode() in group:
+                _check_member(walk, group, name.encode(), f"{path}/{name}")
 
 
 def refuse_foreign_storage(dataset: h5py.Dataset, file_size: int) -> None:

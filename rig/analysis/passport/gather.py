@@ -66,7 +66,7 @@ def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Inde
         else:
             names_by_folder.setdefault(place.parent, set()).add(place.name)
     for folder, names in names_by_folder.items():
-        for run in LibraryIndex(folder).search():
+        for run in LibraryIndex(folder, nested="" in names).search():
             if run.gear_serial == serial and ("" in names or run.path.name in names):
                 runs_by_file.setdefault(run.path.resolve(), run)
     return tuple(

@@ -50,7 +50,7 @@ class LibrarySource(QObject):
         self.folder = folder
         self.runs: tuple[IndexedRun, ...] | None = None
         """The latest runs; None until they were read once."""
-        self._index = LibraryIndex(folder, self._tell)
+        self._index = LibraryIndex(folder, self._tell, nested=True)
         self._last_progress = -PROGRESS_INTERVAL
         self._reading = self._again = self._stopped = False
         self._thread: threading.Thread | None = None
