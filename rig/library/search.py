@@ -7,7 +7,7 @@ from datetime import date, datetime
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rig.library.index import IndexedRun
+    from rig.library.listed import IndexedRun
 
 Day = str | date | None
 """A day or a time: ISO 8601 text, or a `date` or `datetime`."""

@@ -8,7 +8,6 @@ as it should be, and one that still grows, is read by `glance`, which says what 
 from __future__ import annotations
 
 import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -17,7 +16,7 @@ import h5py
 import numpy as np
 
 # The library's own calls are compiled and have no types.
-from h5py import h5d, h5g, h5s  # pyright: ignore[reportAttributeAccessIssue]
+from h5py import h5s, h5t  # pyright: ignore[reportAttributeAccessIssue]
 
 from experiments.recording import Event, Origin
 from model.gear import Mounting
@@ -28,7 +27,7 @@ from rig.runfile.header import check_format
 from rig.runfile.layout import PART_SUFFIX
 from rig.runfile.opening import require_hdf5
 from rig.runfile.read import glance
-from rig.runfile.structure import refuse_foreign_members
+from rig.runfile.structure import examined_members
 
 _READ = {
     layout.ENTRY: ("run_id", "start_time", "end_time", "outcome", "status", "events"),
@@ -38,6 +37,12 @@ _READ = {
     layout.DATA: (layout.TIME,),
 }
 """All that is read of a sealed file, by group."""
+_TEXTS = tuple(
+    path
+    for group, names in _READ.items()
+    for name in names
+    if (path := f"{group}/{name}") not in (CHECKSUM, layout.EVENTS, f"{layout.DATA}/{layout.TIME}")
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,19 +111,15 @@ def notes_of(events: tuple[Event, ...]) -> str:
 def _quickly(file: h5py.File) -> Listing | None:
     """The same of a sealed file; None where something is not as this program writes it."""
     check_format(file)
-    refuse_foreign_members(file, _READ)
-    groups = {path: h5g.open(file.id, path.encode()) for path in _READ}
-
-    def text(group: str, name: str) -> str:
-        return _text(groups[group], name)
-
-    details = json.loads(text(layout.PROCESS, "details") or "{}")
-    origin, mounting = text(layout.PROCESS, "origin"), text(layout.SAMPLE, "mounting")
+    found = examined_members(file, _READ)
+    texts = {path: _text(found[path]) for path in _TEXTS}
+    details = json.loads(texts[f"{layout.PROCESS}/details"] or "{}")
+    origin, mounting = texts[f"{layout.PROCESS}/origin"], texts[f"{layout.SAMPLE}/mounting"]
     words = Closing(
-        *(text(layout.ENTRY, name) for name in ("end_time", "outcome", "status")),
-        acquisition=text(layout.PROCESS, ACQUISITION),
+        *(texts[f"{layout.ENTRY}/{name}"] for name in ("end_time", "outcome", "status")),
+        acquisition=texts[f"{layout.PROCESS}/{ACQUISITION}"],
     )
-    checksum = _rows(groups[layout.PROCESS], Path(CHECKSUM).name, np.dtype("<i8"))
+    checksum = _rows(found[CHECKSUM], np.dtype("<i8"))
     if (
         origin not in get_args(Origin)
         or mounting not in get_args(Mounting)
@@ -127,61 +128,59 @@ def _quickly(file: h5py.File) -> Listing | None:
         or int(checksum[0]) != words.checksum
     ):
         return None
-    rows, duration = _span(groups[layout.DATA])
+    rows, duration = _span(found[f"{layout.DATA}/{layout.TIME}"])
     return Listing(
-        run_id=text(layout.ENTRY, "run_id"),
-        protocol=text(layout.PROCESS, "experiment"),
-        gear_serial=text(layout.SAMPLE, "serial_number"),
-        gear=text(layout.SAMPLE, "name"),
-        operator=text(layout.USER, "name"),
-        start=text(layout.ENTRY, "start_time"),
+        run_id=texts[f"{layout.ENTRY}/run_id"],
+        protocol=texts[f"{layout.PROCESS}/experiment"],
+        gear_serial=texts[f"{layout.SAMPLE}/serial_number"],
+        gear=texts[f"{layout.SAMPLE}/name"],
+        operator=texts[f"{layout.USER}/name"],
+        start=texts[f"{layout.ENTRY}/start_time"],
         duration=duration,
         outcome=outcome_read(words.outcome),
         origin=origin,
         backend=str(details.get("backend", "")),
         rows=rows,
-        notes=_notes(groups[layout.ENTRY]),
+        notes=_notes(found[layout.EVENTS]),
         bench=str(details.get("bench", "")),
         mounting=mounting,
     )
 
 
-def _text(group: Any, name: str) -> str:
-    """A text of fixed length. Raises `KeyError` where there is none, `TypeError` for what is no text."""
-    dataset = h5d.open(group, name.encode())
-    dtype = dataset.dtype
-    if dtype.kind != "S" or dataset.shape not in ((), (1,)):
-        raise TypeError(name)
-    value = np.empty(dataset.shape, dtype)
-    dataset.read(h5s.ALL, h5s.ALL, value, dataset.get_type())
-    return bytes(value.reshape(1)[0]).decode()
+def _text(dataset: Any) -> str:
+    """A text of fixed length. Raises `TypeError` for what is none."""
+    kind = dataset.get_type()
+    if not isinstance(kind, h5t.TypeStringID) or kind.is_variable_str():
+        raise TypeError("no text of fixed length")
+    value = np.empty(dataset.shape, f"S{kind.get_size()}")
+    if value.size != 1:
+        raise TypeError("no single text")
+    dataset.read(h5s.ALL, h5s.ALL, value, kind)
+    return bytes(value.item()).decode()
 
 
-def _rows(group: Any, name: str, dtype: np.dtype[Any]) -> Any:
+def _rows(dataset: Any, dtype: np.dtype[Any]) -> Any:
     """All rows of a table or column. Raises `TypeError` where it is of another form."""
-    dataset = h5d.open(group, name.encode())
     if dataset.dtype != dtype or len(dataset.shape) != 1:
-        raise TypeError(name)
+        raise TypeError("no table of this form")
     rows = np.empty(dataset.shape, dtype)
     if rows.size:
         dataset.read(h5s.ALL, h5s.ALL, rows, dataset.get_type())
     return rows
 
 
-def _span(data: Any) -> tuple[int, float]:
+def _span(stamps: Any) -> tuple[int, float]:
     """Rows, and the time from the first to the last one [s]."""
-    column = h5d.open(data, layout.TIME.encode())
-    if column.dtype != np.dtype("<i8") or len(column.shape) != 1:
-        raise TypeError(layout.TIME)
-    (rows,) = column.shape
+    if stamps.dtype != np.dtype("<i8") or len(stamps.shape) != 1:
+        raise TypeError("no column of time")
+    (rows,) = stamps.shape
     if not rows:
         return 0, 0.0
-    stamps = h5py.Dataset(column)
-    duration = (int(stamps[rows - 1]) - int(stamps[0])) * 1e-9
-    return rows, duration if math.isfinite(duration) else math.nan
+    column = h5py.Dataset(stamps)
+    return rows, (int(column[rows - 1]) - int(column[0])) * 1e-9
 
 
-def _notes(entry: Any) -> str:
-    events = _rows(entry, "events", layout.EVENT_TYPE)
+def _notes(table: Any) -> str:
+    events = _rows(table, layout.EVENT_TYPE)
     noted = events[(events["source"] == b"operator") & (events["code"] == b"note")]
     return "; ".join(text.decode() for text in noted["text"])

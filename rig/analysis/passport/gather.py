@@ -19,7 +19,8 @@ from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis
 from rig.errors import RigError, RunFileError
-from rig.library.index import COUNTED_OUTCOMES, IndexedRun, LibraryIndex
+from rig.library.index import IndexedRun, LibraryIndex
+from rig.library.listed import COUNTED_OUTCOMES
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 
