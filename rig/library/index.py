@@ -48,7 +48,7 @@ class LibraryIndex:
         self.refused: tuple[str, ...] = ()
         """The folders in it that could not be looked into, with the reason."""
         self.folders: tuple[Path, ...] = ()
-        """The folders that hold its runs."""
+        """The folders that hold its runs, and those on the way to them."""
         self._nested = nested
         self._on_progress = on_progress
         self._database: IndexDatabase | None = None
@@ -176,7 +176,10 @@ class LibraryIndex:
                 before = fingerprint, _looked_at(before[1])
             made[name] = before
         self._made = made
-        self.folders = tuple({self.folder / name.rpartition("/")[0] for name in made})
+        inside = {Path(name).parent for name in made}
+        self.folders = tuple(
+            sorted({self.folder / way for place in inside for way in (place, *place.parents)})
+        )
         ordered = sorted(
             made.items(), key=lambda item: (item[0].rpartition("/")[0], item[1][1].number, item[0])
         )
