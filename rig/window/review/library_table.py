@@ -66,6 +66,10 @@ WIDTHS = {
     "origin": 92,
     "part": 96,
 }
+JUDGED_AT_ONCE = 300
+"""Runs from the first row in view on whose verdicts are worked out: what nobody looks at needs none."""
+SCROLLED_PAUSE_MS = 150
+"""ms that the rows must rest before the verdicts of those in view are worked out."""
 MANY = 20
 """Files to be read from which on the progress is shown."""
 HTML, PDF = ".html", ".pdf"
@@ -206,6 +210,9 @@ class LibraryTable(QWidget):
         self.source.progressed.connect(self._progress)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._selection_changed())
         self.table.activated.connect(lambda index: self.opened.emit(index.data(RUN_ROLE).path))
+        self._rest = single_shot(self, SCROLLED_PAUSE_MS, self._judge)
+        self.table.verticalScrollBar().valueChanged.connect(lambda _: self._rest.start())
+        self.table.horizontalHeader().sortIndicatorChanged.connect(lambda *_: self._rest.start())
         session.theme_changed.connect(lambda _: self.model.restyle())
         session.runs_changed.connect(self.source.look)
         find = QShortcut(QKeySequence.StandardKey.Find, self)
@@ -304,18 +311,19 @@ class LibraryTable(QWidget):
         self.desk.stop()
 
     def _judge(self) -> None:
-        """Verdicts of what is in view first."""
+        """Verdicts of what is in view and a few pages on; of all runs where the rows are in the order of them."""
         if not self.isVisible():
             return
-        first = max(self.table.rowAt(0), 0)
-        rows = range(self.filtered.rowCount())
-        ordered = sorted(rows, key=lambda row: (row < first, row))
-        listed = [self.filtered.index(row, 0).data(RUN_ROLE) for row in ordered]
-        in_view = {run.path for run in listed}
-        self.desk.look([*listed, *(run for run in self.model.runs if run.path not in in_view)])
+        last = self.filtered.rowCount()
+        first = min(max(self.table.rowAt(0), 0), max(last - 1, 0))
+        rows = [*range(first, last), *range(first)]
+        if not self.model.is_sorted_by_verdict:
+            rows = rows[:JUDGED_AT_ONCE]
+        self.desk.look([self.filtered.index(row, 0).data(RUN_ROLE) for row in rows])
 
     def _filter(self, wanted: Wanted) -> None:
         self.filtered.set_wanted(wanted)
+        self._rest.start()
         self._count()
 
     def _progress(self, done: int, of: int) -> None:

@@ -13,7 +13,8 @@ import pytest
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.library.index import INDEX_NAME, LibraryIndex
+from rig.library.index import LibraryIndex
+from rig.library.place import index_path
 from rig.run.start import RunRequest, run_request
 from tests.rig.commands.calling import Rig
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
@@ -43,8 +44,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def three(written: Path, tmp_path: Path) -> Path:
     """They under second names, so that the index that was made of them holds."""
     shutil.copytree(written, tmp_path / "runs", copy_function=os.link)
-    (tmp_path / "runs" / INDEX_NAME).unlink()
-    shutil.copy2(written / INDEX_NAME, tmp_path / "runs")
+    shutil.copy2(index_path(written), index_path(tmp_path / "runs"))
     return tmp_path / "runs"
 
 

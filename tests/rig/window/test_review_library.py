@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from PySide6.QtCore import QDate, Qt
 from pytestqt.qtbot import QtBot
 
-from rig.library.folder import ListedRun, read_listed
+from rig.library import reading
 from rig.runfile.write import RunWriter
 from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
@@ -204,12 +205,14 @@ def test_a_window_that_goes_reads_no_further(
     read: list[Path] = []
     source = LibrarySource(session.folder)
 
-    def slowly(path: Path) -> ListedRun:
+    read_one = reading.read_one
+
+    def slowly(path: Path) -> tuple[dict[str, Any], str]:
         read.append(path)
         source._stopped = True  # the window goes while the first file is being read
-        return read_listed(path)
+        return read_one(path)
 
-    monkeypatch.setattr("rig.library.index.read_listed", slowly)
+    monkeypatch.setattr(reading, "read_one", slowly)
     source.look()
     source.stop()
     assert source._thread is not None
