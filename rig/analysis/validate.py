@@ -11,7 +11,7 @@ of an encoder are not as many observations as they are rows. Schwarz 1978; the l
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -87,6 +87,8 @@ class Validation:
             "kind": self.kind,
             "quantity": self.quantity,
             "unit": self.unit,
+            "shown": self.shown,
+            "origin": self.origin,
             "fitted": list(self.fitted),
             "judged": list(self.judged),
             "held_out_in_turn": self.is_held_out_in_turn,
@@ -95,6 +97,21 @@ class Validation:
             "best": self.best.name,
             "best_by_bic": self.best_by_bic.name,
         }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Validation:
+        """What `rig validate --json` printed."""
+        return cls(
+            kind=content["kind"],
+            quantity=content["quantity"],
+            unit=content["unit"],
+            shown=content["shown"],
+            fitted=tuple(content["fitted"]),
+            judged=tuple(content["judged"]),
+            rungs=tuple(ValidatedRung(**rung) for rung in content["rungs"]),
+            origin=content["origin"],
+            independent=content["independent_values"],
+        )
 
     @property
     def sentence(self) -> str:
@@ -108,14 +125,14 @@ class Validation:
         factor = LABORATORY_UNITS.get(self.shown, ("", 1.0))[1]
         rows = tuple(
             (
-                r.name,
+                f"{number}  {r.name}",
                 r.parameters,
                 _rounded(r.fitted_error / factor),
                 _rounded(r.held_out_error / factor),
                 round(r.skill, 4) if abs(r.skill) < 10.0 else _rounded(r.skill),
                 round(r.bic, 1),
             )
-            for r in self.rungs
+            for number, r in enumerate(self.rungs, 1)
         )
         columns = (
             "model",
@@ -144,10 +161,11 @@ class Validation:
         return Plot(
             name="validation",
             title=f"What each model leaves of the {self.quantity}",
-            x_label=f"model ({names})",
+            x_label="model",
             y_label=f"root mean square [{self.shown}]",
             series=series,
             y_scale="log",
+            note=f"{names}.",
         )
 
 
