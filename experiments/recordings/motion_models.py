@@ -116,11 +116,12 @@ def _falling(samples: Sequence[Sample]) -> FittedMotion:
     """The critical speed that leaves least, among speeds that the samples have on both sides of it."""
     speeds = np.abs(np.concatenate([one.at.columns["speed"] for one in samples]))
     low, high = np.quantile(speeds[speeds > 0.0], (SLOW, FAST))
-    found = scipy.optimize.minimize_scalar(
-        lambda logarithm: _solved(ALIKE, samples, math.exp(logarithm))[1],
-        bounds=(math.log(low), math.log(high)),
-        method="bounded",
-    )
+
+    def left(logarithm: float) -> float:
+        return _solved(ALIKE, samples, math.exp(logarithm))[1]
+
+    span = math.log(low), math.log(high)
+    found = scipy.optimize.minimize_scalar(left, bounds=span, method="bounded")
     return _solved(ALIKE, samples, math.exp(float(found.x)))[0]
 
 
