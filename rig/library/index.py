@@ -176,7 +176,7 @@ class LibraryIndex:
                 before = fingerprint, _looked_at(before[1])
             made[name] = before
         self._made = made
-        inside = {Path(name).parent for name in made}
+        inside = {Path(folder) for folder in {name.rpartition("/")[0] for name in made}}
         self.folders = tuple(
             sorted({self.folder / way for place in inside for way in (place, *place.parents)})
         )
@@ -189,7 +189,7 @@ class LibraryIndex:
 def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
     """What a file says of itself, by column."""
     file = name.rpartition("/")[2]
-    row = dict.fromkeys(_COLUMNS, "") | {"rows": 0, "duration": math.nan} | said
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {"rows": 0, "duration": math.nan} | said
     row |= {
         "run_id": row["run_id"] or file.split(".h5")[0],
         "number": run_number(file),
