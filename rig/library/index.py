@@ -34,7 +34,9 @@ class LibraryIndex:
     """The runs of one folder; with `nested` also those of all folders in it. `refresh` looks at the files, `search`
     at what they said. May be used from several threads.
 
-    `on_progress` is told how many files have been read of how many that must be, in the thread that reads.
+    `on_progress` is told how many files have been read of how many that must be, in the thread that reads. With `once`
+    the files are looked at when something is first asked, and not again: for whoever asks of thousands of runs that
+    nobody changes meanwhile.
     """
 
     def __init__(
@@ -43,13 +45,15 @@ class LibraryIndex:
         on_progress: Callable[[int, int], None] = lambda done, of: None,
         *,
         nested: bool = False,
+        once: bool = False,
     ) -> None:
         self.folder = Path(folder)
         self.refused: tuple[str, ...] = ()
         """The folders in it that could not be looked into, with the reason."""
         self.folders: tuple[Path, ...] = ()
         """The folders that hold its runs, and those on the way to them."""
-        self._nested = nested
+        self._nested, self._once = nested, once
+        self._all: list[IndexedRun] | None = None
         self._on_progress = on_progress
         self._database: IndexDatabase | None = None
         self._rows: Stored = {}
@@ -87,12 +91,16 @@ class LibraryIndex:
         """
         bounds = bound_of(since), bound_of(until)
         with self._lock:
-            self._refresh()
-            runs = self._runs()
+            runs = self._all
+            if runs is None:
+                self._refresh()
+                runs = self._runs()
+            if self._once:
+                self._all = runs
         exact = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
         if not (words or outcome or any(exact.values()) or any(bounds)):
-            return runs
+            return list(runs)
         return [
             run for run in runs if fits(run, words, exact, outcome) and within(run.start, *bounds)
         ]
