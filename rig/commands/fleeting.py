@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.analysis import Json, NoTare, Settings, settings_of
+from rig.commands.fleet_report import report
 from rig.commands.judgement import AcceptanceFile
 from rig.commands.terminal import echo, print_json
 from rig.commands.worlds import PopulationName
@@ -217,6 +218,9 @@ def _one_of(workers: int, scheduler: str) -> None:
             "processes of this computer, or a cluster, not both",
             param_hint="--workers, --scheduler",
         )
+
+
+fleet.command("report")(report)
 
 
 @fleet.command("query")

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.library.database import IndexDatabase, Row, Stored
-from rig.library.folder import fingerprint_of, run_level, run_number, run_tree
+from rig.library.folder import GONE, fingerprint_of, run_level, run_number, run_tree
 from rig.library.listed import IndexedRun, State
 from rig.library.living import is_being_written
 from rig.library.place import index_path
@@ -139,7 +139,7 @@ class LibraryIndex:
             with contextlib.closing(read_many(paths)) as answers:
                 for done, (place, said, problem) in enumerate(answers, 1):
                     name = changed[place]
-                    if problem and fingerprint_of(paths[place]) is None:
+                    if problem and fingerprint_of(paths[place]) == GONE:
                         rows.pop(name, None)
                     else:
                         rows[name] = files[name], _row_of(name, said, problem)
