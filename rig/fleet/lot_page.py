@@ -118,15 +118,28 @@ def _capability_grid(lot: Lot) -> Grid | None:
         "Cpk (95 %)",
         "P / M / F / –",
     )
+    numeric = (False, False, True, True, True, True, True, True, True, False)
+    if not any(
+        one.limits and None not in (one.limits.lower, one.limits.upper) for one in lot.quantities
+    ):
+        # No limit has two sides.
+        columns, numeric = (
+            _without(cells, columns.index("Cp (95 %)")) for cells in (columns, numeric)
+        )
+        rows = [_without(row, len(row) - 3) for row in rows]
     return Grid(
         "Key quantities against their limits",
         columns,
         tuple(rows),
-        (False, False, True, True, True, True, True, True, True, False),
+        numeric,
         "s: standard deviation between gears, which holds that of their measurement; mean U: expanded uncertainty "
         "(95 %) of one gear. Cp and Cpk of the gears that are judged, assuming a normal distribution; * where the "
         "values refuse it at 1 %. P / M / F / –: gears with PASS, MARGINAL, FAIL, NOT JUDGED.",
     )
+
+
+def _without(cells: tuple[Any, ...], place: int) -> tuple[Any, ...]:
+    return (*cells[:place], *cells[place + 1 :])
 
 
 def _capability_row(one: LotQuantity) -> tuple[str, ...]:
@@ -187,7 +200,7 @@ def _parts(lot: Lot, drawn: Sequence[LotQuantity], origin: str) -> tuple[Part, .
         parts.append(
             _part(
                 len(parts) + 1,
-                f"{one.title} ({one.kind})",
+                f"{one.title[:1].upper()}{one.title[1:]} ({one.kind})",
                 tuple(drawings),
                 (_bench_grid(one),),
                 why,

@@ -1,4 +1,4 @@
-"""Results of a made-up lot: sixty gears on two benches, four limits, some gears that fail, are unlike or not analysed."""
+"""Results of a made-up lot: sixty gears on two benches, four limits; some fail, are unlike or are not analysed."""
 
 from __future__ import annotations
 
@@ -42,7 +42,11 @@ def write_lot(folder: Path, gears: int = 60, **changes: Any) -> Path:
                 continue
             rows.append(_row(gear, limit, float(share)) | changes)
         if gear == BROKEN:
-            failed = {"quantity": "", "failure": "the file is damaged", "failure_kind": "RunFileError"}
+            failed = {
+                "quantity": "",
+                "failure": "the file is damaged",
+                "failure_kind": "RunFileError",
+            }
             rows.append(_run(gear, "home") | failed | changes)
     with DataSet(folder).writing() as data:
         data.append(table_bytes(rows))
