@@ -91,18 +91,17 @@ def fit(
     """
     from rig import exits
     from rig.commands.fleet_progress import telling
+    from rig.fleet.engine import Crew
     from rig.fleet.fit import FleetOrder, fit_fleet
     from rig.fleet.work import PathMap
 
-    _one_of(workers, scheduler)
     order = FleetOrder(
         names=names,
         kind=kind,
         settings=settings_of(setting),
         no_tare=no_tare,
         acceptance=acceptance,
-        workers=workers,
-        scheduler=scheduler,
+        crew=Crew(workers=workers, scheduler=scheduler),
         output=output,
         mapped=PathMap.of(mapped) if mapped else PathMap(),
         stored=stored,
@@ -171,11 +170,12 @@ def simulate(
     """
     from rig import exits
     from rig.commands.fleet_progress import telling
+    from rig.fleet.engine import Crew
     from rig.fleet.fit import require_packages
     from rig.fleet.simulate import Production, simulate_fleet
 
-    _one_of(workers, scheduler)
-    require_packages("pyarrow", *(("distributed",) if workers or scheduler else ()))
+    crew = Crew(workers=workers, scheduler=scheduler)
+    require_packages("pyarrow", *(() if crew.is_this_process else ("distributed",)))
     production = Production(
         folder=output,
         gears=gears,
@@ -189,7 +189,7 @@ def simulate(
         values=_by_protocol(setting),
     )
     with telling() as tell:
-        report = simulate_fleet(production, workers=workers, scheduler=scheduler, on_progress=tell)
+        report = simulate_fleet(production, crew, on_progress=tell)
     if json:
         print_json(report.as_json())
     else:
@@ -210,14 +210,6 @@ def _by_protocol(pairs: list[str] | None) -> dict[str, dict[str, Any]]:
             raise typer.BadParameter(f"{pair!r} is not PROTOCOL.NAME=VALUE", param_hint="--set")
         values.setdefault(protocol, {}).update(settings_of([rest]))
     return values
-
-
-def _one_of(workers: int, scheduler: str) -> None:
-    if workers and scheduler:
-        raise typer.BadParameter(
-            "processes of this computer, or a cluster, not both",
-            param_hint="--workers, --scheduler",
-        )
 
 
 fleet.command("report")(report)

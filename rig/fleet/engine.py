@@ -12,9 +12,9 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
-from rig.errors import RigError
+from rig.errors import ConfigurationError, RigError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -25,8 +25,36 @@ FIRST_GUESS = 0.5
 """Seconds of a piece of work of a kind of which none is done yet."""
 LARGEST_BATCH = 500
 """Pieces of one batch."""
+CONNECT_TIMEOUT = "10s"
+"""How long a scheduler is called before it does not answer."""
 AHEAD = 2
 """Batches underway for every thread of the workers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crew:
+    """Who works: `workers` processes of this computer, 0 for this one alone, or the cluster at the address `scheduler`.
+
+    `batch_seconds` of work is one task. Raises `ConfigurationError` for both, and for fewer processes than none.
+    """
+
+    workers: int = 0
+    scheduler: str = ""
+    batch_seconds: float = BATCH_SECONDS
+
+    def __post_init__(self) -> None:
+        if self.workers < 0 or (self.workers and self.scheduler):
+            raise ConfigurationError(
+                "is no crew",
+                where="--workers, --scheduler",
+                value=", ".join(map(str, filter(None, (self.workers, self.scheduler)))),
+                limit="a number of processes of this computer >= 0, or a cluster",
+            )
+
+    @property
+    def is_this_process(self) -> bool:
+        """Whether nobody else works."""
+        return not (self.workers or self.scheduler)
 
 
 class Piece(Protocol):
@@ -48,9 +76,10 @@ SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
 
 
 class Batches(Generic[SomePiece]):
-    """The pieces that are still to be done, handed out in batches of about `BATCH_SECONDS`."""
+    """The pieces that are still to be done, handed out in batches of about `batch_seconds` of work."""
 
-    def __init__(self, pieces: Sequence[SomePiece]) -> None:
+    def __init__(self, pieces: Sequence[SomePiece], batch_seconds: float = BATCH_SECONDS) -> None:
+        self._batch_seconds = batch_seconds
         self._waiting = deque(pieces)
         self._suspects: deque[SomePiece] = deque()
         self._seconds: dict[str, float] = {}
@@ -66,7 +95,7 @@ class Batches(Generic[SomePiece]):
         expected = 0.0
         while self._waiting and len(batch) < LARGEST_BATCH:
             expected += self._seconds.get(self._waiting[0].kind, FIRST_GUESS)
-            if batch and expected > BATCH_SECONDS:
+            if batch and expected > self._batch_seconds:
                 break
             batch.append(self._waiting.popleft())
         return batch
@@ -97,18 +126,14 @@ class Errand(Generic[SomePiece, SomeOutcome]):
 def outcomes(
     errand: Errand[SomePiece, SomeOutcome],
     pieces: Sequence[SomePiece],
-    workers: int = 0,
-    scheduler: str = "",
+    crew: Crew,
 ) -> Iterator[Iterator[tuple[list[SomePiece], SomeOutcome]]]:
-    """Batches with what came of them, as they come to their end.
-
-    `workers` 0 works in this process; `scheduler` is the address of a cluster that is there already.
-    """
-    batches = Batches(pieces)
-    if not pieces or not (workers or scheduler):
+    """Batches with what came of them, as they come to their end."""
+    batches = Batches(pieces, crew.batch_seconds)
+    if not pieces or crew.is_this_process:
         yield _work_here(errand, batches)
         return
-    with cluster(min(workers, len(pieces)), scheduler) as client:
+    with cluster(min(crew.workers, len(pieces)), crew.scheduler) as client:
         coming = _work_on(client, errand, batches)
         try:
             yield coming
@@ -134,7 +159,7 @@ def _work_on(
     coming = as_completed(loop=client.loop, raise_errors=False)
     try:
         while batches or underway:
-            room = AHEAD * max(sum(client.nthreads().values()), 1) - len(underway)
+            room = AHEAD * max(_threads_of(client), 1) - len(underway)
             for _ in range(room):
                 batch = batches.take()
                 if not batch:
@@ -157,18 +182,23 @@ def _work_on(
         client.cancel(list(underway))
 
 
+def _threads_of(client: Client) -> int:
+    """How many threads all workers have that are there now."""
+    return sum(cast("dict[str, int]", client.nthreads()).values())
+
+
 @contextmanager
 def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
     """A client of the cluster at `scheduler`, or of one of so many processes of this computer, closed at the end.
 
     Raises `RigError` where no scheduler answers.
     """
-    import dask
+    from dask import config
     from distributed import Client, LocalCluster
 
-    quiet: dict[str, Any] = {"distributed.comm.timeouts.connect": "10s"}
+    patience: dict[str, Any] = {"distributed.comm.timeouts.connect": CONNECT_TIMEOUT}
     with ExitStack() as stack:
-        stack.enter_context(dask.config.set(quiet))
+        stack.enter_context(config.set(patience))
         if scheduler:
             try:
                 yield stack.enter_context(Client(scheduler, set_as_default=False))
@@ -186,7 +216,10 @@ def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
                 n_workers=workers,
                 threads_per_worker=1,
                 processes=True,
-                dashboard_address=None,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                scheduler_kwargs={"dashboard": False},
+                worker_dashboard_address=None,
                 memory_limit=0,
             )
         )

@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rig.errors import ConfigurationError, RigError
+from rig.errors import RigError
 from rig.fleet.dataset import FOLDER_NAME, DataSet, Identity
-from rig.fleet.engine import Errand, outcomes
+from rig.fleet.engine import Crew, Errand, outcomes
 from rig.fleet.progress import Progress
 from rig.fleet.task import Done, Job, RunTask, fit_runs, lost
 from rig.fleet.work import PathMap, Work, first_folder, runs_named, work_for
@@ -26,7 +26,8 @@ INSTALL = "Install it: pip install 'harmonic-rig[fleet]'."
 class FleetOrder:
     """What is asked for: the runs by folders, patterns, lists and files; by whom they are fitted; where the table goes.
 
-    `workers` 0 is this process; `scheduler` is the address of a cluster that is there already, "" for none.
+    `crew` is who works; `mapped` under which other path it sees the runs. `stored`: each analysis is kept beside its
+    run too, as `rig fit` does.
     """
 
     names: Sequence[str | Path]
@@ -34,8 +35,7 @@ class FleetOrder:
     settings: Mapping[str, Any] = field(default_factory=dict)
     no_tare: bool = False
     acceptance: str = ""
-    workers: int = 0
-    scheduler: str = ""
+    crew: Crew = field(default_factory=Crew)
     output: Path | None = None
     mapped: PathMap = field(default_factory=PathMap)
     stored: bool = False
@@ -110,15 +110,11 @@ def fit_fleet(
     `ConfigurationError` for an order that names nothing, `RigError` where the results cannot be written, where no
     scheduler answers or where a package is not installed.
     """
-    require_packages("pyarrow", *(("distributed",) if order.workers or order.scheduler else ()))
+    require_packages("pyarrow", *(() if order.crew.is_this_process else ("distributed",)))
     if order.kind:
         from experiments import catalogue
 
         catalogue.entry(order.kind)
-    if order.workers < 0:
-        raise ConfigurationError(
-            "is no number of processes", where="--workers", value=order.workers, limit=">= 0"
-        )
     runs = runs_named(order.names)
     output = order.output or first_folder(order.names) / FOLDER_NAME
     job = Job(
@@ -135,8 +131,7 @@ def fit_fleet(
         tally = _Tally(work, now)
         on_progress(tally.progress)
         errand = Errand(partial(fit_runs, job), lost)
-        who = (order.workers, order.scheduler)
-        with _kept(data, tally), outcomes(errand, work.tasks, *who) as coming:
+        with _kept(data, tally), outcomes(errand, work.tasks, order.crew) as coming:
             for batch, done in coming:
                 if done.rows:
                     data.append(done.rows)

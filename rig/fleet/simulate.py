@@ -28,7 +28,7 @@ from model.motor import shipped_motor
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.bench.backends.assembly import WorldChoice
 from rig.errors import ConfigurationError
-from rig.fleet.engine import Errand, outcomes
+from rig.fleet.engine import Crew, Errand, outcomes
 from rig.fleet.progress import Progress
 from rig.fleet.questions import TRUTH_NAME
 from rig.fleet.truth import gather_truth, keep_truth
@@ -37,7 +37,6 @@ from rig.run.start import RunRequest, run_request
 
 if TYPE_CHECKING:
     from rig.run.order import RunReport
-    from sim_backend.world import Population
 
 OPERATOR = "rig fleet simulate"
 MAKING = ".making"
@@ -76,7 +75,7 @@ class Production:
     gears: int
     benches: int = 1
     protocols: tuple[str, ...] = ("home", "friction")
-    population: Population = "narrow"
+    population: str = "narrow"
     seed: int = 0
     per_day: int = 20
     first_day: date = date(2026, 1, 5)
@@ -164,9 +163,8 @@ def days_of(production: Production) -> list[BenchDay]:
 
 def simulate_fleet(
     production: Production,
+    crew: Crew = Crew(),
     *,
-    workers: int = 0,
-    scheduler: str = "",
     on_progress: Callable[[Progress], None] = lambda progress: None,
     now: Callable[[], float] = time.monotonic,
 ) -> ProductionReport:
@@ -199,11 +197,12 @@ def simulate_fleet(
     shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     tell()
     errand = Errand(partial(make_days, production), _lost)
-    with outcomes(errand, wanted, workers, scheduler) as coming:
+    with outcomes(errand, wanted, crew) as coming:
         for _, outcome in coming:
             made += outcome.runs
             failed += outcome.failed
             tell()
+    shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     gather_truth(production.folder, [production.folder / day.name for day in days])
     return ProductionReport(
         output=production.folder,
@@ -283,6 +282,12 @@ def _request(
 ) -> RunRequest:
     protocol, serial, gear = turned
     first = production.seed * SEEDS_PER_ORDER
+    world: dict[str, Any] = {
+        "gear_seed": first + gear,
+        "bench_seed": first + day.bench,
+        "day": day.day,
+        "population": production.population,
+    }
     return RunRequest(
         protocol=protocol,
         gear=shipped_gear(),
@@ -292,12 +297,7 @@ def _request(
         gear_serial=serial,
         operator=OPERATOR,
         seed=first + day.bench,
-        world=WorldChoice(
-            gear_seed=first + gear,
-            bench_seed=first + day.bench,
-            day=day.day,
-            population=production.population,
-        ),
+        world=WorldChoice(**world),
         sample_rate=production.sample_rate,
         calendar_ns=round(moment.timestamp()) * 1_000_000_000,
     )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from rig.fleet.questions import TRUTH_NAME
 from rig.fleet.table import COMPRESSION
 from rig.library.folder import sealed_runs
-from rig.runfile.read import read_run_header
+from rig.runfile.read import glance
 
 if TYPE_CHECKING:
     import pyarrow
@@ -50,7 +50,7 @@ def gather_truth(folder: Path, days: Sequence[Path]) -> None:
 
 
 def _rows(run: Path, name: str) -> Iterator[dict[str, Any]]:
-    metadata = read_run_header(run).metadata
+    metadata = glance(run).metadata
     told = {
         "run_file": f"{name}/{run.name}",
         "run": metadata.run_id,

@@ -186,7 +186,8 @@ class _Place:
                 [_traits(one) for one in listed if one.outcome == "TRIPPED"],
             ]
         )
-        tares = [one for one in listed if one.protocol == tare_kind()]
+        kind = tare_kind()
+        tares = [one for one in listed if one.protocol == kind]
         self._tares = digest(
             [[*_traits(one), _hash_of(one.path), _stored(one.path)] for one in tares]
         )

@@ -72,7 +72,9 @@ class FleetPage(QWidget):
         self.verdict = choice_box(
             "Verdict", ("every verdict", "FAIL", "MARGINAL", "PASS", "NOT JUDGED"), letters=8
         )
-        self.x, self.y = (choice_box(name, letters=14) for name in ("Quantity", "Over it"))
+        self.quantity, self.beside = (
+            choice_box(name, letters=14) for name in ("Quantity", "Over it")
+        )
         self.gears = GridTable(session, "Gears", ("verdict",), widest=WIDEST)
         self.plots = LotPlots(session)
         self.count, self.says = text_label("", "muted", wraps=True), text_label("", wraps=True)
@@ -102,7 +104,9 @@ class FleetPage(QWidget):
         chosen = QGridLayout()
         chosen.setSpacing(5)
         chosen.setColumnStretch(1, 1)
-        for row, (word, box) in enumerate((("Distribution of", self.x), ("with it", self.y))):
+        for row, (word, box) in enumerate(
+            (("Distribution of", self.quantity), ("with it", self.beside))
+        ):
             chosen.addWidget(text_label(word), row, 0)
             chosen.addWidget(box, row, 1)
         right = in_column(chosen, self.says, (self.plots, 1), margins=(0, 0, 0, 0))
@@ -113,7 +117,7 @@ class FleetPage(QWidget):
         self.text.textChanged.connect(lambda _: self._show_gears())
         for box in (self.bench, self.verdict):
             box.currentIndexChanged.connect(lambda _: self._show_gears())
-        for box in (self.x, self.y):
+        for box in (self.quantity, self.beside):
             box.currentIndexChanged.connect(lambda _: self._draw())
         self.gears.itemSelectionChanged.connect(self._select)
         self.gears.activated.connect(lambda _: self._open_run())
@@ -185,7 +189,7 @@ class FleetPage(QWidget):
         )
         _offer(self.bench, ["every bench", *sorted(benches - {""})])
         quantities = [one for one in lot.quantities if one.measured] if lot else []
-        for place, box in enumerate((self.x, self.y)):
+        for place, box in enumerate((self.quantity, self.beside)):
             _offer_quantities(box, quantities, min(place, len(quantities) - 1))
         self._show_gears()
 
@@ -231,7 +235,7 @@ class FleetPage(QWidget):
         return quantities[place] if 0 <= place < len(quantities) else None
 
     def _draw(self) -> None:
-        x, y = self._quantity(self.x), self._quantity(self.y)
+        x, y = self._quantity(self.quantity), self._quantity(self.beside)
         if self.lot is None or x is None or y is None:
             self.says.setText("")
             self.plots.clear()
@@ -242,7 +246,7 @@ class FleetPage(QWidget):
 
     def _open_run(self) -> None:
         """The run of the chosen gear by which the quantity in view was found, or its first one."""
-        gear, x = self.chosen, self._quantity(self.x)
+        gear, x = self.chosen, self._quantity(self.quantity)
         if gear is None or not gear.run_files:
             return
         of_x = [row.run_file for row in x.rows if row.gear == gear.gear] if x else []

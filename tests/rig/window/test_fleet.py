@@ -43,7 +43,7 @@ def test_the_page_shows_the_gears_of_the_lot(read: FleetPage) -> None:
     assert len(read.shown) == read.gears.rowCount() == 60
     assert read.gears.texts("verdict")[FAILING] == "FAIL"
     assert read.count.text() == "60 gears: 57 PASS, 1 MARGINAL, 1 FAIL, 1 NOT JUDGED"
-    assert read.x.itemText(0).startswith("running torque")
+    assert read.quantity.itemText(0).startswith("running torque")
     assert read.plots.distribution.mark == read.plots.scatter.mark == "SIMULATED"
     assert "Cpk" in read.says.text()
 
@@ -65,8 +65,8 @@ def test_the_filter_leaves_the_gears_that_are_asked_for(read: FleetPage) -> None
 
 def test_a_point_lies_where_its_values_are_and_chooses_its_gear(read: FleetPage) -> None:
     # The first limit of the file is the kinematic error forward, the third the running torque.
-    read.x.setCurrentText("running torque 2000 r/min at 20 °C")
-    read.y.setCurrentText("transmission accuracy forward")
+    read.quantity.setCurrentText("running torque 2000 r/min at 20 °C")
+    read.beside.setCurrentText("transmission accuracy forward")
     x, y = read.plots.places[f"G{MARGINAL:03d}"]
     made = shares()[MARGINAL]
     quantities = {one.title: one for one in read.lot.quantities} if read.lot else {}
@@ -102,7 +102,7 @@ def test_from_a_gear_to_its_run_or_a_word_that_it_is_elsewhere(
     read.choose_gear("G003")
     with qtbot.waitSignal(session.message) as said:
         qtbot.mouseClick(read.open_run, Qt.MouseButton.LeftButton)
-    assert "not at this computer: /runs/00003-friction-G003.h5" in said.args[0]
+    assert said.args == ["The run is not at this computer: /runs/00003-friction-G003.h5"]
     monkeypatch.setattr(Path, "is_file", lambda _: True)
     with qtbot.waitSignal(read.run_chosen) as chosen:
         read.open_run.click()
@@ -136,7 +136,7 @@ def test_nothing_is_cut_off(read: FleetPage, size: tuple[int, int], qtbot: QtBot
     read.resize(size[0], size[1] - 70)
     assert read.minimumSizeHint().width() <= size[0]
     assert read.minimumSizeHint().height() <= size[1] - 70
-    for box in (read.x, read.y, read.bench, read.verdict):
+    for box in (read.quantity, read.beside, read.bench, read.verdict):
         words = max((box.itemText(i) for i in range(box.count())), key=len)
         assert box.fontMetrics().horizontalAdvance(words) <= box.width() - 36, words
     labels = [
