@@ -176,7 +176,7 @@ def _gear(
         lines.append((_outcome(row.verdict), words))
         if row.is_judged and (margin := _margin(row)) is not None:
             margins.append((margin, f"{words}, {margin:.1f} U from it"))
-    lines += [("NOT JUDGED", why) for why in _missing(gear, rows, accepted)]
+    lines.extend(("NOT JUDGED", why) for why in _missing(gear, rows, accepted))
     lines.sort(key=lambda line: WORST_FIRST.index(line[0]))
     verdict = worst_of([outcome for outcome, _ in lines])
     because = [words for outcome, words in lines if outcome != "PASS"]
