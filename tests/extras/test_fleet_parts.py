@@ -18,7 +18,7 @@ from distributed import LocalCluster
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.fleet import engine
 from rig.fleet.dataset import DataSet
-from rig.fleet.engine import Batches, Crew, Errand, outcomes
+from rig.fleet.engine import Batches, Crew, Errand, at_work
 from rig.fleet.fit import require_packages
 from rig.fleet.progress import Progress
 from rig.fleet.questions import QUESTIONS, ask, results_folder
@@ -128,8 +128,9 @@ def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
     with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
         local: Any = cluster
         crew = Crew(scheduler=local.scheduler_address)
-        with outcomes(Errand(play, lose), [Toy(k) for k in range(10)], crew) as coming:
-            found = [outcome for _, outcome in coming]
+        with at_work(crew) as hands:
+            toys = [Toy(k) for k in range(10)]
+            found = [outcome for _, outcome in hands.outcomes(Errand(play, lose), toys)]
     assert sorted(name for outcome in found for name in outcome.names) == list(range(10))
     [lost] = [outcome for outcome in found if outcome.lost]
     assert lost.names == (3,)

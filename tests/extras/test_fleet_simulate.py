@@ -12,9 +12,8 @@ import pytest
 from experiments.errors import PlanError
 from rig.errors import ConfigurationError
 from rig.fleet import simulate
-from rig.fleet.engine import Crew
 from rig.fleet.questions import ask
-from rig.fleet.simulate import Production, days_of, simulate_fleet
+from rig.fleet.simulate import Production, days_of, make_days, simulate_fleet
 from rig.run.latch import LatchedTrip, TripLatch
 from rig.run.start import RunRequest
 from rig.runfile.read import close_recording, open_run
@@ -82,7 +81,10 @@ def test_the_same_order_makes_the_same_runs_and_none_twice(tmp_path: Path) -> No
     (tmp_path / "a" / ".making" / "bench-01" / "day-001").mkdir(parents=True)
     assert simulate_fleet(production(tmp_path / "a")).reused == 3
 
-    simulate_fleet(production(tmp_path / "b"), Crew(workers=1))
+    again = production(tmp_path / "b")
+    for day in reversed(days_of(again)):
+        assert make_days(again, [day]).runs == 1
+    assert simulate_fleet(again).reused == 3
     assert files(tmp_path / "b") == made
     assert not (tmp_path / "b" / ".making").exists()
     other = production(tmp_path / "c", gears=1, seed=1)
