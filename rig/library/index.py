@@ -74,11 +74,7 @@ class LibraryIndex:
     def outdated(self) -> int:
         """How many files a refresh would read. Raises `RunFileError` for what is no folder."""
         with self._lock:
-            rows = self._load()
-            return sum(
-                path.name not in rows or rows[path.name][0] != fingerprint_of(path)
-                for path in run_files(self.folder)
-            )
+            return len(_outdated(self._listed(), self._known()))
 
     def search(
         self,
@@ -114,22 +110,22 @@ class LibraryIndex:
             run for run in runs if fits(run, words, exact, outcome) and within(run.start, *bounds)
         ]
 
-    def _refresh(self) -> int:
+    def _listed(self) -> dict[str, str]:
+        """The fingerprints of the files that are there, by their path within the folder."""
         if self._nested:
             listed, refused = run_tree(self.folder)
         else:
             listed, refused = run_level(self.folder), []
         self.refused = tuple(refused)
-        files = dict(listed)
+        return dict(listed)
+
+    def _refresh(self) -> int:
+        files = self._listed()
         rows = self._known()
         gone = [name for name in rows if name not in files]
         for name in gone:
             del rows[name]
-        changed = sorted(
-            name
-            for name, fingerprint in files.items()
-            if name not in rows or rows[name][0] != fingerprint
-        )
+        changed = _outdated(files, rows)
         database = self._kept_in()
         if gone:
             database.keep(gone, [])
@@ -237,3 +233,12 @@ def _state_of(path: Path, problem: str) -> State:
     if problem:
         return "unreadable"
     return "left behind" if unfinished else "sealed"
+
+
+def _outdated(files: dict[str, str], rows: Stored) -> list[str]:
+    """The files that must be read, sorted: new ones, and those that have changed."""
+    return sorted(
+        name
+        for name, fingerprint in files.items()
+        if name not in rows or rows[name][0] != fingerprint
+    )
