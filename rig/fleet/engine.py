@@ -8,6 +8,7 @@ piece; a piece that no worker survives is told as lost.
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -232,6 +233,7 @@ def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
                 scheduler_kwargs={"dashboard": False},
                 worker_dashboard_address=None,
                 memory_limit=0,
+                silence_logs=logging.ERROR,
             )
         )
         yield stack.enter_context(Client(local, set_as_default=False))
