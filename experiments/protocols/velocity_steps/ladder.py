@@ -25,8 +25,9 @@ from experiments.protocols.velocity_steps.data import (
 from experiments.protocols.velocity_steps.protocol import expected_of
 from experiments.recording import Recording
 from model.arrays import FloatArray
-from model.identify.dynamics import FITTED, FittedRung, fit_rung, predict_steps
+from model.identify.dynamics import FittedRung, fit_rung, predict_steps
 from model.identify.step_fit import BASIS
+from model.identify.step_rungs import FITTED
 
 
 def sample(recording: Recording, evidence: Evidence) -> Sample:

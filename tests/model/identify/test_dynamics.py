@@ -15,11 +15,12 @@ from model.errors import IdentificationError
 from model.gear_file import shipped_gear
 from model.identify import step_fit
 from model.identify.differentiation import speed_from_counts
-from model.identify.dynamics import Expected, LadderFit, fit_ladder
+from model.identify.dynamics import LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
 from model.identify.step_fit import BAD_STEP, BASIS, Problem, Shape, bounded, step_arrays
 from model.identify.step_inertia import fit_inertia
+from model.identify.step_rungs import Expected
 from model.identify.torsional_mode import TorsionModel
 from model.kernels.steps import respond
 from model.linear import dynamic_parameters, modes
