@@ -71,6 +71,19 @@ class Rung:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Beside:
+    """The rung that tells how much of a law may be missing: its torque in the gear over J_o at the stamps of every step
+    [rad/s2], its secant stiffness over inertia [1/s2], and the share of a difference to it that is a standard
+    uncertainty.
+    """
+
+    note: str
+    acceleration: tuple[Array, ...]
+    secant: float
+    share: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class LadderFit:
     """What all steps of a run say of the mode.
 
@@ -94,6 +107,7 @@ class LadderFit:
     skew: float
     error: dict[tuple[int, int], tuple[float, float]]
     metrics: dict[str, float]
+    beside: Beside | None
     answer: Callable[[StepData], Array]
     """Output angle [rad] of the chosen rung at the stamps of a step, whatever its input is: measured or commanded."""
 
@@ -225,36 +239,25 @@ def _stated(
     solution = answers[chosen][0]
     model = problem.model(solution.values)
     beside = _beside(chosen, {name: found[0] for name, found in answers.items()})
-    tables = model.step(problem.interval)
     predicted: list[Array] = []
     rigid: list[Array] = []
     acceleration: list[Array] = []
     transient: list[float] = []
 
-    def respond(arrays: StepArrays) -> tuple[Array, Array, Array]:
-        """Input with its kinematic error, output angle and output speed on the fine grid of a step."""
-        ideal = problem.ideal(arrays, solution.error)
-        angle, speed, _, _ = problem.response(arrays, solution.values, ideal, tables)
-        return ideal, angle, speed
-
     def at_stamps(step: StepData, arrays: StepArrays, angle: Array) -> Array:
         at = step.time + solution.values["skew"]
         return np.interp(at, arrays.fine, angle) + step.output_angle[0]
 
-    def whole(step: StepData) -> StepArrays:
-        """The step to its end: more than its fit looks at, where it is long."""
-        return step_arrays(step, problem.interval, problem.basis, longest=math.inf)
-
     def answer(step: StepData) -> Array:
-        arrays = whole(step)
-        return at_stamps(step, arrays, respond(arrays)[1])
+        arrays = _whole(step, problem)
+        return at_stamps(step, arrays, _respond(problem, solution, arrays)[1])
 
     for step in steps:
-        arrays = whole(step)
-        ideal, angle, speed = respond(arrays)
+        arrays = _whole(step, problem)
+        ideal, angle, speed = _respond(problem, solution, arrays)
         predicted.append(at_stamps(step, arrays, angle))
         rigid.append(at_stamps(step, arrays, ideal))
-        acceleration.append(np.interp(step.time, arrays.fine, np.gradient(speed, arrays.interval)))
+        acceleration.append(_acceleration(step, arrays, speed))
         transient.append(float(np.max(np.abs(ideal - angle))))
     largest = np.array(transient)
     quantum = steps[0].output_quantum
@@ -278,7 +281,47 @@ def _stated(
             for pair, (a, b) in zip(problem.basis, solution.error.reshape(-1, 2), strict=True)
         },
         metrics={"largest_torque": float(np.max(largest)) * model.stiffness * expected.inertia},
+        beside=None if beside is None else _described(steps, problem, beside, expected),
         answer=answer,
+    )
+
+
+def _whole(step: StepData, problem: Problem) -> StepArrays:
+    """The step to its end: more than its fit looks at, where it is long."""
+    return step_arrays(step, problem.interval, problem.basis, longest=math.inf)
+
+
+def _respond(
+    problem: Problem, solution: Solution, arrays: StepArrays
+) -> tuple[Array, Array, Array]:
+    """Input with its kinematic error, output angle and output speed on the fine grid of a step."""
+    ideal = problem.ideal(arrays, solution.error)
+    tables = problem.model(solution.values).step(problem.interval)
+    angle, speed, _, _ = problem.response(arrays, solution.values, ideal, tables)
+    return ideal, angle, speed
+
+
+def _acceleration(step: StepData, arrays: StepArrays, speed: Array) -> Array:
+    """Of the output at the stamps, from its speed on the fine grid [rad/s2]."""
+    return np.interp(step.time, arrays.fine, np.gradient(speed, arrays.interval))
+
+
+def _described(
+    steps: Sequence[StepData],
+    problem: Problem,
+    beside: tuple[str, Solution],
+    expected: Expected,
+) -> Beside:
+    note, solution = beside
+    whole = [_whole(step, problem) for step in steps]
+    return Beside(
+        note=note,
+        acceleration=tuple(
+            _acceleration(step, arrays, _respond(problem, solution, arrays)[2])
+            for step, arrays in zip(steps, whole, strict=True)
+        ),
+        secant=problem.model(solution.values).secant(expected.amplitude / expected.inertia),
+        share=1.0 if note == TO_RICHER else 1.0 / math.sqrt(3.0),
     )
 
 

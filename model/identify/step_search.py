@@ -68,27 +68,33 @@ def climb(
             starts = [*_bends(answers["linear"][0], added[rung]), (card, still), *around]
             least = 1
         else:
-            starts = _slides(answers["hardening"][0], added[rung], expected)
+            starts = _slides(answers["hardening"][0], added, expected)
             least = min(len(starts), few)
         answers[rung] = _answers(problem, shapes[rung], starts, noise, least)
     return answers
 
 
 def _slides(
-    below: Solution, added: Mapping[str, float], expected: Expected
+    below: Solution, added: Mapping[str, Mapping[str, float]], expected: Expected
 ) -> list[tuple[dict[str, float], Array]]:
-    """Starts of the hysteresis rung beside a hardening spring: an element that takes over some or most of its loss."""
+    """Starts of the hysteresis rung beside a hardening spring: an element that takes over some or most of its loss.
+
+    A hardening spring alone bends by too little, or not at all, where a hysteresis softens it: it is begun again as
+    bent as the card says.
+    """
     return [
         (
             {
                 **below.values,
-                **added,
+                **(added["hardening"] if is_bent else {}),
+                **added["hysteresis"],
                 "soft": math.log(share * expected.stiffness),
                 "stiffness": below.values["stiffness"] - share,
                 "damping": below.values["damping"] + less,
             },
             below.error,
         )
+        for is_bent in (False, True)
         for share, less in SLIDING
     ]
 
