@@ -17,6 +17,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from experiments.angle.certified import certified_angles
 from experiments.angle.phase_reference import phase_reference
 from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
@@ -159,11 +160,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """
     gear = evidence.gear
     richest = _choice(evidence, "ladder", "full", tuple(LADDERS))
-    steps, origin, warnings = _steps_of(recording, gear, evidence)
-    given = "parameter set" in origin
+    steps, named, warnings = _steps_of(recording, gear, evidence)
+    given = "parameter set" in named["kinematic_error"]
     if not given:
         steps = [_without_error(step) for step in steps]
-        origin = "this run's own steps, fitted with the mode"
+        named |= {"kinematic_error": "this run's own steps, fitted with the mode"}
     # Where nobody says what gear it is, the shipped set stands in, which tells nothing of where its mode lies.
     is_known = recording.metadata.gear is not None or gear != shipped_gear()
     with analysing(recording.metadata.run_id):
@@ -210,7 +211,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             budget_table(estimates.values()),
         ),
         options={
-            "kinematic_error": origin,
+            **named,
             "input": "measured",
             "input_of_figure_19": _commanded_words(steps),
             "ladder": richest,
@@ -285,7 +286,8 @@ def _with_alias(recording: Recording, estimates: dict[str, Estimate]) -> dict[st
 
 def _steps_of(
     recording: Recording, gear: HarmonicDrive, evidence: Evidence
-) -> tuple[list[RecordedStep], str, list[str]]:
+) -> tuple[list[RecordedStep], dict[str, str], list[str]]:
+    """The steps of a run, what of them an option names, and what is to be said of them."""
     check_settings(evidence.settings, SETTINGS, NAME)
     recording.require("velocity steps", "input_angle", "output_angle")
     warnings = list(
@@ -303,15 +305,25 @@ def _steps_of(
     use_set = wanted == "set" or (wanted == "auto" and carries(gear, reference))
     zero = torque_zero(recording) if recording.has("torque") else None
     ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
+    certified, sentences = certified_angles(recording)
     with analysing(recording.metadata.run_id):
         steps, origin, said = recorded_steps(
-            recording, ratio, reference, zero, gear if use_set else None, first_resonances(gear)[-1]
+            recording,
+            ratio,
+            reference,
+            zero,
+            gear if use_set else None,
+            first_resonances(gear)[-1],
+            certified,
         )
     if not steps:
         raise AnalysisError(
             "no step can be used", where=recording.metadata.run_id, value="; ".join(said)
         )
-    return steps, origin, warnings + said
+    named = {"kinematic_error": origin}
+    if certified:
+        named["corrected_by_certificate"] = ", ".join(sorted(certified))
+    return steps, named, warnings + sentences + said
 
 
 def _identifiability(steps: list[RecordedStep], gear: HarmonicDrive) -> Identifiability:
@@ -359,7 +371,7 @@ def _metrics(
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
     """Score equation 2 with a given parameter set on every step, driven by the measured input; nothing is fitted."""
-    steps, origin, warnings = _steps_of(recording, gear, evidence)
+    steps, named, warnings = _steps_of(recording, gear, evidence)
     with analysing(recording.metadata.run_id):
 
         def simulated(step: RecordedStep) -> FloatArray:
@@ -386,7 +398,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         plots=scored_step_plots(steps, scores, simulated, gear.name),
         tables=(score_table(steps, scores),),
         options={
-            "kinematic_error": origin,
+            **named,
             "input": "measured",
             "input_of_figure_19": _commanded_words(steps),
             "parameter_set": gear.name,
