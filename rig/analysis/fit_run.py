@@ -76,7 +76,11 @@ def fit_run(path: Path, kind: str = "", choices: Choices | None = None) -> Fit:
         kind,
         gear=gear,
         tare=tared.fit,
-        settings={**tared.settings, **choices.settings},
+        settings={
+            **tared.settings,
+            **_learnt(recording, path, kind, choices.settings),
+            **choices.settings,
+        },
         path=path,
         largest_missed_share=choices.largest_missed_share,
     )
@@ -94,7 +98,11 @@ def evidence_for(
     evidence = evidence_of(
         gear or shipped_gear(),
         tared.fit,
-        {**tared.settings, **choices.settings},
+        {
+            **tared.settings,
+            **_learnt(recording, path, kind, choices.settings),
+            **choices.settings,
+        },
         choices.largest_missed_share,
     )
     return recording, evidence
@@ -151,6 +159,24 @@ def _basis_of(recording: Recording, path: Path, kind: str) -> tuple[Result, dict
         named |= {"kind": run.protocol, "number": found.number}
         return found.analysis.whole_result(), named
     return None
+
+
+def _learnt(
+    recording: Recording, path: Path, kind: str, by_hand: Mapping[str, Any]
+) -> Mapping[str, Any]:
+    """Settings that the gear's other runs of this kind give, by their analyses in force; none where one is by hand."""
+    experiment = catalogue.declared(kind)
+    if experiment is None or experiment.learns is None or not recording.metadata.gear_serial:
+        return {}
+    results: list[Result] = []
+    for run in _runs_before(recording, path.parent, (kind,)):
+        if run.run_id == recording.metadata.run_id:
+            continue
+        found = in_force(run.path, kind)
+        if found.analysis is not None and not found.stale:
+            results.append(found.analysis.whole_result())
+    learnt = experiment.learns(results)
+    return {} if any(name in by_hand for name in learnt) else learnt
 
 
 def _runs_before(recording: Recording, folder: Path, protocols: Sequence[str]) -> list[IndexedRun]:
