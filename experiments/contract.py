@@ -1,3 +1,4 @@
+# pyright: standard
 """What a test protocol is: one validated parameter model, a plan, an analysis."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# pyright: standard
 """What a simulated rig knows of itself beside what an analysis found: for demonstrations and
 coverage, never for analyses.
 

@@ -1,3 +1,4 @@
+# pyright: standard
 """The torsional mode of a gear from all velocity steps of a run, by one fit on a ladder of models.
 
     rigid       theta_o = theta_i/N                                                    nothing fitted

@@ -1,3 +1,4 @@
+# pyright: standard
 """The inertia at the output, from the torque port during steps whose mode has been identified.
 
     T = L(J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction(theta_i')) + T_0,  tau L(x)' + L(x) = x

@@ -1,3 +1,4 @@
+# pyright: standard
 """The steps of a run as `model.identify.dynamics` takes them: from standstill through the step,
 with the kinematic error.
 
