@@ -8,6 +8,7 @@ piece; a piece that no worker survives is told as lost.
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -122,28 +123,39 @@ class Errand(Generic[SomePiece, SomeOutcome]):
     lost: Callable[[SomePiece, str], SomeOutcome]
 
 
+class Hands:
+    """A crew at work. Processes and connections are made when the first piece comes, and kept for the next errand."""
+
+    def __init__(self, crew: Crew, stack: ExitStack) -> None:
+        self._crew, self._stack = crew, stack
+        self._client: Client | None = None
+
+    def outcomes(
+        self, errand: Errand[SomePiece, SomeOutcome], pieces: Sequence[SomePiece]
+    ) -> Generator[tuple[list[SomePiece], SomeOutcome]]:
+        """Batches with what came of them, as they come to their end."""
+        batches = Batches(pieces, self._crew.batch_seconds)
+        if not pieces:
+            return
+        if self._crew.is_this_process:
+            yield from _work_here(errand, batches)
+            return
+        if self._client is None:
+            crew = self._crew
+            self._client = self._stack.enter_context(cluster(crew.workers, crew.scheduler))
+        yield from _work_on(self._client, errand, batches)
+
+
 @contextmanager
-def outcomes(
-    errand: Errand[SomePiece, SomeOutcome],
-    pieces: Sequence[SomePiece],
-    crew: Crew,
-) -> Iterator[Iterator[tuple[list[SomePiece], SomeOutcome]]]:
-    """Batches with what came of them, as they come to their end."""
-    batches = Batches(pieces, crew.batch_seconds)
-    if not pieces or crew.is_this_process:
-        yield _work_here(errand, batches)
-        return
-    with cluster(min(crew.workers, len(pieces)), crew.scheduler) as client:
-        coming = _work_on(client, errand, batches)
-        try:
-            yield coming
-        finally:
-            coming.close()
+def at_work(crew: Crew) -> Iterator[Hands]:
+    """The crew, sent home at the end. Raises `RigError` where no scheduler answers when the first piece comes."""
+    with ExitStack() as stack:
+        yield Hands(crew, stack)
 
 
 def _work_here(
     errand: Errand[SomePiece, SomeOutcome], batches: Batches[SomePiece]
-) -> Iterator[tuple[list[SomePiece], SomeOutcome]]:
+) -> Generator[tuple[list[SomePiece], SomeOutcome]]:
     while batch := batches.take():
         outcome = errand.work(batch)
         batches.learn(batch, outcome.seconds)
@@ -221,6 +233,7 @@ def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
                 scheduler_kwargs={"dashboard": False},
                 worker_dashboard_address=None,
                 memory_limit=0,
+                silence_logs=logging.ERROR,
             )
         )
         yield stack.enter_context(Client(local, set_as_default=False))

@@ -12,10 +12,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from experiments import catalogue
+from rig.analysis.tare import tare_kind
 from rig.errors import RigError
 from rig.fleet.dataset import FOLDER_NAME, DataSet, Identity
-from rig.fleet.engine import Crew, Errand, outcomes
+from rig.fleet.engine import Crew, Errand, at_work
 from rig.fleet.progress import Progress
+from rig.fleet.survey import survey
 from rig.fleet.task import Done, Job, RunTask, fit_runs, lost
 from rig.fleet.work import PathMap, Work, first_folder, runs_named, work_for
 
@@ -112,8 +115,6 @@ def fit_fleet(
     """
     require_packages("pyarrow", *(() if order.crew.is_this_process else ("distributed",)))
     if order.kind:
-        from experiments import catalogue
-
         catalogue.entry(order.kind)
     runs = runs_named(order.names)
     output = order.output or first_folder(order.names) / FOLDER_NAME
@@ -126,17 +127,19 @@ def fit_fleet(
         acceptance=order.acceptance,
         stored=order.stored,
     )
-    with DataSet(output).writing() as data:
+    with DataSet(output).writing() as data, at_work(order.crew) as hands:
+        survey(hands, sorted({run.parent for run in runs}), order.mapped.path, on_progress)
         work = work_for(runs, job, data.known(), base=output.parent, there=order.mapped)
         tally = _Tally(work, now)
         on_progress(tally.progress)
         errand = Errand(partial(fit_runs, job), lost)
-        with _kept(data, tally), outcomes(errand, work.tasks, order.crew) as coming:
-            for batch, done in coming:
-                if done.rows:
-                    data.append(done.rows)
-                tally.count(batch, done)
-                on_progress(tally.progress)
+        with _kept(data, tally):
+            for tasks in _waves(work.tasks, job):
+                for batch, done in hands.outcomes(errand, tasks):
+                    if done.rows:
+                        data.append(done.rows)
+                    tally.count(batch, done)
+                    on_progress(tally.progress)
     return FleetReport(
         output=output,
         runs=work.runs,
@@ -146,6 +149,18 @@ def fit_fleet(
         seconds=tally.seconds,
         fit_seconds=tally.fit_seconds,
     )
+
+
+def _waves(tasks: Sequence[RunTask], job: Job) -> list[Sequence[RunTask]]:
+    """Tasks in waves: where analyses are kept beside their runs, those of a later wave may rest on an earlier one's."""
+    if not job.stored:
+        return [tasks]
+    waves: list[list[RunTask]] = [[], [], []]
+    for task in tasks:
+        experiment = catalogue.declared(task.kind)
+        builds = experiment is not None and bool(experiment.builds_on)
+        waves[2 if builds else 0 if task.kind == tare_kind() else 1].append(task)
+    return list(waves)
 
 
 @contextmanager

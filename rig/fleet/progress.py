@@ -7,13 +7,17 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """A moment of a job. `done` of `runs` are done, `reused` of them were done before; `seconds` since its start."""
+    """A moment of a job. `done` of `runs` are done, `reused` of them were done before; `seconds` since its start.
+
+    `what` is what is being done, where that is not yet the work itself.
+    """
 
     runs: int
     done: int
     reused: int
     failed: int
     seconds: float
+    what: str = ""
 
     @property
     def rate(self) -> float:
@@ -31,7 +35,8 @@ class Progress:
         left = "" if self.left is None else f", {duration(self.left)} left"
         rate = f", {self.rate:.2g} runs/s{left}" if self.rate else ""
         failed = f", {self.failed} failed" if self.failed else ""
-        return f"{self.done} of {self.runs} runs{rate}{failed}"
+        what = f"{self.what}: " if self.what else ""
+        return f"{what}{self.done} of {self.runs} runs{rate}{failed}"
 
 
 def duration(seconds: float) -> str:

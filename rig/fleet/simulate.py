@@ -28,7 +28,7 @@ from model.motor import shipped_motor
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.bench.backends.assembly import WorldChoice
 from rig.errors import ConfigurationError
-from rig.fleet.engine import Crew, Errand, outcomes
+from rig.fleet.engine import Crew, Errand, at_work
 from rig.fleet.progress import Progress
 from rig.fleet.questions import TRUTH_NAME
 from rig.fleet.truth import gather_truth, keep_truth
@@ -197,8 +197,8 @@ def simulate_fleet(
     shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     tell()
     errand = Errand(partial(make_days, production), _lost)
-    with outcomes(errand, wanted, crew) as coming:
-        for _, outcome in coming:
+    with at_work(crew) as hands:
+        for _, outcome in hands.outcomes(errand, wanted):
             made += outcome.runs
             failed += outcome.failed
             tell()

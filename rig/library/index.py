@@ -71,6 +71,15 @@ class LibraryIndex:
         with self._lock:
             return self._refresh()
 
+    def outdated(self) -> int:
+        """How many files a refresh would read. Raises `RunFileError` for what is no folder."""
+        with self._lock:
+            rows = self._load()
+            return sum(
+                path.name not in rows or rows[path.name][0] != fingerprint_of(path)
+                for path in run_files(self.folder)
+            )
+
     def search(
         self,
         text: str = "",

@@ -19,7 +19,6 @@ import time
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import psutil
 
@@ -28,9 +27,9 @@ from rig.fleet.engine import Crew, cluster
 from rig.fleet.fit import FleetOrder, FleetReport, fit_fleet
 from rig.fleet.progress import Progress
 from rig.fleet.questions import QUESTIONS, ask
-from rig.fleet.results import arrow_schema
+from rig.fleet.results import Row
 from rig.fleet.rows import EMPTY
-from rig.fleet.table import parquet_bytes
+from rig.fleet.table import table_bytes
 from rig.fleet.work import runs_named
 
 MEGABYTE = 1e6
@@ -139,14 +138,12 @@ def cost_of_a_task(tasks: int = 2000) -> tuple[float, float]:
 
 def synthesise(folder: Path, rows: int) -> None:
     """So many rows of a made-up production: 40 quantities a run, 500 gears, 4 benches."""
-    import pyarrow as pa
-
     dice = random.Random(0)
     data = DataSet(folder)
     start = datetime(2026, 1, 5, 8, tzinfo=UTC)
     with data.writing():
         for first in range(0, rows, 40_000):
-            made: list[dict[str, Any]] = []
+            made: list[Row] = []
             for k in range(first, min(first + 40_000, rows)):
                 run, place = divmod(k, 40)
                 value = dice.gauss(1.0 + place, 0.1)
@@ -175,7 +172,7 @@ def synthesise(folder: Path, rows: int) -> None:
                         "surroundings": f"{run:032x}",
                     }
                 )
-            data.append(parquet_bytes(pa.Table.from_pylist(made, schema=arrow_schema())))
+            data.append(table_bytes(made))
 
 
 def questions(scratch: Path, rows: int) -> float:
@@ -196,7 +193,7 @@ def questions(scratch: Path, rows: int) -> float:
 def main() -> int:
     """Measure, print, and say by the exit code whether every aim is met."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("folder", type=Path)
+    parser.add_argument("folder", help="a folder of runs, or a pattern")
     parser.add_argument("--runs", type=int, default=0, help="the first so many runs only")
     parser.add_argument(
         "--pairs", type=int, default=2, help="how often one and two workers are measured"

@@ -23,21 +23,21 @@ BATCH_SECONDS = 0.2
 
 
 def make_runs(folder: Path) -> Path:
-    """One tare, three friction runs that need it, thirty-six of `home`: one bench, one day. Returns their folder."""
+    """One tare, two friction runs that need it, thirty-seven of `home`: one bench, one day. Returns their folder."""
     made = simulate_fleet(
         Production(
             folder=folder,
-            gears=3,
+            gears=2,
             protocols=("friction", "home"),
             short=True,
             sample_rate=100.0,
             values={"friction": {"points": 6}},
         )
     )
-    assert (made.runs, made.failed) == (7, ())
+    assert (made.runs, made.failed) == (5, ())
     day = folder / "bench-01" / "day-001"
     homes = sorted(day.glob("*-home-*.h5"))
-    for number in range(8, RUNS + 1):
+    for number in range(6, RUNS + 1):
         _copy(homes[number % len(homes)], number)
     return folder
 

@@ -22,11 +22,13 @@ from experiments import catalogue
 from rig.analysis.fit_run import fit_run
 from rig.analysis.store import read_analyses
 from rig.errors import ConfigurationError, RigError
+from rig.fleet import survey
 from rig.fleet.dataset import DataSet
-from rig.fleet.engine import Crew
+from rig.fleet.engine import Crew, at_work
 from rig.fleet.fit import FleetOrder, FleetReport, fit_fleet
 from rig.fleet.progress import Progress
 from rig.fleet.work import PathMap
+from rig.library.index import LibraryIndex
 from tests.extras.fleet_runs import (
     BATCH_SECONDS,
     RUNS,
@@ -280,6 +282,20 @@ def test_python_gets_the_table(runs: Path, tmp_path: Path) -> None:
     table = rig.fleet_fit(home, output=tmp_path / "r")
     assert table.equals(pq.read_table(tmp_path / "r"))
     assert set(table["kind"].to_pylist()) == {"home"}
+
+
+def test_headers_are_read_by_the_workers(
+    runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(survey, "FEW", 2)
+    for home in sorted(runs.rglob("*-home-*.h5"))[:3]:
+        shutil.copyfile(home, tmp_path / home.name)
+    told: list[Progress] = []
+    with at_work(Crew()) as hands:
+        for _ in range(2):
+            survey.survey(hands, [tmp_path], str, told.append)
+    assert LibraryIndex(tmp_path).outdated() == 0
+    assert [now.words().partition(",")[0] for now in told] == ["headers read: 3 of 3 runs"]
 
 
 def test_results_have_one_writer(runs: Path, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from typing import Any
 
 import duckdb
 import numpy as np
-import pandas
 import pyarrow.parquet as pq
 import pytest
 from distributed import LocalCluster
@@ -18,7 +17,7 @@ from distributed import LocalCluster
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.fleet import engine
 from rig.fleet.dataset import DataSet
-from rig.fleet.engine import Batches, Crew, Errand, outcomes
+from rig.fleet.engine import Batches, Crew, Errand, at_work
 from rig.fleet.fit import require_packages
 from rig.fleet.progress import Progress
 from rig.fleet.questions import QUESTIONS, ask, results_folder
@@ -128,8 +127,9 @@ def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
     with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
         local: Any = cluster
         crew = Crew(scheduler=local.scheduler_address)
-        with outcomes(Errand(play, lose), [Toy(k) for k in range(10)], crew) as coming:
-            found = [outcome for _, outcome in coming]
+        with at_work(crew) as hands:
+            toys = [Toy(k) for k in range(10)]
+            found = [outcome for _, outcome in hands.outcomes(Errand(play, lose), toys)]
     assert sorted(name for outcome in found for name in outcome.names) == list(range(10))
     [lost] = [outcome for outcome in found if outcome.lost]
     assert lost.names == (3,)
@@ -203,8 +203,9 @@ def test_a_file_of_another_schema_is_refused(tmp_path: Path) -> None:
 
 
 def test_other_programs_read_the_results(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
     keep(tmp_path, production())
-    frame: Any = pandas.read_parquet(tmp_path)
+    frame = pandas.read_parquet(tmp_path)
     assert list(frame.columns) == list(NAMES)
     assert frame["value"].sum() == pytest.approx(sum(r["value"] for r in production()))
     assert str(frame["started"].dtype).startswith("datetime64")
