@@ -74,11 +74,8 @@ class LibraryIndex:
     def outdated(self) -> int:
         """How many files a refresh would read. Raises `RunFileError` for what is no folder."""
         with self._lock:
-            rows = self._load()
-            return sum(
-                path.name not in rows or rows[path.name][0] != fingerprint_of(path)
-                for path in run_files(self.folder)
-            )
+            files, rows = self._files(), self._known()
+            return len(_changed(files, rows))
 
     def search(
         self,
@@ -115,21 +112,11 @@ class LibraryIndex:
         ]
 
     def _refresh(self) -> int:
-        if self._nested:
-            listed, refused = run_tree(self.folder)
-        else:
-            listed, refused = run_level(self.folder), []
-        self.refused = tuple(refused)
-        files = dict(listed)
-        rows = self._known()
+        files, rows = self._files(), self._known()
         gone = [name for name in rows if name not in files]
         for name in gone:
             del rows[name]
-        changed = sorted(
-            name
-            for name, fingerprint in files.items()
-            if name not in rows or rows[name][0] != fingerprint
-        )
+        changed = _changed(files, rows)
         database = self._kept_in()
         if gone:
             database.keep(gone, [])
@@ -138,6 +125,15 @@ class LibraryIndex:
         self._rows = rows
         self._stamp = None if database.was_busy else database.stamp()
         return len(changed)
+
+    def _files(self) -> dict[str, str]:
+        """The run files as they are on the disk: their fingerprints by their paths within the folder."""
+        if self._nested:
+            listed, refused = run_tree(self.folder)
+        else:
+            listed, refused = run_level(self.folder), []
+        self.refused = tuple(refused)
+        return dict(listed)
 
     def _read(self, changed: Sequence[str], files: dict[str, str], rows: Stored) -> None:
         """Read these files; whatever ends the reading, what has been read is kept."""
@@ -201,6 +197,15 @@ class LibraryIndex:
             made.items(), key=lambda item: (item[0].rpartition("/")[0], item[1][1].number, item[0])
         )
         return [run for _, (_, run) in ordered]
+
+
+def _changed(files: dict[str, str], rows: Stored) -> list[str]:
+    """The files that are new, or other than they were when they were read."""
+    return sorted(
+        name
+        for name, fingerprint in files.items()
+        if name not in rows or rows[name][0] != fingerprint
+    )
 
 
 def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
