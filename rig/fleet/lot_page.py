@@ -89,7 +89,7 @@ def lot_context(lot: Lot, created: str) -> dict[str, Any]:
 def _overall(lot: Lot) -> Overall:
     counted = lot.verdicts
     told = ", ".join(f"{count} {word}" for word, count in counted.items())
-    judged = len(lot.gears) - counted["NOT JUDGED"]
+    judged = sum(gear.is_complete for gear in lot.gears)
     return Overall(
         f"{counted['PASS']} of {len(lot.gears)} PASS",
         f"{told}. {judged} gears are judged by all that their acceptance file asks.",

@@ -200,7 +200,7 @@ class FleetPage(QWidget):
         before = self.chosen
         self._shown = WantedGears(self.text.text(), bench, verdict).of(lot) if lot else ()
         rows = [
-            (one.gear, one.bench or "–", one.verdict, "; ".join(why_of(one) or one.because))
+            (one.gear, one.bench or "–", one.verdict, "; ".join(one.because or why_of(one)))
             for one in self._shown[:MOST_LISTED]
         ]
         with QSignalBlocker(self.gears):
