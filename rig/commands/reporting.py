@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -89,6 +90,13 @@ def report(
             "--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own."
         ),
     ] = None,
+    models: Annotated[
+        bool,
+        typer.Option(
+            "--models",
+            help="Judge the models of each protocol of which there are two runs or more by these, as `rig validate`.",
+        ),
+    ] = False,
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
     json: Annotated[
@@ -109,52 +117,30 @@ def report(
 
     if bool(runs) == bool(gear):
         raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
+    if models and (gear or per_run):
+        raise typer.BadParameter(
+            "needs several runs in one report: leave --gear and --per-run out",
+            param_hint="--models",
+        )
     asked = acceptance_named(acceptance) if acceptance else None
     suffixes = suffixes_of(output, format_, per_run=per_run)
+    outputs = [output.with_suffix(suffix) for suffix in suffixes]
+    on_files = partial(
+        report_on_files,
+        tare=tare,
+        no_tare=no_tare,
+        refit=refit,
+        parameters=parameters,
+        acceptance=asked,
+    )
+    if gear:
+        reports = [report_on_gear(folder, gear, outputs, acceptance=asked)]
+    elif per_run:
+        reports = _per_run(runs or (), output, suffixes, on_files, quiet=json)
+    else:
+        reports = [on_files(runs or [], outputs, models=models)]
     lines: list[str] = []
     written: list[Path] = []
-    if gear:
-        reports = [
-            report_on_gear(
-                folder,
-                gear,
-                [output.with_suffix(suffix) for suffix in suffixes],
-                acceptance=asked,
-            )
-        ]
-    elif per_run:
-        named = [
-            (run, [output / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes])
-            for run in runs or ()
-        ]
-        reports = []
-        for number, (run, paths) in enumerate(named, 1):
-            if not json and len(named) > 1:
-                echo(f"{number}/{len(named)} {run}", errors=True)
-            reports.append(
-                report_on_files(
-                    [run],
-                    paths,
-                    tare=tare,
-                    no_tare=no_tare,
-                    refit=refit,
-                    parameters=parameters,
-                    acceptance=asked,
-                )
-            )
-    else:
-        paths = [output.with_suffix(suffix) for suffix in suffixes]
-        reports = [
-            report_on_files(
-                runs or [],
-                paths,
-                tare=tare,
-                no_tare=no_tare,
-                refit=refit,
-                parameters=parameters,
-                acceptance=asked,
-            )
-        ]
     for one in reports:
         lines += one.lines
         written += one.paths
@@ -167,6 +153,24 @@ def report(
             print_verdict(console(), one.verdict)
     verdicts = [one.verdict.verdict for one in reports]
     raise typer.Exit(code_of_verdicts(verdicts, required=require_verdict))
+
+
+def _per_run(
+    runs: Sequence[Path],
+    folder: Path,
+    suffixes: Sequence[str],
+    on_files: Callable[[list[Path], list[Path]], Reports],
+    *,
+    quiet: bool,
+) -> list[Reports]:
+    """A report of every run for itself, by the names of the runs."""
+    reports: list[Reports] = []
+    for number, run in enumerate(runs, 1):
+        if not quiet and len(runs) > 1:
+            echo(f"{number}/{len(runs)} {run}", errors=True)
+        outputs = [folder / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes]
+        reports.append(on_files([run], outputs))
+    return reports
 
 
 def _as_object(reports: Sequence[Reports], written: list[Path], lines: list[str]) -> dict[str, Any]:

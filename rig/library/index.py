@@ -74,8 +74,7 @@ class LibraryIndex:
     def outdated(self) -> int:
         """How many files a refresh would read. Raises `RunFileError` for what is no folder."""
         with self._lock:
-            files, rows = self._files(), self._known()
-            return len(_changed(files, rows))
+            return len(_outdated(self._listed(), self._known()))
 
     def search(
         self,
@@ -111,12 +110,22 @@ class LibraryIndex:
             run for run in runs if fits(run, words, exact, outcome) and within(run.start, *bounds)
         ]
 
+    def _listed(self) -> dict[str, str]:
+        """The fingerprints of the files that are there, by their path within the folder."""
+        if self._nested:
+            listed, refused = run_tree(self.folder)
+        else:
+            listed, refused = run_level(self.folder), []
+        self.refused = tuple(refused)
+        return dict(listed)
+
     def _refresh(self) -> int:
-        files, rows = self._files(), self._known()
+        files = self._listed()
+        rows = self._known()
         gone = [name for name in rows if name not in files]
         for name in gone:
             del rows[name]
-        changed = _changed(files, rows)
+        changed = _outdated(files, rows)
         database = self._kept_in()
         if gone:
             database.keep(gone, [])
@@ -125,15 +134,6 @@ class LibraryIndex:
         self._rows = rows
         self._stamp = None if database.was_busy else database.stamp()
         return len(changed)
-
-    def _files(self) -> dict[str, str]:
-        """The run files as they are on the disk: their fingerprints by their paths within the folder."""
-        if self._nested:
-            listed, refused = run_tree(self.folder)
-        else:
-            listed, refused = run_level(self.folder), []
-        self.refused = tuple(refused)
-        return dict(listed)
 
     def _read(self, changed: Sequence[str], files: dict[str, str], rows: Stored) -> None:
         """Read these files; whatever ends the reading, what has been read is kept."""
@@ -199,15 +199,6 @@ class LibraryIndex:
         return [run for _, (_, run) in ordered]
 
 
-def _changed(files: dict[str, str], rows: Stored) -> list[str]:
-    """The files that are new, or other than they were when they were read."""
-    return sorted(
-        name
-        for name, fingerprint in files.items()
-        if name not in rows or rows[name][0] != fingerprint
-    )
-
-
 def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
     """What a file says of itself, by column."""
     file = name.rpartition("/")[2]
@@ -242,3 +233,12 @@ def _state_of(path: Path, problem: str) -> State:
     if problem:
         return "unreadable"
     return "left behind" if unfinished else "sealed"
+
+
+def _outdated(files: dict[str, str], rows: Stored) -> list[str]:
+    """The files that must be read, sorted: new ones, and those that have changed."""
+    return sorted(
+        name
+        for name, fingerprint in files.items()
+        if name not in rows or rows[name][0] != fingerprint
+    )
