@@ -51,6 +51,11 @@ class Neighbours(Surroundings):
         self._tares.move_to_end(path)
         return fit
 
+    def close(self) -> None:
+        """Close the files of the tares."""
+        while self._tares:
+            close_recording(self._tares.popitem()[1].recording)
+
     def tare_digest(self, fit: Fit) -> str:
         """A hash of what an analysed tare says: another analysis of the same run is another tare."""
         key = (fit.recording.metadata.sha256, id(fit))
@@ -79,5 +84,13 @@ _local = threading.local()
 def neighbours_of(job: str) -> Neighbours:
     """What this thread remembers of a job; another job begins with nothing."""
     if getattr(_local, "job", None) != job:
+        forget_neighbours()
         _local.job, _local.neighbours = job, Neighbours()
     return _local.neighbours
+
+
+def forget_neighbours() -> None:
+    """Let go of what this thread remembers, and of the files that it holds open."""
+    if getattr(_local, "job", None) is not None:
+        _local.neighbours.close()
+        _local.job = _local.neighbours = None
