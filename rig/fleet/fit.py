@@ -17,6 +17,7 @@ from rig.analysis.tare import tare_kind
 from rig.errors import RigError
 from rig.fleet.dataset import FOLDER_NAME, DataSet, Identity
 from rig.fleet.engine import Crew, Errand, at_work
+from rig.fleet.neighbours import forget_neighbours
 from rig.fleet.progress import Progress
 from rig.fleet.survey import survey
 from rig.fleet.task import Done, Job, RunTask, fit_runs, lost
@@ -169,6 +170,7 @@ def _kept(data: DataSet, tally: _Tally) -> Iterator[None]:
     try:
         yield
     finally:
+        forget_neighbours()
         data.put_together(tally.restamped)
 
 

@@ -22,6 +22,7 @@ from rig.fleet.lot_rows import LotData, LotRow, read_lot
 from rig.fleet.lot_words import limit_words, value_words
 from rig.gears.acceptance import Acceptance, acceptance_named
 
+_BEYOND = ("FAIL", "MARGINAL")
 SHOWN_GEARS = 10
 """Gears to look at that a report names."""
 FAR_OUT = 3.5
@@ -35,16 +36,20 @@ _VERDICTS: tuple[VerdictOutcome, ...] = ("PASS", "MARGINAL", "FAIL", "NOT JUDGED
 class LotGear:
     """A gear of the lot: its verdict, why it is not a better one, and what makes it worth a look.
 
-    `margin` is the smallest distance to a limit in expanded uncertainties, negative beyond it; infinite without one.
+    `beyond` are the limits that it breaks or may break, whatever else is not judged; `margin` is the smallest distance
+    to a limit in expanded uncertainties, negative beyond it, infinite without one, and `nearest` that limit in words.
     """
 
     gear: str
     bench: str
     verdict: VerdictOutcome
     because: tuple[str, ...]
+    beyond: tuple[str, ...]
     margin: float
     nearest: str
     unlike: tuple[str, ...]
+    is_complete: bool
+    """Whether it is judged by all that its acceptance file asks."""
     run_files: tuple[str, ...]
 
 
@@ -66,7 +71,7 @@ class Lot:
     @property
     def to_look_at(self) -> tuple[LotGear, ...]:
         """The gears to look at first: what fails, is marginal, is unlike the others, is nearest to a limit."""
-        return tuple(sorted(filter(_is_worth_a_look, self.gears), key=_urgency)[:SHOWN_GEARS])
+        return tuple(sorted(filter(why_of, self.gears), key=_urgency)[:SHOWN_GEARS])
 
     @property
     def not_judged(self) -> dict[str, list[str]]:
@@ -119,9 +124,8 @@ def lot_of(folder: Path, *, origin: str = "", part: str = "") -> Lot:
 
 def why_of(gear: LotGear) -> tuple[str, ...]:
     """Why a gear is worth a look, the strongest reason first."""
-    bad = gear.because if gear.verdict in ("FAIL", "MARGINAL") else ()
-    near = (f"nearest to its limit: {gear.nearest}",) if gear.nearest and not bad else ()
-    return (*bad, *gear.unlike, *near)
+    near = (f"nearest to its limit: {gear.nearest}",) if gear.nearest and not gear.beyond else ()
+    return (*gear.beyond, *gear.unlike, *near)
 
 
 def _acceptances(
@@ -188,9 +192,11 @@ def _gear(
         bench=", ".join(dict.fromkeys(row.bench for row in rows if row.bench)),
         verdict=verdict,
         because=tuple(dict.fromkeys(because)),
+        beyond=tuple(words for outcome, words in lines if outcome in _BEYOND),
         margin=margin,
         nearest=nearest,
         unlike=tuple(unlike),
+        is_complete=bool(lines) and all(outcome != "NOT JUDGED" for outcome, _ in lines),
         run_files=tuple(dict.fromkeys(row.run_file for row in rows)),
     )
 
@@ -248,14 +254,10 @@ def _unlike(quantities: Sequence[LotQuantity]) -> dict[str, list[str]]:
     return {gear: [words for _, words in sorted(several)] for gear, several in found.items()}
 
 
-def _is_worth_a_look(gear: LotGear) -> bool:
-    return bool(why_of(gear)) and (gear.verdict != "NOT JUDGED" or bool(gear.unlike))
-
-
 def _urgency(gear: LotGear) -> tuple[int, float, str]:
     """What fails first, then what is marginal, then what is unlike the others, then what is near a limit."""
-    if gear.verdict in ("FAIL", "MARGINAL"):
-        return ("FAIL", "MARGINAL").index(gear.verdict), gear.margin, gear.gear
+    if gear.beyond:
+        return (0 if gear.verdict == "FAIL" else 1), gear.margin, gear.gear
     return (2 if gear.unlike else 3), gear.margin, gear.gear
 
 

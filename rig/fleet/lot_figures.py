@@ -8,7 +8,6 @@ import numpy as np
 
 from experiments.result import Plot, Series
 from rig.fleet.lot_quantity import LotQuantity
-from rig.fleet.lot_words import unit_of
 
 MOST_BENCHES = 8
 """Benches that a figure tells apart by colour; more stand together."""
@@ -17,13 +16,13 @@ SECONDS_PER_DAY = 86400.0
 
 def axis_of(one: LotQuantity) -> str:
     """The label of a quantity's axis, with its unit."""
-    _, unit = unit_of(one)
+    _, unit = one.shown_in
     return f"{one.title} [{unit}]" if unit else one.title
 
 
 def distribution(one: LotQuantity) -> Plot:
     """How many gears lie where, with the limits; bins by Freedman and Diaconis."""
-    factor, _ = unit_of(one)
+    factor, _ = one.shown_in
     values = np.array([row.value for row in one.measured], dtype=float) / factor
     counts, edges = np.histogram(values, bins=_edges(values))
     top = float(counts.max(initial=1))
@@ -55,7 +54,7 @@ def over_time(one: LotQuantity) -> Plot | None:
     rows = [row for row in one.measured if row.started is not None]
     if not rows:
         return None
-    factor, _ = unit_of(one)
+    factor, _ = one.shown_in
     starts = [row.started for row in rows if row.started is not None]
     first = min(starts)
     benches = sorted({row.bench for row in rows})

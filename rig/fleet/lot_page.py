@@ -15,7 +15,7 @@ from rig.fleet.lot import Lot, why_of
 from rig.fleet.lot_benches import BenchValues, by_bench
 from rig.fleet.lot_figures import distribution, over_time
 from rig.fleet.lot_quantity import LotQuantity
-from rig.fleet.lot_words import limits_words, unit_of, with_interval
+from rig.fleet.lot_words import limits_words, with_interval
 from rig.present import content, definitions
 from rig.present import figure as figures
 from rig.present.content import Grid, Overall, Part
@@ -89,7 +89,7 @@ def lot_context(lot: Lot, created: str) -> dict[str, Any]:
 def _overall(lot: Lot) -> Overall:
     counted = lot.verdicts
     told = ", ".join(f"{count} {word}" for word, count in counted.items())
-    judged = len(lot.gears) - counted["NOT JUDGED"]
+    judged = sum(gear.is_complete for gear in lot.gears)
     return Overall(
         f"{counted['PASS']} of {len(lot.gears)} PASS",
         f"{told}. {judged} gears are judged by all that their acceptance file asks.",
@@ -143,7 +143,7 @@ def _without(cells: tuple[Any, ...], place: int) -> tuple[Any, ...]:
 
 
 def _capability_row(one: LotQuantity) -> tuple[str, ...]:
-    factor, unit = unit_of(one)
+    factor, unit = one.shown_in
     values = [row.value / factor for row in one.measured if row.value is not None]
     doubts = [row.expanded_uncertainty / factor for row in one.measured if row.expanded_uncertainty]
     mean = sum(values) / len(values) if values else None
@@ -249,7 +249,7 @@ def _named(gears: Sequence[str]) -> str:
 
 
 def _bench_grid(one: LotQuantity) -> Grid:
-    factor, unit = unit_of(one)
+    factor, unit = one.shown_in
     where = f" [{unit}]" if unit else ""
     rows = tuple(_bench_row(bench, factor) for bench in by_bench(one))
     return Grid(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from experiments.quantity import Quantity
+from rig.analysis.wording import laboratory_unit
 from rig.fleet.capability import Capability, capability
 from rig.fleet.lot_rows import LotRow, declared_quantity
 from rig.gears.acceptance import Acceptance, Limit
@@ -46,10 +50,18 @@ class LotQuantity:
         """What people call it."""
         return self.quantity.titled(self.name)
 
-    @property
+    @functools.cached_property
     def measured(self) -> tuple[LotRow, ...]:
         """The gears for which there is a number."""
         return tuple(row for row in self.rows if row.is_measured)
+
+    @functools.cached_property
+    def shown_in(self) -> tuple[float, str]:
+        """Factor and unit in which it is read: SI = factor * shown."""
+        values = [abs(row.value) for row in self.measured if row.value is not None]
+        limit = self.limits and (self.limits.upper or self.limits.lower)
+        size = float(np.median(values)) if values else abs(limit or 1.0)
+        return laboratory_unit(self.unit, size, self.quantity.shown)
 
     @property
     def verdicts(self) -> Mapping[str, int]:

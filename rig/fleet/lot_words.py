@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from rig.analysis.wording import decimals_of, fixed, laboratory_unit, number
+from rig.analysis.wording import decimals_of, fixed, number
 
 if TYPE_CHECKING:
     from rig.fleet.capability import Interval
@@ -15,23 +12,9 @@ if TYPE_CHECKING:
     from rig.fleet.lot_rows import LotRow
 
 
-@functools.lru_cache(maxsize=512)
-def _unit(unit: str, size: float, shown: str) -> tuple[float, str]:
-    return laboratory_unit(unit, size, shown)
-
-
-def unit_of(one: LotQuantity) -> tuple[float, str]:
-    """Factor and unit in which a quantity is read: SI = factor * shown."""
-    values = [abs(row.value) for row in one.measured if row.value is not None]
-    size = float(np.median(values)) if values else 1.0
-    if one.limits is not None and not values:
-        size = abs(one.limits.upper or one.limits.lower or 1.0)
-    return _unit(one.unit, size, one.quantity.shown)
-
-
 def value_words(row: LotRow, one: LotQuantity) -> str:
     """Value ± U with its unit."""
-    factor, unit = unit_of(one)
+    factor, unit = one.shown_in
     if row.value is None:
         return "–"
     decimals = decimals_of((row.expanded_uncertainty or 0.0) / factor)
@@ -47,7 +30,7 @@ def value_words(row: LotRow, one: LotQuantity) -> str:
 
 def limit_words(row: LotRow, one: LotQuantity) -> str:
     """The limit of a row with its unit."""
-    factor, unit = unit_of(one)
+    factor, unit = one.shown_in
     if row.limit_value is None:
         return "–"
     sign = "≤" if row.limit_is == "upper" else "≥"
@@ -58,7 +41,7 @@ def limits_words(one: LotQuantity) -> str:
     """Both sides of a quantity's limits in the unit in which it is read, without it; "" without limits."""
     if one.limits is None:
         return ""
-    factor, _ = unit_of(one)
+    factor, _ = one.shown_in
     lower, upper = (
         None if v is None else number(v / factor) for v in (one.limits.lower, one.limits.upper)
     )

@@ -61,6 +61,11 @@ class Neighbours(Surroundings):
         """Whether an analysis was kept before the job began."""
         return datetime.fromisoformat(str(analysis.content["created"])) < self._began
 
+    def close(self) -> None:
+        """Close the files of the tares."""
+        while self._tares:
+            close_recording(self._tares.popitem()[1].recording)
+
     def tare_digest(self, fit: Fit) -> str:
         """A hash of what an analysed tare says: another analysis of the same run is another tare."""
         key = (fit.recording.metadata.sha256, id(fit))
@@ -89,5 +94,13 @@ _local = threading.local()
 def neighbours_of(job: str, began: str) -> Neighbours:
     """What this thread remembers of a job; another job begins with nothing."""
     if getattr(_local, "job", None) != job:
+        forget_neighbours()
         _local.job, _local.neighbours = job, Neighbours(began)
     return _local.neighbours
+
+
+def forget_neighbours() -> None:
+    """Let go of what this thread remembers, and of the files that it holds open."""
+    if getattr(_local, "job", None) is not None:
+        _local.neighbours.close()
+        _local.job = _local.neighbours = None

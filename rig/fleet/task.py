@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from model.errors import WordedError
 from rig.analysis.fit_run import Choices, Footing, footing_of
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import judge_run
@@ -66,7 +65,8 @@ class RunTask:
 class Done:
     """What came of some runs: their rows as the bytes of a Parquet file (none where all were known), and the counts.
 
-    `failed` are run file and reason; `fit_seconds` is the part of `seconds` that went into the analyses themselves.
+    `failed` are run file and reason; `fit_seconds` is the part of `seconds` that the analyses themselves took, from
+    opening the run to closing it.
     """
 
     rows: bytes = b""
@@ -144,14 +144,15 @@ class _Analysis:
         """The rows; none where the key shows that they are known."""
         try:
             return self._rows()
-        except (WordedError, OSError, ArithmeticError, ValueError, LookupError, TypeError) as error:
-            # A defect of one analysis is told like any other reason: it must not end thousands of others.
+        except Exception as error:  # noqa: BLE001  a defect of one analysis must not end thousands of others
             self.error = error
             return [row_of_failure(self._shared, error, self._recording)]
         finally:
+            began = self._now()
             if self._recording is not None:
                 with contextlib.suppress(OSError, ValueError):
                     close_recording(self._recording)
+            self.fit_seconds += self._now() - began
 
     def _rows(self) -> list[Row]:
         job, path = self._job, Path(self._task.path)

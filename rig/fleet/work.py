@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 LIST_SUFFIX = ".txt"
 """A file of this suffix is a list of runs and folders, one a line."""
-TRIED_AGAIN = frozenset({"OSError", "PermissionError", "TimeoutError", "KilledWorker"})
-"""Failures that say nothing of the run: they are tried again."""
+KEPT_FAILURES = frozenset({"AnalysisError"})
+"""Failures that speak of the recording: they are kept like results. All others (a file, a worker) are tried again."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def work_for(
         run_file = name_from(base, run)
         before = known.get((run_file, kind))
         now = place.surroundings(run, kind)
-        if before is None or before.surroundings != now or before.failure_kind in TRIED_AGAIN:
+        if before is None or before.surroundings != now or _is_tried_again(before):
             key = before.key if before is not None and not before.failure else ""
             tasks.append(RunTask(run_file, there.path(run), kind, now, key))
         elif before.failure:
@@ -129,6 +129,10 @@ def work_for(
         else:
             reused.append(run_file)
     return Work(tuple(tasks), tuple(reused), tuple(failed))
+
+
+def _is_tried_again(known: Known) -> bool:
+    return bool(known.failure) and known.failure_kind not in KEPT_FAILURES
 
 
 def name_from(base: Path, run: Path) -> str:

@@ -19,7 +19,8 @@ from distributed import Client
 
 import rig
 from experiments import catalogue
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit import Fit
+from rig.analysis.fit_run import Footing, fit_run
 from rig.analysis.store import read_analyses
 from rig.errors import ConfigurationError, RigError
 from rig.fleet import survey
@@ -304,3 +305,23 @@ def test_results_have_one_writer(runs: Path, tmp_path: Path) -> None:
         pytest.raises(RigError, match="another program is writing these results"),
     ):
         fleet(runs, tmp_path)
+
+
+def test_a_defect_of_one_analysis_does_not_end_the_others_and_is_tried_again(
+    runs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    homes = sorted(runs.rglob("*-home-*.h5"))[:2]
+
+    def fit(footing: Footing) -> Fit:
+        if footing.path == homes[0].resolve():
+            raise AttributeError("no such thing")
+        return whole(footing)
+
+    whole = Footing.fit
+    with monkeypatch.context() as patched:
+        patched.setattr(Footing, "fit", fit)
+        report = fleet(runs, tmp_path, names=homes)
+    assert (report.fitted, report.failed[0][1]) == (1, "no such thing")
+    report = fleet(runs, tmp_path, names=homes)
+    assert (report.fitted, report.reused, report.failed) == (1, 1, ())
+    assert not any(DataSet(tmp_path).table()["failure"].to_pylist())

@@ -97,6 +97,23 @@ def test_the_gears_to_look_at_come_worst_first_and_say_why(lot: Lot) -> None:
     assert margins == sorted(margins)
 
 
+def test_a_gear_that_lacks_a_run_is_still_looked_at_for_what_it_shows(tmp_path: Path) -> None:
+    whole = write_lot(tmp_path / "whole")
+    with_marginal = f"G{MARGINAL:03d}"
+    rows = [
+        row
+        for row in rows_of(whole)
+        if not (row["gear"] == with_marginal and row["kind"] == "starting-torque")
+    ]
+    append(tmp_path / "lacking", rows)
+    lacking = lot_of(tmp_path / "lacking")
+    (gear,) = (one for one in lacking.gears if one.gear == with_marginal)
+    assert (gear.verdict, gear.is_complete) == ("NOT JUDGED", False)
+    assert gear.because == ("no starting-torque run of this gear is analysed",)
+    assert lacking.to_look_at[1] == gear
+    assert why_of(gear)[0].startswith("running torque 2000 r/min at 20 °C: MARGINAL")
+
+
 def test_benches_beside_each_other(lot: Lot) -> None:
     one = next(q for q in lot.quantities if q.kind == "starting-torque")
     a, b = by_bench(one)
@@ -105,6 +122,26 @@ def test_benches_beside_each_other(lot: Lot) -> None:
     assert b.difference is not None
     assert a.difference[0] == pytest.approx(a.mean - b.mean)
     assert a.difference == (pytest.approx(-b.difference[0]), pytest.approx(b.difference[1]))
+
+
+def test_a_drift_is_found_with_its_interval_and_not_told_of_two_days(tmp_path: Path) -> None:
+    folder = write_lot(tmp_path / "made")
+    first = min(row["started"] for row in rows_of(folder) if row["started"])
+    drifting = [
+        row | {"value": row["value"] * (1 + 0.02 * (row["started"] - first).days)}
+        for row in rows_of(folder)
+        if row["value"]
+    ]
+    append(tmp_path / "drifting", drifting)
+    one = lot_of(tmp_path / "drifting").quantities[0]
+    (slope, half), _ = (bench.slope for bench in by_bench(one) if bench.slope)
+    # 2 % a day of a mean at 0.8 of the limit.
+    expected = 30 * 0.02 * 0.8 * float(one.rows[0].limit_value or 0.0)
+    assert half < 0.5 * expected
+    assert slope == pytest.approx(expected, abs=1.5 * half)
+    two_days = [row for row in drifting if (row["started"] - first).days < 2]
+    append(tmp_path / "two", two_days)
+    assert {bench.slope for bench in by_bench(lot_of(tmp_path / "two").quantities[0])} == {None}
 
 
 def test_a_newer_run_takes_the_place_of_an_older_one_but_not_one_that_was_broken_off(

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import QComboBox, QFileDialog, QGridLayout, QSizePolicy, 
 from rig.fleet.fit import require_packages
 from rig.fleet.lot import Lot, LotGear, lot_of, why_of
 from rig.fleet.lot_quantity import LotQuantity
-from rig.fleet.lot_words import limits_words, unit_of, with_interval
+from rig.fleet.lot_words import limits_words, with_interval
 from rig.fleet.questions import results_folder
 from rig.window.fleet.plots import LotPlots
 from rig.window.fleet.wanted import WantedGears, of_gears
@@ -200,7 +200,7 @@ class FleetPage(QWidget):
         before = self.chosen
         self._shown = WantedGears(self.text.text(), bench, verdict).of(lot) if lot else ()
         rows = [
-            (one.gear, one.bench or "–", one.verdict, "; ".join(why_of(one) or one.because))
+            (one.gear, one.bench or "–", one.verdict, "; ".join(one.because or why_of(one)))
             for one in self._shown[:MOST_LISTED]
         ]
         with QSignalBlocker(self.gears):
@@ -271,7 +271,7 @@ def _read(folder: Path) -> Lot | None:
 
 def _said_of(one: LotQuantity) -> str:
     """Limit and capability of a quantity, of the whole lot."""
-    _, unit = unit_of(one)
+    _, unit = one.shown_in
     limit = f"Limit {limits_words(one)} {unit}".rstrip() if limits_words(one) else "No limit"
     found = one.capability
     if isinstance(found, str):

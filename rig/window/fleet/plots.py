@@ -11,7 +11,6 @@ from PySide6.QtWidgets import QWidget
 
 from rig.fleet.lot_figures import MOST_BENCHES, axis_of, distribution
 from rig.fleet.lot_quantity import LotQuantity
-from rig.fleet.lot_words import unit_of
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.fleet.wanted import pairs_of
 from rig.window.plot.plots import LabPlot
@@ -75,7 +74,7 @@ class LotPlots(QWidget):
         plot, pairs = self.scatter, pairs_of(x, y)
         plot.clear_data()
         plot.set_labels(f"{y.title}, gear by gear", axis_of(x), axis_of(y))
-        scales = unit_of(x)[0], unit_of(y)[0]
+        scales = x.shown_in[0], y.shown_in[0]
         self._places = {
             a.gear: (a.value / scales[0], b.value / scales[1])
             for a, b in pairs

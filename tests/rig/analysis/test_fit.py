@@ -213,7 +213,10 @@ def test_what_other_runs_of_the_gear_teach_is_a_setting_unless_one_is_given_by_h
     monkeypatch.setattr(fit_run, "in_force", in_force)
 
     def learnt(**by_hand: Any) -> Mapping[str, Any]:
-        return fit_run._learnt(recording, Path("run.h5"), "friction", by_hand)
+        return fit_run._learnt(recording, Path("run.h5"), "friction", by_hand, around)
 
+    around = fit_run.Surroundings()
     assert learnt() == learnt(seed=3) == {"dry_per_kelvin": ("R-1",), "source": "runs"}
     assert learnt(dry_per_kelvin=(0.0, 0.0)) == {}
+    monkeypatch.setattr(fit_run.Surroundings, "learns_from", lambda self, analysis: False)
+    assert learnt() == {"dry_per_kelvin": (), "source": "runs"}

@@ -54,7 +54,9 @@ def names(library: LibraryIndex) -> list[str]:
 
 def test_folders_of_folders_are_listed_folder_by_folder(folder: Path) -> None:
     library = LibraryIndex(folder, nested=True)
+    assert library.outdated() == 3
     assert names(library) == list(INSIDE)
+    assert library.outdated() == 0
     assert library.folders == tuple(
         folder / name for name in ("", "2026", "2026/03", "2026/03/A1", "2026/04", "2026/04/B2")
     )

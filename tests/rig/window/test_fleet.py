@@ -13,7 +13,6 @@ from pytestqt.qtbot import QtBot
 pytest.importorskip("pyarrow")
 pytest.importorskip("duckdb")
 
-from rig.fleet.lot_words import unit_of
 from rig.window.fleet import page as fleet
 from rig.window.fleet.page import NOTHING, FleetPage
 from rig.window.shell.session import WindowSession
@@ -71,7 +70,7 @@ def test_a_point_lies_where_its_values_are_and_chooses_its_gear(read: FleetPage)
     made = shares()[MARGINAL]
     quantities = {one.title: one for one in read.lot.quantities} if read.lot else {}
     torque = quantities["running torque 2000 r/min at 20 °C"]
-    assert unit_of(torque)[1] == "mN m"
+    assert torque.shown_in[1] == "mN m"
     assert (x, y) == (pytest.approx(119.0 * made[2]), pytest.approx(1.3 * made[0]))
     assert len(read.plots.places) == 59
     read.plots.gear_clicked.emit(f"G{MARGINAL:03d}")
