@@ -94,6 +94,48 @@ def read_json(
     return _read("json", paths, channels, map, run, options)
 
 
+def read_parquet(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in Parquet files, as a run in memory; see `read_csv`.
+
+    Needs the extra `import`.
+    """
+    return _read("parquet", paths, channels, map, run, options)
+
+
+def read_tdms(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in TDMS files of LabVIEW or DIAdem, as a run in memory; see `read_csv`.
+
+    Needs the extra `import`.
+    """
+    return _read("tdms", paths, channels, map, run, options)
+
+
+def read_mdf(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in MDF files (ASAM, versions 3 and 4), as a run in memory; see `read_csv`.
+
+    Needs the extra `import`.
+    """
+    return _read("mdf", paths, channels, map, run, options)
+
+
 RENAMED = {
     "protocol": "experiment",
     "parameters": "gear",

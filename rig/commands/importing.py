@@ -27,6 +27,9 @@ class FileKind(str, Enum):  # noqa: UP042  StrEnum has another str() that shows 
     npz = "npz"
     hdf5 = "hdf5"
     json = "json"
+    parquet = "parquet"
+    tdms = "tdms"
+    mdf = "mdf"
 
 
 class MountingChoice(str, Enum):  # noqa: UP042
@@ -50,7 +53,8 @@ def import_(
         FileKind,
         typer.Argument(
             help="csv (any delimited text, TwinCAT scope, LabVIEW .lvm, also .gz), mat (MATLAB 4 to 7.3), "
-            "npz (NumPy), hdf5 (columns by path), json (a list of objects)."
+            "npz (NumPy), hdf5 (columns by path), json (a list of objects), parquet, tdms (LabVIEW), "
+            "mdf (ASAM MDF 3 and 4)."
         ),
     ],
     file: Annotated[

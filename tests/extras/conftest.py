@@ -10,6 +10,7 @@ import os
 from importlib.util import find_spec
 
 NEEDS = {
+    "test_measurement_files.py": ("pyarrow", "nptdms", "asammdf"),
     "test_viewers.py": ("xarray", "h5netcdf", "silx"),
     "test_documentation_build.py": ("sphinx", "myst_parser", "furo"),
 }
