@@ -87,6 +87,7 @@ class Reading:
 
     def close_notes(self, rate: float) -> None:
         """What can be said only after the last row."""
+        self.notes += [n for table in self._tables for n in table.notes if n not in self.notes]
         for stream in self._wiring.streams:
             self.notes += stream.notes
         if self.dropped:

@@ -56,6 +56,7 @@ class BlockTable(ABC):
     line_word = "row"
     period: float | None = None
     may_be_retimed = True
+    notes: tuple[str, ...] = ()
 
     def __init__(self, path: Path, columns: Sequence[FileColumn], kind: str, start_ns: int) -> None:
         if not columns:
@@ -73,8 +74,13 @@ class BlockTable(ABC):
             index for index, column in enumerate(columns) if column.is_moment
         )
         self.start_ns = start_ns if self.stamped else 0
-        self.notes: tuple[str, ...] = (f"{kind} with {len(columns)} columns",)
+        self.kind = kind
+        self.notes = (f"{kind} with {len(columns)} columns", *self.notes)
         self._rows = tuple(column.rows for column in columns)
+
+    def take_note(self, said: Sequence[str]) -> None:
+        """Keep what the reading package says of the file, each once."""
+        self.notes += tuple(note for note in said if note not in self.notes)
 
     @abstractmethod
     def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
@@ -88,7 +94,7 @@ class BlockTable(ABC):
         names = [self.headings[index] for index in columns]
         refuse_lengths(self.path, {self.headings[index]: self._rows[index] for index in columns})
         first = 1
-        with refused_damage(self.path, self.notes[0]):
+        with refused_damage(self.path, self.kind):
             for values in self.blocks(columns):
                 lines = np.arange(first, first + len(values))
                 first += len(values)

@@ -25,6 +25,7 @@ from rig.runfile.importing.adapters.blocks import (
     refused_damage,
     steps_of_rows,
 )
+from rig.runfile.importing.adapters.listening import heard
 
 KIND = "MDF file"
 SYNC_BY_TIME = 1
@@ -76,7 +77,9 @@ class MdfTable(BlockTable):
         """The file, closed whatever happens. Raises `RunFileError` for one that cannot be read."""
         # The stream is our own: the package leaves it open where the file is damaged.
         with refused_damage(path, KIND), path.open("rb") as stream:
-            file = self._begun(stream)
+            with heard("asammdf") as said:
+                file = self._begun(stream)
+            self.take_note(said)
             try:
                 yield file
             finally:
@@ -102,7 +105,10 @@ class MdfTable(BlockTable):
         names = [self.headings[index] for index in columns]
         with self._open(self.path) as file:
             for part in steps_of_rows(self._rows[columns[0]]):
-                yield np.column_stack([self._read(file, name, part) for name in names])
+                with heard("asammdf") as said:
+                    values = np.column_stack([self._read(file, name, part) for name in names])
+                self.take_note(said)
+                yield values
 
     def _read(self, file: Any, name: str, part: slice) -> NDArray[np.float64]:
         place = self._places[name]

@@ -24,6 +24,7 @@ from rig.runfile.importing.adapters.blocks import (
     seconds_since,
     steps_of_rows,
 )
+from rig.runfile.importing.adapters.listening import heard
 
 KIND = "TDMS file"
 _UNIT = ("unit_string", "Unit", "unit")
@@ -90,12 +91,12 @@ class TdmsTable(BlockTable):
     def _open(self, path: Path) -> Iterator[Any]:
         """The file, closed whatever happens. Raises `RunFileError` for one that cannot be read."""
         # The stream is our own: the package leaves it open where the file is damaged.
-        with (
-            refused_damage(path, KIND),
-            path.open("rb") as stream,
-            self._package.TdmsFile.open(stream) as file,
-        ):
-            yield file
+        with refused_damage(path, KIND), path.open("rb") as stream:
+            with heard("nptdms") as said:
+                file = self._package.TdmsFile.open(stream)
+            self.take_note(said)
+            with file:
+                yield file
 
     def _time_of(
         self,
@@ -133,7 +134,10 @@ class TdmsTable(BlockTable):
         names = [self.headings[index] for index in columns]
         with self._open(self.path) as file:
             for part in steps_of_rows(self._rows[columns[0]]):
-                yield np.column_stack([self._read(file, name, part) for name in names])
+                with heard("nptdms") as said:
+                    values = np.column_stack([self._read(file, name, part) for name in names])
+                self.take_note(said)
+                yield values
 
     def _read(self, file: Any, name: str, part: slice) -> NDArray[np.float64]:
         step = self._steps.get(name)
