@@ -71,6 +71,7 @@ ENTRIES: tuple[Entry, ...] = (
         "experiments.recordings.motion",
         "inertia and friction from any motion (inverse dynamics)",
         has_plan=False,
+        ladder="experiments.recordings.motion_models",
     ),
     Entry(
         "friction-curve",
@@ -89,6 +90,7 @@ ENTRIES: tuple[Entry, ...] = (
         "experiments.recordings.order_spectrum",
         "order spectrum of a channel over an angle",
         has_plan=False,
+        ladder="experiments.recordings.order_models",
     ),
     Entry(
         "skew",

@@ -75,8 +75,9 @@ def validate(
 ) -> Validated:
     """Fit every model of a ladder to run files, and judge it on those in `on`; without these each run in its turn.
 
-    Kinds with a ladder are friction, kinematic-error and velocity-steps, the paper's model among each. `tare`, `gear`
-    and `settings` are those of `fit`. Raises `RigError` for fewer than two runs, and the errors of an analysis.
+    Kinds with a ladder are friction, kinematic-error and velocity-steps, the paper's model among each, and motion and
+    order-spectrum for recordings of any origin. `tare`, `gear` and `settings` are those of `fit`. Raises `RigError` for
+    fewer than two runs, and the errors of an analysis.
     """
     choices = Choices(
         gear=gear,

@@ -86,6 +86,13 @@ Refit = Annotated[
     bool,
     typer.Option("--refit", help="Analyse every run anew instead of reading what is in force."),
 ]
+Models = Annotated[
+    bool,
+    typer.Option(
+        "--models",
+        help="Judge the models of each protocol of which there are two runs or more by these, as `rig validate`.",
+    ),
+]
 
 
 def report(
@@ -99,6 +106,7 @@ def report(
     no_tare: AnewWithoutTare = False,
     refit: Refit = False,
     parameters: Parameters = None,
+    models: Models = False,
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
     json: Json = False,
@@ -115,6 +123,11 @@ def report(
 
     if bool(runs) == bool(gear):
         raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
+    if models and (gear or per_run):
+        raise typer.BadParameter(
+            "needs several runs in one report: leave --gear and --per-run out",
+            param_hint="--models",
+        )
     asked = acceptance_named(acceptance) if acceptance else None
     of_files = partial(
         report_on_files,
@@ -130,12 +143,10 @@ def report(
     else:
         file = output or Path("report.html")
         paths = [file.with_suffix(suffix) for suffix in suffixes_of(file, format_)]
-        one = (
-            report_on_gear(folder, gear, paths, acceptance=asked)
-            if gear
-            else of_files(runs or [], paths)
-        )
-        reports = [one]
+        if gear:
+            reports = [report_on_gear(folder, gear, paths, acceptance=asked)]
+        else:
+            reports = [of_files(runs or [], paths, models=models)]
     _show(reports, json=json)
     verdicts = [one.verdict.verdict for one in reports]
     raise typer.Exit(code_of_verdicts(verdicts, required=require_verdict))

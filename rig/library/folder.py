@@ -16,6 +16,8 @@ NUMBERS_FOLDER = ".run-numbers"
 RUN_SUFFIXES = (".h5", ".h5.part")
 ANALYSES_SUFFIX = ".analysis"
 """How the folders end that hold the analyses of a run."""
+GONE = "gone"
+"""The fingerprint of a file that is not there."""
 FoundFile = tuple[str, str]
 """A run file by its path within the folder, with slashes, and its fingerprint."""
 _LEADING_NUMBER = re.compile(r"(\d{1,9})-")
@@ -110,7 +112,8 @@ def _runs_within(folder: str | Path, inside: str, waiting: list[str]) -> list[Fo
         for entry in entries:
             name = f"{inside}/{entry.name}" if inside else entry.name
             if entry.name.endswith(RUN_SUFFIXES):
-                if (fingerprint := fingerprint_of(entry)) is not None:
+                fingerprint = fingerprint_of(entry)
+                if fingerprint != GONE:
                     found.append((name, fingerprint))
             elif entry.name.startswith(".") or entry.name.endswith(ANALYSES_SUFFIX):
                 continue
@@ -119,14 +122,14 @@ def _runs_within(folder: str | Path, inside: str, waiting: list[str]) -> list[Fo
     return found
 
 
-def fingerprint_of(file: os.DirEntry[str] | Path) -> str | None:
-    """What changes when a file does: size, time of change, file number; None for what is no file, or not any more."""
+def fingerprint_of(file: os.DirEntry[str] | Path) -> str:
+    """What changes when a file does: size, time of change, file number; `GONE` for what is no file, or not any more."""
     try:
         status = file.stat()
     except OSError:
-        return None
+        return GONE
     if not stat.S_ISREG(status.st_mode):
-        return None
+        return GONE
     return f"{status.st_size}:{status.st_mtime_ns}:{status.st_ino}"
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.library.database import IndexDatabase, Row, Stored
-from rig.library.folder import fingerprint_of, run_level, run_number, run_tree
+from rig.library.folder import GONE, fingerprint_of, run_level, run_number, run_tree
 from rig.library.listed import IndexedRun, State
 from rig.library.living import is_being_written
 from rig.library.place import index_path
@@ -34,7 +34,9 @@ class LibraryIndex:
     """The runs of one folder; with `nested` also those of all folders in it. `refresh` looks at the files, `search`
     at what they said. May be used from several threads.
 
-    `on_progress` is told how many files have been read of how many that must be, in the thread that reads.
+    `on_progress` is told how many files have been read of how many that must be, in the thread that reads. With `once`
+    the files are looked at when something is first asked, and not again: for whoever asks of thousands of runs that
+    nobody changes meanwhile.
     """
 
     def __init__(
@@ -43,13 +45,15 @@ class LibraryIndex:
         on_progress: Callable[[int, int], None] = lambda done, of: None,
         *,
         nested: bool = False,
+        once: bool = False,
     ) -> None:
         self.folder = Path(folder)
         self.refused: tuple[str, ...] = ()
         """The folders in it that could not be looked into, with the reason."""
         self.folders: tuple[Path, ...] = ()
         """The folders that hold its runs, and those on the way to them."""
-        self._nested = nested
+        self._nested, self._once = nested, once
+        self._all: list[IndexedRun] | None = None
         self._on_progress = on_progress
         self._database: IndexDatabase | None = None
         self._rows: Stored = {}
@@ -66,6 +70,11 @@ class LibraryIndex:
         """Bring the index up to date; how many files had to be read. Raises `RunFileError` for what is no folder."""
         with self._lock:
             return self._refresh()
+
+    def outdated(self) -> int:
+        """How many files a refresh would read. Raises `RunFileError` for what is no folder."""
+        with self._lock:
+            return len(_outdated(self._listed(), self._known()))
 
     def search(
         self,
@@ -87,32 +96,36 @@ class LibraryIndex:
         """
         bounds = bound_of(since), bound_of(until)
         with self._lock:
-            self._refresh()
-            runs = self._runs()
+            runs = self._all
+            if runs is None:
+                self._refresh()
+                runs = self._runs()
+            if self._once:
+                self._all = runs
         exact = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
         if not (words or outcome or any(exact.values()) or any(bounds)):
-            return runs
+            return list(runs)
         return [
             run for run in runs if fits(run, words, exact, outcome) and within(run.start, *bounds)
         ]
 
-    def _refresh(self) -> int:
+    def _listed(self) -> dict[str, str]:
+        """The fingerprints of the files that are there, by their path within the folder."""
         if self._nested:
             listed, refused = run_tree(self.folder)
         else:
             listed, refused = run_level(self.folder), []
         self.refused = tuple(refused)
-        files = dict(listed)
+        return dict(listed)
+
+    def _refresh(self) -> int:
+        files = self._listed()
         rows = self._known()
         gone = [name for name in rows if name not in files]
         for name in gone:
             del rows[name]
-        changed = sorted(
-            name
-            for name, fingerprint in files.items()
-            if name not in rows or rows[name][0] != fingerprint
-        )
+        changed = _outdated(files, rows)
         database = self._kept_in()
         if gone:
             database.keep(gone, [])
@@ -131,7 +144,7 @@ class LibraryIndex:
             with contextlib.closing(read_many(paths)) as answers:
                 for done, (place, said, problem) in enumerate(answers, 1):
                     name = changed[place]
-                    if problem and fingerprint_of(paths[place]) is None:
+                    if problem and fingerprint_of(paths[place]) == GONE:
                         rows.pop(name, None)
                     else:
                         rows[name] = files[name], _row_of(name, said, problem)
@@ -176,7 +189,7 @@ class LibraryIndex:
                 before = fingerprint, _looked_at(before[1])
             made[name] = before
         self._made = made
-        inside = {Path(name).parent for name in made}
+        inside = {Path(folder) for folder in {name.rpartition("/")[0] for name in made}}
         self.folders = tuple(
             sorted({self.folder / way for place in inside for way in (place, *place.parents)})
         )
@@ -189,7 +202,7 @@ class LibraryIndex:
 def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
     """What a file says of itself, by column."""
     file = name.rpartition("/")[2]
-    row = dict.fromkeys(_COLUMNS, "") | {"rows": 0, "duration": math.nan} | said
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {"rows": 0, "duration": math.nan} | said
     row |= {
         "run_id": row["run_id"] or file.split(".h5")[0],
         "number": run_number(file),
@@ -220,3 +233,12 @@ def _state_of(path: Path, problem: str) -> State:
     if problem:
         return "unreadable"
     return "left behind" if unfinished else "sealed"
+
+
+def _outdated(files: dict[str, str], rows: Stored) -> list[str]:
+    """The files that must be read, sorted: new ones, and those that have changed."""
+    return sorted(
+        name
+        for name, fingerprint in files.items()
+        if name not in rows or rows[name][0] != fingerprint
+    )

@@ -15,7 +15,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +40,9 @@ def read_one(path: Path) -> tuple[dict[str, Any], str]:
         return {}, str(error)
 
 
-def read_many(paths: Sequence[Path], processes: int | None = None) -> Iterator[ReadFile]:
+def read_many(
+    paths: Sequence[Path], processes: int | None = None
+) -> Generator[ReadFile, None, None]:
     """What each of these files says, as it is read, in no order. To close the iterator ends the reading."""
     if processes is None:
         processes = min(MOST_HELPERS, os.cpu_count() or 1, len(paths) // WORTH_A_HELPER)
@@ -54,7 +56,7 @@ def read_many(paths: Sequence[Path], processes: int | None = None) -> Iterator[R
         yield place, *read_one(paths[place])
 
 
-def _by_helpers(paths: Sequence[Path], processes: int) -> Iterator[ReadFile]:
+def _by_helpers(paths: Sequence[Path], processes: int) -> Generator[ReadFile, None, None]:
     answers: queue.Queue[ReadFile | None] = queue.Queue()
     helpers: list[subprocess.Popen[str]] = []
     try:

@@ -30,6 +30,7 @@ from rig.analysis.store import analysis_folder
 from rig.library.index import LibraryIndex
 from rig.library.place import VARIABLE, index_path
 from rig.run.start import RunRequest, run_request
+from rig.runfile.layout import read_text, rewrite_field
 from rig.runfile.seal import file_sha256, hash_path
 
 PROTOCOLS = {
@@ -74,14 +75,14 @@ def copy(source: Path, folder: Path, number: int) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(source, path)
     with h5py.File(path, "r+", libver="v110") as file:
-        start = bytes(file["entry/start_time"][()]).decode()
+        start = read_text(file, "entry/start_time")
         texts = {
             "entry/run_id": run_id,
             "entry/sample/serial_number": serial,
             "entry/start_time": f"2026-{month:02d}-{day:02d}{start[10:]}",
         }
         for name, text in texts.items():
-            file[name][()] = text.encode()
+            rewrite_field(file, name, text)
     digest = file_sha256(path)
     hash_path(path).write_text(f"{digest}  {path.name}\n")
     store = analysis_folder(path)
@@ -153,6 +154,38 @@ def measure_looks(folder: Path) -> None:
     print(f"after 20 more looks: {memory():.0f} MB")
 
 
+def measure_window(folder: Path) -> None:
+    """The window's list: its rows made, sorted by another column, filtered by words."""
+    os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    from PySide6.QtCore import Qt
+    from PySide6.QtWidgets import QApplication, QTableView
+
+    from rig.window.review.table_model import LibraryFilter, LibraryModel, Wanted
+    from rig.window.shell.palette import LIGHT
+
+    program = QApplication.instance() or QApplication([])
+    runs = LibraryIndex(folder, nested=True).search()
+    model, filtered, table = LibraryModel(lambda: LIGHT), LibraryFilter(), QTableView()
+    filtered.setSourceModel(model)
+    table.setModel(filtered)
+    table.show()
+
+    def drawn(action: Callable[[], object]) -> Callable[[], None]:
+        def act() -> None:
+            action()
+            program.processEvents()
+
+        return act
+
+    def filter_and_back() -> None:
+        filtered.set_wanted(Wanted(text="home g00"))
+        filtered.set_wanted(Wanted())
+
+    measured("window: list the runs", drawn(lambda: model.set_runs(runs)))
+    measured("window: sort by time", drawn(lambda: filtered.sort(5, Qt.SortOrder.DescendingOrder)))
+    measured("window: filter by words, and all again", drawn(filter_and_back))
+
+
 def measure_command(folder: Path) -> None:
     """`rig runs` as a process of its own, everything counted."""
     for words in (("--version",), ("runs", str(folder)), ("runs", str(folder), "--gear", "G0042")):
@@ -177,6 +210,7 @@ def main() -> None:
             make(folder, Path(scratch) / "made", asked.runs)
         measure_scans(folder, asked.processes)
         measure_looks(folder)
+        measure_window(folder)
         measure_command(folder)
 
 

@@ -26,6 +26,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from experiments.catalogue import ladders
 from rig.library.index import IndexedRun
 from rig.window.review.table_model import (
     COLUMNS,
@@ -169,6 +170,7 @@ class LibraryTable(QWidget):
     opened = Signal(Path)
     overlay_requested = Signal(object)
     difference_requested = Signal(object)
+    models_requested = Signal(object)
     passport_requested = Signal(str)
     report_requested = Signal(object, str)
     """Carries the paths and the suffix of the report."""
@@ -231,6 +233,11 @@ class LibraryTable(QWidget):
                 "&Difference",
                 tip="What differs between two chosen runs, and only that",
                 act=lambda: self.difference_requested.emit(self.selected),
+            ),
+            "models": push_button(
+                "&Models",
+                tip="Judge models by two or more runs of one protocol, each by a fit of the others",
+                act=lambda: self.models_requested.emit(self.selected),
             ),
             "passport": push_button(
                 "Pass&port",
@@ -349,6 +356,9 @@ class LibraryTable(QWidget):
         whole = len(readable) == len(selected)
         self.buttons["overlay"].setEnabled(len(selected) >= 2 and whole)
         self.buttons["difference"].setEnabled(len(selected) == 2 and whole)
+        self.buttons["models"].setEnabled(
+            len(selected) >= 2 and whole and _have_one_ladder(readable)
+        )
         self.buttons["passport"].setEnabled(bool(self._serial()))
         sealed = bool(selected) and whole and all(run.state == "sealed" for run in readable)
         for name in ("report", "pdf"):
@@ -397,3 +407,9 @@ def _table(model: LibraryFilter) -> QTableView:
     table.setSortingEnabled(True)
     table.sortByColumn(0, Qt.SortOrder.DescendingOrder)
     return table
+
+
+def _have_one_ladder(runs: Sequence[IndexedRun]) -> bool:
+    """Whether all are of one protocol, of which there are models to judge."""
+    protocols = {run.protocol for run in runs}
+    return len(protocols) == 1 and protocols <= set(ladders())

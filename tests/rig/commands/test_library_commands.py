@@ -87,6 +87,23 @@ def test_runs_are_searched(
     assert all(run["state"] == "sealed" for run in found["runs"])
 
 
+def test_a_list_shows_the_newest_of_what_was_found_and_says_of_how_many(
+    rig: Rig, three: Path
+) -> None:
+    assert [run["number"] for run in rig.json("runs", three, "--last", 2)["runs"]] == [2, 3]
+    assert rig.json("runs", three, "--last", 2)["found"] == 3
+    assert rig("runs", three, "--last", 1) == 0
+    assert "The newest 1 of 3 runs: --last 0 lists all" in rig.out
+    assert "00001-friction" not in rig.out
+    assert rig("runs", three, "--last", 0) == 0
+    assert "newest" not in rig.out
+    (three / "00003-home-B2.h5").rename(three / "2026.h5")
+    (three / "2026").mkdir()
+    (three / "2026.h5").rename(three / "2026" / "00003-home-B2.h5")
+    assert rig("runs", three, "--gear", "B2") == 0
+    assert "2026/00003-home-B2" in rig.out
+
+
 def test_a_day_that_is_none_is_a_wrong_use(rig: Rig, three: Path) -> None:
     assert rig("runs", three, "--since", "yesterday") == 2
     assert "YYYY-MM-DD" in rig.err
