@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from rig.analysis.fit_run import Choices
 from rig.analysis.validate import validate_runs
-from rig.api.extras import optional
 from rig.api.runs import Run
 from rig.api.tables import TableView
 from rig.errors import RigError
+from rig.extras import optional
 
 if TYPE_CHECKING:
     import pandas
