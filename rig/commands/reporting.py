@@ -48,7 +48,7 @@ Output = Annotated[
     typer.Option(
         "--output",
         "-o",
-        metavar="PATH",
+        metavar="FILE",
         help="The file to write, .html or .pdf (report.html); with --per-run the folder for the files (reports).",
     ),
 ]
