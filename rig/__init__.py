@@ -38,7 +38,17 @@ if TYPE_CHECKING:
     from rig.api.fitting import fit
     from rig.api.fleets import fleet_fit
     from rig.api.gearing import gear
-    from rig.api.reading import load, read_csv, read_hdf5, read_json, read_mat, read_npz
+    from rig.api.reading import (
+        load,
+        read_csv,
+        read_hdf5,
+        read_json,
+        read_mat,
+        read_mdf,
+        read_npz,
+        read_parquet,
+        read_tdms,
+    )
     from rig.api.reporting import report
     from rig.api.results import Comparison, Result, Results, Value
     from rig.api.runs import Run
@@ -54,6 +64,9 @@ _PLACES = {
     "read_npz": "rig.api.reading",
     "read_hdf5": "rig.api.reading",
     "read_json": "rig.api.reading",
+    "read_parquet": "rig.api.reading",
+    "read_tdms": "rig.api.reading",
+    "read_mdf": "rig.api.reading",
     "fit": "rig.api.fitting",
     "fleet_fit": "rig.api.fleets",
     "simulate": "rig.api.simulating",
@@ -79,6 +92,9 @@ __all__ = [
     "read_npz",
     "read_hdf5",
     "read_json",
+    "read_parquet",
+    "read_tdms",
+    "read_mdf",
     "fit",
     "fleet_fit",
     "simulate",

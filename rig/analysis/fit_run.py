@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from experiments.recording import Recording
     from experiments.result import Result
     from model.gear import HarmonicDrive
+    from rig.analysis.store import Analysis
 
 TARE_AGE_SETTING = "tare_age_limit"
 """The setting of the checks that says from which age [days] on a tare is widened (`experiments.evidence.tare`)."""
@@ -78,6 +79,10 @@ class Surroundings:
         """The analysis of a tare: the one in force, and where there is none that may be used, one made now."""
         return _tare_fit(path, choices)
 
+    def learns_from(self, analysis: Analysis) -> bool:
+        """Whether what another run of the gear says may be learnt from."""
+        return True
+
 
 @dataclass(frozen=True, kw_only=True)
 class Footing:
@@ -89,12 +94,13 @@ class Footing:
     gear: HarmonicDrive | None
     source: GearSource
     tared: Tared
+    learnt: Mapping[str, Any]
     choices: Choices
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The settings of the analysis: those that follow from its tare, and those that were chosen."""
-        return {**self.tared.settings, **self.choices.settings}
+        """The settings of the analysis: of its tare, of the gear's other runs, and those that were chosen."""
+        return {**self.tared.settings, **self.learnt, **self.choices.settings}
 
     def evidence(self) -> Evidence:
         """The same as the analysis gets it."""
@@ -132,6 +138,7 @@ def footing_of(
     gear, source = gear_for(recording, path, kind, choices.gear, surroundings)
     return Footing(
         recording=recording,
+        learnt=_learnt(recording, path, kind, choices.settings, surroundings),
         path=path,
         kind=kind,
         gear=gear,
@@ -209,6 +216,30 @@ def _basis_of(
         named |= {"kind": run.protocol, "number": found.number}
         return found.analysis.whole_result(), named
     return None
+
+
+def _learnt(
+    recording: Recording,
+    path: Path,
+    kind: str,
+    by_hand: Mapping[str, Any],
+    surroundings: Surroundings,
+) -> Mapping[str, Any]:
+    """Settings that the gear's other runs of this kind give, by their analyses in force; none where one is by hand."""
+    experiment = catalogue.declared(kind)
+    if experiment is None or experiment.learns is None or not recording.metadata.gear_serial:
+        return {}
+    results: list[Result] = []
+    for run in _runs_before(recording, surroundings.library(path.parent), (kind,)):
+        if run.run_id == recording.metadata.run_id:
+            continue
+        found = in_force(run.path, kind)
+        if found.analysis is None or found.stale:
+            continue
+        if surroundings.learns_from(found.analysis):
+            results.append(found.analysis.whole_result())
+    learnt = experiment.learns(results)
+    return {} if any(name in by_hand for name in learnt) else learnt
 
 
 def _runs_before(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.analysis import Json, NoTare, Settings, settings_of
+from rig.commands.fleet_report import report
 from rig.commands.judgement import AcceptanceFile
 from rig.commands.terminal import echo, print_json
 from rig.commands.worlds import PopulationName
@@ -209,6 +210,9 @@ def _by_protocol(pairs: list[str] | None) -> dict[str, dict[str, Any]]:
             raise typer.BadParameter(f"{pair!r} is not PROTOCOL.NAME=VALUE", param_hint="--set")
         values.setdefault(protocol, {}).update(settings_of([rest]))
     return values
+
+
+fleet.command("report")(report)
 
 
 @fleet.command("query")

@@ -8,12 +8,13 @@ from __future__ import annotations
 import hashlib
 import threading
 from collections import OrderedDict
+from datetime import datetime
 from pathlib import Path
 
 from rig.analysis.fit import Fit
 from rig.analysis.fit_run import Choices, Surroundings
 from rig.analysis.result_data import table_to_mapping
-from rig.analysis.store import json_text
+from rig.analysis.store import Analysis, json_text
 from rig.gears.acceptance import Acceptance, acceptance_for, acceptance_named, acceptance_text
 from rig.library.index import LibraryIndex
 from rig.runfile.read import close_recording
@@ -25,9 +26,14 @@ FOLDERS = 64
 
 
 class Neighbours(Surroundings):
-    """The surroundings of runs, each part looked at once."""
+    """The surroundings of runs, each part looked at once.
 
-    def __init__(self) -> None:
+    `began` is when the job began (ISO 8601): what it keeps itself is nothing to learn from, else the order of its runs
+    would decide on their numbers.
+    """
+
+    def __init__(self, began: str) -> None:
+        self._began = datetime.fromisoformat(began)
         self._libraries: OrderedDict[Path, LibraryIndex] = OrderedDict()
         self._tares: OrderedDict[Path, Fit] = OrderedDict()
         self._digests: dict[tuple[str, int], str] = {}
@@ -50,6 +56,10 @@ class Neighbours(Surroundings):
                 close_recording(self._tares.popitem(last=False)[1].recording)
         self._tares.move_to_end(path)
         return fit
+
+    def learns_from(self, analysis: Analysis) -> bool:
+        """Whether an analysis was kept before the job began."""
+        return datetime.fromisoformat(str(analysis.content["created"])) < self._began
 
     def close(self) -> None:
         """Close the files of the tares."""
@@ -81,11 +91,11 @@ def digest(content: object) -> str:
 _local = threading.local()
 
 
-def neighbours_of(job: str) -> Neighbours:
+def neighbours_of(job: str, began: str) -> Neighbours:
     """What this thread remembers of a job; another job begins with nothing."""
     if getattr(_local, "job", None) != job:
         forget_neighbours()
-        _local.job, _local.neighbours = job, Neighbours()
+        _local.job, _local.neighbours = job, Neighbours(began)
     return _local.neighbours
 
 

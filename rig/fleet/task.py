@@ -82,7 +82,7 @@ def fit_runs(
 ) -> Done:
     """Analyse some runs one after the other."""
     began, spent = now(), 0.0
-    neighbours = neighbours_of(job.name)
+    neighbours = neighbours_of(job.name, job.created)
     rows: list[Row] = []
     fitted, reused, failed = [], [], []
     for task in tasks:

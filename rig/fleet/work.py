@@ -12,6 +12,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments import catalogue
 from model.errors import WordedError
@@ -29,6 +30,9 @@ from rig.gears.card import card_path
 from rig.library.folder import run_files
 from rig.library.index import IndexedRun, LibraryIndex, fingerprint_of
 from rig.runfile.seal import sealed_sha256
+
+if TYPE_CHECKING:
+    from experiments.contract import Experiment
 
 LIST_SUFFIX = ".txt"
 """A file of this suffix is a list of runs and folders, one a line."""
@@ -216,11 +220,12 @@ class _Place:
             self._of_gear(serial),
             self._tares if experiment is not None and takes_tare(kind) else "",
         ]
-        if experiment is not None and experiment.builds_on:
+        leans_on = _leans_on(experiment)
+        if leans_on:
             content += [
                 [other.path.name, _stored(other.path)]
                 for other in self._listed
-                if other.gear_serial == serial and other.protocol in experiment.builds_on
+                if other.gear_serial == serial and other.protocol in leans_on
             ]
         return digest(content)[:32]
 
@@ -242,6 +247,13 @@ class _Place:
             return "" if found is None else acceptance_text(found)
         except WordedError as error:
             return str(error)
+
+
+def _leans_on(experiment: Experiment | None) -> tuple[str, ...]:
+    """The protocols of the same gear whose stored analyses decide on those of this kind."""
+    if experiment is None:
+        return ()
+    return (*experiment.builds_on, *((experiment.name,) if experiment.learns is not None else ()))
 
 
 def _traits(run: IndexedRun) -> list[str]:
