@@ -33,8 +33,8 @@ TORSION = "torsion"
 """The name of an angle that is made here: theta_o - theta_i/N."""
 MOST_ROWS = 4_000_000
 """Rows that are read; of more the first."""
-PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss")
-"""What is proportional to the scale of the torque."""
+PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss", "lost_motion")
+"""What is proportional to the scale of the torque; lost motion inversely, by the torque that it is stated at."""
 
 QUANTITIES = (
     Quantity(
