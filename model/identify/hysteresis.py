@@ -140,9 +140,12 @@ def _numbers(
     """The numbers of one loop by `NAMES`."""
     # What turns round moves too little to be of a branch: half of it belongs to each side.
     turning = max(down.start - up.stop, 0) // 2
-    whole = slice(max(up.start - turning, 0), min(down.stop + turning, len(angle)))
-    phi = np.append(angle[whole], angle[whole.start])
-    tau = np.append(torque[whole], torque[whole.start])
+    first, last = max(up.start - turning, 0), min(down.stop + turning, len(angle))
+    # The loop begins and ends where the angle is least, however long it rested there.
+    first += int(np.argmin(angle[first : up.start + 1]))
+    last = down.stop - 1 + int(np.argmin(angle[down.stop - 1 : last]))
+    phi = np.append(angle[first : last + 1], angle[first])
+    tau = np.append(torque[first : last + 1], torque[first])
     loss = abs(float(np.sum(0.5 * (tau[1:] + tau[:-1]) * np.diff(phi))))
     top = _tip(angle, torque, up, up.stop + turning)
     bottom = _tip(angle, torque, down, down.stop + turning)
