@@ -380,6 +380,15 @@ def review_difference(stage: Stage) -> None:
     stage.wait(lambda: page.difference.difference)
 
 
+def review_models(stage: Stage) -> None:
+    """The ladder of friction judged by three runs."""
+    runs = _reviewed(stage)
+    page = stage.window.review
+    page.library.select(*runs[1:])
+    page.show_models(runs[1:])
+    stage.wait(lambda: page.models.validation)
+
+
 def review_passport(stage: Stage) -> None:
     """A gear over time."""
     _reviewed(stage)
@@ -480,6 +489,7 @@ STATES: dict[str, Callable[[Stage], None]] = {
     "review-conditions": review_conditions,
     "review-overlay": review_overlay,
     "review-difference": review_difference,
+    "review-models": review_models,
     "review-passport": review_passport,
 }
 """Every state that is shown, by the name of its picture."""

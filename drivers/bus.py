@@ -1,3 +1,4 @@
+# pyright: standard
 """The CAN bus that its owner pumps: opening it, sending, dispatching by COB-ID, NMT, heartbeats both ways, emergencies.
 
 There is no thread and no notifier. Whoever owns the bus calls `receive`, and the same call sends the computer's own

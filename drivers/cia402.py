@@ -1,3 +1,4 @@
+# pyright: standard
 """A CiA 402 servo amplifier: brought up from any state, moved by a table of transitions, its numbers in SI.
 
 Torque: T = x / 1000 * (0x6076) with 0x6076 in mN m. Speed: 0x60FF in the drive's velocity unit,

@@ -1,3 +1,4 @@
+# pyright: standard
 """Counters that wrap, and index marks: counts without jumps, and a count of counts between marks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# pyright: standard
 """Vendors' EDS and DCF files (CiA 306): what a device says that it has. Tolerant of their defects, which it lists.
 
 The canopen library reads them too, and first: `drivers.device_file`. It refuses what is read here.

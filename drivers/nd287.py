@@ -1,3 +1,4 @@
+# pyright: standard
 """A HEIDENHAIN ND 287 readout on a serial line: asked by STX, answered by one line of 17 characters.
 
     sign(1) number(10) blank(1) unit(1) class(1) mode(1) CR LF

@@ -1,3 +1,4 @@
+# pyright: standard
 """The one seam: everything that turns is behind `RigPort.exchange(Command, cycles, Guard) -> SampleBlock`.
 
 target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first

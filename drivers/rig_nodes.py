@@ -1,3 +1,4 @@
+# pyright: standard
 """The nodes of a rig brought up together: who is there, what is mapped where, and what each column of the data is."""
 
 from __future__ import annotations

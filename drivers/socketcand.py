@@ -1,3 +1,4 @@
+# pyright: standard
 """python-can's socketcand client with what it lacks: a hub that is not there, silent or gone is said at once.
 
 The client of python-can tries for ten seconds to reach a hub, waits for its answers without end,

@@ -5,6 +5,7 @@ This module stays light: it imports no array library, so that a command line can
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -12,8 +13,10 @@ from typing import TYPE_CHECKING
 from experiments.errors import PlanError
 
 if TYPE_CHECKING:
-    from experiments.contract import Experiment
+    from experiments.contract import Evidence, Experiment
     from experiments.ladder import Ladder
+    from experiments.recording import Recording
+    from experiments.result import Result
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,7 @@ ENTRIES: tuple[Entry, ...] = (
         "experiments.recordings.motion",
         "inertia and friction from any motion (inverse dynamics)",
         has_plan=False,
+        ladder="experiments.recordings.motion_models",
     ),
     Entry(
         "friction-curve",
@@ -86,6 +90,7 @@ ENTRIES: tuple[Entry, ...] = (
         "experiments.recordings.order_spectrum",
         "order spectrum of a channel over an angle",
         has_plan=False,
+        ladder="experiments.recordings.order_models",
     ),
     Entry(
         "skew",
@@ -154,7 +159,13 @@ def load(name: str) -> Experiment:
 
     Its `analyse` is the protocol's own after every recording has passed the table of checks.
     """
-    from experiments.evidence.conclusion import checked_analysis
-
     experiment: Experiment = import_module(entry(name).module).EXPERIMENT
-    return replace(experiment, analyse=checked_analysis(experiment))
+
+    @functools.wraps(experiment.analyse)
+    def checked(recording: Recording, evidence: Evidence) -> Result:
+        # The checks need the array libraries, and whoever asks only what a protocol declares does not.
+        from experiments.evidence.conclusion import checked_analysis
+
+        return checked_analysis(experiment)(recording, evidence)
+
+    return replace(experiment, analyse=checked)

@@ -1,8 +1,9 @@
+# pyright: standard
 """What a test protocol is: one validated parameter model, a plan, an analysis."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -49,7 +50,8 @@ class Experiment:
     `live` names the plots of a run that is under way: torque below speed, row by row. `setpoint` is
     what its segments are set to: speeds of the input [rad/s], torques [N m] or wave-generator
     angles [rad]. `gives_tare` is a result that may be subtracted from those that have `takes_tare`;
-    `builds_on` names the protocols without whose identified parameters its analysis is poorer.
+    `builds_on` names the protocols without whose identified parameters its analysis is poorer; `learns` makes of the
+    results of a gear's other runs of this protocol settings of its analysis, for whoever gives none by hand.
     `terms` are those that a reader of its results needs, `figures` the paper's that its run draws.
     `cuts_gaps` is an analysis that uses the stretches between gaps of time and draws nothing across them.
     `version` of the analysis is raised whenever the same recording gives other numbers.
@@ -74,6 +76,7 @@ class Experiment:
     gives_tare: bool = False
     takes_tare: bool = False
     builds_on: tuple[str, ...] = ()
+    learns: Callable[[Sequence[Result]], Mapping[str, Any]] | None = None
     terms: tuple[Term, ...] = ()
     figures: tuple[PaperFigure, ...] = ()
 

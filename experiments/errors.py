@@ -1,3 +1,4 @@
+# pyright: standard
 """The error root of this floor. A message says what, where, value, limit, and what to do next."""
 
 from __future__ import annotations

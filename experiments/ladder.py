@@ -24,7 +24,7 @@ class Sample:
     """What one run shows: `measured` (n,) in SI; `part` (n,) numbers the stretches of it.
 
     `origin` is that of the run; `at` is what a model needs to predict it (speeds, angles, steps), `gear` the parameter
-    set that the run leans on.
+    set that the run leans on; `unit` is that of its channel where it is not the ladder's.
     """
 
     run: str
@@ -33,16 +33,26 @@ class Sample:
     part: IntArray
     at: Any
     gear: HarmonicDrive
+    unit: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rung:
-    """One model: its name, how many numbers it fits, how it is fitted to samples, and what it predicts of another."""
+    """One model: its name, how many numbers it fits, how it is fitted to samples, and what it predicts of another.
+
+    `count` tells the numbers of a fit where they depend on the data; `applies` to which samples it can be fitted.
+    """
 
     name: str
     parameters: int
     fit: Callable[[Sequence[Sample]], Any]
     predict: Callable[[Any, Sample], FloatArray]
+    count: Callable[[Any], int] | None = None
+    applies: Callable[[Sample], bool] = lambda sample: True
+
+    def numbers(self, fitted: Any) -> int:
+        """How many numbers were fitted."""
+        return self.parameters if self.count is None else self.count(fitted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +74,10 @@ class Ladder:
         """What a fitted rung leaves of a sample (n,)."""
         residual = sample.measured - rung.predict(fitted, sample)
         return centred(residual, sample.part) if self.is_centred else residual
+
+    def rungs_for(self, samples: Sequence[Sample]) -> tuple[Rung, ...]:
+        """The rungs that can be fitted to all of these."""
+        return tuple(rung for rung in self.rungs if all(map(rung.applies, samples)))
 
 
 def centred(values: FloatArray, part: IntArray) -> FloatArray:

@@ -1,3 +1,4 @@
+# pyright: standard
 """The parameter model of a protocol: a frozen dataclass whose `Annotated` fields are the only
 definition of its numbers.
 

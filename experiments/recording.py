@@ -1,3 +1,4 @@
+# pyright: standard
 """A recording as analyses see it: SI arrays, segments, events, metadata. Simulated, recorded,
 replayed or imported: one type.
 """

@@ -1,3 +1,4 @@
+# pyright: standard
 """What an analysis returns: estimates, metrics, warnings, checks, plots and tables as data; and one number against one
 limit.
 """

@@ -1,3 +1,4 @@
+# pyright: standard
 """What a simulated rig knows of itself beside what an analysis found: for demonstrations and
 coverage, never for analyses.
 
@@ -9,7 +10,7 @@ seen        what this bench sees: the torque port reads (1 + scale error) times 
 measurand   what the quantity is defined for: the gear alone, or the motor alone, by a perfect bench
 
 Both hold at the run's own mean temperature, those at 20 degC at 20 degC. What a result says that it
-took off (a tare, a bearing of the bench that was entered) is no longer seen.
+took off (a tare, a bearing of the bench that was entered, the warmth of the magnets) is no longer seen.
 """
 
 from __future__ import annotations
@@ -282,7 +283,8 @@ def _warm_up(result: Result, truth: _Truth) -> Truths:
     weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer("end")
     alone = weaker * (float(motor["coulomb"]) + float(motor["viscous"]) * speed)
     all_that_turns = at.gear_torque(speed) + at.bearing_torque(speed) + alone
-    yield "running_torque", truth.scale("end") * all_that_turns, all_that_turns
+    taken = result.metrics.get("torque_constant_factor", 1.0)
+    yield "running_torque", taken * truth.scale("end") * all_that_turns, all_that_turns
 
 
 def _starting_torque(result: Result, truth: _Truth) -> Truths:

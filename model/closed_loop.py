@@ -1,3 +1,4 @@
+# pyright: standard
 """The rig's closed loop: servo, motor, wedge, gear and load in one compiled simulation, with
 friction that truly sticks.
 

@@ -1,3 +1,4 @@
+# pyright: standard
 """Equation 2 with a prescribed input angle, propagated exactly: what the output does when the input is known.
 
     M q'' + C q' + K q = B u(t) ,   q = (x2, y1, y2) ,   u = (theta_i/N + ke, its rate, F_fm, M_0, T_L)

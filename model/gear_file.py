@@ -1,3 +1,4 @@
+# pyright: standard
 """Parameter files of a gear: TOML that a person can edit, with the source beside every number.
 
 A file has `format`, `name`, one table per section of `HarmonicDrive`, the series of the kinematic

@@ -1,3 +1,4 @@
+# pyright: standard
 """The kinematic error: definition, series, basis of orders, spectrum, goodness of fit, and the error as a wedge lift.
 
 (15)  ke(theta_i) = theta_o - theta_i/N        theta_o counted positive opposite to theta_i, circular spline fixed;

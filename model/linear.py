@@ -1,3 +1,4 @@
+# pyright: standard
 """The linear part of equation 2: its parameters, matrices, modes, and where the orders of the error meet a resonance.
 
 (2)  K_b (x1 - x2 + e) + C_b (x1' - x2' + e') = (J_g/r_g^2) x2'' + K_m (x2 s - y1 c) s + F_fm c ,   x1 = theta_i r_g tan(alpha_n)

@@ -1,3 +1,4 @@
+# pyright: standard
 """What the closed loop looks up: the exact step of its linear part, and tables of error, friction and cogging.
 
 Built once per gear in plain numpy; `model.kernels.closed_loop` reads them. The linear part is that of equation 2

@@ -1,3 +1,4 @@
+# pyright: standard
 """The servo motor that turns the wave generator, as a frozen parameter set in SI.
 
 Only what the rig's simulation, the plans and the reports need: ratings, rotor inertia, its own

@@ -1,3 +1,4 @@
+# pyright: standard
 """Exact propagation of equation 2 over one sample interval, as numbers for the compiled loops.
 
 x' = A x + B u is integrated exactly for inputs that between samples follow

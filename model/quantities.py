@@ -1,3 +1,4 @@
+# pyright: standard
 """Numbers in parameter files: one line holds the value, its unit, where it comes from and its uncertainty.
 
     flexspline_diameter = { value = 63.5, unit = "mm", provenance = "catalogue", source = "drawing 12" }

@@ -1,3 +1,4 @@
+# pyright: standard
 """Everything that the model derives from a parameter set, under the names of the paper: what `rig model` prints.
 
 Values are SI. Beside what is computed stands what the catalogue promises, and which part of the drive its compliance

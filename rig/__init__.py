@@ -17,7 +17,7 @@ layers, checked by import-linter; each may import what stands below it::
 
     main                            the table of commands
     commands · window · api         what a person types, what a person sees, and what a program calls
-    trial                           doctor, drill, demo: what makes a rig turn for a purpose of its own
+    trial · fleet                   doctor, drill, demo: a rig turned for a purpose of its own; thousands of runs
     run · present                   one execution of a protocol; one look for terminal, window, page and paper
     analysis                        fits, their store, what differs between runs, the passport of a gear
     gears · library · bench         gear cards; the index of runs; the physical rig: identity, limits, backends
@@ -36,8 +36,19 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.api.executing import execute
     from rig.api.fitting import fit
+    from rig.api.fleets import fleet_fit
     from rig.api.gearing import gear
-    from rig.api.reading import load, read_csv, read_hdf5, read_json, read_mat, read_npz
+    from rig.api.reading import (
+        load,
+        read_csv,
+        read_hdf5,
+        read_json,
+        read_mat,
+        read_mdf,
+        read_npz,
+        read_parquet,
+        read_tdms,
+    )
     from rig.api.reporting import report
     from rig.api.results import Comparison, Result, Results, Value
     from rig.api.runs import Run
@@ -53,7 +64,11 @@ _PLACES = {
     "read_npz": "rig.api.reading",
     "read_hdf5": "rig.api.reading",
     "read_json": "rig.api.reading",
+    "read_parquet": "rig.api.reading",
+    "read_tdms": "rig.api.reading",
+    "read_mdf": "rig.api.reading",
     "fit": "rig.api.fitting",
+    "fleet_fit": "rig.api.fleets",
     "simulate": "rig.api.simulating",
     "execute": "rig.api.executing",
     "gear": "rig.api.gearing",
@@ -77,7 +92,11 @@ __all__ = [
     "read_npz",
     "read_hdf5",
     "read_json",
+    "read_parquet",
+    "read_tdms",
+    "read_mdf",
     "fit",
+    "fleet_fit",
     "simulate",
     "execute",
     "gear",

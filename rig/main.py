@@ -20,6 +20,7 @@ from rig.commands import (
     doctoring,
     drilling,
     files,
+    fleeting,
     gears,
     importing,
     library,
@@ -69,6 +70,7 @@ PANELS = {
         certifying.certificate,
         reporting.report,
         modelling.model,
+        fleeting.fleet,
     ),
     "Safety": (drilling.drill, drilling.acknowledge),
     "Run files": (

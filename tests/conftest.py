@@ -1,16 +1,16 @@
-"""What every test has: benches whose state lies in a folder of the session, never in this computer's own; and the
-order of the files on several cores.
+"""What every test has: benches' state and indexes of runs in folders of the session, never in this computer's own;
+and the order of the files on several cores.
 """
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from rig.bench.state import VARIABLE
+from rig.library.place import VARIABLE as INDEX_VARIABLE
 
 TESTS = Path(__file__).parent
 LONGEST_FIRST = (
@@ -42,11 +42,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def state_folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Children inherit the variable: a hub's runs in a process of their own latch there too."""
-    before = os.environ.get(VARIABLE)
-    os.environ[VARIABLE] = str(tmp_path_factory.mktemp("state"))
-    yield
-    if before is None:
-        del os.environ[VARIABLE]
-    else:
-        os.environ[VARIABLE] = before
+    """Children inherit the variables: a hub's runs in a process of their own latch there too."""
+    with pytest.MonkeyPatch.context() as environment:
+        for variable, name in ((VARIABLE, "state"), (INDEX_VARIABLE, "indexes")):
+            environment.setenv(variable, str(tmp_path_factory.mktemp(name)))
+        yield

@@ -10,7 +10,7 @@ from reference_pages.words import cell, plain
 
 def channel_map() -> Iterable[str]:
     """Every table and key of a channel map, the units, the channels with a name, the labels of segments."""
-    from rig.runfile.importing import map_keys, units
+    from rig.runfile.importing import map_keys, opening, units
 
     yield "# The channel map"
     yield ""
@@ -33,6 +33,10 @@ def channel_map() -> Iterable[str]:
     yield "## Units\n"
     words = [*units.UNITS, units.COUNT, *units.TEXT_TIMES]
     yield ", ".join(f"`{word}`" for word in words)
+    yield "\n## Kinds of files\n"
+    yield "| kind | what |\n|---|---|"
+    for kind, what in opening.FORMATS.items():
+        yield f"| `{kind}` | {cell(what)} |"
     yield "\n## Labels of segments\n"
     yield "| label | what |\n|---|---|"
     for label, what in map_keys.LABELS.items():

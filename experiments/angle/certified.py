@@ -7,6 +7,7 @@ the encoder's class stays in the budget, and the result says so.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,7 +51,7 @@ def certified_angle(recording: Recording, channel: str) -> tuple[CertifiedAngle 
     if certificate is None:
         return None, ""
     encoder, index, bit = _ENDS[channel]
-    refused = f"The certificate of the {encoder} is not used, its class stands in the budget: "
+    refused = f"The certificate of the {encoder} is not used: "
     marks = _marks(recording, index, bit)
     if not len(marks):
         return None, f"{refused}the run saw no index mark of it, so that its curve has no zero."
@@ -63,6 +64,22 @@ def certified_angle(recording: Recording, channel: str) -> tuple[CertifiedAngle 
         )
     mark = float(marks[0] + np.median(away))
     return CertifiedAngle(certificate=certificate, mark=mark, direction=signal.direction), ""
+
+
+def certified_angles(recording: Recording) -> tuple[dict[str, CertifiedAngle], list[str]]:
+    """The encoders whose certificate can be used, by channel, and why that of another one cannot."""
+    found = {name: certified_angle(recording, name) for name in _ENDS}
+    used = {name: one for name, (one, _) in found.items() if one is not None}
+    return used, [sentence for _, sentence in found.values() if sentence]
+
+
+def angle_of(
+    recording: Recording, channel: str, rows: slice, certified: Mapping[str, CertifiedAngle]
+) -> FloatArray:
+    """An encoder's angle [rad], without the errors that its certificate states."""
+    angle = recording.si(channel, rows)
+    curve = certified.get(channel)
+    return angle if curve is None else curve.corrected(angle)
 
 
 def _marks(recording: Recording, index: str, bit: int) -> FloatArray:

@@ -1,3 +1,4 @@
+# pyright: standard
 """Traversees of a recording without segments: where the input turns one way, found from the angle itself.
 
 Recordings of this program carry segments, and those are used. One that was imported does not: here

@@ -102,6 +102,9 @@ def time_axis(recorded: Recorded) -> Finding:
         return not_checked(f'time base "{metadata.time_base}": no cycle has a stamp of its own')
     if not metadata.sample_rate > 0.0:
         return not_checked("the recording does not say at which rate it was made")
+    if metadata.origin == "imported":
+        # An import takes its rate from the stamps, or its stamps from a stated rate: neither can judge the other.
+        return not_checked("the rate of an import is that of its own stamps")
     ratio = _median_period(recorded) * metadata.sample_rate
     found = f"{ratio:.4f} nominal periods from row to row"
     elapsed = _computer_time(metadata.start_time, metadata.end_time)

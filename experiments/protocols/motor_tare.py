@@ -1,3 +1,4 @@
+# pyright: standard
 """Motor tare: friction and cogging of the bare motor, so that the friction fit can speak of the gear alone.
 
 The torque port shows motor + gear. With the gear removed the same speeds and directions are run in the same warm state.

@@ -1,3 +1,4 @@
+# pyright: standard
 """No-load starting torque: the quasi-static torque at which the input begins to turn, at several
 wave-generator positions.
 """

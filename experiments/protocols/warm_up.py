@@ -40,7 +40,7 @@ from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
 from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Settle, Step
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE
-from experiments.torque.motor_heat import motor_heat
+from experiments.torque.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import HarmonicDrive
@@ -64,6 +64,12 @@ QUANTITIES = (
     ),
     Quantity(name="speed", title="speed of the running torque", unit="rad/s"),
     Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
+    Quantity(
+        name="torque_constant_factor",
+        title="torque constant over that at 20 °C",
+        unit="1",
+        definition="by the housing's temperature; the running torque is what the port showed, times this",
+    ),
     Quantity(name="last_change", title="last change", unit="N m"),
     Quantity(name="total_change", title="total change", unit="N m"),
     Quantity(name="time_until_steady", title="time until steady", unit="s"),
@@ -159,7 +165,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         conditions = {"speed": float(np.mean([abs(h.torque.speed) for h in pair]))}
         if math.isfinite(housing):
             conditions["housing_temperature"] = housing
-        estimates["running_torque"] = _running_torque(recording, evidence, points, pair, housing)
+        heat = motor_heat(recording, housing)
+        conditions["torque_constant_factor"] = heat.constant_factor()[0]
+        estimates["running_torque"] = _running_torque(recording, evidence, points, pair, heat)
     metrics = conditions | {
         "last_change": change,
         "total_change": float(torque[-1] - torque[0]),
@@ -191,10 +199,11 @@ def _running_torque(
     evidence: Evidence,
     points: FrictionPoints,
     pair: list[Hold],
-    housing: float,
+    heat: MotorHeat,
 ) -> Estimate:
     """Friction of the first pair of holds, without what the vibrating output takes and what the port's lag makes of
-    ripples; both are known by the card only, and the data of one speed cannot tell them from friction."""
+    ripples; both are known by the card only, and the data of one speed cannot tell them from friction. What the port
+    reads too much because the magnets are warm is taken off."""
     at = int(np.argmax(points.paired))
     error, freedom = float(points.standard_error[at]), float(points.freedom[at])
     ripple = ripple_of(recording, pair, evidence.gear, "torque")
@@ -205,8 +214,9 @@ def _running_torque(
         LOSS_RELATIVE * (loss - hidden),
         OWN_RELATIVE * (loss - hidden) + hidden + PRODUCT_RELATIVE * abs(lag),
     )
-    value = float(points.friction[at]) - loss + lag
-    heat = motor_heat(recording, housing)
+    factor, warmth = heat.constant_factor()
+    error *= factor
+    value = factor * float(points.friction[at]) - loss + lag
     by_speed = (
         BudgetLine(VIBRATION, "B", shaken, "damping and first mode of the card, orders that hide"),
         BudgetLine(PORT_LAG, "B", LAG_RELATIVE * abs(lag), f"{1e3 * LAG:g} ms, 0 to twice as much"),
@@ -227,7 +237,7 @@ def _running_torque(
             BudgetLine("whole revolutions", "A", error, degrees_of_freedom=freedom),
             *by_speed,
             scale_line(recording, value),
-            BudgetLine("warmth of the motor", "B", heat.constant * abs(value), heat.words),
+            BudgetLine("warmth of the motor", "B", warmth * abs(value), heat.words),
         ),
     )
 
@@ -273,7 +283,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
-    version=3,
+    version=4,
     live=("speed", "temperature", "torque"),
     terms=(RUNNING_TORQUE, MOTOR_AND_GEAR),
 )

@@ -94,9 +94,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
-    motion, warnings = _motion(recording, settings, evidence.maximum_missed_share)
+    motion, warnings = channels_of(recording, settings, evidence.maximum_missed_share)
     with analysing(recording.metadata.run_id):
-        choice = _choice(motion, settings)
+        choice = choice_of(motion, settings)
         fit = identify_motion(motion, choice, rotary=motion.position_unit == "rad")
         warnings += _remarks(motion, fit)
     estimates = _with_budget(motion, fit)
@@ -118,14 +118,14 @@ def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> M
     """Fit one recording and predict the effort of another one with it: relative error in per cent."""
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
-    first, _ = _motion(fitted, settings, evidence.maximum_missed_share)
-    second, _ = _motion(other, settings, evidence.maximum_missed_share)
+    first, _ = channels_of(fitted, settings, evidence.maximum_missed_share)
+    second, _ = channels_of(other, settings, evidence.maximum_missed_share)
     with analysing(other.metadata.run_id):
-        fit = identify_motion(first, _choice(first, settings))
+        fit = identify_motion(first, choice_of(first, settings))
         return score_source(fit, second)
 
 
-def _motion(
+def channels_of(
     recording: Recording, settings: Mapping[str, Any], maximum_missed_share: float
 ) -> tuple[RecordedMotion, list[str]]:
     """The channels of the motion, and what must be said of the recording."""
@@ -136,7 +136,7 @@ def _motion(
     return motion, [*checked.warnings, *zero]
 
 
-def _choice(motion: RecordedMotion, settings: Mapping[str, Any]) -> MotionChoice:
+def choice_of(motion: RecordedMotion, settings: Mapping[str, Any]) -> MotionChoice:
     """What the settings choose by hand."""
     variant = settings.get("variant", "auto")
     if variant not in VARIANTS:
@@ -158,7 +158,7 @@ def _choice(motion: RecordedMotion, settings: Mapping[str, Any]) -> MotionChoice
         decimation=None if decimation is None else int(decimation),
         least_speed=by_hand["least_speed"],
         load_orders=orders,
-        load_turn=_load_turn(motion) if orders else 1.0,
+        load_turn=load_turn(motion) if orders else 1.0,
         lag=motion.stated_lag if lag is None else lag,
         instrument_is_position=motion.instrument_is_position,
     )
@@ -182,7 +182,7 @@ def _load_orders(settings: Mapping[str, Any]) -> tuple[int, ...]:
     )
 
 
-def _load_turn(motion: RecordedMotion) -> float:
+def load_turn(motion: RecordedMotion) -> float:
     """Angle of the load per position: a load turns with the output, one ratio slower than the input."""
     recording = motion.recording
     if motion.position_unit != "rad":

@@ -46,7 +46,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
     angle_name = chosen_channel(recording, settings, "angle", ANGLES, "an order spectrum")
-    channel, unit = _channel(recording, settings)
+    channel, unit = channel_of(recording, settings)
     warnings = list(
         check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings
     )
@@ -76,7 +76,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
 
 
-def _channel(recording: Recording, settings: dict[str, object]) -> tuple[str, str]:
+def channel_of(recording: Recording, settings: dict[str, object]) -> tuple[str, str]:
     """The channel and its unit; the kinematic error is made of both angles."""
     both = recording.has("input_angle", "output_angle")
     wanted = settings.get("channel", KINEMATIC_ERROR if both else None)

@@ -1,8 +1,9 @@
 """The motor's own temperature: nothing measures it, and it moves the torque that a run shows.
 
 Magnets weaken: the same current gives less torque, so that the port (a reference, scaled by the constant at 20 degC)
-reads too much; that stays in the reading and stands in the budget. The motor's own friction falls: a tare is brought to
-the run by the housing's temperatures, the best that is known of the motor's.
+reads too much. A warm-up, which warms the motor by ten kelvin and more, takes that off; elsewhere it stays in the
+reading and stands in the budget. The motor's own friction falls: a tare is brought to the run by the housing's
+temperatures, the best that is known of the motor's.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from model.identify.running_torque import Tare
 
 REFERENCE = 20.0
 """degC at which torque constants are stated."""
-MAGNETS = -1e-3
-"""Relative change of the torque constant per kelvin, assumed of servo motors."""
+MAGNETS, MAGNETS_UNCERTAINTY = -1e-3, 0.3e-3
+"""Relative change of the torque constant per kelvin, assumed of servo motors (half of it to one and a half times as
+much), and its standard uncertainty."""
 FRICTION, FRICTION_UNCERTAINTY = -4e-3, 1.2e-3
 """Relative change of the motor's own friction per kelvin, assumed, and its standard uncertainty."""
 WARMER = 1.5
@@ -46,6 +48,14 @@ class MotorHeat:
     def words(self) -> str:
         """What the correction rests on."""
         return f"torque constant {100.0 * MAGNETS:g} % per kelvin from {REFERENCE:g} °C"
+
+    def constant_factor(self) -> tuple[float, float]:
+        """The torque constant of the motor as warm as it was over that at 20 degC, and its relative standard
+        uncertainty."""
+        if not math.isfinite(self.temperature):
+            return 1.0, self.constant
+        warmer = self.temperature - REFERENCE
+        return 1.0 + MAGNETS * warmer, _relative(MAGNETS, MAGNETS_UNCERTAINTY, warmer)
 
     def friction_factor(self) -> tuple[float, float]:
         """The motor's friction at 20 degC over that of the run, and its relative standard uncertainty."""

@@ -1,3 +1,4 @@
+# pyright: standard
 """The torque's pattern over the input revolution, per direction: what both directions share and what turns its sign.
 
 half-difference of the directions = friction that varies with the angle (and the wedge reaction F_b

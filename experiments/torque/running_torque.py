@@ -1,3 +1,4 @@
+# pyright: standard
 """Running torques of a recording: one per segment at constant speed, averaged over whole input revolutions.
 
 The averaging itself is `model.identify.running_torque`; here segments are found, cut from the recording and zeroed.

@@ -1,3 +1,4 @@
+# pyright: standard
 """The zero of the torque port: mean over servo-off segments before and after the run, and its drift in between.
 
 Only with the power stage off is nothing held: servo-on at standstill reads whatever stiction holds.

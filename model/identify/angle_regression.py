@@ -1,3 +1,4 @@
+# pyright: standard
 """Least squares of any value over the input angle: trend, input orders, sidebands and output orders.
 
     y(theta) = a_0 + s theta + sum_v (a_v cos v theta + b_v sin v theta)          (equation 16 with orders v = n + m/N)

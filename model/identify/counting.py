@@ -1,3 +1,4 @@
+# pyright: standard
 """What counting does to a kinematic error: aliases of the output lattice, slipped counts, and a
 slope that must not be there.
 

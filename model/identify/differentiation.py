@@ -1,3 +1,4 @@
+# pyright: standard
 """Speed and acceleration from counted angles: local polynomials whose width follows from the size of a count.
 
 Differencing an 18-arcsecond count at 1 kHz is noise. A polynomial of third degree fitted around

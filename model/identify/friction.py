@@ -1,3 +1,4 @@
+# pyright: standard
 """The friction of a gear from running torques at constant speeds (equations 18-20): parameters, intervals, budget.
 
     T(v) = l_b M_0(v) + l_m {F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v}

@@ -1,3 +1,4 @@
+# pyright: standard
 """Linear least squares with errors that respect autocorrelation: the common ground of every linear fit here.
 
 Parameters of y = X b + r come from a column-scaled QR-equivalent (SVD) solution; their covariance

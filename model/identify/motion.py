@@ -1,3 +1,4 @@
+# pyright: standard
 """Inertia and friction from any motion: inverse dynamics by instrumental variables (IDIM-LS and IDIM-IV;
 Gautier and Khalil 1990, Janot, Vandanjon and Gautier 2014).
 

@@ -1,3 +1,4 @@
+# pyright: standard
 """The running torque of one constant speed: work per whole revolution, with an error that respects autocorrelation.
 
     T = (1/2 pi K) * integral of T d theta over K whole input revolutions

@@ -1,3 +1,4 @@
+# pyright: standard
 """What velocity steps can and cannot identify: singular values of the sensitivity of equation 2 to its parameters.
 
 Each parameter of equation 2 (K_m, K_b, K_t, J_o, C_b, C_t) is changed by a small share, the

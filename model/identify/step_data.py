@@ -1,3 +1,4 @@
+# pyright: standard
 """One velocity step as arrays, the motion that its input prescribes, and the scores of a prediction.
 
 Scored is x = theta_o - theta_i/N - ke, never the raw angle (a rigid gear is almost perfect there),

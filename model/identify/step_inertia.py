@@ -1,3 +1,4 @@
+# pyright: standard
 """The inertia at the output, from the torque port during steps whose mode has been identified.
 
     T = L(J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction(theta_i')) + T_0,  tau L(x)' + L(x) = x
@@ -39,6 +40,10 @@ CLEAR = 5
 COLUMNS = ("lag", "input_inertia", "output_inertia")
 LARGEST_LAG = 5e-3
 """s of the torque port that are looked for."""
+MEMORY = 0.02
+"""s over which what a fit leaves of the torque still hangs together: about a period of the ringing."""
+ORDERS = range(1, 7)
+"""Of the input, by which friction changes with the depth of the mesh."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +124,7 @@ def _fitted(sides: Sequence[_Sides]) -> InertiaFit:
     centred = left - left.mean(axis=0)
     count = len(sides)
     variance = (count - 1) / count * (centred**2).sum(axis=0)
+    variance = variance + _shared(parts, found, whole, round(MEMORY / sides[0].period))
     effective = (centred**2).sum(axis=0) ** 2 / np.maximum((centred**4).sum(axis=0), 1e-300)
     square = sum(float(np.sum((right - design @ found) ** 2)) for design, right in parts)
     return InertiaFit(
@@ -132,7 +138,25 @@ def _fitted(sides: Sequence[_Sides]) -> InertiaFit:
 
 def _solved(matrix: Array, pull: Array) -> Array:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return scale * (np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-10) @ (pull * scale))
+    both = np.outer(scale, scale)
+    return (both * np.linalg.pinv(matrix * both, rcond=1e-10)) @ pull
+
+
+def _shared(parts: Sequence[tuple[Array, Array]], found: Array, whole: Array, memory: int) -> Array:
+    """Variances of `COLUMNS` from what the steps leave together, at the same time after their onsets.
+
+    What one sample pulls the numbers by is summed over the steps; the sums are one series, whose neighbours within
+    `memory` samples hang together (weights of Bartlett, which leave no variance negative).
+    """
+    sums = np.zeros((max(len(right) for _, right in parts), len(found)))
+    for design, right in parts:
+        sums[: len(right)] += design * (right - design @ found)[:, np.newaxis]
+    pulls = _solved(whole, sums.T).T[:, : len(COLUMNS)]
+    variance = (pulls**2).sum(axis=0)
+    for lag in range(1, min(memory, len(pulls) - 1) + 1):
+        together = (pulls[lag:] * pulls[:-lag]).sum(axis=0)
+        variance = variance + 2.0 * (1.0 - lag / (memory + 1.0)) * together
+    return np.maximum(variance, 0.0)
 
 
 def _least(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, float]:
@@ -195,7 +219,7 @@ def _sides(
             speed,
             through(falling, smooth),
             through(moving * slope * step.ratio, smooth),
-            *(through(wave(n * angle), smooth) for n in (1, 2, 4) for wave in (np.cos, np.sin)),
+            *(through(wave(n * angle), smooth) for n in ORDERS for wave in (np.cos, np.sin)),
         ]
     )
     edge = len(smooth)

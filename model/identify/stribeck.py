@@ -1,3 +1,4 @@
+# pyright: standard
 """The Stribeck curve from forces over speed: variable projection, profile likelihood, and the paper's genetic search.
 
     F(v) = F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v        v = |theta_i'|        (equation 19)

@@ -1,3 +1,4 @@
+# pyright: standard
 """Curves and single numbers from a fitted kinematic error: transmission accuracy, averaged curve, goodness of fit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# pyright: standard
 """The compiled closed loop: servo, rotor, wedge, mesh, output, and everything that makes a real one worse.
 
 One function advances whole SYNC cycles of equal substeps. The linear part of a substep is exact (a matrix of the matrix

@@ -1,3 +1,4 @@
+# pyright: standard
 """The compiled incremental encoder: an angle latched late, its errors, whole counts, and the index latch."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# pyright: standard
 """Compiled propagation of equation 2 with a prescribed input: input signals, modal recurrence, outputs, batches.
 
 Samples are handled in short chunks that stay in the cache, loop by loop, so that everything but the recurrence itself

@@ -1,3 +1,4 @@
+# pyright: standard
 """Compiled sums of samples over cells of angle, and the chi-square of the friction curve."""
 
 from __future__ import annotations

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from experiments.recording import Recording
     from experiments.result import Result
     from model.gear import HarmonicDrive
+    from rig.analysis.store import Analysis
 
 TARE_AGE_SETTING = "tare_age_limit"
 """The setting of the checks that says from which age [days] on a tare is widened (`experiments.evidence.tare`)."""
@@ -64,44 +65,108 @@ class Tared:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
 
-def fit_run(path: Path, kind: str = "", choices: Choices | None = None) -> Fit:
-    """Analyse one run file. Raises the errors of the analysis, of the file, of the card and of a tare given by hand."""
-    choices = choices or Choices()
+class Surroundings:
+    """What lies around a run as an analysis of it looks there: the runs of its folder, and the analysis of a tare.
+
+    This one looks anew every time. Whoever analyses thousands of runs of one folder remembers.
+    """
+
+    def library(self, folder: Path) -> LibraryIndex:
+        """The runs of a folder."""
+        return LibraryIndex(folder)
+
+    def tare_fit(self, path: Path, choices: Choices) -> Fit:
+        """The analysis of a tare: the one in force, and where there is none that may be used, one made now."""
+        return _tare_fit(path, choices)
+
+    def learns_from(self, analysis: Analysis) -> bool:
+        """Whether what another run of the gear says may be learnt from."""
+        return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Footing:
+    """All that an analysis of one run file rests on, found and not yet analysed."""
+
+    recording: Recording
+    path: Path
+    kind: str
+    gear: HarmonicDrive | None
+    source: GearSource
+    tared: Tared
+    learnt: Mapping[str, Any]
+    choices: Choices
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The settings of the analysis: of its tare, of the gear's other runs, and those that were chosen."""
+        return {**self.tared.settings, **self.learnt, **self.choices.settings}
+
+    def evidence(self) -> Evidence:
+        """The same as the analysis gets it."""
+        share = self.choices.largest_missed_share
+        return evidence_of(self.gear or shipped_gear(), self.tared.fit, self.settings, share)
+
+    def fit(self) -> Fit:
+        """The analysis. Raises its errors."""
+        fit = fit_recording(
+            self.recording,
+            self.kind,
+            gear=self.gear,
+            tare=self.tared.fit,
+            settings=self.settings,
+            path=self.path,
+            largest_missed_share=self.choices.largest_missed_share,
+        )
+        return replace(fit, gear_source=self.source, found_tare=self.tared.found)
+
+
+def footing_of(
+    path: Path,
+    kind: str = "",
+    choices: Choices | None = None,
+    surroundings: Surroundings | None = None,
+) -> Footing:
+    """What an analysis of a run file rests on: the kind, the tare that belongs to it, the set of the gear.
+
+    Raises the errors of the file, of the card and of a tare given by hand.
+    """
+    choices, surroundings = choices or Choices(), surroundings or Surroundings()
     recording = read.open_run(path)
     kind = kind_of(recording, kind)
-    tared = _tare_for(recording, path, kind, choices)
-    gear, source = gear_for(recording, path, kind, choices.gear)
-    fit = fit_recording(
-        recording,
-        kind,
-        gear=gear,
-        tare=tared.fit,
-        settings={**tared.settings, **choices.settings},
+    tared = _tare_for(recording, path, kind, choices, surroundings)
+    gear, source = gear_for(recording, path, kind, choices.gear, surroundings)
+    return Footing(
+        recording=recording,
+        learnt=_learnt(recording, path, kind, choices.settings, surroundings),
         path=path,
-        largest_missed_share=choices.largest_missed_share,
+        kind=kind,
+        gear=gear,
+        source=source,
+        tared=tared,
+        choices=choices,
     )
-    return replace(fit, gear_source=source, found_tare=tared.found)
+
+
+def fit_run(path: Path, kind: str = "", choices: Choices | None = None) -> Fit:
+    """Analyse one run file. Raises the errors of the analysis, of the file, of the card and of a tare given by hand."""
+    return footing_of(path, kind, choices).fit()
 
 
 def evidence_for(
     path: Path, kind: str, choices: Choices | None = None
 ) -> tuple[Recording, Evidence]:
     """A run file with all that an analysis of it would lean on: set, tare and settings as `fit_run` takes them."""
-    choices = choices or Choices()
-    recording = read.open_run(path)
-    tared = _tare_for(recording, path, kind, choices)
-    gear, _ = gear_for(recording, path, kind, choices.gear)
-    evidence = evidence_of(
-        gear or shipped_gear(),
-        tared.fit,
-        {**tared.settings, **choices.settings},
-        choices.largest_missed_share,
-    )
-    return recording, evidence
+    footing = footing_of(path, kind, choices)
+    return footing.recording, footing.evidence()
 
 
 def gear_for(
-    recording: Recording, path: Path, kind: str, by_hand: HarmonicDrive | None = None
+    recording: Recording,
+    path: Path,
+    kind: str,
+    by_hand: HarmonicDrive | None = None,
+    surroundings: Surroundings | None = None,
 ) -> tuple[HarmonicDrive | None, GearSource]:
     """The parameter set for an analysis and where it came from: by hand, else by the gear's card, else the run's own.
 
@@ -121,21 +186,20 @@ def gear_for(
             # A set given by hand is taken as it is: whoever gives one wants to see what it says.
             if source == "by hand":
                 return gear, told
-            return _built_on(recording, path, kind, gear, told)
+            basis = _basis_of(recording, path, kind, surroundings or Surroundings())
+            return (gear, told) if basis is None else _built_on(gear, told, *basis)
     return None, GearSource("shipped", metadata.gear_serial)
 
 
 def _built_on(
-    recording: Recording, path: Path, kind: str, gear: HarmonicDrive, source: GearSource
+    gear: HarmonicDrive, source: GearSource, result: Result, builds_on: Mapping[str, Any]
 ) -> tuple[HarmonicDrive, GearSource]:
-    basis = _basis_of(recording, path, kind)
-    if basis is None:
-        return gear, source
-    result, builds_on = basis
     return adopt(gear, [result]).gear, replace(source, builds_on=builds_on)
 
 
-def _basis_of(recording: Recording, path: Path, kind: str) -> tuple[Result, dict[str, Any]] | None:
+def _basis_of(
+    recording: Recording, path: Path, kind: str, surroundings: Surroundings
+) -> tuple[Result, dict[str, Any]] | None:
     """The result that an analysis builds on, and what it is called: of the nearest such run of the same gear.
 
     Runs before this one come first, as with tares. An analysis that is stale builds nothing.
@@ -143,7 +207,8 @@ def _basis_of(recording: Recording, path: Path, kind: str) -> tuple[Result, dict
     experiment = catalogue.declared(kind)
     if experiment is None or not experiment.builds_on or not recording.metadata.gear_serial:
         return None
-    for run in _runs_before(recording, path.parent, experiment.builds_on):
+    library = surroundings.library(path.parent)
+    for run in _runs_before(recording, library, experiment.builds_on):
         found = in_force(run.path, run.protocol)
         if found.analysis is None or found.stale:
             continue
@@ -153,31 +218,65 @@ def _basis_of(recording: Recording, path: Path, kind: str) -> tuple[Result, dict
     return None
 
 
-def _runs_before(recording: Recording, folder: Path, protocols: Sequence[str]) -> list[IndexedRun]:
+def _learnt(
+    recording: Recording,
+    path: Path,
+    kind: str,
+    by_hand: Mapping[str, Any],
+    surroundings: Surroundings,
+) -> Mapping[str, Any]:
+    """Settings that the gear's other runs of this kind give, by their analyses in force; none where one is by hand."""
+    experiment = catalogue.declared(kind)
+    if experiment is None or experiment.learns is None or not recording.metadata.gear_serial:
+        return {}
+    results: list[Result] = []
+    for run in _runs_before(recording, surroundings.library(path.parent), (kind,)):
+        if run.run_id == recording.metadata.run_id:
+            continue
+        found = in_force(run.path, kind)
+        if found.analysis is None or found.stale:
+            continue
+        if surroundings.learns_from(found.analysis):
+            results.append(found.analysis.whole_result())
+    learnt = experiment.learns(results)
+    return {} if any(name in by_hand for name in learnt) else learnt
+
+
+def _runs_before(
+    recording: Recording, library: LibraryIndex, protocols: Sequence[str]
+) -> list[IndexedRun]:
     """The runs of the same gear, mounted as it is, by these protocols: the nearest in time first."""
     metadata = recording.metadata
     runs = [
         run
-        for run in LibraryIndex(folder).search(gear=metadata.gear_serial, origin=metadata.origin)
+        for run in library.search(gear=metadata.gear_serial, origin=metadata.origin)
         if run.protocol in protocols and run.is_complete and run.mounting == metadata.mounting
     ]
     return sorted(runs, key=lambda run: nearness(run.start, metadata.start_time))
 
 
-def _tare_for(recording: Recording, path: Path, kind: str, choices: Choices) -> Tared:
+def _tare_for(
+    recording: Recording,
+    path: Path,
+    kind: str,
+    choices: Choices,
+    surroundings: Surroundings | None = None,
+) -> Tared:
     """The tare of a run: by hand, else the one that is found, analysed as it lies in its store or anew."""
+    surroundings = surroundings or Surroundings()
     if choices.tare is not None:
-        return Tared(_tare_fit(choices.tare, choices), FoundTare(choices.tare, by_hand=True))
+        tare = surroundings.tare_fit(choices.tare, choices)
+        return Tared(tare, FoundTare(choices.tare, by_hand=True))
     if not takes_tare(kind):
         return Tared()
     if choices.no_tare:
         return Tared(found=FoundTare(None, (LEFT_AWAY,)))
     days = tare_days_of(path.parent)
-    found = find_tare(recording, LibraryIndex(path.parent), tare_days=days)
+    found = find_tare(recording, surroundings.library(path.parent), tare_days=days)
     if found.path is None:
         return Tared(found=found)
     try:
-        fit = _tare_fit(found.path, choices)
+        fit = surroundings.tare_fit(found.path, choices)
     except AnalysisError as error:
         return Tared(found=FoundTare(None, (f"{found.path.stem} gives no tare: {error}",)))
     # A tare that is young enough to be found is not too old to be believed.

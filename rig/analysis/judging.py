@@ -32,6 +32,7 @@ from rig.analysis.tare import takes_tare
 from rig.gears.acceptance import Acceptance, Limit, Subject
 
 NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
+NO_GEAR = "the recording names no gear, so there is no limit to hold it against"
 """What is missing where nobody has said what the gear must show."""
 BROUGHT_TO_THE_END = ("COMPLETED", "")
 """Outcomes of runs whose recording is whole; "" is that of an imported one."""
@@ -188,12 +189,11 @@ def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
 
 
 def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
-    serial = next((one.serial for one in found if one.serial), "SERIAL")
-    nothing = (
-        NO_ACCEPTANCE.format(serial=serial)
-        if acceptance is None
-        else f"{acceptance.path} lists no limit"
-    )
+    serial = next((one.serial for one in found if one.serial), "")
+    if acceptance is not None:
+        nothing = f"{acceptance.path} lists no limit"
+    else:
+        nothing = NO_ACCEPTANCE.format(serial=serial) if serial else NO_GEAR
     return replace(not_judged(nothing), stale=_stale(found))
 
 

@@ -14,7 +14,7 @@ from rig.analysis.in_force import InForce, in_force
 from rig.analysis.judging import GearVerdict, judge, stored_result
 from rig.errors import RunFileError
 from rig.gears.acceptance import Acceptance
-from rig.library.index import COUNTED_OUTCOMES, IndexedRun
+from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
 
 
 @dataclass(frozen=True)

@@ -95,10 +95,11 @@ def tare_days_of(folder: Path) -> float:
 
 
 def _candidates(run: Recording, listed: Iterable[IndexedRun]) -> list[_Candidate]:
+    kind = tare_kind()
     return [
         _Candidate(one, _days_before(one.start, run.metadata.start_time))
         for one in listed
-        if one.protocol == tare_kind()
+        if one.protocol == kind
         and one.state == "sealed"
         and one.origin == run.metadata.origin
         and one.run_id != run.metadata.run_id

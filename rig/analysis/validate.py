@@ -11,7 +11,7 @@ of an encoder are not as many observations as they are rows. Schwarz 1978; the l
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -87,6 +87,8 @@ class Validation:
             "kind": self.kind,
             "quantity": self.quantity,
             "unit": self.unit,
+            "shown": self.shown,
+            "origin": self.origin,
             "fitted": list(self.fitted),
             "judged": list(self.judged),
             "held_out_in_turn": self.is_held_out_in_turn,
@@ -95,6 +97,21 @@ class Validation:
             "best": self.best.name,
             "best_by_bic": self.best_by_bic.name,
         }
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Validation:
+        """What `rig validate --json` printed."""
+        return cls(
+            kind=content["kind"],
+            quantity=content["quantity"],
+            unit=content["unit"],
+            shown=content["shown"],
+            fitted=tuple(content["fitted"]),
+            judged=tuple(content["judged"]),
+            rungs=tuple(ValidatedRung(**rung) for rung in content["rungs"]),
+            origin=content["origin"],
+            independent=content["independent_values"],
+        )
 
     @property
     def sentence(self) -> str:
@@ -105,17 +122,17 @@ class Validation:
 
     def table(self) -> Table:
         """The ladder as a table: r.m.s. left of fitted and of held-out runs, in the unit of a laboratory."""
-        factor = LABORATORY_UNITS[self.shown][1]
+        factor = LABORATORY_UNITS.get(self.shown, ("", 1.0))[1]
         rows = tuple(
             (
-                r.name,
+                f"{number}  {r.name}",
                 r.parameters,
                 _rounded(r.fitted_error / factor),
                 _rounded(r.held_out_error / factor),
-                round(r.skill, 4),
+                round(r.skill, 4) if abs(r.skill) < 10.0 else _rounded(r.skill),
                 round(r.bic, 1),
             )
-            for r in self.rungs
+            for number, r in enumerate(self.rungs, 1)
         )
         columns = (
             "model",
@@ -129,7 +146,7 @@ class Validation:
 
     def plot(self) -> Plot:
         """What every rung leaves of the fitted and of the held-out runs."""
-        factor = LABORATORY_UNITS[self.shown][1]
+        factor = LABORATORY_UNITS.get(self.shown, ("", 1.0))[1]
         place = np.arange(1.0, len(self.rungs) + 1.0)
         series = tuple(
             Series(label=label, x=place, y=np.array(values) / factor, style="points", group=group)
@@ -144,10 +161,11 @@ class Validation:
         return Plot(
             name="validation",
             title=f"What each model leaves of the {self.quantity}",
-            x_label=f"model ({names})",
+            x_label="model",
             y_label=f"root mean square [{self.shown}]",
             series=series,
             y_scale="log",
+            note=f"{names}.",
         )
 
 
@@ -180,31 +198,33 @@ def validate_runs(
         if others
         else [([s for s in train if s is not one], [one]) for one in train]
     )
+    unit, shown = _units(ladder, list(samples.values()))
+    rungs = ladder.rungs_for(list(samples.values()))
     with analysing(f"the ladder of {kind}"):
-        all_fitted = [rung.fit(train) for rung in ladder.rungs]
-        held = [_held_out(ladder, rung, turns) for rung in ladder.rungs]
+        all_fitted = [rung.fit(train) for rung in rungs]
+        held = [_held_out(ladder, rung, turns) for rung in rungs]
     within = [
         np.concatenate([ladder.left(rung, one, sample) for sample in train])
-        for rung, one in zip(ladder.rungs, all_fitted, strict=True)
+        for rung, one in zip(rungs, all_fitted, strict=True)
     ]
     independent = independent_values(min(within, key=lambda left: float(left @ left)))
     return Validation(
         kind=kind,
         quantity=ladder.quantity,
-        unit=ladder.unit,
-        shown=ladder.shown,
+        unit=unit,
+        shown=shown,
         fitted=tuple(sample.run for sample in train),
         judged=tuple(samples[path].run for path in (others or runs)),
         rungs=tuple(
             ValidatedRung(
                 name=rung.name,
-                parameters=rung.parameters,
+                parameters=rung.numbers(one),
                 fitted_error=_rms(inside),
                 held_out_error=_rms(outside),
                 skill=1.0 - float(outside @ outside) / float(held[0] @ held[0]),
-                bic=_bic(inside, rung.parameters, independent),
+                bic=_bic(inside, rung.numbers(one), independent),
             )
-            for rung, inside, outside in zip(ladder.rungs, within, held, strict=True)
+            for rung, one, inside, outside in zip(rungs, all_fitted, within, held, strict=True)
         ),
         origin=next((s.origin for s in samples.values() if s.origin != "hardware"), "hardware"),
         independent=independent,
@@ -226,6 +246,20 @@ def _refuse_unjudged(runs: Sequence[Path], others: Sequence[Path]) -> None:
             limit="at least 2, or one to judge on",
             remedy="Give further runs, or name with --on those to judge on.",
         )
+
+
+def _units(ladder: Ladder, samples: Sequence[Sample]) -> tuple[str, str]:
+    """The SI unit of the runs and the one in which they are shown. Raises `RigError` where runs have several."""
+    units = {sample.unit or ladder.unit: sample.run for sample in samples}
+    if len(units) > 1:
+        raise RigError(
+            "the runs have channels of several units",
+            value=", ".join(f"{unit} ({run})" for unit, run in units.items()),
+            limit="one",
+            remedy="Name the channel, or runs that have the same.",
+        )
+    (unit,) = units
+    return unit, ladder.shown if unit == ladder.unit else unit
 
 
 def _one_kind(paths: Sequence[Path], kind: str) -> str:

@@ -17,6 +17,7 @@ from rig.runfile.importing.channel_map import ImportOptions, RunMap, read_channe
 from rig.runfile.importing.channel_source import parse_channel
 from rig.runfile.importing.convert import import_tables
 from rig.runfile.importing.opening import open_tables
+from rig.runfile.importing.stated import with_stated
 from rig.runfile.read import close_recording, open_run
 
 
@@ -44,7 +45,8 @@ def read_csv(
 
     `map` is a channel map (TOML) instead, or for the rest, `run` which of its runs where it has several. `options`
     are those of `rig import` under their names there with underscores: rate, no_time, protocol, ratio, output_sense,
-    drop_bad_rows, delimiter, skip, ...
+    drop_bad_rows, delimiter, skip, ... Those that are repeated there are mappings by channel here:
+    modulus={"input_angle": 360.0}, lag={"torque": "2ms"}, accuracy={"output_angle": "5arcsec"} (numbers are in SI).
     Raises `ConfigurationError` for what cannot be accepted, `RunFileError` for what is wrong in the file.
     """
     return _read("csv", paths, channels, map, run, options)
@@ -94,6 +96,48 @@ def read_json(
     return _read("json", paths, channels, map, run, options)
 
 
+def read_parquet(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in Parquet files, as a run in memory; see `read_csv`.
+
+    Needs the extra `import`.
+    """
+    return _read("parquet", paths, channels, map, run, options)
+
+
+def read_tdms(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in TDMS files of LabVIEW or DIAdem, as a run in memory; see `read_csv`.
+
+    Needs the extra `import`.
+    """
+    return _read("tdms", paths, channels, map, run, options)
+
+
+def read_mdf(
+    *paths: str | Path,
+    channels: Mapping[str, str] | None = None,
+    map: str | Path | None = None,
+    run: str = "",
+    **options: Any,
+) -> Run:
+    """A recording of another rig in MDF files (ASAM, versions 3 and 4), as a run in memory; see `read_csv`.
+
+    Needs the extra `import`.
+    """
+    return _read("mdf", paths, channels, map, run, options)
+
+
 RENAMED = {
     "protocol": "experiment",
     "parameters": "gear",
@@ -102,6 +146,10 @@ RENAMED = {
     "ragged": "is_ragged",
 }
 """Options of the command whose names differ from those of `ImportOptions`."""
+
+
+STATED = ("modulus", "lag", "accuracy")
+"""Options by channel, each a mapping of its own."""
 
 
 def _read(
@@ -134,19 +182,22 @@ def _options(
     channels: Mapping[str, str], map_file: str | Path | None, run: str, options: Mapping[str, Any]
 ) -> ImportOptions:
     """What the file does not say of itself. Raises `ConfigurationError` for an option that there is not."""
-    given = {RENAMED.get(name, name): value for name, value in options.items()}
+    stated = {name: options.get(name, {}) for name in STATED}
+    given = {RENAMED.get(n, n): value for n, value in options.items() if n not in STATED}
     allowed = {f.name for f in fields(ImportOptions)} - {"channels", "segments", "reverse"}
     unknown = sorted(set(given) - allowed)
     if unknown:
         raise ConfigurationError(
-            "no such option of an import", where=unknown[0], limit=", ".join(sorted(allowed))
+            "no such option of an import",
+            where=unknown[0],
+            limit=", ".join(sorted({*allowed, *STATED})),
         )
     if "gear" in given:
         given["gear"] = gear(given["gear"])
     if given.get("experiment") in WITHOUT_TIME:
         given.setdefault("no_time", True)
     given["channels"] = tuple(parse_channel(f"{name}={text}") for name, text in channels.items())
-    return _mapped(map_file, run).options(given)
+    return with_stated(_mapped(map_file, run).options(given), **stated)
 
 
 def _mapped(map_file: str | Path | None, run: str) -> RunMap:

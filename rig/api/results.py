@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, overload
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
 from rig.analysis.wording import metric_text, show
-from rig.api.extras import optional
 from rig.api.tables import TableView
 from rig.errors import RigError
+from rig.extras import optional
 
 if TYPE_CHECKING:
     import pandas

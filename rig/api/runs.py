@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from experiments.recording import Segment
-from rig.api.extras import optional
 from rig.api.tables import TableView
 from rig.errors import RigError
+from rig.extras import optional
 
 if TYPE_CHECKING:
     import pandas

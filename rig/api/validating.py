@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from rig.analysis.fit_run import Choices
 from rig.analysis.validate import validate_runs
-from rig.api.extras import optional
 from rig.api.runs import Run
 from rig.api.tables import TableView
 from rig.errors import RigError
+from rig.extras import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -75,8 +75,9 @@ def validate(
 ) -> Validated:
     """Fit every model of a ladder to run files, and judge it on those in `on`; without these each run in its turn.
 
-    Kinds with a ladder are friction, kinematic-error and velocity-steps, the paper's model among each. `tare`, `gear`
-    and `settings` are those of `fit`. Raises `RigError` for fewer than two runs, and the errors of an analysis.
+    Kinds with a ladder are friction, kinematic-error and velocity-steps, the paper's model among each, and motion and
+    order-spectrum for recordings of any origin. `tare`, `gear` and `settings` are those of `fit`. Raises `RigError` for
+    fewer than two runs, and the errors of an analysis.
     """
     choices = Choices(
         gear=gear,

@@ -224,7 +224,7 @@ def choices_of_flags(
         gear=_gear(parameters),
         tare=tare,
         no_tare=no_tare,
-        settings=_settings(setting),
+        settings=settings_of(setting),
         largest_missed_share=largest_missed_share,
     )
 
@@ -256,7 +256,7 @@ def _gear(path: Path | None) -> HarmonicDrive | None:
     return None if path is None else load_gear(path)
 
 
-def _settings(pairs: list[str] | None) -> dict[str, Any]:
+def settings_of(pairs: list[str] | None) -> dict[str, Any]:
     """NAME=VALUE pairs; numbers, truth values and lists of numbers are read as such."""
     settings: dict[str, Any] = {}
     for pair in pairs or ():

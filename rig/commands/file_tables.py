@@ -39,10 +39,20 @@ _STATE_WORDS = {
 
 
 def print_runs(
-    folder: Path, listed: Sequence[IndexedRun], verdicts: Mapping[Path, GearVerdict]
+    folder: Path,
+    listed: Sequence[IndexedRun],
+    verdicts: Mapping[Path, GearVerdict],
+    *,
+    found: int,
+    refused: Sequence[str] = (),
 ) -> None:
-    """The list of a folder, or what a search found in it, each run with the verdict on what it measured."""
+    """The list of a folder, or what a search found in it, each run with the verdict on what it measured.
+
+    `found`: how many runs there are, of which the newest are listed; `refused`: folders that cannot be looked into.
+    """
     out = console(highlight=True)
+    for words in refused:
+        out.print(Text(f"not looked into: {words}", style="bold red"))
     if not listed:
         out.print(f"No runs in {folder}.")
         return
@@ -53,11 +63,11 @@ def print_runs(
     runs = table(*headings, numbers=numbers, whole=whole, overflow="fold", **_LOOK)
     for run in listed:
         if run.problem:
-            runs.add_row(run.path.name, Text("unreadable", style="bold red"))
+            runs.add_row(_name(folder, run), Text("unreadable", style="bold red"))
             continue
         outcome = run.outcome or _STATE_WORDS[run.state]
         cells = [
-            run.path.name.removesuffix(".h5"),
+            _name(folder, run).removesuffix(".h5"),
             run.start[:16].replace("T", " ") or "-",
             _lasted(run.duration),
             Text(outcome, style=_OUTCOME_COLOURS.get(outcome, "bold red")),
@@ -67,11 +77,18 @@ def print_runs(
             cells += [_gear_text(run.gear, run.gear_serial), str(run.rows)]
         runs.add_row(*cells)
     out.print(runs)
+    if found > len(listed):
+        out.print(f"The newest {len(listed)} of {found} runs: --last 0 lists all, --text searches.")
     _print_below(out, listed)
     for run in listed:
         verdict = verdicts.get(run.path)
         for words in verdict.stale if verdict is not None else ():
             out.print(Text(words, style="yellow"), soft_wrap=True)
+
+
+def _name(folder: Path, run: IndexedRun) -> str:
+    """The file of a run as it is found from the folder that is listed."""
+    return run.path.relative_to(folder).as_posix()
 
 
 def _print_below(out: Console, listed: Sequence[IndexedRun]) -> None:

@@ -45,17 +45,27 @@ def runs(
     until: Annotated[
         str | None, typer.Option(metavar="DAY", help="Only runs up to this day, itself included.")
     ] = None,
+    last: Annotated[
+        int | None,
+        typer.Option(
+            min=0,
+            metavar="N",
+            help="Only the newest N of what was found; 0 is all. "
+            "50 on a terminal, all with --json, unless said.",
+        ),
+    ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """List the runs of a folder: number, protocol, gear, when, how long, outcome, verdict; unreadable ones with why.
+    """List the runs of a folder and the folders in it: number, protocol, gear, when, outcome, verdict; unreadable
+    ones with why.
 
-    What the files say is kept in an index beside them, which is only a cache: a large folder is searched at once.
+    What the files say is kept in an index, which is only a cache: a large folder is searched at once.
     """
     from rig.library.index import LibraryIndex
     from rig.run.progress import reading_bar
 
     with reading_bar("Reading the runs", quiet=json) as on_progress:
-        index = LibraryIndex(folder, on_progress)
+        index = LibraryIndex(folder, on_progress, nested=True)
         listed = index.search(
             text,
             gear=gear,
@@ -66,13 +76,18 @@ def runs(
             origin=origin,
         )
     from rig.analysis.listed_verdicts import in_force_of, told, verdicts_of
+    from rig.commands.listing import SHOWN, newest
 
+    found = len(listed)
+    listed = newest(listed, (0 if json else SHOWN) if last is None else last)
     verdicts = verdicts_of(listed)
     if json:
         print_json(
             {
                 "folder": str(folder),
                 "index": index.rebuilt,
+                "found": found,
+                "not_looked_into": index.refused,
                 "runs": [
                     {
                         **run.as_json(),
@@ -86,7 +101,7 @@ def runs(
         return
     from rig.commands.file_tables import print_runs
 
-    print_runs(folder, listed, verdicts)
+    print_runs(folder, listed, verdicts, found=found, refused=index.refused)
 
 
 def _day(text: str | None, flag: str) -> str | None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.analysis import Json, Parameters
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.terminal import console, echo, print_json
 from rig.commands.worlds import (
@@ -25,6 +28,9 @@ if TYPE_CHECKING:
     from rig.present.build import Reports
 
 
+SUFFIXES = (".html", ".htm", ".pdf")
+
+
 class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """What is written."""
 
@@ -33,68 +39,77 @@ class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sh
     both = "both"
 
 
+Runs = Annotated[
+    list[Path] | None,
+    typer.Argument(metavar="[RUN...]", help="Run files of one gear, in any order."),
+]
+Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="The file to write, .html or .pdf (report.html); with --per-run the folder for the files (reports).",
+    ),
+]
+Format = Annotated[
+    ReportFormat | None,
+    typer.Option(
+        "--format", help="Instead of the suffix of the file; both writes the two side by side."
+    ),
+]
+PerRun = Annotated[
+    bool,
+    typer.Option("--per-run", help="A report of its own for every run, into the folder --output."),
+]
+Gear = Annotated[
+    str,
+    typer.Option(
+        "--gear",
+        metavar="SERIAL",
+        help="The report of a gear over its life, from the runs in --runs.",
+    ),
+]
+Folder = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs, for --gear.")]
+AnewWithTare = Annotated[
+    Path | None,
+    typer.Option(
+        "--tare",
+        metavar="RUN",
+        help="Analyse anew with this motor-tare run; found by itself without it.",
+    ),
+]
+AnewWithoutTare = Annotated[
+    bool, typer.Option("--no-tare", help="Analyse anew, and subtract no tare.")
+]
+Refit = Annotated[
+    bool,
+    typer.Option("--refit", help="Analyse every run anew instead of reading what is in force."),
+]
+Models = Annotated[
+    bool,
+    typer.Option(
+        "--models",
+        help="Judge the models of each protocol of which there are two runs or more by these, as `rig validate`.",
+    ),
+]
+
+
 def report(
-    runs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="[RUN...]", help="Run files of one gear, in any order."),
-    ] = None,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="What to write: .html or .pdf; a folder with --per-run.",
-        ),
-    ] = Path("report.html"),
-    format_: Annotated[
-        ReportFormat | None,
-        typer.Option(
-            "--format", help="Instead of the suffix of FILE; both writes the two side by side."
-        ),
-    ] = None,
-    per_run: Annotated[
-        bool,
-        typer.Option("--per-run", help="A report of its own for every run, into the folder FILE."),
-    ] = False,
-    gear: Annotated[
-        str,
-        typer.Option(
-            "--gear",
-            metavar="SERIAL",
-            help="The report of a gear over its life, from the runs in --runs.",
-        ),
-    ] = "",
-    folder: Annotated[
-        Path, typer.Option("--runs", metavar="DIR", help="Folder of runs, for --gear.")
-    ] = Path("runs"),
-    tare: Annotated[
-        Path | None,
-        typer.Option(
-            "--tare",
-            metavar="RUN",
-            help="Analyse anew with this motor-tare run; found by itself without it.",
-        ),
-    ] = None,
-    no_tare: Annotated[
-        bool, typer.Option("--no-tare", help="Analyse anew, and subtract no tare.")
-    ] = False,
-    refit: Annotated[
-        bool,
-        typer.Option("--refit", help="Analyse every run anew instead of reading what is in force."),
-    ] = False,
-    parameters: Annotated[
-        Path | None,
-        typer.Option(
-            "--parameters", metavar="FILE", help="Parameter set (TOML) instead of the run's own."
-        ),
-    ] = None,
+    runs: Runs = None,
+    output: Output = None,
+    format_: Format = None,
+    per_run: PerRun = False,
+    gear: Gear = "",
+    folder: Folder = Path("runs"),
+    tare: AnewWithTare = None,
+    no_tare: AnewWithoutTare = False,
+    refit: Refit = False,
+    parameters: Parameters = None,
+    models: Models = False,
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Write a self-contained report: verdict, figures, parameters with intervals and budgets, conditions, provenance.
 
@@ -102,71 +117,88 @@ def report(
     passport). The exit code is the verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from
     hardware have room for a signature; all others are marked on every page.
     """
-    from rig.commands.result_tables import print_verdict
     from rig.exits import code_of_verdicts
     from rig.gears.acceptance import acceptance_named
     from rig.present.build import report_on_files, report_on_gear
 
     if bool(runs) == bool(gear):
         raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
+    if models and (gear or per_run):
+        raise typer.BadParameter(
+            "needs several runs in one report: leave --gear and --per-run out",
+            param_hint="--models",
+        )
     asked = acceptance_named(acceptance) if acceptance else None
-    suffixes = suffixes_of(output, format_, per_run=per_run)
-    lines: list[str] = []
-    written: list[Path] = []
-    if gear:
-        reports = [
-            report_on_gear(
-                folder,
-                gear,
-                [output.with_suffix(suffix) for suffix in suffixes],
-                acceptance=asked,
-            )
-        ]
-    elif per_run:
-        named = [
-            (run, [output / f"{run.name.split('.')[0]}{suffix}" for suffix in suffixes])
-            for run in runs or ()
-        ]
-        reports = []
-        for number, (run, paths) in enumerate(named, 1):
-            if not json and len(named) > 1:
-                echo(f"{number}/{len(named)} {run}", errors=True)
-            reports.append(
-                report_on_files(
-                    [run],
-                    paths,
-                    tare=tare,
-                    no_tare=no_tare,
-                    refit=refit,
-                    parameters=parameters,
-                    acceptance=asked,
-                )
-            )
+    of_files = partial(
+        report_on_files,
+        tare=tare,
+        no_tare=no_tare,
+        refit=refit,
+        parameters=parameters,
+        acceptance=asked,
+    )
+    if per_run and runs:
+        places = _places_per_run(runs, output or Path("reports"), format_)
+        reports = [of_files([run], paths) for run, paths in _told_of_each(places, quiet=json)]
     else:
-        paths = [output.with_suffix(suffix) for suffix in suffixes]
-        reports = [
-            report_on_files(
-                runs or [],
-                paths,
-                tare=tare,
-                no_tare=no_tare,
-                refit=refit,
-                parameters=parameters,
-                acceptance=asked,
-            )
-        ]
-    for one in reports:
-        lines += one.lines
-        written += one.paths
-    if json:
-        print_json(_as_object(reports, written, lines))
-    else:
-        for line in lines:
-            echo(line)
-        for one in reports:
-            print_verdict(console(), one.verdict)
+        file = output or Path("report.html")
+        paths = [file.with_suffix(suffix) for suffix in suffixes_of(file, format_)]
+        if gear:
+            reports = [report_on_gear(folder, gear, paths, acceptance=asked)]
+        else:
+            reports = [of_files(runs or [], paths, models=models)]
+    _show(reports, json=json)
     verdicts = [one.verdict.verdict for one in reports]
     raise typer.Exit(code_of_verdicts(verdicts, required=require_verdict))
+
+
+def _places_per_run(
+    runs: Sequence[Path], folder: Path, format_: ReportFormat | None
+) -> list[tuple[Path, list[Path]]]:
+    """Each run with the files of its report. Raises `BadParameter` for a folder that is named as a file, and
+    for runs whose reports would have one name.
+    """
+    if folder.suffix.lower() in SUFFIXES:
+        raise typer.BadParameter(
+            f"{folder}: with --per-run it is a folder; --format chooses html, pdf or both",
+            param_hint="--output",
+        )
+    suffixes = suffixes_of(folder / "report.html", format_)
+    names = [run.name.split(".")[0] for run in runs]
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise typer.BadParameter(
+            f"{twice[0]}: more than one run has this name, and so would their reports; make them one by one",
+            param_hint="RUN...",
+        )
+    return [
+        (run, [folder / f"{name}{suffix}" for suffix in suffixes])
+        for run, name in zip(runs, names, strict=True)
+    ]
+
+
+def _told_of_each(
+    places: list[tuple[Path, list[Path]]], *, quiet: bool
+) -> Iterator[tuple[Path, list[Path]]]:
+    """The runs one after the other, each told on the terminal as its turn comes."""
+    for number, (run, paths) in enumerate(places, 1):
+        if not quiet and len(places) > 1:
+            echo(f"{number}/{len(places)} {run}", errors=True)
+        yield run, paths
+
+
+def _show(reports: Sequence[Reports], *, json: bool) -> None:
+    """What was written and judged, for a person or for a program."""
+    from rig.commands.result_tables import print_verdict
+
+    lines = [line for one in reports for line in one.lines]
+    if json:
+        print_json(_as_object(reports, [path for one in reports for path in one.paths], lines))
+        return
+    for line in lines:
+        echo(line)
+    for one in reports:
+        print_verdict(console(), one.verdict)
 
 
 def _as_object(reports: Sequence[Reports], written: list[Path], lines: list[str]) -> dict[str, Any]:
@@ -181,17 +213,13 @@ def _told(report: Reports) -> dict[str, Any]:
     return {"runs": outcomes, **report.verdict.as_json()}
 
 
-def suffixes_of(
-    output: Path, format_: ReportFormat | None, *, per_run: bool = False
-) -> tuple[str, ...]:
+def suffixes_of(output: Path, format_: ReportFormat | None) -> tuple[str, ...]:
     """The suffixes of what is to be written. Raises `BadParameter` for one that no report has."""
     if format_ is ReportFormat.both:
         return (".html", ".pdf")
     if format_ is not None:
         return (f".{format_.value}",)
-    if per_run:
-        return (".html",)
-    if output.suffix.lower() not in (".html", ".htm", ".pdf"):
+    if output.suffix.lower() not in SUFFIXES:
         raise typer.BadParameter(f"{output}: a report is .html or .pdf", param_hint="--output")
     return (output.suffix,)
 

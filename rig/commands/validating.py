@@ -41,7 +41,8 @@ def validate(
     """Judge models by runs that they were not fitted to: hold-out error, skill against the null model, BIC.
 
     Ladders: friction (mean torque to the paper's model), kinematic-error (no error to whole orders and
-    sidebands), velocity-steps (rigid gear, the paper's equation 2, springs with hardening and hysteresis).
+    sidebands), velocity-steps (rigid gear, the paper's equation 2, springs with hardening and hysteresis),
+    motion (mean effort to Stribeck and load), order-spectrum (no order to the orders that are found).
     """
     from rig.analysis.validate import validate_runs
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 THEMES = ("system", "light", "dark")
-PAGES = ("prepare", "run", "review")
+PAGES = ("prepare", "run", "review", "fleet")
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 """Environment variables of which one names where Qt may draw."""
 

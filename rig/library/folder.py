@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import re
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.recording import RunMetadata
-from rig.errors import RigError, RunFileError
+from rig.errors import RunFileError
 
 NUMBERS_FOLDER = ".run-numbers"
 """One empty file per number that was ever given out in a folder; taking a number is creating its file."""
 
 RUN_SUFFIXES = (".h5", ".h5.part")
+ANALYSES_SUFFIX = ".analysis"
+"""How the folders end that hold the analyses of a run."""
+GONE = "gone"
+"""The fingerprint of a file that is not there."""
+FoundFile = tuple[str, str]
+"""A run file by its path within the folder, with slashes, and its fingerprint."""
 _LEADING_NUMBER = re.compile(r"(\d{1,9})-")
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9._]+")
 
@@ -33,24 +40,6 @@ class RunPlace:
         """Let go of the number if no run came of it; another run may then take it."""
         if not any(self.path.parent.glob(f"{self.run_id}.h5*")):
             (self.path.parent / NUMBERS_FOLDER / f"{self.number:05d}").unlink(missing_ok=True)
-
-
-@dataclass(frozen=True)
-class ListedRun:
-    """One line of the list: what the file says of itself, or why it cannot be read."""
-
-    path: Path
-    metadata: RunMetadata | None
-    rows: int = 0
-    duration: float = float("nan")
-    problem: str = ""
-    notes: str = ""
-    """What the operators noted, in one text."""
-
-    @property
-    def unfinished(self) -> bool:
-        """Whether it is still being written or was cut off."""
-        return self.path.name.endswith(".part")
 
 
 def claim_run(folder: str | Path, protocol: str, serial: str) -> RunPlace:
@@ -85,12 +74,71 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
             path for path in folder.iterdir() if path.name.endswith(RUN_SUFFIXES) and path.is_file()
         ]
     except OSError as error:
-        raise RunFileError(
-            f"is no folder of runs: {error.strerror or error}",
-            where=str(folder),
-            remedy="Name the folder with --runs.",
-        ) from error
+        raise _no_folder(folder, error) from error
     return tuple(sorted(paths, key=lambda path: (run_number(path.name), path.name)))
+
+
+def run_tree(folder: str | Path) -> tuple[list[FoundFile], list[str]]:
+    """The run files of a folder and of all folders in it, in no order; and the folders that cannot be looked into.
+
+    Folders of analyses, hidden ones, and links to folders are not entered. Raises `RunFileError` for what is no folder.
+    """
+    found: list[FoundFile] = []
+    refused: list[str] = []
+    waiting = [""]
+    while waiting:
+        inside = waiting.pop()
+        try:
+            found += _runs_within(folder, inside, waiting)
+        except OSError as error:
+            if not inside:
+                raise _no_folder(folder, error) from error
+            refused.append(f"{Path(folder, inside)}: {error.strerror or error}")
+    return found, sorted(refused)
+
+
+def run_level(folder: str | Path) -> list[FoundFile]:
+    """The run files of a folder alone, in no order. Raises `RunFileError` for what is no folder."""
+    try:
+        return _runs_within(folder, "", [])
+    except OSError as error:
+        raise _no_folder(folder, error) from error
+
+
+def _runs_within(folder: str | Path, inside: str, waiting: list[str]) -> list[FoundFile]:
+    """The run files of one folder; the folders in it that may hold runs are added to those that wait."""
+    found = []
+    with os.scandir(Path(folder, inside)) as entries:
+        for entry in entries:
+            name = f"{inside}/{entry.name}" if inside else entry.name
+            if entry.name.endswith(RUN_SUFFIXES):
+                fingerprint = fingerprint_of(entry)
+                if fingerprint != GONE:
+                    found.append((name, fingerprint))
+            elif entry.name.startswith(".") or entry.name.endswith(ANALYSES_SUFFIX):
+                continue
+            elif entry.is_dir(follow_symlinks=False):
+                waiting.append(name)
+    return found
+
+
+def fingerprint_of(file: os.DirEntry[str] | Path) -> str:
+    """What changes when a file does: size, time of change, file number; `GONE` for what is no file, or not any more."""
+    try:
+        status = file.stat()
+    except OSError:
+        return GONE
+    if not stat.S_ISREG(status.st_mode):
+        return GONE
+    return f"{status.st_size}:{status.st_mtime_ns}:{status.st_ino}"
+
+
+def _no_folder(folder: str | Path, error: OSError) -> RunFileError:
+    return RunFileError(
+        f"is no folder of runs: {error.strerror or error}",
+        where=str(folder),
+        remedy="Name the folder with --runs.",
+    )
 
 
 def sealed_runs(folder: str | Path, serial: str | None = None) -> tuple[Path, ...]:
@@ -105,36 +153,26 @@ def run_named(folder: str | Path, name: str) -> Path:
     if path.is_file():
         return path
     number = int(name) if name.isdecimal() else 0
-    found = [
-        run
-        for run in (run_files(folder) if folder.is_dir() else ())
-        if name == run.name.removesuffix(".h5") or (number and number == run_number(run.name))
-    ]
+
+    def is_meant(file: str) -> bool:
+        return name == file.removesuffix(".h5") or bool(number and number == run_number(file))
+
+    found: list[Path] = []
+    if folder.is_dir():
+        found = [run for run in run_files(folder) if is_meant(run.name)]
+        # A number is one run's within its own folder: that of the folder itself comes before those within.
+        found = found or [
+            folder / file for file, _ in run_tree(folder)[0] if is_meant(file.rpartition("/")[2])
+        ]
     if len(found) != 1:
         raise RunFileError(
             "names several runs" if found else "names no run",
             where=str(folder),
             value=name,
-            limit="a run file, or the number or name of a run in this folder",
+            limit="a run file, or the number or name of one run in this folder or the folders in it",
             remedy="Look with `rig runs`.",
         )
     return found[0]
-
-
-def read_listed(path: Path) -> ListedRun:
-    """What one file says of itself; of one that cannot be read, the reason."""
-    from rig.runfile.read import glance
-
-    try:
-        summary = glance(path)
-    except RigError as error:
-        return ListedRun(path, None, problem=str(error))
-    notes = "; ".join(
-        event.text
-        for event in summary.events
-        if event.source == "operator" and event.code == "note"
-    )
-    return ListedRun(path, summary.metadata, summary.rows, summary.duration, notes=notes)
 
 
 def _highest_number(folder: Path) -> int:

@@ -1,140 +1,80 @@
-"""The index of a folder of runs: a cache in SQLite beside them, rebuilt by scanning; the files stay the truth.
+"""The index of a folder of runs and of the folders in it: a cache in the user's own place, made by scanning; the
+files stay the truth.
 
-A file is read again when its name, size, time of change or file number has changed. Deleting the
-database costs one scan; so does finding it damaged or made by another version. Where it cannot be
-kept (a folder that may not be written, a disk that is full, another process that writes for long)
-the index lives in memory for as long as its object.
+A file is read again when its path in the folder, its size, time of change or file number has
+changed. Deleting the database costs one scan; so does finding it damaged or made by another
+version. Where it cannot be kept (no place that can be written, a disk that is full, another process
+that writes for long) the index lives in memory for as long as its object.
 """
 
 from __future__ import annotations
 
 import contextlib
-import os
-import sqlite3
+import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from datetime import date, datetime
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any
 
-from rig.library.folder import ListedRun, read_listed, run_files, run_number
+from rig.library.database import IndexDatabase, Row, Stored
+from rig.library.folder import GONE, fingerprint_of, run_level, run_number, run_tree
+from rig.library.listed import IndexedRun, State
 from rig.library.living import is_being_written
+from rig.library.place import index_path
+from rig.library.reading import read_many
+from rig.library.search import Day, bound_of, fits, within
 
-INDEX_NAME = ".library.sqlite"
-SCHEMA = 3
-"""The version of the tables; another one is rebuilt."""
-WAITING_TIME = 2.0
-"""s that one process waits for another one's write."""
-WRITTEN_AT_ONCE = 50
+WRITTEN_AT_ONCE = 250
 """Files that are read between two writes to the database: other processes find what is there already."""
-COUNTED_OUTCOMES = ("COMPLETED", "")
-"""Outcomes of runs that were brought to their end ("" is an imported recording's)."""
-Answer = TypeVar("Answer")
-State = Literal["sealed", "being written", "left behind", "unreadable"]
-Day = str | date | None
-"""A day or a time: ISO 8601 text, or a `date` or `datetime`."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class IndexedRun:
-    """One run as the index knows it.
-
-    `state`: sealed; being written by a living process; left behind by a dead one (see `rig
-    recover`); or unreadable, with the reason in `problem`. `duration` in s, NaN where it is not
-    known; `notes` are the operator's, in one text.
-    """
-
-    path: Path
-    run_id: str
-    number: int
-    state: State
-    protocol: str
-    gear_serial: str
-    gear: str
-    operator: str
-    start: str
-    duration: float
-    outcome: str
-    origin: str
-    backend: str
-    rows: int
-    problem: str
-    notes: str
-    bench: str
-    """The bench that it was made on; "" where its file does not say it."""
-    mounting: str
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether it is sealed and was brought to its end: what was broken off lacks speeds."""
-        return self.state == "sealed" and self.outcome in COUNTED_OUTCOMES
-
-    def as_json(self) -> dict[str, Any]:
-        """One line of `rig runs --json`."""
-        return {
-            "file": str(self.path),
-            "run": self.run_id,
-            "number": self.number,
-            "state": self.state,
-            "unfinished": self.path.name.endswith(".part"),
-            "protocol": self.protocol,
-            "origin": self.origin,
-            "backend": self.backend,
-            "outcome": self.outcome,
-            "started": self.start,
-            "operator": self.operator,
-            "gear": self.gear,
-            "gear_serial": self.gear_serial,
-            "rows": self.rows,
-            "duration_s": self.duration,
-            "notes": self.notes,
-            "problem": self.problem,
-            "bench": self.bench,
-            "mounting": self.mounting,
-        }
-
-
 _COLUMNS = tuple(f.name for f in fields(IndexedRun) if f.name not in ("path", "state"))
-_NUMERIC = {"number": "INTEGER", "rows": "INTEGER", "duration": "REAL"}
-_SEARCHED = (
-    "run_id",
-    "protocol",
-    "gear_serial",
-    "gear",
-    "operator",
-    "outcome",
-    "notes",
-    "problem",
-    "start",
-)
-
-Row = tuple[Any, ...]
-"""What one file says of itself, in the order of `_COLUMNS`; a duration that is not known is None."""
 
 
 class LibraryIndex:
-    """The runs of one folder. `refresh` looks at the files, `search` at what they said. May be used
-    from several threads.
+    """The runs of one folder; with `nested` also those of all folders in it. `refresh` looks at the files, `search`
+    at what they said. May be used from several threads.
 
-    `on_progress` is told how many files have been read of how many that must be, in the thread that reads.
+    `on_progress` is told how many files have been read of how many that must be, in the thread that reads. With `once`
+    the files are looked at when something is first asked, and not again: for whoever asks of thousands of runs that
+    nobody changes meanwhile.
     """
 
     def __init__(
-        self, folder: str | Path, on_progress: Callable[[int, int], None] = lambda done, of: None
+        self,
+        folder: str | Path,
+        on_progress: Callable[[int, int], None] = lambda done, of: None,
+        *,
+        nested: bool = False,
+        once: bool = False,
     ) -> None:
         self.folder = Path(folder)
+        self.refused: tuple[str, ...] = ()
+        """The folders in it that could not be looked into, with the reason."""
+        self.folders: tuple[Path, ...] = ()
+        """The folders that hold its runs, and those on the way to them."""
+        self._nested, self._once = nested, once
+        self._all: list[IndexedRun] | None = None
         self._on_progress = on_progress
-        self.rebuilt = ""
-        """Why the index was made anew, or is kept in memory; empty where it was not."""
-        self._rows: dict[str, tuple[str, Row]] | None = None
-        self._is_stored = True
+        self._database: IndexDatabase | None = None
+        self._rows: Stored = {}
+        self._stamp: object = None
+        self._made: dict[str, tuple[str, IndexedRun]] = {}
         self._lock = threading.Lock()
+
+    @property
+    def rebuilt(self) -> str:
+        """Why the index was made anew, or is kept in memory; empty where it was not."""
+        return "" if self._database is None else self._database.remark
 
     def refresh(self) -> int:
         """Bring the index up to date; how many files had to be read. Raises `RunFileError` for what is no folder."""
         with self._lock:
             return self._refresh()
+
+    def outdated(self) -> int:
+        """How many files a refresh would read. Raises `RunFileError` for what is no folder."""
+        with self._lock:
+            return len(_outdated(self._listed(), self._known()))
 
     def search(
         self,
@@ -147,195 +87,143 @@ class LibraryIndex:
         until: Day = None,
         origin: str = "",
     ) -> list[IndexedRun]:
-        """The runs that fit, in the order of their numbers, after a refresh.
+        """The runs that fit, after a refresh: folder by folder, in each in the order of their numbers.
 
         `text` finds every one of its words anywhere; `gear` is the whole serial number, `outcome`
         also one of the states ("being written"); all without regard to case. `since` and `until`
         are days or times, both included: a day is the one that the run's own clock showed. Raises
         `ValueError` for what is neither.
         """
-        bounds = _bound(since), _bound(until)
+        bounds = bound_of(since), bound_of(until)
         with self._lock:
-            self._refresh()
-            runs = [self._run(name, row) for name, (_, row) in (self._rows or {}).items()]
+            runs = self._all
+            if runs is None:
+                self._refresh()
+                runs = self._runs()
+            if self._once:
+                self._all = runs
         exact = {"gear_serial": gear, "protocol": protocol, "origin": origin}
         words = text.casefold().split()
-        matches = [
-            run for run in runs if _fits(run, words, exact, outcome) and _within(run.start, *bounds)
+        if not (words or outcome or any(exact.values()) or any(bounds)):
+            return list(runs)
+        return [
+            run for run in runs if fits(run, words, exact, outcome) and within(run.start, *bounds)
         ]
-        return sorted(matches, key=lambda run: (run.number, run.path.name))
+
+    def _listed(self) -> dict[str, str]:
+        """The fingerprints of the files that are there, by their path within the folder."""
+        if self._nested:
+            listed, refused = run_tree(self.folder)
+        else:
+            listed, refused = run_level(self.folder), []
+        self.refused = tuple(refused)
+        return dict(listed)
 
     def _refresh(self) -> int:
-        files = {path.name: (path, fingerprint_of(path)) for path in run_files(self.folder)}
-        rows = self._load()
+        files = self._listed()
+        rows = self._known()
         gone = [name for name in rows if name not in files]
         for name in gone:
             del rows[name]
-        changed = [
-            name
-            for name, (_, fingerprint) in files.items()
-            if name not in rows or rows[name][0] != fingerprint
-        ]
-        for first in range(0, max(len(changed), 1 if gone else 0), WRITTEN_AT_ONCE):
-            batch = changed[first : first + WRITTEN_AT_ONCE]
-            for place, name in enumerate(batch, first):
-                self._on_progress(place, len(changed))
-                path, fingerprint = files[name]
-                rows[name] = fingerprint, _row_of(read_listed(path))
-            self._keep([] if first else gone, [(name, *rows[name]) for name in batch])
+        changed = _outdated(files, rows)
+        database = self._kept_in()
+        if gone:
+            database.keep(gone, [])
+        if changed:
+            self._read(changed, files, rows)
         self._rows = rows
+        self._stamp = None if database.was_busy else database.stamp()
         return len(changed)
 
-    def _load(self) -> dict[str, tuple[str, Row]]:
-        """What is known already: from the database, or from memory where there is none."""
-        rows = self._rows if self._rows is not None else {}
-        if not self._is_stored and self._rows is not None:
-            return rows
-
-        def read(database: sqlite3.Connection) -> dict[str, tuple[str, Row]]:
-            lines = database.execute(
-                f"SELECT file, fingerprint, {', '.join(_COLUMNS)} FROM runs"
-            ).fetchall()
-            return {row[0]: (row[1], row[2:]) for row in lines}
-
-        stored = self._with_database(read)
-        return rows if stored is None else stored
-
-    def _keep(self, gone: Sequence[str], rows: Sequence[tuple[str, str, Row]]) -> None:
-        """Write what has changed to the database, all of it or nothing."""
-        names = ", ".join(("file", "fingerprint", *_COLUMNS))
-        marks = ", ".join("?" * (2 + len(_COLUMNS)))
-        insert = f"INSERT OR REPLACE INTO runs ({names}) VALUES ({marks})"
-
-        def write(database: sqlite3.Connection) -> None:
-            with database:
-                database.executemany("DELETE FROM runs WHERE file = ?", [(name,) for name in gone])
-                database.executemany(
-                    insert, [(name, fingerprint, *row) for name, fingerprint, row in rows]
-                )
-
-        if self._is_stored:
-            self._with_database(write)
-
-    def _run(self, name: str, row: Row) -> IndexedRun:
-        path = self.folder / name
-        values = dict(zip(_COLUMNS, row, strict=True))
-        values["duration"] = float("nan") if values["duration"] is None else values["duration"]
-        return IndexedRun(path=path, state=_state_of(path, values["problem"]), **values)
-
-    def _with_database(self, action: Callable[[sqlite3.Connection], Answer]) -> Answer | None:
-        """Do something with the database, which is made anew where it is damaged or of another version.
-
-        Whatever goes wrong is said in `rebuilt` and None returned: what a cache cannot give is read from the files.
-        """
-        path = self.folder / INDEX_NAME
+    def _read(self, changed: Sequence[str], files: dict[str, str], rows: Stored) -> None:
+        """Read these files; whatever ends the reading, what has been read is kept."""
+        unwritten: list[str] = []
+        self._on_progress(0, len(changed))
+        paths = [self.folder / name for name in changed]
         try:
-            connection, remark = _opened(path)
-            self.rebuilt = remark or self.rebuilt
-            with contextlib.closing(connection):
-                return action(connection)
-        except sqlite3.OperationalError as error:
-            self._is_stored = _is_busy(error)
-            self.rebuilt = f"kept in memory: {error}"
-        except sqlite3.DatabaseError as error:
-            # Damage that shows only where the rows are: nothing of this file is believed.
-            self._is_stored = _deleted(path)
-            self.rebuilt = f"made anew: {error}" if self._is_stored else f"kept in memory: {error}"
-        return None
+            with contextlib.closing(read_many(paths)) as answers:
+                for done, (place, said, problem) in enumerate(answers, 1):
+                    name = changed[place]
+                    if problem and fingerprint_of(paths[place]) == GONE:
+                        rows.pop(name, None)
+                    else:
+                        rows[name] = files[name], _row_of(name, said, problem)
+                        unwritten.append(name)
+                    if len(unwritten) == WRITTEN_AT_ONCE:
+                        self._write(unwritten, rows)
+                    if done < len(changed):
+                        self._on_progress(done, len(changed))
+        finally:
+            self._write(unwritten, rows)
+
+    def _write(self, names: list[str], rows: Stored) -> None:
+        if names:
+            self._kept_in().keep([], [(name, *rows[name]) for name in names])
+            names.clear()
+
+    def _kept_in(self) -> IndexDatabase:
+        if self._database is None:
+            self._database = IndexDatabase(index_path(self.folder), _COLUMNS)
+        return self._database
+
+    def _known(self) -> Stored:
+        """What is known already: from the database where anybody has changed it, otherwise from memory."""
+        database = self._kept_in()
+        database.was_busy = False
+        if self._stamp is not None and (not database.is_stored or database.stamp() == self._stamp):
+            return self._rows
+        stored = database.load()
+        if stored is None:
+            return self._rows
+        # Of folders in the folder this index says nothing, and leaves what others know of them.
+        return stored if self._nested else {n: row for n, row in stored.items() if "/" not in n}
+
+    def _runs(self) -> list[IndexedRun]:
+        """Every run in its order; those of files that have not changed are the same objects as before."""
+        made: dict[str, tuple[str, IndexedRun]] = {}
+        for name, (fingerprint, row) in self._rows.items():
+            before = self._made.get(name)
+            if before is None or before[0] != fingerprint:
+                before = fingerprint, _run_of(self.folder / name, row)
+            elif before[1].unfinished:
+                before = fingerprint, _looked_at(before[1])
+            made[name] = before
+        self._made = made
+        inside = {Path(folder) for folder in {name.rpartition("/")[0] for name in made}}
+        self.folders = tuple(
+            sorted({self.folder / way for place in inside for way in (place, *place.parents)})
+        )
+        ordered = sorted(
+            made.items(), key=lambda item: (item[0].rpartition("/")[0], item[1][1].number, item[0])
+        )
+        return [run for _, (_, run) in ordered]
 
 
-def fingerprint_of(path: Path) -> str:
-    """What changes when a file does: size, time of change, file number."""
-    try:
-        status = os.stat(path)
-    except OSError:
-        return "gone"
-    return f"{status.st_size}:{status.st_mtime_ns}:{status.st_ino}"
-
-
-def _opened(path: Path) -> tuple[sqlite3.Connection, str]:
-    """The database with its table, and why it had to be made anew ("" if not). Raises
-    `sqlite3.Error` where that cannot be.
-    """
-    try:
-        return _prepared(path)
-    except sqlite3.OperationalError:
-        raise
-    except sqlite3.DatabaseError as error:
-        if not _deleted(path):
-            raise
-        return _prepared(path)[0], f"made anew: {error}"
-
-
-def _prepared(path: Path) -> tuple[sqlite3.Connection, str]:
-    connection = sqlite3.connect(path, timeout=WAITING_TIME)
-    try:
-        version = connection.execute("PRAGMA user_version").fetchone()[0]
-        if version == SCHEMA:
-            return connection, ""
-        columns = ", ".join(f"{name} {_NUMERIC.get(name, 'TEXT')}" for name in _COLUMNS)
-        # Of two processes that find an old version the second one waits here, and finds the new one.
-        connection.execute("BEGIN IMMEDIATE")
-        version = connection.execute("PRAGMA user_version").fetchone()[0]
-        if version != SCHEMA:
-            connection.execute("DROP TABLE IF EXISTS runs")
-            connection.execute(
-                f"CREATE TABLE runs (file TEXT PRIMARY KEY, fingerprint TEXT, {columns})"
-            )
-            connection.execute(f"PRAGMA user_version = {SCHEMA}")
-        connection.commit()
-    except BaseException:
-        connection.close()
-        raise
-    return connection, f"made anew: it was of version {version}" if version not in (
-        0,
-        SCHEMA,
-    ) else ""
-
-
-def _is_busy(error: sqlite3.OperationalError) -> bool:
-    return getattr(error, "sqlite_errorcode", 0) & 0xFF in (
-        sqlite3.SQLITE_BUSY,
-        sqlite3.SQLITE_LOCKED,
-    )
-
-
-def _deleted(path: Path) -> bool:
-    """Whether a damaged database could be taken away."""
-    try:
-        path.unlink(missing_ok=True)
-        path.with_name(path.name + "-journal").unlink(missing_ok=True)
-    except OSError:
-        return False
-    return True
-
-
-def _row_of(run: ListedRun) -> Row:
+def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
     """What a file says of itself, by column."""
-    m = run.metadata
-    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {
-        "run_id": run.path.name.split(".h5")[0],
-        "number": run_number(run.path.name),
-        "rows": run.rows,
-        "duration": None if run.duration != run.duration else run.duration,
-        "problem": run.problem,
+    file = name.rpartition("/")[2]
+    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {"rows": 0, "duration": math.nan} | said
+    row |= {
+        "run_id": row["run_id"] or file.split(".h5")[0],
+        "number": run_number(file),
+        "problem": problem,
     }
-    if m is not None:
-        row |= {
-            "run_id": m.run_id or row["run_id"],
-            "protocol": m.experiment,
-            "gear_serial": m.gear_serial,
-            "gear": m.gear.name if m.gear is not None else "",
-            "operator": m.operator,
-            "start": m.start_time,
-            "outcome": m.outcome,
-            "origin": m.origin,
-            "backend": str(m.process.get("backend", "")),
-            "notes": run.notes,
-            "bench": str(m.process.get("bench", "")),
-            "mounting": m.mounting,
-        }
-    return tuple(row.values())
+    if math.isnan(row["duration"]):
+        row["duration"] = None
+    return tuple(row[column] for column in _COLUMNS)
+
+
+def _run_of(path: Path, row: Row) -> IndexedRun:
+    values = dict(zip(_COLUMNS, row, strict=True))
+    if values["duration"] is None:
+        values["duration"] = math.nan
+    return IndexedRun(path=path, state=_state_of(path, values["problem"]), **values)
+
+
+def _looked_at(run: IndexedRun) -> IndexedRun:
+    """The same run with its state of now."""
+    state = _state_of(run.path, run.problem)
+    return run if state == run.state else replace(run, state=state)
 
 
 def _state_of(path: Path, problem: str) -> State:
@@ -347,47 +235,10 @@ def _state_of(path: Path, problem: str) -> State:
     return "left behind" if unfinished else "sealed"
 
 
-def _fits(run: IndexedRun, words: Sequence[str], exact: dict[str, str], outcome: str) -> bool:
-    if any(
-        value and getattr(run, name).casefold() != value.casefold() for name, value in exact.items()
-    ):
-        return False
-    if outcome and outcome.casefold() not in (run.outcome.casefold(), run.state):
-        return False
-    text = " ".join(getattr(run, name) for name in _SEARCHED).casefold() if words else ""
-    return all(word in text for word in words)
-
-
-def _bound(day: Day) -> str | datetime | None:
-    """A day as text, a time as a time."""
-    if day is None or day == "":
-        return None
-    if isinstance(day, str):
-        moment = datetime.fromisoformat(day)
-        return day if len(day) <= len("YYYY-MM-DD") else moment
-    return day if isinstance(day, datetime) else day.isoformat()
-
-
-def _within(start: str, since: str | datetime | None, until: str | datetime | None) -> bool:
-    """Whether a run began between two days or times, both included; one that does not say when is in no interval."""
-    if since is None and until is None:
-        return True
-    try:
-        began = datetime.fromisoformat(start)
-    except ValueError:
-        return False
-    return (since is None or _order(since, began) <= 0) and (
-        until is None or _order(until, began) >= 0
+def _outdated(files: dict[str, str], rows: Stored) -> list[str]:
+    """The files that must be read, sorted: new ones, and those that have changed."""
+    return sorted(
+        name
+        for name, fingerprint in files.items()
+        if name not in rows or rows[name][0] != fingerprint
     )
-
-
-def _order(bound: str | datetime, began: datetime) -> int:
-    """-1, 0 or 1: the bound lies before, at or after the moment. A time without a zone is read in the moment's own."""
-    if isinstance(bound, str):
-        day = date.fromisoformat(bound)
-        return (day > began.date()) - (day < began.date())
-    if bound.tzinfo is None:
-        bound = bound.replace(tzinfo=began.tzinfo)
-    elif began.tzinfo is None:
-        began = began.replace(tzinfo=bound.tzinfo)
-    return (bound > began) - (bound < began)

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
     from rig.analysis.fit_run import Choices
     from rig.analysis.judging import GearVerdict
+    from rig.analysis.validate import Validation
     from rig.gears.acceptance import Acceptance
 
 
@@ -44,12 +45,14 @@ def report_on_files(
     acceptance: Acceptance | None = None,
     no_tare: bool = False,
     refit: bool = False,
+    models: bool = False,
 ) -> Reports:
     """Write the report of these run files: one file, or several of the same content (HTML, PDF).
 
     What is reported of each is its analysis in force, as everybody reads it; a stale one says so. A run
     that was never analysed is analysed once, and that is kept. `refit`, a tare or a parameter set
-    chosen by hand, and `no_tare` make every analysis anew. `created` is the calendar time of the
+    chosen by hand, and `no_tare` make every analysis anew. `models`: of every kind with two runs or more the models of
+    its ladder are judged by these. `created` is the calendar time of the
     report; now, if not given. Raises `RigError` for a run that does not bear its analysis.
     """
     from model.gear_file import load_gear
@@ -74,9 +77,34 @@ def report_on_files(
     outputs = (output,) if isinstance(output, Path) else tuple(output)
     count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
     verdict = judge_runs(stored_fits, _acceptance(acceptance, stored_fits))
-    context = report_context(stored_fits, created=_readable(created), verdict=verdict)
+    judged = _judged_models(stored_fits, choices) if models else ()
+    context = report_context(
+        stored_fits, created=_readable(created), verdict=verdict, models=judged
+    )
     lines += _written(context, outputs, count)
     return Reports(outputs, tuple(stored_fits), tuple(lines), verdict)
+
+
+def _judged_models(fits: Sequence[Fit], choices: Choices | None) -> tuple[Validation, ...]:
+    """Of every kind with a ladder its models, each fitted to all runs but one and judged on that one.
+
+    Raises `RigError` where no kind has two runs.
+    """
+    from rig.analysis.validate import validate_runs
+
+    runs: dict[str, list[Path]] = {}
+    for fit in fits:
+        if fit.result.kind in catalogue.ladders() and fit.path is not None:
+            runs.setdefault(fit.result.kind, []).append(fit.path)
+    several = {kind: paths for kind, paths in runs.items() if len(paths) > 1}
+    if not several:
+        raise RigError(
+            "there are no two runs of a kind by which its models could be judged",
+            where="--models",
+            limit=f"two runs of one of {', '.join(catalogue.ladders())}",
+            remedy="Name further runs, or leave --models out.",
+        )
+    return tuple(validate_runs(paths, (), kind, choices) for kind, paths in several.items())
 
 
 def _acceptance(named: Acceptance | None, fits: Sequence[Fit]) -> Acceptance | None:

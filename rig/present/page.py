@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
+    from rig.analysis.validate import Validation
 
 TEMPLATE, STYLE = "page.html", "page.css"
 
@@ -109,12 +110,16 @@ def report_context(
     verdict: GearVerdict,
     truth: Sequence[tuple[str, TruthRow]] = (),
     note: str = "",
+    models: Sequence[Validation] = (),
 ) -> dict[str, Any]:
-    """Everything that a report shows, on screen and on paper: each number is worded once, here."""
+    """Everything that a report shows, on screen and on paper: each number is worded once, here.
+
+    `models` of a kind stand with the last of its runs.
+    """
     if not fits:
         raise RigError("there is nothing to report", remedy="Name at least one run.")
     ordered = sorted(fits, key=_place)
-    return {"created": created, "note": note, **_context(ordered, verdict, truth)}
+    return {"created": created, "note": note, **_context(ordered, verdict, truth, models)}
 
 
 def render_page(context: dict[str, Any]) -> str:
@@ -194,13 +199,16 @@ def _place(fit: Fit) -> tuple[int, str]:
 
 
 def _context(
-    fits: Sequence[Fit], verdict: GearVerdict, truth: Sequence[tuple[str, TruthRow]]
+    fits: Sequence[Fit],
+    verdict: GearVerdict,
+    truth: Sequence[tuple[str, TruthRow]],
+    models: Sequence[Validation],
 ) -> dict[str, Any]:
     """Everything that the template shows."""
     results = [f.result for f in fits]
     number = content.report_number(results, [f.recording.metadata.sha256 for f in fits])
     mounted = [f for f in fits if f.recording.metadata.gear_mounted] or list(fits)
-    parts, all_figures = _parts(fits)
+    parts, all_figures = _parts(fits, models)
     origins = list(dict.fromkeys(f.recording.metadata.origin for f in fits))
     warnings = [(p.title, p.anchor, p.run, w) for p in parts for w in p.warnings]
     serials = list(dict.fromkeys(f.recording.metadata.gear_serial for f in mounted))
@@ -279,17 +287,22 @@ def _truth_note(truth: Sequence[tuple[str, TruthRow]]) -> str:
     )
 
 
-def _parts(fits: Sequence[Fit]) -> tuple[tuple[content.Part, ...], list[tuple[Figure, Plot]]]:
+def _parts(
+    fits: Sequence[Fit], models: Sequence[Validation]
+) -> tuple[tuple[content.Part, ...], list[tuple[Figure, Plot]]]:
     parts, all_figures = [], []
+    last = {fit.result.kind: index for index, fit in enumerate(fits)}
     for index, fit in enumerate(fits):
-        figures_and_plots = figures_of(
-            fit.result.plots, fit.recording.metadata.origin, len(all_figures)
-        )
+        judged = [m for m in models if last[m.kind] == index]
+        plots = (*fit.result.plots, *(m.plot() for m in judged))
+        figures_and_plots = figures_of(plots, fit.recording.metadata.origin, len(all_figures))
         all_figures += figures_and_plots
+        part = content.part_of(fit, index, _title(fit, fits))
         parts.append(
             replace(
-                content.part_of(fit, index, _title(fit, fits)),
+                part,
                 figures=tuple(f for f, _ in figures_and_plots),
+                tables=(*part.tables, *(content.data_grid(m.table()) for m in judged)),
             )
         )
     return tuple(parts), all_figures

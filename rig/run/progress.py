@@ -6,18 +6,19 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from experiments.recording import Event
 from model.units import RPM
-from rig.analysis.wording import visible
-from rig.run.order import Progress
+
+if TYPE_CHECKING:
+    from experiments.recording import Event
+    from rig.run.order import Progress
+
+    Listeners = tuple[Callable[[Progress], None], Callable[[Event], None]]
+    """What to call with progress, and with events."""
 
 REDRAW_INTERVAL = 0.1
 """s of wall time between two redraws; a rig in virtual time reports far more often."""
-
-
-Listeners = tuple[Callable[[Progress], None], Callable[[Event], None]]
-"""What to call with progress, and with events."""
 
 
 @contextmanager
@@ -29,6 +30,8 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
+
+    from rig.analysis.wording import visible
 
     console = Console(stderr=True)
     columns = (

@@ -74,6 +74,8 @@ class RunRequest:
     """The bench's output bearing, from its configuration, as run files carry it."""
     confirmation: str = ""
     """What the operator typed to arm a run on hardware."""
+    calendar_ns: int | None = None
+    """Calendar time at which the clock of a simulated rig begins; None: now."""
 
 
 def plan_request(request: RunRequest, experiment: Experiment | None = None) -> PlannedRun:
@@ -139,6 +141,7 @@ def _rig_request(request: RunRequest) -> RigRequest:
         world=request.world,
         sample_rate=request.sample_rate,
         configuration=request.configuration,
+        calendar_ns=request.calendar_ns,
     )
 
 

@@ -17,7 +17,7 @@ import h5py
 from rig.errors import RunFileError
 from rig.runfile import layout
 
-_CHECKSUM = f"{layout.PROCESS}/closing_checksum"
+CHECKSUM = f"{layout.PROCESS}/closing_checksum"
 _LENGTHS = {"end_time": 48, "outcome": 32, "status": 32}
 ACQUISITION = "acquisition"
 VERDICTS_WRITTEN_BEFORE = ("PASS", "MARGINAL", "FAIL")
@@ -56,7 +56,7 @@ def create_closing(file: h5py.File, closing: Closing) -> None:
         _process(file), ACQUISITION, closing.acquisition, LONGEST_ACQUISITION
     )
     file.create_dataset(
-        _CHECKSUM, data=[closing.checksum], dtype="<i8", chunks=(1,), fletcher32=True
+        CHECKSUM, data=[closing.checksum], dtype="<i8", chunks=(1,), fletcher32=True
     )
 
 
@@ -65,7 +65,7 @@ def write_closing(file: h5py.File, closing: Closing) -> None:
     for name in _LENGTHS:
         layout.rewrite_field(_entry(file), name, getattr(closing, name))
     layout.rewrite_field(_process(file), ACQUISITION, closing.acquisition)
-    checksum = file[_CHECKSUM]
+    checksum = file[CHECKSUM]
     assert isinstance(checksum, h5py.Dataset)
     checksum[0] = closing.checksum
     checksum.flush()
@@ -79,9 +79,9 @@ def read_closing(file: h5py.File) -> Closing:
     entry = _entry(file)
     words = (layout.read_text(entry, name) for name in _LENGTHS)
     closing = Closing(*words, acquisition=layout.read_text(_process(file), ACQUISITION))
-    checksum = file.get(_CHECKSUM)
+    checksum = file.get(CHECKSUM)
     if not isinstance(checksum, h5py.Dataset) or checksum.shape != (1,):
-        raise RunFileError("the checksum of outcome and end time is missing", where=_CHECKSUM)
+        raise RunFileError("the checksum of outcome and end time is missing", where=CHECKSUM)
     if int(checksum[0]) == closing.checksum:
         return replace(closing, outcome=outcome_read(closing.outcome))
     if file.swmr_mode:

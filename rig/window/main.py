@@ -1,4 +1,4 @@
-"""The main window: Prepare, Run, Review, in that order of a day on the rig, and the application around it."""
+"""The main window: Prepare, Run, Review, in that order of a day on the rig, Fleet, and the application around it."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from PySide6.QtWidgets import (
 )
 
 from rig.errors import ConfigurationError
+from rig.window.fleet.page import FleetPage
 from rig.window.prepare.page import PreparePage
 from rig.window.review.page import ReviewPage
 from rig.window.run.page import RunPage
@@ -39,8 +40,8 @@ from rig.window.shell.stack import in_column, in_row, push_button, room_for, scr
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
-PAGES = ("prepare", "run", "review")
-"""The pages in the order of the navigation; Ctrl+1, Ctrl+2, Ctrl+3."""
+PAGES = ("prepare", "run", "review", "fleet")
+"""The pages in the order of the navigation; Ctrl+1 to Ctrl+4."""
 X11_PACKAGES = ("libxcb-cursor0", "libxcb-icccm4", "libxcb-keysyms1", "libxkbcommon-x11-0")
 """What Qt needs of a Debian system that has never had a Qt window."""
 SMALLEST = (860, 430)
@@ -59,10 +60,12 @@ class MainWindow(QMainWindow):
         self.prepare = PreparePage(session)
         self.run = RunPage(session)
         self.review = ReviewPage(session)
+        self.fleet = FleetPage(session)
         self._buttons = QButtonGroup(self)
         whole = in_column(self._navigation(), (self.stack, 1), margins=(0, 0, 0, 0), spacing=0)
         self.setCentralWidget(room_for(whole))
-        for page in (self.prepare, self.run, scrolled(self.review, sideways=True)):
+        wide = (scrolled(page, sideways=True) for page in (self.review, self.fleet))
+        for page in (self.prepare, self.run, *wide):
             self.stack.addWidget(page)
         self.statusBar().setSizeGripEnabled(False)
         session.message.connect(lambda text: self.statusBar().showMessage(text, 15_000))
@@ -70,6 +73,7 @@ class MainWindow(QMainWindow):
         self.prepare.start_requested.connect(self.start)
         self.run.review_requested.connect(self.show_review)
         self.review.run_requested.connect(self.prepare_run)
+        self.fleet.run_chosen.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
         self.run.closed_safely.connect(self.close)
         # Stopping works from everywhere: whoever looks at something else must not look for the button first.

@@ -39,6 +39,8 @@ USUAL_DAMPING = 0.02
 """Ratio of the first mode at which its frequency is sought; the bound grows as its root."""
 STEP = 1e-4
 """Relative step of numerical sensitivities."""
+FINER = 4
+"""Points of the prescribed motion of a velocity step per sample."""
 
 
 def information_bounds(recording: Recording, kind: str) -> Bounds:
@@ -156,9 +158,7 @@ def _velocity_steps(recording: Recording, truth: Mapping[str, Any]) -> Bounds:
     noise = _quantisation(recording, "output_angle")
     information = np.zeros((2, 2))
     for segment in recording.labelled("step"):
-        time = recording.time(segment)
-        angle = recording.si("input_angle", segment) / recording.metadata.ratio
-        period = float(np.median(np.diff(time)))
+        angle, period = _prescribed(recording, segment)
         torsion = _mode(own, angle, period) - angle
         if np.max(np.abs(torsion)) < recording.signals["output_angle"].quantum:
             # Below one count quantisation is no noise: the encoder does not see the mode at all.
@@ -169,7 +169,7 @@ def _velocity_steps(recording: Recording, truth: Mapping[str, Any]) -> Bounds:
             low[k] *= 1.0 - share
             high[k] *= 1.0 + share
             difference = _mode(high, angle, period) - _mode(low, angle, period)
-            answers.append(difference / (2.0 * share * own[k]))
+            answers.append(difference[::FINER] / (2.0 * share * own[k]))
         slopes = np.column_stack(answers) / noise
         information += slopes.T @ slopes
     if not np.all(np.diag(information) > 0.0):
@@ -185,6 +185,19 @@ def _velocity_steps(recording: Recording, truth: Mapping[str, Any]) -> Bounds:
         f"{n}_{w}": math.sqrt(2.0) * u for n, u in whole.items() for w in ("forward", "reverse")
     }
     return whole | halves
+
+
+def _prescribed(recording: Recording, segment: Segment) -> tuple[FloatArray, float]:
+    """theta_i/N on an even grid and its interval [s].
+
+    Angles stand at the stamps of their samples: SYNC's jitter at a nominal period would be a motion that rings the
+    mode. The grid is `FINER` than the samples, so that no corner of a straight line between them rings it either.
+    """
+    time = recording.time(segment)
+    interval = float(np.median(np.diff(time))) / FINER
+    fine = np.arange(time[0], time[-1], interval)
+    angle = recording.si("input_angle", segment) / recording.metadata.ratio
+    return np.asarray(scipy.interpolate.CubicSpline(time, angle)(fine)), interval
 
 
 def _mode(p: FloatArray, angle: FloatArray, period: float) -> FloatArray:

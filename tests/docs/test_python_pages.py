@@ -55,6 +55,7 @@ def test_the_recipe_for_another_project_passes(tmp_path: Path) -> None:
     exec(compile(code, "recipe", "exec"), names)
     (test,) = [made for name, made in names.items() if name.startswith("test_")]
     test(tmp_path)
+    assert list(tmp_path.rglob("*.h5")), "the recipe runs something"
 
 
 def test_every_public_name_is_on_the_reference_page() -> None:

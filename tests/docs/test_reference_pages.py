@@ -16,6 +16,7 @@ from experiments import catalogue
 from experiments.parameters import parameter_fields
 from model.gear_file import SECTIONS
 from model.motor import ServoMotor
+from rig.fleet.results import COLUMNS
 from rig.gears.acceptance import Limit
 from rig.trial.campaign import plan
 
@@ -94,6 +95,13 @@ def test_a_plan_of_every_key_that_is_told_is_read(tmp_path: Path) -> None:
     assert set(content) == {key.name for key in plan.TOP}
     assert set(content["protocol"][0]) == {key.name for key in plan.STAGE}
     assert plan.load_plan(path).stages[0].values == {"points": 12}
+
+
+def test_every_column_of_a_fleet_s_results_is_told(pages: dict[str, str]) -> None:
+    text = pages["fleet-results"]
+    for column in COLUMNS:
+        assert f"| `{column.name}` |" in text
+        assert column.meaning in text
 
 
 def test_every_generated_page_is_in_the_table_of_contents(pages: dict[str, str]) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from experiments.recording import Segment
 from tests.benchmarks import coverage_study
 from tests.benchmarks.coverage_study import Line, Study, read_rows, run_seed, settings_of, table
+from tests.benchmarks.cramer_rao import information_bounds
 
 STUDY = Study(population="narrow", kinds=("warm-up",), speeds=(), commit="c0ffee")
 
@@ -115,6 +118,28 @@ def test_an_answer_is_missed_where_the_information_was_there() -> None:
     ]
     (row,) = table(lines)
     assert (row["enough_information"], row["not_answered"]) == (4, 2)
+
+
+def test_the_jitter_of_the_stamps_is_no_motion_that_tells_a_mode() -> None:
+    """A speed that rises slowly tells nothing, however its stamps lie; a jump to it does."""
+    stamps = np.arange(600) / 1000.0 + 2e-5 * np.random.default_rng(3).standard_normal(600)
+    segment = Segment(index=0, label="step", start=0, stop=600)
+
+    def bounds(angle: np.ndarray) -> dict[str, float]:
+        recording: Any = SimpleNamespace(
+            signals={"output_angle": SimpleNamespace(quantum=1e-4)},
+            metadata=SimpleNamespace(
+                ratio=100.0, process={"truth": {"dynamics": {"stiffness_over_inertia": 1e6}}}
+            ),
+            labelled=lambda label: [segment],
+            time=lambda where: stamps,
+            si=lambda name, where: angle,
+        )
+        return information_bounds(recording, "velocity-steps")
+
+    rise = 300.0 * (stamps - np.sin(5.0 * stamps) / 5.0)
+    assert bounds(rise) == {}
+    assert set(bounds(300.0 * np.maximum(stamps - 0.1, 0.0))) >= {"frequency", "damping_ratio"}
 
 
 def test_a_seed_draws_for_each_kind_by_itself() -> None:

@@ -300,8 +300,7 @@ def test_the_cogging_of_a_motor(tmp_path: Path) -> None:
     """Held at place after place both ways: the strongest orders are 72, 18, 12, 144, 24, 36."""
     recording = Foreign(
         (DATA / "laas_cogging" / "stopped_data.txt",),
-        {"input_angle": "Position:rad", "current": "Iq:A"},
-        {"no_time": True},
+        {"time": "Time:s", "input_angle": "Position:rad", "current": "Iq:A"},
     )
     printed, _ = fitted(recording, "revolution", tmp_path)
     orders = [int(n.removeprefix("amplitude_")) for n in printed if n.startswith("amplitude_")]
@@ -314,7 +313,6 @@ def test_a_log_of_a_servo_in_json(tmp_path: Path) -> None:
     recording = Foreign(
         (DATA / "servo_pendulum" / "2026-01-15_10h29m21.json",),
         {"time": "timestamp:s", "position": "position:rad", "speed": "speed:rad/s"},
-        {"time_base": "host"},
         form="json",
     )
     time, position = both_ways(recording, tmp_path, "position")

@@ -84,6 +84,15 @@ def test_stiffness_over_inertia_within_one_percent(seed: int, tmp_path: Path) ->
         if r.estimate.name == "stiffness_over_inertia"
     ]
     assert row.estimate.value == pytest.approx(row.seen, rel=0.01)
+    # The spring's law is in doubt in what is its stiffness, and not in an inertia whose acceleration was seen.
+    law = {line.source for line in row.estimate.budget if line.kind == "B"}
+    inertia, stiffness = (
+        {line.source for line in fit.result.estimates[name].budget}
+        for name in ("output_inertia", "output_stiffness")
+    )
+    assert law <= stiffness
+    assert law & inertia == {"choice of the rung"}
+    assert {"torque scale", "warmth of the motor"} <= inertia & stiffness
 
 
 def test_a_fitted_curve_explains_a_run_that_it_was_not_fitted_to(tmp_path: Path) -> None:

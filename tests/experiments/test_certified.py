@@ -9,9 +9,12 @@ import math
 import numpy as np
 import pytest
 
-from experiments.angle.certified import certified_angle
+from experiments.angle.certified import certified_angle, certified_angles
+from experiments.angle.phase_reference import phase_reference
 from experiments.contract import Evidence
 from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.protocols.velocity_steps.data import recorded_steps
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.angle_certificate import AngleCertificate
@@ -195,7 +198,8 @@ def refused(run: Recording, gear: HarmonicDrive, by_class: Result) -> str:
     assert result.estimates == by_class.estimates
     assert "corrected_by_certificate" not in result.options
     (sentence,) = [w for w in result.warnings if "certificate" in w]
-    assert sentence.startswith("The certificate of the output encoder is not used, its class")
+    assert sentence.startswith("The certificate of the output encoder is not used: ")
+    assert sentence.endswith("Its class stands in the budget.")
     return sentence
 
 
@@ -280,3 +284,30 @@ def test_the_motor_encoder_has_a_certificate_of_its_own(
         if one.source.startswith("motor encoder")
     ]
     assert line.standard_uncertainty == pytest.approx(6.0 * ARCSEC / RATIO)
+
+
+def test_steps_are_read_without_what_the_certificate_states(
+    bench: Bench, gear: HarmonicDrive
+) -> None:
+    plan = velocity_steps.Parameters(speeds_rpm=(1800.0,), repeats=1, duration=0.5)
+    there = dataclasses.replace(bench, output_index=0.01)
+    clean, shown = (
+        record(velocity_steps.plan(plan, gear), one, "velocity-steps")
+        for one in (there, dataclasses.replace(there, output_shows=SHOWN))
+    )
+
+    def output(run: Recording) -> np.ndarray:
+        certified, said = certified_angles(run)
+        assert not said
+        steps, _, _ = recorded_steps(run, RATIO, phase_reference(run), None, None, 600.0, certified)
+        return np.concatenate([np.diff(step.data.output_angle) for step in steps])
+
+    count = shown.signals["output_angle"].quantum
+    assert count is not None
+    found = {
+        "class": output(shown) - output(clean),
+        "certificate": output(with_curve(shown, certificate())) - output(clean),
+    }
+    # What the certificate states moves by less than a count from sample to sample, and adds up.
+    assert np.abs(np.cumsum(found["certificate"])).max() < 3.0 * count
+    assert np.abs(np.cumsum(found["class"])).max() > 5.0 * ARCSEC

@@ -40,7 +40,8 @@ def sample_of(gear: HarmonicDrive, at: object, measured: np.ndarray, run: str = 
 
 
 def test_kinds_with_a_ladder_and_without() -> None:
-    assert set(catalogue.ladders()) == {"kinematic-error", "friction", "velocity-steps"}
+    of_protocols = {"kinematic-error", "friction", "velocity-steps"}
+    assert set(catalogue.ladders()) == of_protocols | {"motion", "order-spectrum"}
     for kind in catalogue.ladders():
         assert catalogue.ladder(kind).rungs[0].name.endswith("(null)")
     with pytest.raises(PlanError, match="no ladder of models of this kind; value 'home'"):

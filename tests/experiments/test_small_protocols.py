@@ -14,6 +14,7 @@ from experiments.errors import AnalysisError
 from experiments.protocols import home, starting_torque, warm_up
 from experiments.recording import ArraySource, Recording
 from experiments.steps.vocabulary import MoveRevolutions, MoveToAngle, ServoOff, TorqueRamp
+from model.channel import Channel
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
@@ -301,6 +302,31 @@ def test_warm_up_sees_the_torque_become_steady(bench: Bench, gear: HarmonicDrive
     lines = {line.source: line for line in steady.estimates["running_torque"].budget}
     # Nobody measured how warm the motor was: 5 K of a tenth of a percent each.
     assert lines["warmth of the motor"].standard_uncertainty == pytest.approx(5e-3 * truth, rel=0.5)
+
+
+def test_a_warm_up_takes_off_what_warm_magnets_make_the_port_read_too_much(
+    bench: Bench, gear: HarmonicDrive
+) -> None:
+    parameters = warm_up.Parameters(speed_rpm=1500.0, window=1.0, at_most=60.0)
+    run = record(
+        warm_up.plan(parameters, gear), bench, "warm-up", parameters=dataclasses.asdict(parameters)
+    )
+    source = run.source
+    assert isinstance(source, ArraySource)
+    warm = {**source.arrays, "housing_temperature": np.full(run.rows, 45, dtype=np.int64)}
+    channel = Channel(name="housing_temperature", unit="degC", scale=1.0)
+    measured = dataclasses.replace(
+        run,
+        signals={**run.signals, "housing_temperature": channel},
+        source=dataclasses.replace(source, arrays=warm),
+    )
+    cold, hot = (warm_up.analyse(one, Evidence(gear)) for one in (run, measured))
+    assert hot.metrics["torque_constant_factor"] == pytest.approx(0.975)
+    torque = hot.estimates["running_torque"]
+    assert torque.value / cold.estimates["running_torque"].value == pytest.approx(0.975, rel=2e-3)
+    (line,) = [line for line in torque.budget if line.source == "warmth of the motor"]
+    # 1.5 K of the motor's temperature at 0.1 % each, 25 K at 0.03 %.
+    assert line.standard_uncertainty == pytest.approx(7.65e-3 * torque.value, rel=1e-2)
 
 
 def test_warm_up_that_ended_too_early_says_so(bench: Bench, gear: HarmonicDrive) -> None:

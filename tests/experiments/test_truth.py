@@ -158,6 +158,9 @@ def test_a_warm_up_is_all_that_the_motor_turns_as_warm_as_at_its_end() -> None:
     motor = (0.012 + 4e-5 * speed) * (1.0 - 0.005 * 25.0)
     whole = gear[0] / SCALE + motor
     assert found["running_torque"] == pytest.approx((1.02 / 0.975 * whole, whole))
+    metrics["torque_constant_factor"] = 0.98
+    taken = pairs(result("warm-up", "running_torque", options=options, metrics=metrics))
+    assert taken["running_torque"] == pytest.approx((0.98 * 1.02 / 0.975 * whole, whole))
 
 
 @pytest.mark.parametrize(("sense", "edge"), [(1, 2.0), (-1, 2.0 + 1e-4)])

@@ -9,7 +9,14 @@ from __future__ import annotations
 import os
 from importlib.util import find_spec
 
+FLEET = ("dask", "distributed", "pyarrow", "duckdb")
 NEEDS = {
+    "test_fleet.py": FLEET,
+    "test_fleet_parts.py": FLEET,
+    "test_fleet_simulate.py": FLEET,
+    "test_lot.py": FLEET,
+    "test_capability.py": FLEET,
+    "test_measurement_files.py": ("pyarrow", "nptdms", "asammdf"),
     "test_viewers.py": ("xarray", "h5netcdf", "silx"),
     "test_documentation_build.py": ("sphinx", "myst_parser", "furo"),
 }

@@ -1,3 +1,4 @@
+# pyright: standard
 """What a friction fit says beyond its parameters: torques at catalogue speeds, everything at 20 degC, the paper's
 search.
 """

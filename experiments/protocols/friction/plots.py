@@ -1,3 +1,4 @@
+# pyright: standard
 """Figures 9 and 17 and the table of points, as data: running torque over speed, measured and
 fitted, both directions.
 """

@@ -1,3 +1,4 @@
+# pyright: standard
 """The points of a friction run, and what else than speed they depend on.
 
 Friction varies over the output revolution (mesh depth) and with heat; the bench's output bearing and a vibrating

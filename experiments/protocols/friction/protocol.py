@@ -42,6 +42,7 @@ from experiments.planning.speeds import (
     resonance_speeds,
 )
 from experiments.protocols.friction import bearing
+from experiments.protocols.friction.coefficients import per_kelvin
 from experiments.protocols.friction.estimates import (
     at_20_degrees,
     genetic_metrics,
@@ -568,6 +569,7 @@ EXPERIMENT = Experiment(
     version=6,
     live=("speed", "torque points", "torque"),
     takes_tare=True,
+    learns=per_kelvin,
     terms=(
         RUNNING_TORQUE,
         MOTOR_AND_GEAR,

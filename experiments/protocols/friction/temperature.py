@@ -1,7 +1,8 @@
 """What temperature does to friction: the run's own mean temperature, and 20 degC beside it.
 
 One run cannot tell the coefficients: a span of 0.2 K leaves 0.45 %/K. They come from this gear's runs
-at different temperatures (settings), or are assumed of grease and steel. With dT from the reference
+at different temperatures (settings, by hand or by `coefficients`), or are assumed of grease and steel.
+With dT from the reference
 
     dry friction      F(T) = F(20) (1 + a_d dT)           viscous   c(T) = c(20) exp(a_v dT)
     bearing (18)      at rest like dry friction; what grows with speed like nu^(2/3), exp(2/3 a_v dT)

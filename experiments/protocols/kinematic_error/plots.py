@@ -1,3 +1,4 @@
+# pyright: standard
 """Figures 12, 13 and 16 and the table of orders, as data: kinematic error over the input, its
 spectrum, torque beside it.
 """

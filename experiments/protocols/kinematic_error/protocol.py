@@ -19,7 +19,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
-from experiments.angle.certified import CertifiedAngle, certified_angle
+from experiments.angle.certified import CertifiedAngle, angle_of, certified_angles
 from experiments.angle.phase_reference import PhaseReference, phase_reference
 from experiments.angle.traverses import traverses_of
 from experiments.budget import budget_table, scale_line
@@ -247,9 +247,7 @@ class _Context:
 
     def angle(self, channel: str, rows: slice) -> FloatArray:
         """An encoder's angle [rad], without the errors that its certificate states."""
-        angle = self.recording.si(channel, rows)
-        certified = self.certified.get(channel)
-        return angle if certified is None else certified.corrected(angle)
+        return angle_of(self.recording, channel, rows, self.certified)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -323,8 +321,8 @@ def _prepare(
             remedy="Record whole output revolutions at constant speed.",
         )
     ends = {"input": recording.signals["input_angle"], "output": recording.signals["output_angle"]}
-    certified, sentences = _certified(recording)
-    warnings += sentences
+    certified, sentences = certified_angles(recording)
+    warnings += [f"{sentence} Its class stands in the budget." for sentence in sentences]
     encoders = Encoders(
         ends["output"].quantum or math.nan,
         ends["input"].quantum or math.nan,
@@ -356,13 +354,6 @@ def _prepare(
         segments,
         warnings,
     )
-
-
-def _certified(recording: Recording) -> tuple[dict[str, CertifiedAngle], list[str]]:
-    """The encoders whose certificate can be used, by channel, and why that of another one cannot."""
-    found = {name: certified_angle(recording, name) for name in ("input_angle", "output_angle")}
-    used = {name: one for name, (one, _) in found.items() if one is not None}
-    return used, [sentence for _, sentence in found.values() if sentence]
 
 
 def _class_of(encoder: Channel) -> float:

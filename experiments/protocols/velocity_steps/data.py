@@ -1,3 +1,4 @@
+# pyright: standard
 """The steps of a run as `model.identify.dynamics` takes them: from standstill through the step,
 with the kinematic error.
 
@@ -9,10 +10,12 @@ follows it quasi-statically.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from experiments.angle.certified import CertifiedAngle, angle_of
 from experiments.angle.phase_reference import PhaseReference
 from experiments.evidence import usable
 from experiments.recording import Recording, Segment
@@ -62,15 +65,18 @@ def recorded_steps(
     zero: TorqueZero | None,
     source: HarmonicDrive | None,
     resonance: float,
+    certified: Mapping[str, CertifiedAngle],
 ) -> tuple[list[RecordedStep], str, list[str]]:
     """Every step of a run, where its kinematic error is from, and what could not be used.
+
+    What the encoders' certificates state (`certified`, by channel) is taken off their angles.
 
     `source` is the parameter set whose kinematic error is taken as it stands; None: the run's own
     slow steps, in which the first mode, expected at `resonance` [rad/s], raises order n by 1/(1 -
     (n speed/resonance)^2).
     """
     raw = [
-        _arrays(recording, segment, reference.input_angle, zero)
+        _arrays(recording, segment, reference.input_angle, zero, certified)
         for segment in recording.labelled("step")
     ]
     if source is not None:
@@ -135,7 +141,11 @@ class _Stretch:
 
 
 def _arrays(
-    recording: Recording, segment: Segment, reference: float, zero: TorqueZero | None
+    recording: Recording,
+    segment: Segment,
+    reference: float,
+    zero: TorqueZero | None,
+    certified: Mapping[str, CertifiedAngle],
 ) -> _Stretch:
     rate = (
         recording.metadata.sample_rate if math.isfinite(recording.metadata.sample_rate) else 1000.0
@@ -156,8 +166,9 @@ def _arrays(
     return _Stretch(
         segment=segment,
         time=time,
-        input_angle=recording.si("input_angle", rows)[good] - reference,
-        output_angle=recording.output_angle(rows)[good],
+        input_angle=angle_of(recording, "input_angle", rows, certified)[good] - reference,
+        output_angle=recording.metadata.output_sense
+        * angle_of(recording, "output_angle", rows, certified)[good],
         torque=torque,
         commanded=recording.si(TARGET_SPEED, rows)[good] if recording.has(TARGET_SPEED) else None,
     )

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from experiments.angle.certified import certified_angles
 from experiments.angle.phase_reference import phase_reference
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
@@ -25,8 +26,9 @@ from experiments.protocols.velocity_steps.data import (
 from experiments.protocols.velocity_steps.protocol import expected_of
 from experiments.recording import Recording
 from model.arrays import FloatArray
-from model.identify.dynamics import FITTED, FittedRung, fit_rung, predict_steps
+from model.identify.dynamics import FittedRung, fit_rung, predict_steps
 from model.identify.step_fit import BASIS
+from model.identify.step_rungs import FITTED
 
 
 def sample(recording: Recording, evidence: Evidence) -> Sample:
@@ -42,8 +44,9 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
             where=recording.metadata.run_id,
             remedy="Run `home` first, or record the index marks.",
         )
+    certified, _ = certified_angles(recording)
     recorded, _, _ = recorded_steps(
-        recording, ratio, reference, None, gear, first_resonances(gear)[-1]
+        recording, ratio, reference, None, gear, first_resonances(gear)[-1], certified
     )
     # Every fitted rung has the error as numbers of its own.
     steps = [replace(one, data=replace(one.data, kinematic_error=())) for one in recorded]

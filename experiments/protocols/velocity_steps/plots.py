@@ -1,3 +1,4 @@
+# pyright: standard
 """Figure 19 and what belongs to it, as data: output speed per step, measured and simulated;
 resonance over speed; orders.
 

@@ -10,7 +10,6 @@ angle.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Annotated
@@ -18,8 +17,9 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from experiments.angle.certified import certified_angles
 from experiments.angle.phase_reference import phase_reference
-from experiments.budget import budget_table, scale_line
+from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
@@ -40,6 +40,8 @@ from experiments.protocols.velocity_steps.data import (
     recorded_steps,
     simulated_output,
 )
+from experiments.protocols.velocity_steps.identified import identified, torsional_mode
+from experiments.protocols.velocity_steps.inertia import output_inertia
 from experiments.protocols.velocity_steps.plots import (
     fitted_step_plots,
     identifiability_table,
@@ -48,32 +50,23 @@ from experiments.protocols.velocity_steps.plots import (
     scored_step_plots,
     step_table,
 )
-from experiments.protocols.velocity_steps.quantities import QUANTITIES
+from experiments.protocols.velocity_steps.quantities import NAME, QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, SpeedStep, Step
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import torque_zero
 from model.arrays import FloatArray
-from model.gear import HarmonicDrive, Origin
+from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
-from model.identify.dynamics import Expected, LadderFit, fit_ladder
-from model.identify.estimate import (
-    NORMAL_COVERAGE_FACTOR,
-    BudgetLine,
-    Estimate,
-    Identifiable,
-    coverage_factor,
-)
-from model.identify.least_squares import student_quantile
+from model.identify.dynamics import LadderFit, fit_ladder
+from model.identify.estimate import Estimate
 from model.identify.sensitivity import Identifiability, step_identifiability
 from model.identify.step_data import StepScore, score_step
-from model.identify.step_inertia import LEAST_STEPS, fit_inertia
-from model.linear import Mode, dynamic_parameters, modes
+from model.identify.step_rungs import Expected
+from model.linear import dynamic_parameters
 from model.stiffness import drive_stiffness
 from model.units import REVOLUTION, RPM
-
-NAME = "velocity-steps"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,8 +146,6 @@ def _steps(p: Parameters) -> Iterator[Step]:
 SETTINGS = ("kinematic_error", "ladder")
 LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
 """The setting `ladder`: up to which rung is fitted; full costs several times as much."""
-INERTIA_ABOVE = 250.0 * RPM
-"""Input speed from which the torque of a step is asked for the inertia of the output."""
 RESONANCE_SHARE = 0.4
 """Share of the sampling rate above which no resonance is identified."""
 
@@ -169,11 +160,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """
     gear = evidence.gear
     richest = _choice(evidence, "ladder", "full", tuple(LADDERS))
-    steps, origin, warnings = _steps_of(recording, gear, evidence)
-    given = "parameter set" in origin
+    steps, named, warnings = _steps_of(recording, gear, evidence)
+    given = "parameter set" in named["kinematic_error"]
     if not given:
         steps = [_without_error(step) for step in steps]
-        origin = "this run's own steps, fitted with the mode"
+        named |= {"kinematic_error": "this run's own steps, fitted with the mode"}
     # Where nobody says what gear it is, the shipped set stands in, which tells nothing of where its mode lies.
     is_known = recording.metadata.gear is not None or gear != shipped_gear()
     with analysing(recording.metadata.run_id):
@@ -197,7 +188,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     if not is_known:
         estimates = _with_alias(recording, estimates)
     skew = estimates.pop("skew")
-    estimates |= _output_inertia(recording, steps, ladder, estimates["stiffness_over_inertia"])
+    estimates |= output_inertia(recording, steps, ladder, estimates["stiffness_over_inertia"])
     warnings += ladder.warnings
     identifiability = _identifiability(steps, gear)
     warnings.append(f"{identifiability.sentence()} Friction is not tested by the output of a step.")
@@ -220,7 +211,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             budget_table(estimates.values()),
         ),
         options={
-            "kinematic_error": origin,
+            **named,
             "input": "measured",
             "input_of_figure_19": _commanded_words(steps),
             "ladder": richest,
@@ -295,7 +286,8 @@ def _with_alias(recording: Recording, estimates: dict[str, Estimate]) -> dict[st
 
 def _steps_of(
     recording: Recording, gear: HarmonicDrive, evidence: Evidence
-) -> tuple[list[RecordedStep], str, list[str]]:
+) -> tuple[list[RecordedStep], dict[str, str], list[str]]:
+    """The steps of a run, what of them an option names, and what is to be said of them."""
     check_settings(evidence.settings, SETTINGS, NAME)
     recording.require("velocity steps", "input_angle", "output_angle")
     warnings = list(
@@ -313,15 +305,25 @@ def _steps_of(
     use_set = wanted == "set" or (wanted == "auto" and carries(gear, reference))
     zero = torque_zero(recording) if recording.has("torque") else None
     ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
+    certified, sentences = certified_angles(recording)
     with analysing(recording.metadata.run_id):
         steps, origin, said = recorded_steps(
-            recording, ratio, reference, zero, gear if use_set else None, first_resonances(gear)[-1]
+            recording,
+            ratio,
+            reference,
+            zero,
+            gear if use_set else None,
+            first_resonances(gear)[-1],
+            certified,
         )
     if not steps:
         raise AnalysisError(
             "no step can be used", where=recording.metadata.run_id, value="; ".join(said)
         )
-    return steps, origin, warnings + said
+    named = {"kinematic_error": origin}
+    if certified:
+        named["corrected_by_certificate"] = ", ".join(sorted(certified))
+    return steps, named, warnings + sentences + said
 
 
 def _identifiability(steps: list[RecordedStep], gear: HarmonicDrive) -> Identifiability:
@@ -339,90 +341,6 @@ def _identifiability(steps: list[RecordedStep], gear: HarmonicDrive) -> Identifi
         torque_noise=noise,
         input_speed=speed,
     )
-
-
-def _output_inertia(
-    recording: Recording, steps: list[RecordedStep], ladder: LadderFit, ratio: Estimate
-) -> dict[str, Estimate]:
-    """J_o, the inertia on the input shaft and K from the torque of the steps in which the output rings."""
-    rings = ladder.transient > steps[0].data.output_quantum
-    asked = [
-        (step.data, step.torque, acceleration)
-        for step, acceleration, rung in zip(steps, ladder.acceleration, rings, strict=True)
-        if step.torque is not None and rung and abs(step.data.target) >= INERTIA_ABOVE
-    ]
-    if len(asked) < LEAST_STEPS:
-        return {}
-    data, torques, accelerations = zip(*asked, strict=True)
-    series = (*steps[0].data.kinematic_error, *ladder.series(steps[0].data.ratio))
-    found = fit_inertia(data, torques, accelerations, series)
-    # The ringing torque over J_o is the fitted mode's: what is in doubt of K/J_o is, the other way round, in J_o.
-    mode = [line for line in ratio.budget if line.kind == "B"]
-    estimates: dict[str, Estimate] = {}
-    for name in ("output_inertia", "input_inertia"):
-        value, error = found.values[name], found.errors[name]
-        lines = [BudgetLine(SMOOTHING, "B", found.smoothing[name] / math.sqrt(3.0), TWICE)]
-        if name == "output_inertia":
-            lines += [_share(line, abs(value) / ratio.value) for line in mode]
-        half = math.hypot(
-            student_quantile(found.freedom[name]) * error,
-            *(NORMAL_COVERAGE_FACTOR * line.standard_uncertainty for line in lines),
-        )
-        scatter = BudgetLine(SCATTER, "A", error, degrees_of_freedom=found.freedom[name])
-        verdict, note = _told(value, half, ratio)
-        estimates[name] = Estimate(
-            name=name,
-            value=value,
-            unit="kg m2",
-            low=value - half,
-            high=value + half,
-            identifiable=verdict,
-            note=note,
-            budget=(scatter, *lines, scale_line(recording, value)),
-        )
-    inertia = estimates["output_inertia"]
-    value = inertia.value * ratio.value
-    # In K = J_o (K/J_o) the doubt of the mode cancels; the scatter of both stays.
-    sources = {line.source for line in mode}
-    lines = [_share(line, ratio.value) for line in inertia.budget if line.source not in sources] + [
-        _share(line, abs(inertia.value)) for line in ratio.budget if line.kind == "A"
-    ]
-    scale = scale_line(recording, value).source
-    half = math.hypot(
-        *(
-            coverage_factor(line.degrees_of_freedom) * line.standard_uncertainty
-            for line in lines
-            if line.source != scale
-        )
-    )
-    estimates["output_stiffness"] = Estimate(
-        name="output_stiffness",
-        value=value,
-        unit="N m/rad",
-        low=value - half,
-        high=value + half,
-        identifiable=inertia.identifiable,
-        note=inertia.note,
-        budget=tuple(lines),
-    )
-    return estimates
-
-
-SCATTER, SMOOTHING = "scatter between the steps (jackknife)", "smoothing of the rise"
-TWICE = "all sides smoothed twice as wide"
-
-
-def _share(line: BudgetLine, factor: float) -> BudgetLine:
-    return dataclasses.replace(line, standard_uncertainty=line.standard_uncertainty * factor)
-
-
-def _told(value: float, half: float, ratio: Estimate) -> tuple[Identifiable, str]:
-    """Whether an inertia is told: by the torque, and by a mode that the steps tell."""
-    if value <= 2.0 * half:
-        return ("weakly" if value > half else "no"), "the torque of the ringing hardly shows it"
-    if ratio.identifiable != "yes":
-        return "weakly", f"it rests on the mode, and {ratio.note}"
-    return "yes", ""
 
 
 def _commanded_words(steps: list[RecordedStep]) -> str:
@@ -453,7 +371,7 @@ def _metrics(
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
     """Score equation 2 with a given parameter set on every step, driven by the measured input; nothing is fitted."""
-    steps, origin, warnings = _steps_of(recording, gear, evidence)
+    steps, named, warnings = _steps_of(recording, gear, evidence)
     with analysing(recording.metadata.run_id):
 
         def simulated(step: RecordedStep) -> FloatArray:
@@ -480,73 +398,13 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         plots=scored_step_plots(steps, scores, simulated, gear.name),
         tables=(score_table(steps, scores),),
         options={
-            "kinematic_error": origin,
+            **named,
             "input": "measured",
             "input_of_figure_19": _commanded_words(steps),
             "parameter_set": gear.name,
             "fitted": "nothing",
         },
     )
-
-
-def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
-    """The gear with the output inertia and the damping that make equation 2 ring as the run did.
-
-    The run tells the mode, not K: the stiffness of the set stays, and J_o follows from it. The radial
-    damping C_b is that which gives the damping ratio; where no C_b does, the structural damping C_t
-    takes the rest.
-    """
-    if result.kind != NAME:
-        raise AnalysisError(
-            "is the result of another protocol", where=result.run, value=result.kind, limit=NAME
-        )
-    ratio, damping = result.estimates["mode_squared"], result.estimates["damping_ratio"]
-    path, value = "bearing.damping", gear.bearing.damping
-    for _ in range(4):
-        # Damping moves the mode a little, and the inertia moves the damping ratio: both settle within a few rounds.
-        mode = torsional_mode(gear)
-        gear = gear.with_values(
-            {"inertia.output": gear.inertia.output * mode.natural_frequency**2 / ratio.value}
-        )
-        path, value = _damping_for(gear, damping.value)
-        gear = gear.with_values({path: value})
-    stiffness = drive_stiffness(gear).combined_output
-    source = (
-        f"run {result.run}: K/J_o from the mode's {ratio.value:.6g} 1/s2 with the set's own stiffness "
-        f"{stiffness:.5g} N m/rad"
-    )
-    spread = ratio.standard_uncertainty / ratio.value * gear.inertia.output
-    gear = gear.with_values(
-        {"inertia.output": gear.inertia.output}, Origin("identified", source, spread)
-    )
-    source = f"run {result.run}: damping ratio {damping.value:.4g} of the first mode"
-    spread = damping.standard_uncertainty / damping.value * value if damping.value > 0.0 else None
-    return gear.with_values({path: value}, Origin("identified", source, spread))
-
-
-def torsional_mode(gear: HarmonicDrive) -> Mode:
-    """The lowest mode of equation 2 that oscillates: the output on the gear's compliance."""
-    return min(
-        (m for m in modes(dynamic_parameters(gear)) if m.damping_ratio < 1.0),
-        key=lambda m: m.natural_frequency,
-    )
-
-
-def _damping_for(gear: HarmonicDrive, wanted: float) -> tuple[str, float]:
-    """The parameter and its value that give the first mode this damping ratio: C_b by bisection, else C_t."""
-
-    def ratio_of(path: str, value: float) -> float:
-        return torsional_mode(gear.with_values({path: value})).damping_ratio
-
-    trials = np.geomspace(10.0, 1e6, 41)
-    ratios = np.array([ratio_of("bearing.damping", float(c)) for c in trials])
-    top = int(np.argmax(ratios))
-    path = "bearing.damping" if ratios[top] >= wanted >= ratios[0] else "damping.structural"
-    low, high = (float(trials[0]), float(trials[top])) if path == "bearing.damping" else (0.0, 1e3)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if ratio_of(path, middle) < wanted else (low, middle)
-    return path, 0.5 * (low + high)
 
 
 EXPERIMENT = Experiment(
@@ -559,7 +417,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=6,
+    version=7,
     live=("speed", "steps", "torque"),
     builds_on=("kinematic-error",),
     terms=(

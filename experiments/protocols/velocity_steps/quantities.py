@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from experiments.quantity import Quantity
 
+NAME = "velocity-steps"
+
 _STIFFNESS_REASON = "half of the 20 % by which the stiffness of gears of one series differs"
 _DAMPING_REASON = "half of the 2 % that such gears have"
 _FREQUENCY_REASON = "as far as speeds are kept clear of resonances"

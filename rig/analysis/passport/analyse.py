@@ -12,7 +12,7 @@ from rig.analysis.passport.followed import watched_kinds
 from rig.analysis.passport.gather import counted_origin, runs_of
 from rig.analysis.store import read_analyses
 from rig.analysis.tare import takes_tare
-from rig.library.index import COUNTED_OUTCOMES, IndexedRun
+from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,8 @@ from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis
 from rig.errors import RigError, RunFileError
-from rig.library.index import COUNTED_OUTCOMES, IndexedRun, LibraryIndex
+from rig.library.index import IndexedRun, LibraryIndex
+from rig.library.listed import COUNTED_OUTCOMES
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 
@@ -66,7 +67,7 @@ def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Inde
         else:
             names_by_folder.setdefault(place.parent, set()).add(place.name)
     for folder, names in names_by_folder.items():
-        for run in LibraryIndex(folder).search():
+        for run in LibraryIndex(folder, nested="" in names).search():
             if run.gear_serial == serial and ("" in names or run.path.name in names):
                 runs_by_file.setdefault(run.path.resolve(), run)
     return tuple(

@@ -111,7 +111,8 @@ class RigRequest:
     `gear` and `motor` are the nominal ones. On a simulated rig `world` says which individuals are
     meant; what it leaves open follows from `serial` (the gear) and `seed` (the bench). `protocol`
     and its `parameters` are what a replay must have been recorded with. `configuration` is the file
-    that describes a rig of hardware.
+    that describes a rig of hardware. `calendar_ns` is the calendar time at which the clock of a
+    simulated rig begins; None: now.
     """
 
     gear: HarmonicDrive
@@ -126,3 +127,4 @@ class RigRequest:
     sample_rate: float = 1000.0
     disc_inertia: float = 0.0
     configuration: Path | None = None
+    calendar_ns: int | None = None

@@ -73,6 +73,11 @@ def parts_of(request: RigRequest) -> dict[str, Any]:
     }
 
 
+def clock_of(request: RigRequest) -> VirtualClock:
+    """The clock of a simulated rig: it begins now, unless the request says when."""
+    return VirtualClock(time.time_ns() if request.calendar_ns is None else request.calendar_ns)
+
+
 def certificate_of(request: RigRequest, which: Literal["input", "output"]) -> AngleCertificate:
     """The certificate of an encoder of the request's bench, as a laboratory would have written it."""
     from sim_backend.certificate import encoder_certificate
@@ -101,7 +106,7 @@ def simulated(request: RigRequest) -> AssembledRig:
     """The plant directly behind the port: the fastest rig there is."""
     from sim_backend.direct import SimulatedRig
 
-    clock = VirtualClock(time.time_ns())
+    clock = clock_of(request)
     port = SimulatedRig(**parts_of(request), clock=clock)
     return assembled("sim", port, clock, port, request)
 
@@ -111,7 +116,7 @@ def on_the_wire(request: RigRequest) -> AssembledRig:
     from sim_backend.wire.bench import WireBench
 
     parts = parts_of(request)
-    bench = WireBench(**parts, clock=VirtualClock(time.time_ns()))
+    bench = WireBench(**parts, clock=clock_of(request))
     return assembled("wire", wire_port(bench, parts["motor"]), bench.clock, bench, request)
 
 

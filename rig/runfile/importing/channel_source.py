@@ -40,8 +40,9 @@ class ChannelSource:
     not the side of the channel: it is brought there by the ratio.
 
     What is known of the channel, as the run file states it: `accuracy` in its SI unit (an
-    encoder's whole curve), `scale_uncertainty` relative and `offset_uncertainty` in SI (standard
-    uncertainties), `lag_s` by how much it is late, `certificate`, `date` and `due`.
+    encoder's whole curve; `accuracy_unit` is the SI unit in which it was said, "" for that one),
+    `scale_uncertainty` relative and `offset_uncertainty` in SI (standard uncertainties), `lag_s` by
+    how much it is late, `certificate`, `date` and `due`.
     """
 
     name: str
@@ -55,6 +56,7 @@ class ChannelSource:
     time: str = ""
     side: str = ""
     accuracy: float = 0.0
+    accuracy_unit: str = ""
     scale_uncertainty: float = 0.0
     offset_uncertainty: float = 0.0
     lag_s: float | None = None
@@ -258,6 +260,13 @@ def _column(
     if source.name.endswith(UNCERTAINTY):
         # An uncertainty has no sign and no zero.
         gain, offset = abs(gain), 0.0
+    if source.accuracy_unit not in ("", unit):
+        raise ConfigurationError(
+            "has an accuracy in a unit of another dimension",
+            where=source.name,
+            value=source.accuracy_unit,
+            limit=unit,
+        )
     channel = Channel(
         name=source.name,
         unit=unit,

@@ -20,10 +20,14 @@ LATEST_S = 9.2e9
 
 @dataclass
 class NumberClock:
-    """A column of numbers, `factor` seconds each; `modulus` is the range after which the counter wraps (0: never)."""
+    """A column of numbers, `factor` seconds each; `modulus` is the range after which the counter wraps (0: never).
+
+    `origin_ns`: where its zero lies in the times of the run.
+    """
 
     factor: float
     modulus: float = 0.0
+    origin_ns: int = 0
     _turns: float = 0.0
     _last: float = np.nan
 
@@ -41,7 +45,7 @@ class NumberClock:
         """Whole seconds and the rest apart: their product with 1e9 has no room for both in calendar times."""
         whole = np.floor(seconds)
         rest = np.rint((seconds - whole) * 1e9).astype(np.int64)
-        return whole.astype(np.int64) * 1_000_000_000 + rest
+        return whole.astype(np.int64) * 1_000_000_000 + rest + self.origin_ns
 
 
 @dataclass

@@ -30,7 +30,7 @@ def header_of(
     """
     names = {column.name for column in reading.columns}
     _ask_for_output_sense(names, options)
-    start_ns, start_time = _start(tables, options, first)
+    start_ns, start_time = _start(reading, options, first)
     timed = not options.no_time
     rate = reading.rate or (sample_rate(first.time_ns) if timed else math.nan)
     gear = options.gear
@@ -81,7 +81,7 @@ def _ask_for_output_sense(names: set[str], options: ImportOptions) -> None:
         )
 
 
-def _start(tables: Sequence[Table], options: ImportOptions, first: Rows) -> tuple[int, str]:
+def _start(reading: Reading, options: ImportOptions, first: Rows) -> tuple[int, str]:
     """Calendar time [ns] of time 0 of the rows, and the start as text; 0 and "" where nobody knows."""
     start_time = options.start_time
     if start_time:
@@ -98,7 +98,7 @@ def _start(tables: Sequence[Table], options: ImportOptions, first: Rows) -> tupl
         return int(moment.timestamp() * 1e6) * 1000 - int(first.time_ns[0]), start_time
     if first.time_ns[0] >= EARLIEST_CALENDAR_S * 1e9:
         return 0, iso_time(int(first.time_ns[0]))
-    start_ns = tables[0].start_ns
+    start_ns = reading.start_ns
     if start_ns:
         return start_ns, iso_time(start_ns + int(first.time_ns[0]))
     return 0, ""

@@ -32,7 +32,11 @@ class Key:
 
 CHANNEL_KEYS = (
     Key("column", "text or number", "heading of the column, or its number from 1", is_needed=True),
-    Key("unit", "text", "unit of the column's numbers; not needed where the heading says it"),
+    Key(
+        "unit",
+        "text",
+        "unit of the column's numbers; not needed where the heading or the file says it",
+    ),
     Key(
         "scale",
         "number",

@@ -15,6 +15,9 @@ FORMATS = {
     "npz": "NumPy .npz and .npy",
     "hdf5": "HDF5, columns by their path",
     "json": "logs in JSON: a list of objects",
+    "parquet": "Parquet (extra `import`)",
+    "tdms": "TDMS of LabVIEW and DIAdem (extra `import`)",
+    "mdf": "MDF 3 and 4, ASAM measurement data (extra `import`)",
 }
 """Kinds of files, each with what it is."""
 
@@ -39,6 +42,18 @@ def open_table(kind: str, path: Path, form: TextForm = TextForm()) -> Table:
         from rig.runfile.importing.adapters.json_log import json_table
 
         return json_table(path)
+    if kind == "parquet":
+        from rig.runfile.importing.adapters.parquet import ParquetTable
+
+        return ParquetTable(path)
+    if kind == "tdms":
+        from rig.runfile.importing.adapters.tdms import TdmsTable
+
+        return TdmsTable(path)
+    if kind == "mdf":
+        from rig.runfile.importing.adapters.mdf import MdfTable
+
+        return MdfTable(path)
     raise RunFileError("is no kind of file", where=kind, limit=", ".join(FORMATS))
 
 

@@ -48,7 +48,7 @@ class Reading:
         self._left_out = LeftOut(options.drop_bad_rows)
         self._wiring: Wiring = wire(tables, sources or options.channels, options, self._left_out)
         self.columns: tuple[Column, ...] = self._wiring.columns
-        self.rate = self._wiring.rate
+        self.rate, self.start_ns = self._wiring.rate, self._wiring.start_ns
         self._is_timed = self._wiring.streams[0].time is not None
         self._turns = np.zeros(len(self.columns))
         self._last = np.full(len(self.columns), np.nan)
@@ -87,6 +87,7 @@ class Reading:
 
     def close_notes(self, rate: float) -> None:
         """What can be said only after the last row."""
+        self.notes += [n for table in self._tables for n in table.notes if n not in self.notes]
         for stream in self._wiring.streams:
             self.notes += stream.notes
         if self.dropped:

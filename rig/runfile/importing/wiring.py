@@ -36,6 +36,7 @@ class Wiring:
 
     `places[k]` is the column of channel k among the values of the joined streams; `labels` that of
     the column that labels the rows. `rate` is None where columns of time are there, or no time is.
+    `start_ns` is the calendar time [ns since 1970] from which the times count, 0 where nobody says it.
     """
 
     columns: tuple[Column, ...]
@@ -45,6 +46,7 @@ class Wiring:
     labels: int | None
     words: Words
     rate: float | None
+    start_ns: int
 
 
 def wire(
@@ -88,6 +90,7 @@ def wire(
         labels=places[-1] if has_label else None,
         words=words,
         rate=rate,
+        start_ns=_begin(wires[0].table, wires[0].time),
     )
 
 
@@ -201,7 +204,7 @@ def _time_of(
             )
         return own
     found = find_column(table, wanted)
-    if own is not None and own != found:
+    if own is not None and own != found and not table.may_be_retimed:
         raise ConfigurationError(
             "has a column of time of its own",
             where=f"{table.path}, {source.name}",
@@ -226,9 +229,14 @@ def _streams(
         groups.setdefault((id(w.table), w.time), []).append(index)
     streams: list[Stream] = []
     order: list[int] = []
+    # Files of one run may begin at different moments: their times count from the start of the first.
+    begin = _begin(wires[0].table, wires[0].time)
     for indices in groups.values():
         members = [wires[index] for index in indices]
         clock = _clock(members[0], time, options)
+        if isinstance(clock, NumberClock):
+            own = _begin(members[0].table, members[0].time)
+            clock.origin_ns = own - begin if own and begin else 0
         readers = {
             members[k].column: words.read
             for k, index in enumerate(indices)
@@ -252,6 +260,11 @@ def _streams(
         order += indices
     places = [order.index(index) for index in range(len(wires))]
     return tuple(streams), tuple(places)
+
+
+def _begin(table: Table, time: int | None) -> int:
+    """Calendar time [ns since 1970] from which a column of time counts; 0 where nobody says it."""
+    return table.start_ns if time is None or time in table.stamped else 0
 
 
 def _radians(columns: Sequence[Column], index: int) -> float:

@@ -26,6 +26,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from experiments.catalogue import ladders
 from rig.library.index import IndexedRun
 from rig.window.review.table_model import (
     COLUMNS,
@@ -66,6 +67,10 @@ WIDTHS = {
     "origin": 92,
     "part": 96,
 }
+JUDGED_AT_ONCE = 300
+"""Runs from the first row in view on whose verdicts are worked out: what nobody looks at needs none."""
+SCROLLED_PAUSE_MS = 150
+"""ms that the rows must rest before the verdicts of those in view are worked out."""
 MANY = 20
 """Files to be read from which on the progress is shown."""
 HTML, PDF = ".html", ".pdf"
@@ -165,6 +170,7 @@ class LibraryTable(QWidget):
     opened = Signal(Path)
     overlay_requested = Signal(object)
     difference_requested = Signal(object)
+    models_requested = Signal(object)
     passport_requested = Signal(str)
     report_requested = Signal(object, str)
     """Carries the paths and the suffix of the report."""
@@ -206,6 +212,9 @@ class LibraryTable(QWidget):
         self.source.progressed.connect(self._progress)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._selection_changed())
         self.table.activated.connect(lambda index: self.opened.emit(index.data(RUN_ROLE).path))
+        self._rest = single_shot(self, SCROLLED_PAUSE_MS, self._judge)
+        self.table.verticalScrollBar().valueChanged.connect(lambda _: self._rest.start())
+        self.table.horizontalHeader().sortIndicatorChanged.connect(lambda *_: self._rest.start())
         session.theme_changed.connect(lambda _: self.model.restyle())
         session.runs_changed.connect(self.source.look)
         find = QShortcut(QKeySequence.StandardKey.Find, self)
@@ -224,6 +233,11 @@ class LibraryTable(QWidget):
                 "&Difference",
                 tip="What differs between two chosen runs, and only that",
                 act=lambda: self.difference_requested.emit(self.selected),
+            ),
+            "models": push_button(
+                "&Models",
+                tip="Judge models by two or more runs of one protocol, each by a fit of the others",
+                act=lambda: self.models_requested.emit(self.selected),
             ),
             "passport": push_button(
                 "Pass&port",
@@ -304,18 +318,19 @@ class LibraryTable(QWidget):
         self.desk.stop()
 
     def _judge(self) -> None:
-        """Verdicts of what is in view first."""
+        """Verdicts of what is in view and a few pages on; of all runs where the rows are in the order of them."""
         if not self.isVisible():
             return
-        first = max(self.table.rowAt(0), 0)
-        rows = range(self.filtered.rowCount())
-        ordered = sorted(rows, key=lambda row: (row < first, row))
-        listed = [self.filtered.index(row, 0).data(RUN_ROLE) for row in ordered]
-        in_view = {run.path for run in listed}
-        self.desk.look([*listed, *(run for run in self.model.runs if run.path not in in_view)])
+        last = self.filtered.rowCount()
+        first = min(max(self.table.rowAt(0), 0), max(last - 1, 0))
+        rows = [*range(first, last), *range(first)]
+        if not self.model.is_sorted_by_verdict:
+            rows = rows[:JUDGED_AT_ONCE]
+        self.desk.look([self.filtered.index(row, 0).data(RUN_ROLE) for row in rows])
 
     def _filter(self, wanted: Wanted) -> None:
         self.filtered.set_wanted(wanted)
+        self._rest.start()
         self._count()
 
     def _progress(self, done: int, of: int) -> None:
@@ -341,6 +356,9 @@ class LibraryTable(QWidget):
         whole = len(readable) == len(selected)
         self.buttons["overlay"].setEnabled(len(selected) >= 2 and whole)
         self.buttons["difference"].setEnabled(len(selected) == 2 and whole)
+        self.buttons["models"].setEnabled(
+            len(selected) >= 2 and whole and _have_one_ladder(readable)
+        )
         self.buttons["passport"].setEnabled(bool(self._serial()))
         sealed = bool(selected) and whole and all(run.state == "sealed" for run in readable)
         for name in ("report", "pdf"):
@@ -389,3 +407,9 @@ def _table(model: LibraryFilter) -> QTableView:
     table.setSortingEnabled(True)
     table.sortByColumn(0, Qt.SortOrder.DescendingOrder)
     return table
+
+
+def _have_one_ladder(runs: Sequence[IndexedRun]) -> bool:
+    """Whether all are of one protocol, of which there are models to judge."""
+    protocols = {run.protocol for run in runs}
+    return len(protocols) == 1 and protocols <= set(ladders())

@@ -18,6 +18,7 @@ from rig.window.review.details.page import RunDetails
 from rig.window.review.difference import DifferenceView
 from rig.window.review.fit import ResultCache
 from rig.window.review.library_table import HTML, LibraryTable
+from rig.window.review.models import ModelsView
 from rig.window.review.overlay_view import OverlayView
 from rig.window.review.passport import PassportView
 from rig.window.review.results import ChooseFile
@@ -27,7 +28,7 @@ from rig.window.work.background import BackgroundCommand, in_words
 
 EMPTY = (
     "Choose a run on the left: its results, figures, signals and files appear here.\n\n"
-    "Choose two or more to overlay their figures, two to see what differs. "
+    "Choose two or more to overlay their figures or to judge models by them, two to see what differs. "
     "Search with Ctrl+F; the arrow keys go through the list."
 )
 SIZES = (570, 780)
@@ -58,11 +59,13 @@ class ReviewPage(QWidget):
         self.details = RunDetails(session, cache, opener, choose_file)
         self.overlay = OverlayView(session, cache)
         self.difference = DifferenceView(session)
+        self.models = ModelsView(session)
         self.passport = PassportView(session)
         self.empty = text_label(EMPTY, "muted", wraps=True, align=Qt.AlignmentFlag.AlignCenter)
         self.empty.setMargin(40)
         self.right = QStackedWidget()
-        for view in (self.empty, self.details, self.overlay, self.difference, self.passport):
+        several = self.overlay, self.difference, self.models
+        for view in (self.empty, self.details, *several, self.passport):
             self.right.addWidget(view)
         both = split(self.library, (self.right, 1), sizes=list(SIZES))
         self.setLayout(in_row(both, margins=(0, 0, 0, 0)))
@@ -75,6 +78,7 @@ class ReviewPage(QWidget):
         library.opened.connect(self.show_run)
         library.overlay_requested.connect(self.show_overlay)
         library.difference_requested.connect(lambda paths: self.show_difference(*paths))
+        library.models_requested.connect(self.show_models)
         library.passport_requested.connect(self.show_passport)
         self.passport.run_chosen.connect(self.show_run)
         self.passport.run_requested.connect(self.run_requested)
@@ -111,6 +115,11 @@ class ReviewPage(QWidget):
         """What differs between two runs."""
         self.right.setCurrentWidget(self.difference)
         self.difference.show_runs(first, second)
+
+    def show_models(self, paths: Sequence[Path]) -> None:
+        """Which model predicts runs best that it has not seen."""
+        self.right.setCurrentWidget(self.models)
+        self.models.show_runs(paths)
 
     def show_passport(self, serial: str) -> None:
         """The runs of a gear over time."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,8 +32,7 @@ NO_SERIAL = "unknown"
 """What stands in a run file for a gear without a serial number, and for no gear at all."""
 AnyIndex = QModelIndex | QPersistentModelIndex
 _NOWHERE = QModelIndex()
-SORT_ROLE = Qt.ItemDataRole.UserRole + 1
-RUN_ROLE = Qt.ItemDataRole.UserRole + 2
+RUN_ROLE = Qt.ItemDataRole.UserRole + 1
 SIGNS = {
     "COMPLETED": "✓",
     "ABORTED": "■",
@@ -66,6 +66,7 @@ def with_sign(outcome: str) -> str:
     return f"{sign} {outcome}".strip()
 
 
+@functools.lru_cache(maxsize=100_000)
 def local_time(start: str) -> str:
     """A calendar time as the clock on the wall shows it; what cannot be read stays as it is."""
     try:
@@ -130,6 +131,9 @@ class LibraryModel(QAbstractTableModel):
         super().__init__(parent)
         self._palette = palette
         self._runs: tuple[IndexedRun, ...] = ()
+        self._rows: list[IndexedRun] = []
+        """The same in the order in which they are shown."""
+        self._sorted_by = 0, Qt.SortOrder.AscendingOrder
         self.verdicts: dict[Path, ListedVerdict] = {}
         """What the runs are worth, as far as it has been worked out."""
 
@@ -140,40 +144,102 @@ class LibraryModel(QAbstractTableModel):
                 self.verdicts.pop(path, None)
             else:
                 self.verdicts[path] = verdict
-        self._tell_changed(0, len(self._runs))
+        if self.is_sorted_by_verdict:
+            self.sort(*self._sorted_by)
+        self._tell_changed([row for row, run in enumerate(self._rows) if run.path in found])
+
+    @property
+    def is_sorted_by_verdict(self) -> bool:
+        """Whether the order of the rows needs every verdict."""
+        return self._sorted_by[0] == VERDICT
 
     @property
     def runs(self) -> tuple[IndexedRun, ...]:
         """Every run, filtered or not."""
         return self._runs
 
+    @property
+    def rows(self) -> Sequence[IndexedRun]:
+        """Every run, filtered or not, in the order of the rows."""
+        return self._rows
+
     def set_runs(self, runs: Sequence[IndexedRun]) -> None:
         """Other runs. Rows of the same files are changed in place, so that a selection stays."""
-        before = [run.path for run in self._runs]
-        after = [run.path for run in runs]
-        if before == after:
-            self._runs = tuple(runs)
-            self._tell_changed(0, len(runs))
-        elif after[: len(before)] == before:
-            self.beginInsertRows(QModelIndex(), len(before), len(after) - 1)
-            self._runs = tuple(runs)
+        before, after = self._rows, self._ordered(runs)
+        old, new = [run.path for run in before], [run.path for run in after]
+        first = next(
+            (i for i, pair in enumerate(zip(old, new, strict=False)) if pair[0] != pair[1]),
+            len(old),
+        )
+        added = len(new) - len(old)
+        self._runs = tuple(runs)
+        if added > 0 and old == new[:first] + new[first + added :]:
+            self.beginInsertRows(QModelIndex(), first, first + added - 1)
+            self._rows = after
             self.endInsertRows()
-            self._tell_changed(0, len(before))
+        elif old == new:
+            self._rows = after
         else:
             self.beginResetModel()
-            self._runs = tuple(runs)
+            self._rows = after
             self.endResetModel()
+            return
+        kept = {id(run) for run in before}
+        self._tell_changed(
+            [
+                row
+                for row, run in enumerate(after)
+                if id(run) not in kept and not first <= row < first + added
+            ]
+        )
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        """Put the rows in the order of a column; those that are alike stay as they are listed."""
+        self._sorted_by = column, order
+        self.layoutAboutToBeChanged.emit()
+        before = self.persistentIndexList()
+        runs = [self._rows[index.row()] for index in before]
+        self._rows = self._ordered(self._runs)
+        places = {run.path: row for row, run in enumerate(self._rows)}
+        after = [
+            self.index(places[run.path], index.column())
+            for run, index in zip(runs, before, strict=True)
+        ]
+        self.changePersistentIndexList(before, after)
+        self.layoutChanged.emit()
+
+    def _ordered(self, runs: Sequence[IndexedRun]) -> list[IndexedRun]:
+        column, order = self._sorted_by
+        return sorted(
+            runs,
+            key=lambda run: self._sort_key(run, column),
+            reverse=order is Qt.SortOrder.DescendingOrder,
+        )
+
+    def _sort_key(self, run: IndexedRun, column: int) -> Any:
+        if column == VERDICT:
+            verdict = self.verdicts.get(run.path)
+            return verdict.text if verdict is not None else ""
+        key = COLUMNS[max(column, 0)].key(run)
+        return key.casefold() if isinstance(key, str) else key
 
     def restyle(self) -> None:
         """The theme has changed."""
-        self._tell_changed(0, len(self._runs))
+        self._tell_changed(range(len(self._rows)))
 
-    def _tell_changed(self, first: int, stop: int) -> None:
-        if stop > first:
-            self.dataChanged.emit(self.index(first, 0), self.index(stop - 1, len(COLUMNS) - 1))
+    def _tell_changed(self, rows: Sequence[int]) -> None:
+        """Rows that look different now, told in as few stretches as they make."""
+        stretches: list[list[int]] = []
+        for row in rows:
+            if stretches and stretches[-1][1] == row - 1:
+                stretches[-1][1] = row
+            else:
+                stretches.append([row, row])
+        for first, last in stretches:
+            self.dataChanged.emit(self.index(first, 0), self.index(last, len(COLUMNS) - 1))
 
     def rowCount(self, parent: AnyIndex = _NOWHERE) -> int:
-        return 0 if parent.isValid() else len(self._runs)
+        return 0 if parent.isValid() else len(self._rows)
 
     def columnCount(self, parent: AnyIndex = _NOWHERE) -> int:
         return 0 if parent.isValid() else len(COLUMNS)
@@ -188,14 +254,12 @@ class LibraryModel(QAbstractTableModel):
     def data(self, index: AnyIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         if not index.isValid():
             return None
-        run, column = self._runs[index.row()], COLUMNS[index.column()]
+        run, column = self._rows[index.row()], COLUMNS[index.column()]
         verdict = self.verdicts.get(run.path)
-        if index.column() == VERDICT and role in (Qt.ItemDataRole.DisplayRole, SORT_ROLE):
+        if index.column() == VERDICT and role == Qt.ItemDataRole.DisplayRole:
             return verdict.text if verdict is not None else ""
         if role == Qt.ItemDataRole.DisplayRole:
             return column.text(run)
-        if role == SORT_ROLE:
-            return column.key(run)
         if role == RUN_ROLE:
             return run
         if role == Qt.ItemDataRole.ToolTipRole:
@@ -262,36 +326,47 @@ class Wanted:
         ):
             if wanted and wanted != value:
                 return False
+        if not (self.since or self.until or self.text):
+            return True
         day = local_time(run.start)[:10]
         if (self.since and day < self.since) or (self.until and not day <= self.until):
             return False
         if not self.text:
             return True
-        parts = (
-            run.run_id,
-            run.path.name,
-            run.protocol,
-            run.gear_serial,
-            run.gear,
-            run.operator,
-            outcome_of(run),
-            run.notes,
-            run.problem,
-            ORIGIN_WORDS.get(run.origin, ""),
-            local_time(run.start),
-        )
-        hay = " ".join(parts).casefold()
-        return all(word in hay for word in self.text.casefold().split())
+        text = _searched(run)
+        return all(word in text for word in self.text.casefold().split())
+
+
+def _searched(run: IndexedRun) -> str:
+    """All that the words of a search are looked for in."""
+    parts = (
+        run.run_id,
+        run.path.name,
+        run.protocol,
+        run.gear_serial,
+        run.gear,
+        run.operator,
+        outcome_of(run),
+        run.notes,
+        run.problem,
+        ORIGIN_WORDS.get(run.origin, ""),
+        local_time(run.start),
+    )
+    return " ".join(parts).casefold()
 
 
 class LibraryFilter(QSortFilterProxyModel):
-    """The runs that are wanted, sorted by the column that was asked for."""
+    """The runs that are wanted, in the order of their model: it sorts ten thousand rows at once, one by one takes
+    seconds.
+    """
 
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.wanted = Wanted()
-        self.setSortRole(SORT_ROLE)
-        self.setSortCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
+
+    def sort(self, column: int, order: Qt.SortOrder = Qt.SortOrder.AscendingOrder) -> None:
+        """Have the model put its rows in the order of a column."""
+        self.sourceModel().sort(column, order)
 
     def set_wanted(self, wanted: Wanted) -> None:
         """Filter anew."""
@@ -301,4 +376,4 @@ class LibraryFilter(QSortFilterProxyModel):
 
     def filterAcceptsRow(self, source_row: int, source_parent: AnyIndex) -> bool:
         source = self.sourceModel()
-        return not isinstance(source, LibraryModel) or self.wanted.passes(source.runs[source_row])
+        return not isinstance(source, LibraryModel) or self.wanted.passes(source.rows[source_row])

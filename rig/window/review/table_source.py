@@ -21,6 +21,9 @@ PAUSE_MS = 250
 GROWING_MS = 2000
 """ms between two looks while a run is being written: its file grows without the folder changing."""
 
+MOST_WATCHED = 200
+"""Folders that are watched: some computers give a program no more."""
+
 PROGRESS_INTERVAL = 0.2
 """s between two words about how far the reading is."""
 
@@ -50,7 +53,7 @@ class LibrarySource(QObject):
         self.folder = folder
         self.runs: tuple[IndexedRun, ...] | None = None
         """The latest runs; None until they were read once."""
-        self._index = LibraryIndex(folder, self._tell)
+        self._index = LibraryIndex(folder, self._tell, nested=True)
         self._last_progress = -PROGRESS_INTERVAL
         self._reading = self._again = self._stopped = False
         self._thread: threading.Thread | None = None
@@ -81,8 +84,13 @@ class LibrarySource(QObject):
             self._thread.join(LONGEST_STOP)
 
     def _watch(self) -> None:
-        if not self._watcher.directories() and self.folder.is_dir():
-            self._watcher.addPath(str(self.folder))
+        """Watch the folder and those of the folders in it that hold runs."""
+        folders = {str(folder) for folder in self._index.folders[:MOST_WATCHED]}
+        if self.folder.is_dir():
+            folders.add(str(self.folder))
+        fresh = sorted(folders - set(self._watcher.directories()))
+        if fresh:
+            self._watcher.addPaths(fresh)
 
     def _work(self) -> None:
         """In a thread of its own: reading a folder for the first time takes milliseconds per run."""
@@ -108,9 +116,10 @@ class LibrarySource(QObject):
 
     def _take(self, answer: Sequence[IndexedRun] | str) -> None:
         self._reading = False
+        self._watch()
         if isinstance(answer, str):
             self.failed.emit(answer)
-        elif self.runs is None or _compared(answer) != _compared(self.runs):
+        elif self.runs is None or tuple(answer) != self.runs:
             self.runs = tuple(answer)
             self.changed.emit(self.runs)
         else:
@@ -123,8 +132,3 @@ class LibrarySource(QObject):
             any(run.state == "being written" for run in self.runs or ()) or not self.folder.is_dir()
         ):
             self._growing.start()
-
-
-def _compared(runs: Sequence[IndexedRun]) -> list[str]:
-    # By text: a duration that is not known is NaN, which equals nothing.
-    return [repr(run) for run in runs]

@@ -1,15 +1,17 @@
-"""Count lattice: a speed at which the samples repeat on the counts of the output encoder is told."""
+"""Sampling: the count lattice of the output encoder, and the time axis of a recording."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import pytest
 
 from experiments import catalogue
 from experiments.contract import Evidence
 from experiments.evidence.holds import Recorded
-from experiments.evidence.sampling import count_lattice
+from experiments.evidence.sampling import count_lattice, time_axis
 from experiments.protocols.kinematic_error import protocol as kinematic_error
-from experiments.recording import Recording
+from experiments.recording import Origin, Recording
 from model.gear import HarmonicDrive
 from tests.experiments.synthetic import Bench, record
 
@@ -28,3 +30,16 @@ def test_sampling_on_the_lattice_of_the_output_counts_is_said(
     found = count_lattice(recorded)
     assert found.outcome == outcome
     assert ("folded" in found.words or "lattice" in found.words) == (outcome == "widened")
+
+
+@pytest.mark.parametrize(
+    ("origin", "outcome"), [("hardware", "refused"), ("imported", "not checked")]
+)
+def test_the_stamps_of_an_import_are_not_held_against_a_rate_that_was_made_of_them(
+    origin: Origin, outcome: str, bench: Bench, gear: HarmonicDrive
+) -> None:
+    recording = at(92.7, bench, gear)
+    metadata = replace(recording.metadata, sample_rate=900.0, origin=origin)
+    other = replace(recording, metadata=metadata)
+    recorded = Recorded(other, catalogue.load("kinematic-error"), Evidence(gear))
+    assert time_axis(recorded).outcome == outcome

@@ -15,11 +15,12 @@ from model.errors import IdentificationError
 from model.gear_file import shipped_gear
 from model.identify import step_fit
 from model.identify.differentiation import speed_from_counts
-from model.identify.dynamics import Expected, LadderFit, fit_ladder
+from model.identify.dynamics import LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
 from model.identify.step_fit import BAD_STEP, BASIS, Problem, Shape, bounded, step_arrays
-from model.identify.step_inertia import fit_inertia
+from model.identify.step_inertia import InertiaFit, fit_inertia
+from model.identify.step_rungs import Expected
 from model.identify.torsional_mode import TorsionModel
 from model.kernels.steps import respond
 from model.linear import dynamic_parameters, modes
@@ -319,6 +320,26 @@ def test_an_inertia_is_in_doubt_by_what_a_wider_smoothing_changes(run, ladder: L
     assert 0.0 < exact < 0.02 * GEAR.inertia.output
     # A torque that jumps while nothing moves is no part of the model: how it is smoothed decides what it does.
     assert doubt(1e-3) > 2.0 * exact
+
+
+def test_what_all_steps_share_is_in_the_error_of_an_inertia(run, ladder: LadderFit) -> None:
+    """A torque that comes again in each step at the same time scatters nothing between them."""
+
+    def found(size: float) -> InertiaFit:
+        torques = [
+            torque
+            + math.copysign(size, data.target)
+            * np.sin(0.8 * math.sqrt(STATIC) * data.time)
+            * (data.time > 0.0)
+            for data, torque, _ in run
+        ]
+        data = [data for data, _, _ in run]
+        return fit_inertia(data, torques, ladder.acceleration, GEAR.kinematic_error)
+
+    still, shaken = found(0.0), found(0.05)
+    away = abs(shaken.values["output_inertia"] - still.values["output_inertia"])
+    assert away > 0.01 * GEAR.inertia.output
+    assert away < shaken.errors["output_inertia"]
 
 
 def test_a_step_that_no_model_explains_does_not_choose_the_answer() -> None:

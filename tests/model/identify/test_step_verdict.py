@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments.protocols.velocity_steps.quantities import ESTIMATES
-from model.identify.dynamics import RINGS_ON, STATED, WANTED, _ringing_left, _Told
+from model.identify.step_estimates import RINGS_ON, STATED, WANTED, _ringing_left, _Told
 from model.identify.step_fit import Problem, Solution
 
 

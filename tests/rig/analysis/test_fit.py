@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +16,7 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
+from rig.analysis import fit_run
 from rig.analysis.adopt import adopt, compare_with, pooled
 from rig.analysis.fit import Fit, fit_recording, kind_of, score, store
 from rig.analysis.store import read_analyses
@@ -187,3 +190,33 @@ def test_the_spread_between_runs_is_pooled() -> None:
     assert row.key == "friction.F_c"
     assert (row.mean, row.runs) == (pytest.approx(70.81), 2)
     assert row.deviation == pytest.approx(0.5**0.5)
+
+
+def test_what_other_runs_of_the_gear_teach_is_a_setting_unless_one_is_given_by_hand(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def learns(results: Sequence[Result]) -> Mapping[str, Any]:
+        return {"dry_per_kelvin": tuple(result.run for result in results), "source": "runs"}
+
+    recording = handmade.recording()
+    own = recording.metadata.run_id
+    runs = [SimpleNamespace(run_id=name, path=name) for name in (own, "R-1", "R-2", "R-3")]
+
+    def in_force(path: str, kind: str) -> Any:
+        analysis = SimpleNamespace(whole_result=lambda: replace(TARE_RESULT, run=path))
+        return SimpleNamespace(
+            analysis=None if path == "R-2" else analysis, stale=("older",) * (path == "R-3")
+        )
+
+    monkeypatch.setattr(catalogue, "declared", lambda kind: SimpleNamespace(learns=learns))
+    monkeypatch.setattr(fit_run, "_runs_before", lambda recording, folder, kinds: runs)
+    monkeypatch.setattr(fit_run, "in_force", in_force)
+
+    def learnt(**by_hand: Any) -> Mapping[str, Any]:
+        return fit_run._learnt(recording, Path("run.h5"), "friction", by_hand, around)
+
+    around = fit_run.Surroundings()
+    assert learnt() == learnt(seed=3) == {"dry_per_kelvin": ("R-1",), "source": "runs"}
+    assert learnt(dry_per_kelvin=(0.0, 0.0)) == {}
+    monkeypatch.setattr(fit_run.Surroundings, "learns_from", lambda self, analysis: False)
+    assert learnt() == {"dry_per_kelvin": (), "source": "runs"}

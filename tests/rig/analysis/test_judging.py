@@ -14,6 +14,7 @@ from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import in_force
 from rig.analysis.judging import (
+    NO_GEAR,
     StoredResult,
     held_against,
     judge,
@@ -240,6 +241,11 @@ def test_nothing_listed_and_nothing_named_is_not_judged() -> None:
     missing = judge([one], asked(limit("friction"), limit("kinematic-error")))
     assert missing.verdict == "NOT JUDGED"
     assert "no kinematic-error run of this gear is analysed" in missing.because[0]
+
+
+def test_a_recording_without_a_gear_is_not_sent_to_a_gear_that_is_none() -> None:
+    nobody = replace(found("friction"), serial="")
+    assert judge([nobody], None).because == (NO_GEAR,)
 
 
 def test_a_demonstration_judges_simulated_runs_alone() -> None:

@@ -20,7 +20,8 @@ from rig.analysis.passport.followed import followed, largest_members, order_of, 
 from rig.analysis.result_data import plot_from_mapping
 from rig.analysis.store import json_text
 from rig.errors import RigError, RunFileError
-from rig.library.index import INDEX_NAME, LibraryIndex
+from rig.library.index import LibraryIndex
+from rig.library.place import index_path
 from tests.rig.analysis.test_difference import calibrated
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 
@@ -46,7 +47,7 @@ def taken(source: Path, target: Path, most: int) -> Path:
     for run in runs_in(source)[:most]:
         for path in (run, run.with_name(run.name + ".sha256")):
             (target / path.name).hardlink_to(path)
-    shutil.copy2(source / INDEX_NAME, target / INDEX_NAME)
+    shutil.copy2(index_path(source), index_path(target))
     return target
 
 

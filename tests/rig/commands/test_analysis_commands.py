@@ -197,7 +197,7 @@ def test_a_wrong_setting_is_a_usage_error(call: Call) -> None:
 
 
 def test_settings_are_read_as_what_they_are() -> None:
-    read = analysis._settings(["a=1", "b=1.5", "c=true", "d=torque", "some-orders=1,2,4"])
+    read = analysis.settings_of(["a=1", "b=1.5", "c=true", "d=torque", "some-orders=1,2,4"])
     assert read == {"a": 1, "b": 1.5, "c": True, "d": "torque", "some_orders": (1, 2, 4)}
 
 

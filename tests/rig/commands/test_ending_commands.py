@@ -177,15 +177,15 @@ def test_a_run_killed_in_motion_latches_the_folder_until_somebody_acknowledges(
     assert run_request(quick_request(tmp_path)).outcome == "COMPLETED"
 
 
-def test_six_runs_at_once_in_one_folder_do_not_refuse_each_other(tmp_path: Path) -> None:
+def test_three_runs_at_once_in_one_folder_do_not_refuse_each_other(tmp_path: Path) -> None:
     def marked() -> int:
         return len(list(tmp_path.glob(f"{PREFIX}*")))
 
-    command = ["--times=6", *LONG, "--output", str(tmp_path), "--json"]
+    command = ["--times=3", *LONG, "--output", str(tmp_path), "--json"]
     with paced_process(command, start_new_session=True) as paced:
-        paced.until("moving", times=6)
-        assert marked() == 6
+        paced.until("moving", times=3)
+        assert marked() == 3
         os.killpg(paced.process.pid, signal.SIGTERM)
         assert ended(paced) == exits.ABORTED
     assert marked() == 0
-    assert len(list(tmp_path.glob("*.h5"))) == 6
+    assert len(list(tmp_path.glob("*.h5"))) == 3

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rig.runfile.read import close_recording, open_run
 from tests.rig.commands.calling import Rig
 
 RATE = 200.0
@@ -135,3 +136,23 @@ def test_every_analysis_that_needs_no_plan_says_what_it_needs() -> None:
     from rig.runfile.importing.reach import NEEDS
 
     assert set(catalogue.kinds()) <= set(NEEDS)
+
+
+def test_lag_and_accuracy_go_into_the_run_and_the_map_keeps_what_no_flag_says(
+    rig: Rig, tmp_path: Path
+) -> None:
+    path = staircase(tmp_path)
+    path.write_text("made by hand, 2,3,4,5\n" + path.read_text())
+    map_file = tmp_path / "map.toml"
+    map_file.write_text('recording.skip = 1\n[channels.torque]\ncolumn = "M"\nunit = "mN m"\n')
+    flags = ("--lag", "torque=2ms", "--accuracy", "input_angle=5arcsec", "--runs", tmp_path)
+    words = ("import", "csv", path, "--map", map_file, "-c", "time=t", "-c", "input_angle=q")
+    run = open_run(Path(rig.json(*words, *flags)["run"]))
+    try:
+        assert run.metadata.process["stated"]["lag_s"] == {"torque": 2e-3}
+        accuracy = run.signals["input_angle"].calibration.accuracy
+    finally:
+        close_recording(run)
+    assert accuracy == pytest.approx(np.radians(5.0 / 3600.0))
+    assert rig(*words, "--lag", "torque", "--runs", tmp_path) == 2
+    assert "write NAME=VALUE" in rig.err

@@ -75,6 +75,24 @@ def test_a_report_reads_what_is_in_force_and_refits_only_when_it_is_told_to(
     assert len(read_analyses(run)) == 3
 
 
+def test_a_report_per_run_goes_into_a_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    runs = [write(tmp_path, number) for number in (1, 2)]
+    for one in runs:
+        analysed(one, 0.08)
+    folder = tmp_path / "pages"
+    assert called(capsys, "report", *runs, "--per-run", "--output", folder)[0] == 0
+    assert sorted(p.name for p in folder.iterdir()) == [f"{run.stem}.html" for run in runs]
+    as_file = ("report", *runs, "--per-run", "--output", tmp_path / "page.html")
+    code, told = called(capsys, *as_file)
+    assert code == 2
+    assert "with --per-run it is a folder" in told["error"]["message"]
+    code, told = called(capsys, "report", runs[0], runs[0], "--per-run", "--output", folder)
+    assert code == 2
+    assert "more than one run has this name" in told["error"]["message"]
+
+
 @pytest.mark.parametrize(("flags", "expected"), [((), 0), (("--require-verdict",), 7)])
 def test_what_runs_nothing_ends_by_the_verdict_also_of_a_run_that_was_broken_off(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], flags: tuple[str, ...], expected: int

@@ -13,7 +13,8 @@ import pytest
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.library.index import INDEX_NAME, LibraryIndex
+from rig.library.index import LibraryIndex
+from rig.library.place import index_path
 from rig.run.start import RunRequest, run_request
 from tests.rig.commands.calling import Rig
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
@@ -43,8 +44,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def three(written: Path, tmp_path: Path) -> Path:
     """They under second names, so that the index that was made of them holds."""
     shutil.copytree(written, tmp_path / "runs", copy_function=os.link)
-    (tmp_path / "runs" / INDEX_NAME).unlink()
-    shutil.copy2(written / INDEX_NAME, tmp_path / "runs")
+    shutil.copy2(index_path(written), index_path(tmp_path / "runs"))
     return tmp_path / "runs"
 
 
@@ -85,6 +85,23 @@ def test_runs_are_searched(
     found = rig.json("runs", three, *words)
     assert [run["number"] for run in found["runs"]] == numbers
     assert all(run["state"] == "sealed" for run in found["runs"])
+
+
+def test_a_list_shows_the_newest_of_what_was_found_and_says_of_how_many(
+    rig: Rig, three: Path
+) -> None:
+    assert [run["number"] for run in rig.json("runs", three, "--last", 2)["runs"]] == [2, 3]
+    assert rig.json("runs", three, "--last", 2)["found"] == 3
+    assert rig("runs", three, "--last", 1) == 0
+    assert "The newest 1 of 3 runs: --last 0 lists all" in rig.out
+    assert "00001-friction" not in rig.out
+    assert rig("runs", three, "--last", 0) == 0
+    assert "newest" not in rig.out
+    (three / "00003-home-B2.h5").rename(three / "2026.h5")
+    (three / "2026").mkdir()
+    (three / "2026.h5").rename(three / "2026" / "00003-home-B2.h5")
+    assert rig("runs", three, "--gear", "B2") == 0
+    assert "2026/00003-home-B2" in rig.out
 
 
 def test_a_day_that_is_none_is_a_wrong_use(rig: Rig, three: Path) -> None:

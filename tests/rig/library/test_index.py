@@ -14,9 +14,12 @@ from pathlib import Path
 import pytest
 
 from rig.errors import RunFileError
-from rig.library import index
-from rig.library.folder import claim_run, read_listed, run_files
-from rig.library.index import INDEX_NAME, SCHEMA, IndexedRun, LibraryIndex
+from rig.library import database, index, reading
+from rig.library.database import SCHEMA
+from rig.library.folder import claim_run, run_files
+from rig.library.index import IndexedRun, LibraryIndex
+from rig.library.place import index_path
+from rig.runfile.read import glance
 from rig.runfile.recover import recover_run
 from rig.runfile.write import RunWriter
 from tests.rig.library.stored import start, write
@@ -52,8 +55,8 @@ def numbers(found: list[IndexedRun]) -> list[int]:
 def read_count(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
     """The files that the index opens from here on."""
     opened: list[Path] = []
-    true = index.read_listed
-    monkeypatch.setattr(index, "read_listed", lambda path: (opened.append(path), true(path))[1])
+    true = reading.read_one
+    monkeypatch.setattr(reading, "read_one", lambda path: (opened.append(path), true(path))[1])
     return opened
 
 
@@ -67,17 +70,20 @@ def test_the_index_says_what_the_files_say(several: Path) -> None:
         "left behind",
         "unreadable",
     ]
-    for run, listed in zip(found, map(read_listed, run_files(several)), strict=True):
-        assert (run.path, run.rows, run.problem) == (listed.path, listed.rows, listed.problem)
-        if listed.metadata is not None:
-            m = listed.metadata
-            assert (run.run_id, run.protocol, run.gear_serial) == (
-                m.run_id,
-                m.experiment,
-                m.gear_serial,
-            )
-            assert (run.outcome, run.origin, run.start) == (m.outcome, m.origin, m.start_time)
-            assert run.duration == pytest.approx(listed.duration)
+    assert [run.path for run in found] == list(run_files(several))
+    for run in found[:4]:
+        whole = glance(run.path)
+        m, process = whole.metadata, whole.metadata.process
+        assert m.gear is not None
+        assert (run.run_id, run.protocol, run.gear_serial) == (
+            m.run_id,
+            m.experiment,
+            m.gear_serial,
+        )
+        assert (run.outcome, run.origin, run.start) == (m.outcome, m.origin, m.start_time)
+        assert (run.gear, run.operator, run.mounting) == (m.gear.name, m.operator, m.mounting)
+        assert (run.backend, run.bench) == (process["backend"], process.get("bench", ""))
+        assert (run.rows, run.duration, run.problem) == (whole.rows, whole.duration, "")
     assert "HDF5" in found[4].problem
     assert (found[0].gear, found[0].backend, found[0].operator) == (
         "CSF-25-120-2UH",
@@ -118,7 +124,7 @@ def test_a_file_that_was_exchanged_is_read_again_though_size_and_time_agree(fold
 
 def test_a_deleted_index_is_made_anew(folder: Path) -> None:
     before = [repr(run) for run in LibraryIndex(folder).search()]
-    (folder / INDEX_NAME).unlink()
+    index_path(folder).unlink()
     found = LibraryIndex(folder)
     assert found.refresh() == 3
     assert [repr(run) for run in found.search()] == before
@@ -127,7 +133,7 @@ def test_a_deleted_index_is_made_anew(folder: Path) -> None:
 @pytest.mark.parametrize("damage", ["garbage", "cut", "pages", "empty"])
 def test_a_damaged_index_is_made_anew_and_that_is_said(folder: Path, damage: str) -> None:
     before = [repr(run) for run in LibraryIndex(folder).search()]
-    path = folder / INDEX_NAME
+    path = index_path(folder)
     good = path.read_bytes()
     path.write_bytes(
         {
@@ -146,7 +152,7 @@ def test_a_damaged_index_is_made_anew_and_that_is_said(folder: Path, damage: str
 
 def test_an_index_of_another_version_is_made_anew(folder: Path) -> None:
     LibraryIndex(folder).refresh()
-    with sqlite3.connect(folder / INDEX_NAME) as database:
+    with sqlite3.connect(index_path(folder)) as database:
         database.execute("DROP TABLE runs")
         database.execute("CREATE TABLE runs (something TEXT)")
         database.execute(f"PRAGMA user_version = {SCHEMA + 1}")
@@ -161,7 +167,7 @@ def test_where_no_file_can_be_kept_the_index_lives_in_memory(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A folder of that name stands for a folder that may not be written: no permission stops an administrator.
-    (folder / INDEX_NAME).mkdir()
+    index_path(folder).mkdir(parents=True)
     opened = read_count(monkeypatch)
     found = LibraryIndex(folder)
     assert numbers(found.search()) == [1, 7, 9]
@@ -176,7 +182,7 @@ def test_an_index_that_may_be_read_but_not_written_is_used(
     LibraryIndex(folder).refresh()
     write(folder, 10)
     true = sqlite3.connect
-    path = folder / INDEX_NAME
+    path = index_path(folder)
     monkeypatch.setattr(
         sqlite3,
         "connect",
@@ -194,8 +200,8 @@ def test_another_process_that_writes_for_long_is_not_waited_for(
 ) -> None:
     LibraryIndex(folder).refresh()
     write(folder, 10)
-    monkeypatch.setattr(index, "WAITING_TIME", 0.01)
-    other = sqlite3.connect(folder / INDEX_NAME, isolation_level=None)
+    monkeypatch.setattr(database, "WAITING_TIME", 0.01)
+    other = sqlite3.connect(index_path(folder), isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     found = LibraryIndex(folder)
     assert numbers(found.search()) == [1, 7, 9, 10]
@@ -284,7 +290,7 @@ def test_numbers_are_never_used_again_whatever_the_index_forgot(tmp_path: Path) 
     ]
     for path in tmp_path.glob("00003*"):
         path.unlink()
-    (tmp_path / INDEX_NAME).unlink()
+    index_path(tmp_path).unlink()
     assert numbers(found.search()) == [1, 2]
     assert claim_run(tmp_path, "home", "A1").number == 4
     assert numbers(found.search()) == [1, 2]

@@ -21,6 +21,7 @@ from model.identify.estimate import BudgetLine
 from model.units import ARCMIN
 from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
+from rig.analysis.validate import ValidatedRung, Validation
 from rig.errors import RigError
 from rig.present import content
 from rig.present.page import (
@@ -419,3 +420,30 @@ def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
     assert len({len(row) for row in down.rows}) == 1
     assert across.columns[:2] == ("Quantity", "Unit")
     assert dict(zip(across.columns, across.rows[0], strict=True))["repeats (A)"] == "0.9"
+
+
+def test_models_stand_with_the_last_run_of_their_kind() -> None:
+    rungs = tuple(
+        ValidatedRung(
+            name=name, parameters=n, fitted_error=1e-3, held_out_error=error, skill=0.5, bic=-10.0
+        )
+        for n, (name, error) in enumerate((("mean (null)", 4e-3), ("line", 2e-3)), 1)
+    )
+    judged = Validation(
+        kind="friction",
+        quantity="running torque",
+        unit="N m",
+        shown="mN m",
+        fitted=("1", "2"),
+        judged=("1", "2"),
+        rungs=rungs,
+        origin="simulated",
+        independent=20.0,
+    )
+    fits = [bare(), bare()]
+    context = report_context(fits, created=CREATED, verdict=handmade.verdict([]), models=[judged])
+    first, second = context["parts"]
+    assert "Models of the running torque" not in [grid.title for grid in first.tables]
+    assert second.tables[-1].title == "Models of the running torque"
+    assert second.tables[-1].rows[1][:2] == ("2  line", "2")
+    assert second.figures[-1].note == "1: mean (null); 2: line."

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from rig.errors import RunFileError
-from rig.library.folder import claim_run, read_listed, run_files
+from rig.library.folder import claim_run, run_files
+from rig.library.reading import read_one
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import block, header, write_run
 
@@ -87,14 +88,13 @@ def test_the_list_shows_good_bad_and_unfinished_runs(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "00003-x-y.h5", header("00003-x-y"))
     writer.append(block(0, 11))
     writer.flush()
-    good, bad, growing = map(read_listed, run_files(tmp_path))
+    (good, none), (nothing, problem), (growing, _) = map(read_one, run_files(tmp_path))
     writer.abandon()
-    assert good.metadata is not None
-    assert (good.metadata.outcome, good.rows, good.duration, good.unfinished) == (
+    assert (good["outcome"], good["rows"], good["duration"], none) == (
         "COMPLETED",
         200,
         pytest.approx(0.199),
-        False,
+        "",
     )
-    assert (bad.metadata, "not an HDF5 file" in bad.problem) == (None, True)
-    assert (growing.rows, growing.unfinished) == (11, True)
+    assert (nothing, "not an HDF5 file" in problem) == ({}, True)
+    assert growing["rows"] == 11

@@ -10,6 +10,7 @@ import pytest
 from rig.errors import RunFileError
 from rig.library.index import LibraryIndex
 from rig.library.living import is_being_written
+from rig.library.place import index_path
 from rig.runfile.opening import open_for_reading
 from rig.runfile.read import close_recording, follow, open_run
 from rig.runfile.recover import recover_run
@@ -61,7 +62,7 @@ def test_the_library_may_look_while_a_run_is_watched(part: Path) -> None:
     for _ in range(3):
         (listed,) = LibraryIndex(part.parent).search()
         assert listed.rows == ROWS
-        (part.parent / ".library.sqlite").unlink()
+        index_path(part.parent).unlink()
         watched = follow(watched)
         assert isinstance(watched.source, FileSource)
         assert_rows_are_right(watched.source)

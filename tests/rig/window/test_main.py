@@ -36,7 +36,7 @@ from rig.window.shell.theme import theme_named
 def test_pages_by_keyboard(window: MainWindow, qtbot: QtBot) -> None:
     window.activateWindow()
     qtbot.waitUntil(window.isActiveWindow)
-    for index in (2, 0, 1):
+    for index in (2, 0, 3, 1):
         qtbot.keyClick(
             window, getattr(Qt.Key, f"Key_{index + 1}"), Qt.KeyboardModifier.ControlModifier
         )

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
-from PySide6.QtCore import QDate, Qt
+from PySide6.QtCore import QDate, QPersistentModelIndex, Qt
 from pytestqt.qtbot import QtBot
 
-from rig.library.folder import ListedRun, read_listed
+from rig.analysis.judging import GearVerdict
+from rig.library import reading
 from rig.runfile.write import RunWriter
 from rig.window.main import MainWindow
+from rig.window.review import library_table
 from rig.window.review.page import ReviewPage
-from rig.window.review.table_model import LibraryFilter, LibraryModel, Wanted
+from rig.window.review.table_model import VERDICT, LibraryFilter, LibraryModel, Wanted
 from rig.window.review.table_source import LibrarySource
 from rig.window.shell.session import WindowSession
+from rig.window.work.verdicts import ListedVerdict
 from tests.rig.runfile.making import block, header, write_run
 from tests.rig.window.reviewing import LONGEST, destroy, drawn, indexed, several, shown
 
@@ -204,14 +208,55 @@ def test_a_window_that_goes_reads_no_further(
     read: list[Path] = []
     source = LibrarySource(session.folder)
 
-    def slowly(path: Path) -> ListedRun:
+    read_one = reading.read_one
+
+    def slowly(path: Path) -> tuple[dict[str, Any], str]:
         read.append(path)
         source._stopped = True  # the window goes while the first file is being read
-        return read_listed(path)
+        return read_one(path)
 
-    monkeypatch.setattr("rig.library.index.read_listed", slowly)
+    monkeypatch.setattr(reading, "read_one", slowly)
     source.look()
     source.stop()
     assert source._thread is not None
     assert not source._thread.is_alive()
     assert len(read) <= 1 < len(friction)
+
+
+def test_rows_keep_their_order_and_choice_when_runs_and_verdicts_come(
+    session: WindowSession,
+) -> None:
+    model = LibraryModel(lambda: session.palette)
+    runs = [indexed(number) for number in range(1, 8)]
+    model.set_runs(runs[:5])
+    model.sort(0, Qt.SortOrder.DescendingOrder)
+    chosen = QPersistentModelIndex(model.index(4, 0))
+    assert [run.number for run in model.rows] == [5, 4, 3, 2, 1]
+    model.set_runs(runs)
+    assert [run.number for run in model.rows] == [7, 6, 5, 4, 3, 2, 1]
+    assert (chosen.row(), chosen.data()) == (6, "1")
+    assert [run.number for run in model.runs] == list(range(1, 8))
+    model.sort(VERDICT)
+    assert model.is_sorted_by_verdict
+    good = GearVerdict(verdict="PASS")
+    model.take_verdicts({runs[3].path: ListedVerdict(good)})
+    assert model.rows[-1] is runs[3]
+    assert (chosen.row(), chosen.data()) == (0, "1")
+    model.take_verdicts({runs[3].path: None})
+    assert [run.number for run in model.rows] == list(range(1, 8))
+
+
+def test_only_what_is_in_view_is_judged_unless_the_order_needs_all(
+    opened: Callable[..., ReviewPage], session: WindowSession, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    several(session.folder)
+    library = opened().library
+    looked: list[list[int]] = []
+    monkeypatch.setattr(library_table, "JUDGED_AT_ONCE", 2)
+    monkeypatch.setattr(library.desk, "look", lambda runs: looked.append([r.number for r in runs]))
+    library._judge()
+    library.table.sortByColumn(VERDICT, Qt.SortOrder.AscendingOrder)
+    library._judge()
+    every = sorted(run.number for run in library.model.runs)
+    assert len(looked[0]) == 2 < len(every)
+    assert sorted(looked[1]) == every

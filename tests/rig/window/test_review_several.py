@@ -55,6 +55,28 @@ def test_runs_are_overlaid_in_their_colours(
     assert "no figure in common" in view.says.text()
 
 
+def test_models_are_judged_by_runs_that_they_have_not_seen(
+    opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot
+) -> None:
+    page = opened()
+    models = page.library.buttons["models"]
+    page.library.select(friction[0])
+    assert not models.isEnabled()
+    page.library.select(*friction)
+    qtbot.mouseClick(models, Qt.MouseButton.LeftButton)
+    view = page.models
+    assert page.right.currentWidget() is view
+    qtbot.waitUntil(lambda: view.validation is not None, timeout=LONGEST)
+    assert view.validation is not None
+    assert "each of 2 runs predicted by a fit of the others" in view.says.text()
+    assert view.validation.best.name in view.says.text()
+    assert view.plot.mark == "SIMULATED"
+    assert view.table.rowCount() == len(view.validation.rungs)
+    first = view.table.item(0, 0)
+    assert first is not None
+    assert first.text() == "1  mean torque (null)"
+
+
 def test_two_runs_differ_in_their_seed_and_not_in_their_gear(
     opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot
 ) -> None:

@@ -99,7 +99,7 @@ def test_what_stops_and_starts_is_wholly_on_the_screen(
     assert not whole.close()
     on_screen(whole, *stops, page.close_question.stay, page.close_question.leave)
     page.close_question.stay.click()
-    for name in ("prepare", "review"):
+    for name in ("prepare", "review", "fleet"):
         whole.show_page(name)
         on_screen(whole, whole.stop, *whole._buttons.buttons())
         page.prompt.ask(PROMPTS["consent"])

@@ -183,6 +183,8 @@ PLACES: dict[str, Callable[[MainWindow], None]] = {
     "the page Prepare": page("prepare"),
     "the page Run": page("run"),
     "the page Review": page("review"),
+    "the page Fleet": page("fleet"),
+    "the search of the fleet": field("fleet.text"),
     "the operator's name": field("prepare.operator"),
     "a note": field("run.events.note"),
     "the search of the library": field("review.library.filters.text"),

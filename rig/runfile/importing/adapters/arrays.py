@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +28,8 @@ class ArrayTable:
     line_word = "row"
     period: float | None = None
     start_ns = 0
+    stamped: Collection[int] = ()
+    may_be_retimed = True
 
     def __init__(self, path: Path, arrays: Mapping[str, NDArray[Any]], kind: str) -> None:
         self.path = path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,8 @@ class Hdf5Table:
     line_word = "row"
     period: float | None = None
     start_ns = 0
+    stamped: Collection[int] = ()
+    may_be_retimed = True
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -6,7 +6,7 @@ Units, times, gaps and checks are no matter of the adapters: they are one code f
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -62,9 +62,16 @@ class Table(Protocol):
     """Seconds from row to row, where the file states them and has no column of time."""
     start_ns: int
     """Calendar time [ns since 1970] of time 0, where the file states it; else 0."""
+    may_be_retimed: bool
+    """Whether another column of time may be named in place of the one that the file says."""
     line_word: str
     notes: tuple[str, ...]
     """How the file was read, and what in it is worth knowing."""
+
+    @property
+    def stamped(self) -> Collection[int]:
+        """The columns of time that count from `start_ns`; a `period` does so too."""
+        ...
 
     def batches(
         self, columns: Sequence[int], readers: Mapping[int, CellReader] | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -47,6 +47,7 @@ class TextRows:
     line_word = "line"
     period: float | None = None
     start_ns = 0
+    may_be_retimed = False
     path: Path
     headings: tuple[str, ...]
     units: tuple[str, ...]
@@ -58,6 +59,11 @@ class TextRows:
     first_row: int
     is_ragged = False
     last_line = ""
+
+    @property
+    def stamped(self) -> Collection[int]:
+        """The columns of time that the file says: they count from its start."""
+        return {time for time in self.times if time is not None}
 
     def batches(
         self, columns: Sequence[int], readers: Mapping[int, CellReader] | None = None

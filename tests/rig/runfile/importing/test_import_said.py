@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import rig
 from experiments.recording import Recording, Segment
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.channel_map import ImportOptions, read_channel_map
@@ -392,3 +393,39 @@ def test_several_runs_of_one_file(tmp_path: Path) -> None:
     assert [run.options({}).ratio for run in runs] == [32, -48]
     assert [run.options({}).rate for run in runs] == [5000, 5000]
     assert [run.channels[0].column for run in runs] == ["a", "b"]
+
+
+def test_lag_accuracy_and_range_are_stated_with_their_units(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 100},{k * 40 % 360},{k}\n" for k in range(30))
+    path = text_file(tmp_path, f"t [s],q [deg],M [N m]\n{rows}")
+    channels = {"time": "t", "output_angle": "q", "torque": "M"}
+    run = rig.read_csv(
+        path,
+        channels=channels,
+        modulus={"output_angle": 360.0},
+        lag={"torque": "2ms", "output_angle": 5e-4},
+        accuracy={"output_angle": "5arcsec"},
+    )
+    assert run["output_angle"][-1] == pytest.approx(np.radians(29 * 40))
+    assert run.metadata.process["stated"]["lag_s"] == {"output_angle": 5e-4, "torque": 2e-3}
+    calibration = run.recording.signals["output_angle"].calibration
+    assert calibration.accuracy == pytest.approx(5.0 * np.pi / 180.0 / 3600.0)
+
+
+@pytest.mark.parametrize(
+    ("stated", "words"),
+    [
+        ({"lag": {"torque": "2"}}, r"--lag torque: nobody says its unit; value 2.* 2ms"),
+        ({"lag": {"torque": "2deg"}}, r"--lag torque: is no time; value 2deg"),
+        ({"lag": {"torque": "soon"}}, r"is not a number with a unit; value 'soon'"),
+        ({"lag": {"force": "2ms"}}, r"--lag force: is no channel of the import, allowed torque"),
+        ({"accuracy": {"torque": "5arcsec"}}, r"torque: .*another dimension; value rad, .*N m"),
+        ({"accuracy": {"torque": "5furlong"}}, r"--accuracy torque: has a unit that is not known"),
+    ],
+)
+def test_what_is_stated_without_sense_is_refused(
+    tmp_path: Path, stated: dict[str, Any], words: str
+) -> None:
+    path = text_file(tmp_path, "t [s],M [N m]\n0,1\n1,2\n2,3\n")
+    with pytest.raises(ConfigurationError, match=words):
+        rig.read_csv(path, channels={"time": "t", "torque": "M"}, **stated)

@@ -1,0 +1,250 @@
+"""What the fit of all steps says of the mode: the stated numbers with their budgets, and whether they are told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.identify.checks import Array
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Identifiable
+from model.identify.least_squares import student_quantile
+from model.identify.step_data import StepData
+from model.identify.step_fit import Problem, Solution
+from model.identify.step_rungs import LEAST_RELAXATION, Expected
+from model.identify.torsional_mode import TorsionModel
+from model.units import REVOLUTION
+
+RINGS, RUNG_DOWN = 0.25, 0.4
+"""s after the onset of a step until which it rings, and from which on it does no more."""
+RINGS_ON = 1.15
+"""Ratio of what a fit leaves in the two beyond which the mode is not explained; noise alone makes it 1 within 0.03."""
+SHARE_DOUBT = 0.3
+"""Relative standard uncertainty of the share of the compliance that is damped."""
+
+TO_RICHER, FROM_BELOW = "to the next richer rung", "what the richest rung changed, rectangular"
+STATED = (
+    ("stiffness_over_inertia", "1/s2"),
+    ("mode_squared", "1/s2"),
+    ("frequency", "Hz"),
+    ("damping_ratio", "1"),
+    ("skew", "s"),
+)
+"""What is stated, in the order of `_numbers`: logarithms but for the skew."""
+BOTH_WAYS = (0, 2, 3)
+WEAK, POOR = 0.05, 0.2
+"""Relative standard errors above which a number is identified weakly, and not at all; the first also bounds what
+leaving out a direction may move one by.
+"""
+
+
+WANTED = {"damping_ratio": 0.01}
+"""Half widths of the interval above which a number is weak whose target is absolute, as its quantity declares it."""
+
+
+def _numbers(model: TorsionModel, skew: float, amplitude: float) -> Array:
+    frequency, damping = model.mode(amplitude)
+    return np.array(
+        [
+            math.log(model.secant(amplitude)),
+            2.0 * math.log(frequency),
+            math.log(frequency / REVOLUTION),
+            math.log(damping),
+            skew,
+        ]
+    )
+
+
+def estimates_of(
+    steps: Sequence[StepData],
+    problem: Problem,
+    answers: Sequence[Solution],
+    beside: tuple[str, Solution] | None,
+    expected: Expected,
+) -> dict[str, Estimate]:
+    """The stated numbers with their budgets, and those of which a direction alone has something to say."""
+    solution = answers[0]
+    names = solution.shape.names
+    amplitude = expected.amplitude / expected.inertia
+
+    def numbers(vector: Array) -> Array:
+        there = {**solution.values, **dict(zip(names, vector[: len(names)].tolist(), strict=True))}
+        return _numbers(problem.model(there), there["skew"], amplitude)
+
+    here = solution.vector
+    model, centre = problem.model(solution.values), numbers(here)
+    error, freedom = _standard_error(solution, _slopes(numbers, here, len(names)))
+    error = np.hypot(error, _between_answers(answers, numbers))
+    lines = _lines(model, centre)
+    if beside is not None:
+        note, other = beside
+        moved = np.abs(
+            _numbers(problem.model(other.values), other.values["skew"], amplitude) - centre
+        )
+        lines.append(
+            ("choice of the rung", note, moved if note == TO_RICHER else moved / math.sqrt(3.0))
+        )
+    if model.hysteresis[1] == 0.0:
+        lines.append(("hysteresis", "not part of this rung", _unfitted_hysteresis(model)))
+    ringing = _ringing_left(problem, solution)
+    told = _Told(centre, error, freedom, tuple(lines), ringing)
+    estimates = {name: told.estimate(index) for index, (name, _) in enumerate(STATED)}
+    direction = np.array([math.copysign(1.0, s.target) for s in steps])
+    for way, sign in (("forward", 1.0), ("reverse", -1.0)):
+        others = np.flatnonzero(direction == -sign)
+        if not 0 < len(others) < len(steps):
+            continue
+        moved = numbers(here + solution.left_out(others.tolist()))
+        # Left out to first order: that is in doubt by as much as it leads away.
+        away = np.abs(moved - centre)
+        first_order = ("first order", "of leaving the other direction out", away / math.sqrt(3.0))
+        alone = replace(
+            told, centre=moved, error=math.sqrt(2.0) * error, lines=(*told.lines, first_order)
+        )
+        for index in BOTH_WAYS:
+            estimate = alone.estimate(index)
+            if away[index] > WEAK and estimate.identifiable == "yes":
+                note = "one direction alone leads too far from both to be told to first order"
+                estimate = replace(estimate, identifiable="weakly", note=note)
+            name = f"{estimate.name}_{way}"
+            estimates[name] = replace(estimate, name=name)
+    return estimates
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What the steps say of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom,
+    lines of type B, and how many times the noise the fit leaves while the steps ring.
+    """
+
+    centre: Array
+    error: Array
+    freedom: Array
+    lines: tuple[tuple[str, str, Array], ...]
+    ringing: float
+
+    def estimate(self, index: int) -> Estimate:
+        """One of the numbers with its budget."""
+        name, unit = STATED[index]
+        is_log = unit != "s"
+        value = math.exp(self.centre[index]) if is_log else float(self.centre[index])
+        scale, relative = value if is_log else 1.0, float(self.error[index])
+        freedom = float(self.freedom[index])
+        # What these data cannot tell of the gear's law is in the statistical part as well: any bench would show it.
+        half = scale * math.hypot(
+            student_quantile(freedom) * relative,
+            *(NORMAL_COVERAGE_FACTOR * float(share[index]) for _, _, share in self.lines),
+        )
+        noise = BudgetLine(
+            "noise, and scatter between the steps",
+            "A",
+            relative * scale,
+            degrees_of_freedom=freedom,
+        )
+        lines = [
+            BudgetLine(source, "B", float(share[index]) * scale, note)
+            for source, note, share in self.lines
+            if share[index] > 0.0
+        ]
+        verdict, note = self._verdict(name, relative, half) if is_log else ("yes", "")
+        return Estimate(
+            name=name,
+            value=value,
+            unit=unit,
+            low=value - half,
+            high=value + half,
+            identifiable=verdict,
+            note=note,
+            budget=(noise, *lines),
+        )
+
+    def _verdict(self, name: str, relative: float, half: float) -> tuple[Identifiable, str]:
+        if name in WANTED:
+            if half > WANTED[name]:
+                note = f"the steps tell it within {half:.2g}, and {WANTED[name]:g} is asked for"
+                return ("weakly" if half <= 4.0 * WANTED[name] else "no"), note
+        elif relative > WEAK:
+            note = f"the steps tell it to {100.0 * relative:.0f} %"
+            return ("weakly" if relative <= POOR else "no"), note
+        if self.ringing > RINGS_ON:
+            note = f"while the steps ring the model leaves {self.ringing:.3g} times what it leaves later"
+            return "weakly", note
+        return "yes", ""
+
+
+def _lines(model: TorsionModel, centre: Array) -> list[tuple[str, str, Array]]:
+    """Type B: how much damping stiffens rests on the share of the compliance that is damped."""
+    bare = replace(model, relaxation=LEAST_RELAXATION).mode()[0]
+    stiffened = 2.0 * math.log(model.mode()[0] / bare)
+    doubt = np.zeros(len(centre))
+    doubt[0] = SHARE_DOUBT * abs(stiffened)
+    return [("share of the damped compliance", "of the parameter set", doubt)]
+
+
+def _unfitted_hysteresis(model: TorsionModel) -> Array:
+    """What a hysteresis that a rung leaves out may do to its numbers: relative standard uncertainties.
+
+    A Dahl element of stiffness s beside K that slides over a travel l has, at the amplitude x l, the damping ratio
+    zeta = 2 s x/(3 pi K), and softens from its smallest amplitudes by s x^2/(3 K) = (pi/2) zeta x, with x <= 1.
+    The damping beyond that of the bearing is the most that it can be; what is stated lies between none and all of it.
+    """
+    frequency, damping = model.mode()
+    lost = 0.5 * model.loss / frequency
+    uniform = 1.0 / math.sqrt(3.0)
+    softer = 0.5 * math.pi * lost * uniform
+    return np.array([softer, softer, 0.5 * softer, uniform * lost / damping, 0.0])
+
+
+def _ringing_left(problem: Problem, solution: Solution) -> float:
+    """How many times what a fit leaves long after the onset of the steps it leaves while they ring.
+
+    Noise is alike in both; a wrong mode leaves a ringing. 1 where no step lasts long enough to say.
+    """
+    early, late = np.zeros(2), np.zeros(2)
+    for step, normal, weight in zip(problem.steps, solution.normals, solution.weights, strict=True):
+        for sums, inside in (
+            (early, (step.stamps > 0.0) & (step.stamps < RINGS)),
+            (late, step.stamps > RUNG_DOWN),
+        ):
+            sums += float(weight) * np.array(
+                [np.sum(normal.residual[inside] ** 2), np.count_nonzero(inside)]
+            )
+    if not (early[1] and late[0]):
+        return 1.0
+    return math.sqrt(early[0] / early[1] / (late[0] / late[1]))
+
+
+def _between_answers(answers: Sequence[Solution], numbers: Callable[[Array], Array]) -> Array:
+    """Standard deviation of the numbers over several answers, each as likely as exp(-cost/2) has it."""
+    cost = np.array([a.robust_cost() for a in answers])
+    likely = np.exp(-0.5 * (cost - cost[0]))
+    stated = np.array([numbers(a.vector) for a in answers])
+    mean = likely @ stated / likely.sum()
+    return np.sqrt(likely @ (stated - mean) ** 2 / likely.sum())
+
+
+def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
+    """Derivatives of the stated numbers by those of the shape (numbers, p); none depends on the kinematic error."""
+    slopes = np.zeros((len(numbers(here)), len(here)))
+    for k in range(size):
+        h = np.zeros(len(here))
+        h[k] = 1e-4 if abs(here[k]) > 1e-2 else 1e-7
+        slopes[:, k] = (numbers(here + h) - numbers(here - h)) / (2.0 * h[k])
+    return slopes
+
+
+def _standard_error(solution: Solution, slopes: Array) -> tuple[Array, Array]:
+    """Standard error of each number, and its degrees of freedom.
+
+    What the noise of the samples gives and what the steps pull each their own way, as a root sum of squares: the
+    second holds the first once more, which stands for what the few steps of a run share.
+    """
+    white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes))
+    pulls = solution.influence() @ slopes.T
+    count = len(pulls)
+    square = (pulls**2).sum(axis=0)
+    between = np.sqrt(square * count / (count - 1))
+    effective = square**2 / np.maximum((pulls**4).sum(axis=0), 1e-300)
+    return np.hypot(white, between), np.clip(effective, 3.0, count - 1.0)

@@ -1,0 +1,238 @@
+"""The search for the rungs of the ladder: where each begins, and which of its answers is the best.
+
+Where an order of the kinematic error passes near the mode a spring has several answers; each start leads to one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from model.identify.checks import Array
+from model.identify.step_fit import (
+    BAD_STEP,
+    Problem,
+    Shape,
+    Solution,
+    StepArrays,
+    fit_all,
+    reweighted,
+)
+from model.identify.step_rungs import BEARING_TORQUE, FITTED, Expected, shapes_of
+from model.units import REVOLUTION
+
+SCANNED, SCAN_TIME = 6, 0.5
+"""Steps, and seconds of each, in which the first look for the mode is made."""
+KNOWN_WITHIN = 1.7
+"""Factor to either side of an expected frequency within which the mode is looked for."""
+LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
+EXPLAINED, SAME = 1.1, 1.001
+"""How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
+AWAY = (0.2, -0.2, 0.4, -0.4)
+"""Logarithms of the stiffness from the card's at which further searches begin."""
+LEAST_SEARCHES, SEARCHED = 2, 30_000
+"""Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
+SLIDING = ((0.05, 0.0), (0.2, -1.0))
+"""Where a hysteresis element begins: its stiffness over K/J_o, by which the spring is softer, and what is taken off
+the logarithm of the damping."""
+OTHERS, LOOKS = 30.0, 3
+"""Cost beyond the least within which another frequency of the first look is searched from, too."""
+BENT = 0.02
+"""Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
+PASSES, ROUNDS_PER_PASS = 4, 8
+"""How often the weights of the steps are looked at again, and rounds of Gauss-Newton between."""
+
+
+def climb(
+    problem: Problem, expected: Expected, noise: float, richest: str, period: float
+) -> dict[str, list[Solution]]:
+    """The answers of the rungs, the best first, each begun where the one below ended."""
+    still = np.zeros(2 * len(problem.basis))
+    frequencies = _first_look(problem, expected, noise, period)
+    shapes, added = shapes_of(expected, frequencies[0])
+    card = {**added["linear"], "stiffness": math.log(expected.stiffness)}
+    answers: dict[str, list[Solution]] = {}
+    few = max(1, SEARCHED // sum(len(step.stamps) for step in problem.steps))
+    for rung in FITTED[: FITTED.index(richest) + 1]:
+        card |= added[rung] if rung != "linear" else {}
+        around = [({**card, "stiffness": card["stiffness"] + away}, still) for away in AWAY]
+        if rung == "linear":
+            looks = [
+                ({**card, "stiffness": 2.0 * math.log(REVOLUTION * f)}, still) for f in frequencies
+            ]
+            starts, least = [*looks, (card, still), *around], len(looks)
+        elif rung == "hardening":
+            starts = [*_bends(answers["linear"][0], added[rung]), (card, still), *around]
+            least = 1
+        else:
+            starts = _slides(answers["hardening"][0], added, expected)
+            least = min(len(starts), few)
+        answers[rung] = _answers(problem, shapes[rung], starts, noise, least)
+    return answers
+
+
+def _slides(
+    below: Solution, added: Mapping[str, Mapping[str, float]], expected: Expected
+) -> list[tuple[dict[str, float], Array]]:
+    """Starts of the hysteresis rung beside a hardening spring: an element that takes over some or most of its loss.
+
+    A hardening spring alone bends by too little, or not at all, where a hysteresis softens it: it is begun again as
+    bent as the card says.
+    """
+    return [
+        (
+            {
+                **below.values,
+                **(added["hardening"] if is_bent else {}),
+                **added["hysteresis"],
+                "soft": math.log(share * expected.stiffness),
+                "stiffness": below.values["stiffness"] - share,
+                "damping": below.values["damping"] + less,
+            },
+            below.error,
+        )
+        for is_bent in (False, True)
+        for share, less in SLIDING
+    ]
+
+
+def _bends(linear: Solution, added: Mapping[str, float]) -> list[tuple[dict[str, float], Array]]:
+    """Starts of the hardening rung beside the linear spring: hardly bent, and bent as the card says."""
+    values, stiff = linear.values, linear.values["stiffness"]
+    hardly = {**values, **dict.fromkeys(added, BENT), "kink": 0.0}
+    return [(hardly, linear.error), ({**values, **added, "stiffness": stiff - BENT}, linear.error)]
+
+
+def _answers(
+    problem: Problem,
+    shape: Shape,
+    starts: Sequence[tuple[dict[str, float], Array]],
+    noise: float,
+    least_starts: int,
+) -> list[Solution]:
+    """The fits from several starts, the best first.
+
+    Where an order of the kinematic error passes near the mode, a spring has several answers, and each start leads
+    to one of them. After `least_starts` the search ends with an answer that leaves what counting does, or that two
+    starts lead to. The many speeds of a long run leave one answer: it is searched from fewer starts.
+    """
+    found: list[Solution] = []
+    samples = sum(len(step.stamps) for step in problem.steps)
+    # The linear rung of a gear that hardens is never explained: the next rung searches on.
+    fewest = LEAST_SEARCHES if "second" in shape.names else 1
+    most = max(fewest, least_starts, SEARCHED // samples)
+    for tried, (values, error) in enumerate(starts[:most], start=1):
+        one = _settled(problem, shape, values, error, noise)
+        found.append(one)
+        if (
+            "second" in shape.names
+            and "soft" not in shape.names
+            and float(np.min(one.weights)) < 0.9
+        ):
+            # Steps that were left aside may fit, once the others have found the spring.
+            ones = np.ones(len(problem.steps))
+            held = replace(shape, names=("bearing", "skew"))
+            only = fit_all(problem, held, one.values, one.error, noise=noise, weights=ones)
+            found.append(
+                fit_all(problem, shape, only.values, only.error, noise=noise, weights=ones)
+            )
+        found.sort(key=lambda s: s.robust_cost())
+        least = found[0].robust_cost()
+        if tried < least_starts:
+            continue
+        if least < EXPLAINED**2 * found[0].samples:
+            break
+        if len(found) > 1 and found[1].robust_cost() < SAME * least:
+            break
+    return found
+
+
+def _settled(
+    problem: Problem,
+    shape: Shape,
+    values: Mapping[str, float],
+    error: Array,
+    noise: float,
+    weights: Array | None = None,
+) -> Solution:
+    """A fit in which steps that fit badly count little: weights and numbers in turn until neither changes."""
+    if weights is None:
+        at_start = problem.normals(shape, values, error, gradient=False)
+        rms = np.array([n.rms for n in at_start])
+        weights = np.asarray(np.minimum(1.0, (BAD_STEP * np.median(rms) / rms) ** 4), dtype=float)
+    left = PASSES
+    while True:
+        solution = fit_all(
+            problem, shape, values, error, noise=noise, weights=weights, rounds=ROUNDS_PER_PASS
+        )
+        values, error, left = solution.values, solution.error, left - 1
+        wanted = reweighted(solution)
+        if not left or float(np.max(np.abs(wanted - weights))) < 0.05:
+            if solution.is_converged:
+                return solution
+            return fit_all(problem, shape, values, error, noise=noise, weights=weights)
+        weights = wanted
+
+
+def _first_look(problem: Problem, expected: Expected, noise: float, period: float) -> list[float]:
+    """The frequencies [Hz] at which the rises of the liveliest steps are explained best, kinematic error included.
+
+    The best first, then the other minima that leave no more than `OTHERS` beyond it, at most three in all.
+    """
+    lively = sorted(problem.steps, key=lambda s: -_liveliness(s))[:SCANNED]
+    basis = tuple(pair for pair in problem.basis if pair[1] == 0)
+    short = replace(problem, steps=tuple(_shortened(s) for s in lively), basis=basis)
+    low, high = LOWEST_HZ, HIGHEST_SHARE / period
+    if expected.is_known:
+        low = max(low, expected.frequency / KNOWN_WITHIN)
+        high = min(high, expected.frequency * KNOWN_WITHIN)
+    count = max(3, round(math.log(high / low) / 0.04))
+    error = np.zeros(2 * len(basis))
+    shape = Shape(names=("bearing", "skew"))
+    trials: list[tuple[float, float]] = []
+    for frequency in np.geomspace(low, high, count):
+        values = {
+            "stiffness": 2.0 * math.log(REVOLUTION * frequency),
+            "damping": math.log(0.03),
+            "bearing": 0.0,
+            "skew": 0.0,
+        }
+        normals = short.normals(shape, values, error)
+        total = sum((n.matrix for n in normals), np.zeros_like(normals[0].matrix))
+        pull = sum((n.gradient for n in normals), np.zeros_like(normals[0].gradient))
+        widths = np.array(
+            [BEARING_TORQUE / expected.inertia, 2e-3, *np.full(len(error), problem.error_width)]
+        )
+        total = total + np.diag((noise / widths) ** 2)
+        left = sum(n.square for n in normals) - float(pull @ np.linalg.solve(total, pull))
+        trials.append((left / noise**2, float(frequency)))
+    cost = np.array([math.inf, *(left for left, _ in trials), math.inf])
+    low_points = (cost[1:-1] <= cost[:-2]) & (cost[1:-1] <= cost[2:])
+    near = sorted(trial for trial, low_point in zip(trials, low_points, strict=True) if low_point)
+    return [f for left, f in near if left < near[0][0] + OTHERS][:LOOKS]
+
+
+def _liveliness(step: StepArrays) -> float:
+    """How hard a step pulls: the largest change of speed of theta_i/N within 5 ms."""
+    width = max(1, round(5e-3 / step.interval))
+    speed = np.diff(step.rigid)
+    return float(np.max(np.abs(speed[width:] - speed[:-width])))
+
+
+def _shortened(step: StepArrays) -> StepArrays:
+    """The first half second of a step."""
+    rows = int(np.searchsorted(step.fine, SCAN_TIME))
+    samples = int(np.searchsorted(step.stamps, SCAN_TIME - 3e-3))
+    return replace(
+        step,
+        fine=step.fine[:rows],
+        rigid=step.rigid[:rows],
+        whole=np.ascontiguousarray(step.whole[:, :, :rows]),
+        slow=np.ascontiguousarray(step.slow[:, :, :rows]),
+        stamps=step.stamps[:samples],
+        measured=step.measured[:samples],
+        own=step.own[:samples],
+    )

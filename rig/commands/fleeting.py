@@ -1,0 +1,272 @@
+"""`rig fleet`: thousands of runs fitted in parallel, asked as one table, simulated as a production."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.commands.analysis import Json, NoTare, Settings, settings_of
+from rig.commands.fleet_report import report
+from rig.commands.judgement import AcceptanceFile
+from rig.commands.terminal import echo, print_json
+from rig.commands.worlds import PopulationName
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rig.fleet.fit import FleetReport
+    from rig.fleet.questions import Answer
+
+fleet = typer.Typer(
+    name="fleet",
+    no_args_is_help=True,
+    help="Thousands of runs: fitted in parallel, asked as one table, simulated as a production.",
+)
+Workers = Annotated[
+    int,
+    typer.Option(
+        "--workers", min=0, metavar="N", help="Processes of this computer; 0: this one alone."
+    ),
+]
+Scheduler = Annotated[
+    str,
+    typer.Option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="A cluster that is there already: tcp://host:port of its dask scheduler.",
+    ),
+]
+SHOWN = 10
+"""Failures that a terminal shows; the table has all."""
+
+
+@fleet.callback()
+def _group() -> None:
+    """Thousands of runs: fitted in parallel, asked as one table, simulated as a production."""
+
+
+@fleet.command("fit")
+def fit(
+    names: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="DIR|GLOB|LIST...",
+            help="Folders of runs, patterns, lists (.txt, a path a line) or run files.",
+        ),
+    ],
+    kind: Annotated[
+        str,
+        typer.Option(metavar="KIND", help="Kind of fit instead of that of each run's protocol."),
+    ] = "",
+    workers: Workers = 0,
+    scheduler: Scheduler = "",
+    mapped: Annotated[
+        str,
+        typer.Option(
+            "--map", metavar="FROM=TO", help="Under which other path workers see the runs."
+        ),
+    ] = "",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the results; fleet-results in the first folder."
+        ),
+    ] = None,
+    no_tare: NoTare = False,
+    setting: Settings = None,
+    acceptance: AcceptanceFile = "",
+    stored: Annotated[
+        bool,
+        typer.Option("--store", help="Keep each analysis beside its run too, as `rig fit` does."),
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Fit every run that is not fitted yet, and keep the results as one table (Parquet).
+
+    The same fit as `rig fit`, each run with its tare. What is done is not done again, what rests on something that
+    changed is. A run that cannot be read or analysed is a row with its reason. Ctrl-C keeps all that is done.
+    The exit code is 0 whatever the verdicts: they stand in the table; 6 where no run at all could be analysed.
+    """
+    from rig import exits
+    from rig.commands.fleet_progress import telling
+    from rig.fleet.engine import Crew
+    from rig.fleet.fit import FleetOrder, fit_fleet
+    from rig.fleet.work import PathMap
+
+    order = FleetOrder(
+        names=names,
+        kind=kind,
+        settings=settings_of(setting),
+        no_tare=no_tare,
+        acceptance=acceptance,
+        crew=Crew(workers=workers, scheduler=scheduler),
+        output=output,
+        mapped=PathMap.of(mapped) if mapped else PathMap(),
+        stored=stored,
+    )
+    with telling() as tell:
+        report = fit_fleet(order, tell)
+    if json:
+        print_json(report.as_json())
+    else:
+        _print_report(report)
+    none = len(report.failed) == report.runs
+    raise typer.Exit(exits.ERROR if none else exits.DONE)
+
+
+def _print_report(report: FleetReport) -> None:
+    echo(
+        f"{report.runs} runs: {report.fitted} fitted, {report.reused} done before, {len(report.failed)} failed"
+    )
+    _print_failures(report.failed)
+    echo(f"results in {report.output}: rig fleet query spread --results {report.output}")
+
+
+def _print_failures(failed: Sequence[tuple[str, str]]) -> None:
+    for run, reason in failed[:SHOWN]:
+        echo(f"  {run}: {reason}")
+    if len(failed) > SHOWN:
+        echo(f"  and {len(failed) - SHOWN} more")
+
+
+@fleet.command("simulate")
+def simulate(
+    gears: Annotated[int, typer.Option(min=1, help="How many gears are made.")],
+    output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the production.")],
+    benches: Annotated[int, typer.Option(min=1, help="On how many benches, in turn.")] = 1,
+    protocols: Annotated[
+        str, typer.Option(metavar="NAME,...", help="By which protocols each gear is measured.")
+    ] = "home,friction",
+    population: PopulationName = "narrow",
+    seed: Annotated[int, typer.Option(min=0, help="Other gears and benches for another one.")] = 0,
+    per_day: Annotated[
+        int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")
+    ] = 20,
+    sample_rate: Annotated[
+        float,
+        typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz]."),
+    ] = 250.0,
+    short: Annotated[
+        bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
+    ] = False,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="PROTOCOL.NAME=VALUE",
+            help="A parameter of a protocol: friction.points=10.",
+        ),
+    ] = None,
+    workers: Workers = 0,
+    scheduler: Scheduler = "",
+    json: Json = False,
+) -> None:
+    """Simulate the production of a factory: gears on benches, day by day, with its truth in truth.parquet.
+
+    The same order makes the same runs again, whoever makes them; days that are there are not made again.
+    The runs are those of `rig run` on the simulated rig: for teaching, load tests, planning. They prove no gear.
+    """
+    from rig import exits
+    from rig.commands.fleet_progress import telling
+    from rig.fleet.engine import Crew
+    from rig.fleet.fit import require_packages
+    from rig.fleet.simulate import Production, simulate_fleet
+
+    crew = Crew(workers=workers, scheduler=scheduler)
+    require_packages("pyarrow", *(() if crew.is_this_process else ("distributed",)))
+    production = Production(
+        folder=output,
+        gears=gears,
+        benches=benches,
+        protocols=tuple(name.strip() for name in protocols.split(",") if name.strip()),
+        population=population,  # type: ignore[arg-type]
+        seed=seed,
+        per_day=per_day,
+        sample_rate=sample_rate,
+        short=short,
+        values=_by_protocol(setting),
+    )
+    with telling() as tell:
+        report = simulate_fleet(production, crew, on_progress=tell)
+    if json:
+        print_json(report.as_json())
+    else:
+        echo(
+            f"{report.runs} runs: {report.made} made, {report.reused} there before, {len(report.failed)} failed"
+        )
+        _print_failures(report.failed)
+        echo(f"fit them: rig fleet fit {report.output} --acceptance demonstration")
+    raise typer.Exit(exits.ERROR if len(report.failed) == report.runs else exits.DONE)
+
+
+def _by_protocol(pairs: list[str] | None) -> dict[str, dict[str, Any]]:
+    """PROTOCOL.NAME=VALUE pairs, by protocol."""
+    values: dict[str, dict[str, Any]] = {}
+    for pair in pairs or ():
+        protocol, dot, rest = pair.partition(".")
+        if not dot:
+            raise typer.BadParameter(f"{pair!r} is not PROTOCOL.NAME=VALUE", param_hint="--set")
+        values.setdefault(protocol, {}).update(settings_of([rest]))
+    return values
+
+
+fleet.command("report")(report)
+
+
+@fleet.command("query")
+def query(
+    question: Annotated[
+        str,
+        typer.Argument(
+            metavar="QUESTION|SQL",
+            help="spread, benches, drift, capability, worst; or SQL over the table `results`.",
+        ),
+    ],
+    results: Annotated[
+        Path | None,
+        typer.Option(
+            "--results", metavar="DIR", help="Folder of results, or of the runs with them."
+        ),
+    ] = None,
+    csv: Annotated[bool, typer.Option("--csv", help="Print the answer as CSV.")] = False,
+    json: Json = False,
+) -> None:
+    """Ask the results of a fleet: a ready question by its name, or SQL (DuckDB) over the table `results`."""
+    from rig.fleet.fit import require_packages
+    from rig.fleet.questions import ask, results_folder
+
+    require_packages("pyarrow", "duckdb")
+    answer = ask(results_folder(results), question)
+    if json:
+        print_json(answer.as_json())
+    elif csv:
+        _print_csv(answer)
+    else:
+        _print_answer(answer)
+
+
+def _print_answer(answer: Answer) -> None:
+    """Every column at its whole width: a terminal that is narrower breaks lines, and a pager need not."""
+    cells = [answer.columns, *([_cell(value) for value in row] for row in answer.rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    for line in cells:
+        echo("  ".join(map(str.ljust, line, widths)).rstrip())
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "–"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+def _print_csv(answer: Answer) -> None:
+    import csv
+    import io
+
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(answer.columns)
+    writer.writerows(answer.rows)
+    echo(text.getvalue().rstrip("\n"))

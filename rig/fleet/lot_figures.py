@@ -1,0 +1,116 @@
+"""Figures of a lot: how a quantity is distributed against its limits, and what was measured when on which bench."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+
+from experiments.result import Plot, Series
+from rig.fleet.lot_quantity import LotQuantity
+
+MOST_BENCHES = 8
+"""Benches that a figure tells apart by colour; more stand together."""
+SECONDS_PER_DAY = 86400.0
+
+
+def axis_of(one: LotQuantity) -> str:
+    """The label of a quantity's axis, with its unit."""
+    _, unit = one.shown_in
+    return f"{one.title} [{unit}]" if unit else one.title
+
+
+def distribution(one: LotQuantity) -> Plot:
+    """How many gears lie where, with the limits; bins by Freedman and Diaconis."""
+    factor, _ = one.shown_in
+    values = np.array([row.value for row in one.measured], dtype=float) / factor
+    counts, edges = np.histogram(values, bins=_edges(values))
+    top = float(counts.max(initial=1))
+    # A staircase that begins and ends at zero: the outline of the bars.
+    x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(counts, 2), [0.0]))
+    series = [Series(label="gears", x=x, y=y, style="line")]
+    series += [
+        Series(
+            label=f"{side} limit",
+            x=np.full(2, value / factor),
+            y=np.array([0.0, top]),
+            style="line",
+            role="limit",
+        )
+        for side, value in _limits(one)
+    ]
+    return Plot(
+        name=f"{one.kind}.{one.name}.distribution",
+        title=f"{one.title}: distribution",
+        x_label=axis_of(one),
+        y_label="gears",
+        series=tuple(series),
+        note=f"{len(values)} gears.",
+    )
+
+
+def over_time(one: LotQuantity) -> Plot | None:
+    """The values with their U over the days of the lot, by bench; None where nobody knows when they were measured."""
+    rows = [row for row in one.measured if row.started is not None]
+    if not rows:
+        return None
+    factor, _ = one.shown_in
+    starts = [row.started for row in rows if row.started is not None]
+    first = min(starts)
+    benches = sorted({row.bench for row in rows})
+    series = []
+    for group, bench in enumerate(benches if len(benches) <= MOST_BENCHES else [None]):
+        here = [row for row in rows if bench is None or row.bench == bench]
+        values = np.array([row.value for row in here], dtype=float) / factor
+        doubt = np.array([row.expanded_uncertainty or 0.0 for row in here]) / factor
+        series.append(
+            Series(
+                label="all benches" if bench is None else f"bench {bench or 'not stated'}",
+                x=np.array([_days(row.started, first) for row in here]),
+                y=values,
+                low=values - doubt,
+                high=values + doubt,
+                style="points",
+                group=group,
+            )
+        )
+    last = max(_days(start, first) for start in starts)
+    series += [
+        Series(
+            label=f"{side} limit",
+            x=np.array([0.0, max(last, 1e-3)]),
+            y=np.full(2, value / factor),
+            style="line",
+            role="limit",
+        )
+        for side, value in _limits(one)
+    ]
+    return Plot(
+        name=f"{one.kind}.{one.name}.time",
+        title=f"{one.title}: over time",
+        x_label=f"days since {datetime.fromtimestamp(first, UTC).date().isoformat()} (UTC)",
+        y_label=axis_of(one),
+        series=tuple(series),
+        note="Bars: U (95 %).",
+    )
+
+
+def _edges(values: np.ndarray) -> np.ndarray:
+    if values.size < 2 or float(np.ptp(values)) == 0.0:
+        width = max(abs(float(values[0])) * 0.01, 1e-9) if values.size else 1.0
+        middle = float(values[0]) if values.size else 0.0
+        return np.array([middle - width, middle + width])
+    edges = np.histogram_bin_edges(values, bins="fd")
+    return edges if 4 <= len(edges) <= 60 else np.linspace(values.min(), values.max(), 21)
+
+
+def _limits(one: LotQuantity) -> list[tuple[str, float]]:
+    if one.limits is None or one.limits.conflict:
+        return []
+    sides = (("lower", one.limits.lower), ("upper", one.limits.upper))
+    return [(side, value) for side, value in sides if value is not None]
+
+
+def _days(started: float | None, first: float) -> float:
+    assert started is not None
+    return (started - first) / SECONDS_PER_DAY

@@ -1,0 +1,188 @@
+"""What a lot is judged by, read from the results: of every gear the newest analysed run of each kind, nothing else.
+
+The same choice as `rig.analysis.newest` makes for one gear: lot, passport and certificate speak of the same runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from experiments import catalogue
+from experiments.quantity import Quantity, quantity_of
+from rig.errors import ConfigurationError
+from rig.fleet.questions import connected
+from rig.library.listed import COUNTED_OUTCOMES
+
+NO_SERIAL = ("", "unknown")
+"""What stands for a gear that nobody named: of several such runs nobody knows whether they are of one gear."""
+
+
+class LotRow(NamedTuple):
+    """One quantity of the newest run of a gear; what is not known is None. `started` in s since 1970, UTC."""
+
+    gear: str
+    part: str
+    bench: str
+    operator: str
+    started: float | None
+    kind: str
+    quantity: str
+    family: str
+    title: str
+    value: float | None
+    unit: str
+    expanded_uncertainty: float | None
+    identifiable: str
+    limit_value: float | None
+    limit_is: str
+    limit_source: str
+    verdict: str
+    reason: str
+    acceptance: str
+    run: str
+    run_file: str
+
+    @property
+    def is_measured(self) -> bool:
+        """Whether there is a number that the data determined."""
+        return self.value is not None and self.identifiable != "no"
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether it was held against a limit that counts."""
+        return self.verdict not in ("", "NOT JUDGED") and self.value is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LotData:
+    """Rows of the gears of one origin; what else there is in the results, in numbers.
+
+    `failures`: gear, run and reason of every run that could not be analysed; `unfinished`: gear, run
+    and outcome of runs that were broken off. `other_origins`: gears by other origins, left out.
+    """
+
+    folder: Path
+    origin: str
+    gears: tuple[str, ...]
+    rows: tuple[LotRow, ...]
+    runs: int
+    nameless_runs: int
+    failures: tuple[tuple[str, str, str], ...]
+    unfinished: tuple[tuple[str, str, str], ...]
+    other_origins: tuple[tuple[str, int], ...]
+
+
+def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
+    """The lot in a folder of results: of one origin (hardware alone where there is any) and, if asked, one part.
+
+    Raises `ConfigurationError` where there is no gear of it.
+    """
+    with connected(folder) as connection:
+
+        def rows_of(sql: str, *values: Any) -> list[tuple[Any, ...]]:
+            return connection.execute(sql, list(values)).fetchall()
+
+        where = "(part = ? OR ? = '')"
+        counted = rows_of(
+            f"SELECT origin, count(DISTINCT gear) FROM results WHERE {where} GROUP BY origin ORDER BY origin",
+            part,
+            part,
+        )
+        gears_by_origin = {str(word or ""): int(count) for word, count in counted}
+        chosen = origin or _counted(gears_by_origin)
+        connection.execute(
+            f"CREATE TABLE here AS SELECT * FROM results WHERE coalesce(origin, '') = ? AND {where}"
+            f" AND kind IN (SELECT unnest(?))",
+            [chosen, part, part, list(kinds_of_gears())],
+        )
+        named = "gear IS NOT NULL AND gear NOT IN ('', 'unknown')"
+        gears = rows_of(f"SELECT DISTINCT gear FROM here WHERE {named} ORDER BY gear")
+        if not gears:
+            raise ConfigurationError(
+                "hold no gear of this lot",
+                where=str(folder),
+                value=" ".join(word for word in (chosen, part) if word) or None,
+                limit=", ".join(word for word in gears_by_origin if word),
+                remedy='Look with `rig fleet query "SELECT DISTINCT gear, origin, part FROM results"`.',
+            )
+        runs = rows_of(f"SELECT count(DISTINCT run_file) FROM here WHERE {named}")[0][0]
+        nameless = rows_of(f"SELECT count(DISTINCT run_file) FROM here WHERE NOT ({named})")[0][0]
+        failures = rows_of(
+            f"SELECT DISTINCT gear, coalesce(run, run_file), failure FROM here"
+            f" WHERE {named} AND failure <> '' ORDER BY ALL"
+        )
+        unfinished = rows_of(
+            f"SELECT DISTINCT gear, run, outcome FROM here WHERE {named} AND failure = ''"
+            f" AND outcome NOT IN (SELECT unnest(?)) ORDER BY ALL",
+            list(COUNTED_OUTCOMES),
+        )
+        rows = rows_of(_newest_sql(named), list(COUNTED_OUTCOMES), *_key_families())
+    return LotData(
+        folder=folder,
+        origin=chosen,
+        gears=tuple(gear for (gear,) in gears),
+        rows=tuple(LotRow(*row) for row in rows),
+        runs=runs,
+        nameless_runs=nameless,
+        failures=tuple((g, r, f) for g, r, f in failures),
+        unfinished=tuple((g, r, o) for g, r, o in unfinished),
+        other_origins=tuple((o, n) for o, n in gears_by_origin.items() if o != chosen),
+    )
+
+
+def _newest_sql(named: str) -> str:
+    """The rows of the newest whole run of every gear and kind that a lot looks at: judged ones, and key quantities."""
+    columns = ", ".join(
+        f"coalesce({name}, '')" if LotRow.__annotations__[name] == "str" else name
+        for name in LotRow._fields
+    )
+    # Seconds: for a time with its zone DuckDB needs one more package.
+    columns = columns.replace("started", "epoch(started)")
+    return f"""
+WITH newest AS (
+    SELECT gear, kind, arg_max(run_file, (coalesce(started, TIMESTAMPTZ '1970-01-01'), run_file)) AS run_file
+    FROM here WHERE {named} AND failure = '' AND outcome IN (SELECT unnest(?)) GROUP BY gear, kind
+), key_families AS (SELECT unnest(?) AS kind, unnest(?) AS family)
+SELECT {columns} FROM here SEMI JOIN newest USING (gear, kind, run_file)
+WHERE NOT is_metric AND quantity <> ''
+  AND (verdict <> '' OR (kind, family) IN (SELECT (kind, family) FROM key_families))
+ORDER BY kind, quantity, gear
+"""
+
+
+def kinds_of_gears() -> tuple[str, ...]:
+    """The kinds of analysis that are of a gear: not those of a bare motor, and none without a protocol."""
+    return tuple(name for name in catalogue.names() if catalogue.load(name).gear_mounted)
+
+
+def _key_families() -> tuple[list[str], list[str]]:
+    """Kind and name of every quantity that a reader looks for first."""
+    pairs = [
+        (kind, quantity.name)
+        for kind in kinds_of_gears()
+        for quantity in catalogue.load(kind).quantities
+        if quantity.is_key
+    ]
+    return [kind for kind, _ in pairs], [family for _, family in pairs]
+
+
+def declared_quantity(row: LotRow) -> Quantity:
+    """What its protocol declares of the quantity of a row; what stands in the row of one that it no longer declares."""
+    experiment = catalogue.declared(row.kind)
+    found = quantity_of(experiment.quantities, row.quantity) if experiment is not None else None
+    return found or Quantity(name=row.quantity, title=row.title or row.quantity, unit=row.unit)
+
+
+def _counted(gears_by_origin: dict[str, int]) -> str:
+    """Hardware alone where there is any; otherwise the origin of most gears."""
+    if "hardware" in gears_by_origin or not gears_by_origin:
+        return "hardware"
+    return max(gears_by_origin, key=lambda word: gears_by_origin[word])
+
+
+def values_of(rows: Sequence[LotRow]) -> list[float]:
+    """The measured values."""
+    return [row.value for row in rows if row.value is not None and row.is_measured]

@@ -1,0 +1,303 @@
+"""A simulated production: gears, measured on benches, day by day, by the same engine that runs one; with its truth.
+
+    DIR/bench-01/day-001/00001-motor_tare-bench_01.h5      the tare of the day, where a protocol takes one
+                         00002-home-G_00001.h5 ...         every gear of the day, protocol by protocol
+    DIR/truth.parquet                                      what each rig was made of, a row per run and number
+
+One day of one bench is one piece of work, made whole or not at all, and what is made is not made again. Gears go to
+the benches in turn. Everything follows from the seed and the calendar of the order: the same order makes the same runs,
+whoever makes them and in which order.
+"""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import UTC, date, datetime, timedelta
+from datetime import time as clock_time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments import catalogue
+from model.errors import WordedError
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.analysis.tare import takes_tare, tare_kind
+from rig.bench.backends.assembly import WorldChoice
+from rig.errors import ConfigurationError
+from rig.fleet.engine import Crew, Errand, at_work
+from rig.fleet.progress import Progress
+from rig.fleet.questions import TRUTH_NAME
+from rig.fleet.truth import gather_truth, keep_truth
+from rig.run.latch import TripLatch
+from rig.run.start import RunRequest, run_request
+
+if TYPE_CHECKING:
+    from rig.run.order import RunReport
+
+OPERATOR = "rig fleet simulate"
+MAKING = ".making"
+"""Where a day is made before it has its name."""
+FIRST_HOUR = clock_time(8, 0, tzinfo=UTC)
+BETWEEN_RUNS = 60.0
+"""s from the end of one run to the start of the next."""
+SEEDS_PER_ORDER = 1_000_000
+"""Gears and benches of one seed: those of the next have other numbers."""
+SHORT: Mapping[str, Mapping[str, Any]] = {
+    "motor-tare": {"points": 6, "lowest_rpm": 60.0, "measure_time": 0.2, "settle_time": 0.2},
+    "friction": {
+        "points": 8,
+        "lowest_rpm": 60.0,
+        "measure_time": 0.2,
+        "settle_time": 0.2,
+        "up_and_down": False,
+    },
+    "home": {"input_passes": 1, "input_speed_rpm": 30.0, "output_speed_rpm": 120.0},
+    "kinematic-error": {"speed_rpm": 61.8},
+    "starting-torque": {"positions": 4},
+    "velocity-steps": {"repeats": 1, "duration": 0.1, "speeds_rpm": (300.0, 600.0, 1000.0)},
+    "warm-up": {"window": 5.0, "at_most": 60.0},
+}
+"""Parameters with which a run of each protocol is short: for teaching and load tests, with wider uncertainties."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Production:
+    """What is asked for: so many gears on so many benches, by these protocols, `per_day` gears a day on each bench.
+
+    `values` are parameters by protocol, beside those of `SHORT` where it is `short`.
+    """
+
+    folder: Path
+    gears: int
+    benches: int = 1
+    protocols: tuple[str, ...] = ("home", "friction")
+    population: str = "narrow"
+    seed: int = 0
+    per_day: int = 20
+    first_day: date = date(2026, 1, 5)
+    sample_rate: float = 250.0
+    short: bool = False
+    values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("gears", "benches", "per_day"):
+            value = getattr(self, name)
+            if not 1 <= value < SEEDS_PER_ORDER:
+                raise ConfigurationError(
+                    "is no production",
+                    where=f"--{name.replace('_', '-')}",
+                    value=value,
+                    limit=f"1 to {SEEDS_PER_ORDER - 1}",
+                )
+        for protocol in (*self.protocols, *self.values):
+            if not catalogue.entry(protocol).has_plan:
+                raise ConfigurationError(
+                    "makes no run", where="--protocols", value=protocol, limit="a protocol"
+                )
+
+    def parameters(self, protocol: str) -> dict[str, Any]:
+        """The values with which a protocol is run."""
+        short = {"zero_time": 0.5, **SHORT.get(protocol, {})} if self.short else {}
+        return {**short, **self.values.get(protocol, {})}
+
+
+@dataclass(frozen=True)
+class BenchDay:
+    """One day of one bench: which gears it measures."""
+
+    bench: int
+    day: int
+    gears: tuple[int, ...]
+    kind: str = "day"
+
+    @property
+    def name(self) -> str:
+        """Its folder, as seen from that of the production."""
+        return f"bench-{self.bench:02d}/day-{self.day:03d}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Made:
+    """What came of some days: runs that were brought to their end, and those that were not, each with its reason."""
+
+    runs: int = 0
+    failed: tuple[tuple[str, str], ...] = ()
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProductionReport:
+    """What a production made; `reused` runs were there already."""
+
+    output: Path
+    runs: int
+    made: int
+    reused: int
+    failed: tuple[tuple[str, str], ...]
+
+    def as_json(self) -> dict[str, Any]:
+        """The object that `rig fleet simulate --json` prints."""
+        return {
+            "runs": self.runs,
+            "made": self.made,
+            "reused": self.reused,
+            "failed": [{"run": run, "reason": reason} for run, reason in self.failed],
+            "output": str(self.output),
+            "truth": str(self.output / TRUTH_NAME),
+        }
+
+
+def days_of(production: Production) -> list[BenchDay]:
+    """The days of all benches: gear 1 to bench 1, gear 2 to bench 2, and so on in turn."""
+    days = []
+    for bench in range(1, production.benches + 1):
+        gears = range(bench, production.gears + 1, production.benches)
+        for day, first in enumerate(range(0, len(gears), production.per_day), 1):
+            days.append(BenchDay(bench, day, tuple(gears[first : first + production.per_day])))
+    return sorted(days, key=lambda one: (one.day, one.bench))
+
+
+def simulate_fleet(
+    production: Production,
+    crew: Crew = Crew(),
+    *,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
+    now: Callable[[], float] = time.monotonic,
+) -> ProductionReport:
+    """Make the days that are not made yet, and gather their truth. The workers must see the same folder.
+
+    Raises `ConfigurationError` for a production that cannot be, `RigError` where nothing can be written.
+    """
+    began = now()
+    days = days_of(production)
+    there = [day for day in days if (production.folder / day.name).is_dir()]
+    wanted = [day for day in days if day not in set(there)]
+    each = {day: len(list(_runs_of(production, day))) for day in days}
+    reused = sum(each[day] for day in there)
+    made, failed = 0, []
+
+    def tell() -> None:
+        done = reused + made + len(failed)
+        seconds = now() - began
+        on_progress(
+            Progress(
+                runs=sum(each.values()),
+                done=done,
+                reused=reused,
+                failed=len(failed),
+                seconds=seconds,
+            )
+        )
+
+    production.folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(production.folder / MAKING, ignore_errors=True)
+    tell()
+    errand = Errand(partial(make_days, production), _lost)
+    with at_work(crew) as hands:
+        for _, outcome in hands.outcomes(errand, wanted):
+            made += outcome.runs
+            failed += outcome.failed
+            tell()
+    shutil.rmtree(production.folder / MAKING, ignore_errors=True)
+    gather_truth(production.folder, [production.folder / day.name for day in days])
+    return ProductionReport(
+        output=production.folder,
+        runs=sum(each.values()),
+        made=made,
+        reused=reused,
+        failed=tuple(sorted(failed)),
+    )
+
+
+def make_days(production: Production, days: Sequence[BenchDay]) -> Made:
+    """Some days of benches, one after the other."""
+    began = time.perf_counter()
+    runs, failed = 0, []
+    for day in days:
+        good, bad = _make_day(production, day)
+        runs += good
+        failed += bad
+    return Made(runs=runs, failed=tuple(failed), seconds=time.perf_counter() - began)
+
+
+def _lost(day: BenchDay, reason: str) -> Made:
+    return Made(failed=((day.name, reason),))
+
+
+def _runs_of(production: Production, day: BenchDay) -> Iterator[tuple[str, str, int]]:
+    """Protocol, serial number and gear of every run of a day, in its order."""
+    if tare_kind() not in production.protocols and any(map(takes_tare, production.protocols)):
+        yield tare_kind(), f"bench-{day.bench:02d}", 0
+    for gear in day.gears:
+        for protocol in production.protocols:
+            yield protocol, f"G-{gear:05d}", gear
+
+
+def _make_day(production: Production, day: BenchDay) -> tuple[int, list[tuple[str, str]]]:
+    making = production.folder / MAKING / day.name
+    shutil.rmtree(making, ignore_errors=True)
+    making.mkdir(parents=True)
+    moment = datetime.combine(production.first_day, FIRST_HOUR) + timedelta(days=day.day - 1)
+    good, bad = 0, []
+    for protocol, serial, gear in _runs_of(production, day):
+        request = _request(
+            production, day, making=making, moment=moment, turned=(protocol, serial, gear)
+        )
+        where = f"{day.name}/{serial} {protocol}"
+        try:
+            report = run_request(request, ask=lambda prompt: "simulated")
+        except WordedError as error:
+            bad.append((where, str(error)))
+            continue
+        moment += timedelta(seconds=report.rows / production.sample_rate + BETWEEN_RUNS)
+        if report.outcome == "COMPLETED":
+            good += 1
+        else:
+            bad.append((where, f"{report.outcome}: {report.message}"))
+            _acknowledge(report, making, moment)
+    keep_truth(making, day.name)
+    final = production.folder / day.name
+    final.parent.mkdir(parents=True, exist_ok=True)
+    making.rename(final)
+    return good, bad
+
+
+def _acknowledge(report: RunReport, folder: Path, moment: datetime) -> None:
+    """A bench of a simulated production goes on after a trip, by the name of who simulates it."""
+    if report.trip is not None:
+        TripLatch(folder).acknowledge(OPERATOR, moment.isoformat(), "simulated production")
+
+
+def _request(
+    production: Production,
+    day: BenchDay,
+    *,
+    making: Path,
+    moment: datetime,
+    turned: tuple[str, str, int],
+) -> RunRequest:
+    protocol, serial, gear = turned
+    first = production.seed * SEEDS_PER_ORDER
+    world: dict[str, Any] = {
+        "gear_seed": first + gear,
+        "bench_seed": first + day.bench,
+        "day": day.day,
+        "population": production.population,
+    }
+    return RunRequest(
+        protocol=protocol,
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=making,
+        values=production.parameters(protocol),
+        gear_serial=serial,
+        operator=OPERATOR,
+        seed=first + day.bench,
+        world=WorldChoice(**world),
+        sample_rate=production.sample_rate,
+        calendar_ns=round(moment.timestamp()) * 1_000_000_000,
+    )

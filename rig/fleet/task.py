@@ -1,0 +1,195 @@
+"""What a worker does: it takes the paths of some runs and gives back their rows; the data stay where they are.
+
+    path -> footing (kind, tare, gear) -> key -> known already?  else fit -> verdict -> rows
+
+A run that cannot be read or analysed gives one row with the reason. The key of a run is a hash of all that its rows
+rest on: the bytes of run and tare, what the analysed tare says, the gear's set, settings, version of the analysis,
+acceptance file. The same key gives the same rows, so that a run whose key is known is not analysed again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments import catalogue
+from rig.analysis.fit_run import Choices, Footing, footing_of
+from rig.analysis.gear_set import set_sha256
+from rig.analysis.judging import judge_run
+from rig.fleet.neighbours import Neighbours, digest, neighbours_of
+from rig.fleet.results import SCHEMA_VERSION, Row
+from rig.fleet.rows import failure_of, row_of_failure, rows_of_fit, settings_part
+from rig.fleet.table import table_bytes
+from rig.runfile.read import close_recording
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+
+KEY_LENGTH = 32
+"""Hexadecimal digits of a key: 128 bits."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """What is the same for all runs: `name` tells one job from the next, `created` is its calendar time (ISO 8601).
+
+    `kind` is "" where the kind follows from the protocol, `acceptance` "" where it follows from the gear's card.
+    `stored`: the analysis is also kept beside its run, as `rig fit` does.
+    """
+
+    name: str
+    created: str
+    kind: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    no_tare: bool = False
+    acceptance: str = ""
+    stored: bool = False
+
+
+@dataclass(frozen=True)
+class RunTask:
+    """One run to be looked at: how the table names it, where the worker finds it, and what is known of it."""
+
+    run_file: str
+    path: str
+    kind: str
+    surroundings: str
+    known_key: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Done:
+    """What came of some runs: their rows as the bytes of a Parquet file (none where all were known), and the counts.
+
+    `failed` are run file and reason; `fit_seconds` is the part of `seconds` that the analyses themselves took, from
+    opening the run to closing it.
+    """
+
+    rows: bytes = b""
+    fitted: tuple[str, ...] = ()
+    reused: tuple[str, ...] = ()
+    failed: tuple[tuple[str, str], ...] = ()
+    seconds: float = 0.0
+    fit_seconds: float = 0.0
+
+
+def fit_runs(
+    job: Job, tasks: Sequence[RunTask], now: Callable[[], float] = time.perf_counter
+) -> Done:
+    """Analyse some runs one after the other."""
+    began, spent = now(), 0.0
+    neighbours = neighbours_of(job.name, job.created)
+    rows: list[Row] = []
+    fitted, reused, failed = [], [], []
+    for task in tasks:
+        one = _Analysis(job, task, neighbours, now)
+        rows += one.rows()
+        spent += one.fit_seconds
+        if one.error is not None:
+            failed.append((task.run_file, failure_of(one.error)))
+        elif one.is_known:
+            reused.append(task.run_file)
+        else:
+            fitted.append(task.run_file)
+    return Done(
+        rows=table_bytes(rows) if rows else b"",
+        fitted=tuple(fitted),
+        reused=tuple(reused),
+        failed=tuple(failed),
+        seconds=now() - began,
+        fit_seconds=spent,
+    )
+
+
+def lost(task: RunTask, reason: str) -> Done:
+    """What is told of a run that no worker survived."""
+    shared = {
+        "run_file": task.run_file,
+        "kind": task.kind,
+        "surroundings": task.surroundings,
+        "key": "",
+    }
+    row = row_of_failure(shared, KilledWorker(reason), None)
+    return Done(rows=table_bytes([row]), failed=((task.run_file, reason),))
+
+
+class KilledWorker(RuntimeError):
+    """A run with which several workers came to their end."""
+
+
+class _Analysis:
+    """One run on its way to rows."""
+
+    def __init__(
+        self, job: Job, task: RunTask, neighbours: Neighbours, now: Callable[[], float]
+    ) -> None:
+        self._job, self._task, self._neighbours, self._now = job, task, neighbours, now
+        self._recording: Recording | None = None
+        self.error: BaseException | None = None
+        self.is_known = False
+        self.fit_seconds = 0.0
+        self._shared: Row = {
+            "run_file": task.run_file,
+            "kind": task.kind,
+            "surroundings": task.surroundings,
+            "settings": settings_part(job.settings),
+            "key": "",
+        }
+
+    def rows(self) -> list[Row]:
+        """The rows; none where the key shows that they are known."""
+        try:
+            return self._rows()
+        except Exception as error:  # noqa: BLE001  a defect of one analysis must not end thousands of others
+            self.error = error
+            return [row_of_failure(self._shared, error, self._recording)]
+        finally:
+            began = self._now()
+            if self._recording is not None:
+                with contextlib.suppress(OSError, ValueError):
+                    close_recording(self._recording)
+            self.fit_seconds += self._now() - began
+
+    def _rows(self) -> list[Row]:
+        job, path = self._job, Path(self._task.path)
+        choices = Choices(no_tare=job.no_tare, settings=job.settings)
+        began = self._now()
+        footing = footing_of(path, job.kind, choices, self._neighbours)
+        self._recording = footing.recording
+        self.fit_seconds = self._now() - began
+        serial = footing.recording.metadata.gear_serial
+        acceptance, accepted = self._neighbours.acceptance(job.acceptance, path.parent, serial)
+        self._shared |= {"kind": footing.kind, "key": self._key(footing, accepted)}
+        if self._shared["key"] == self._task.known_key:
+            self.is_known = True
+            return []
+        began = self._now()
+        fit = footing.fit()
+        if job.stored:
+            from rig.analysis.fit import store
+
+            fit = replace(store(fit, job.created), not_in_force="")
+        self.fit_seconds += self._now() - began
+        return rows_of_fit(fit, judge_run(fit, acceptance), self._shared)
+
+    def _key(self, footing: Footing, accepted: str) -> str:
+        tare, source = footing.tared.fit, footing.source
+        content = {
+            "schema": SCHEMA_VERSION,
+            "run": footing.recording.metadata.sha256,
+            "kind": footing.kind,
+            "version": catalogue.load(footing.kind).version,
+            "settings": footing.settings,
+            "no_tare": self._job.no_tare,
+            "gear": source.sha256 or source.source,
+            "tare": "" if tare is None else self._neighbours.tare_digest(tare),
+            "tare_run": "" if tare is None else tare.recording.metadata.sha256,
+            "acceptance": accepted,
+        }
+        if source.builds_on and footing.gear is not None:
+            content["built_on"] = set_sha256(footing.gear)
+        return digest(content)[:KEY_LENGTH]

@@ -1,0 +1,92 @@
+"""What is stated of single channels beside their columns: range, lag, accuracy, each with the unit that was said."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+
+from rig.errors import ConfigurationError
+from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.channel_source import ChannelSource
+from rig.runfile.importing.units import TIME_CHANNEL, UNITS, unit_of
+
+Said = Mapping[str, str | float]
+"""By channel: a text such as `2ms`, or a number."""
+_NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
+
+
+def with_stated(
+    options: ImportOptions, *, modulus: Said, lag: Said, accuracy: Said
+) -> ImportOptions:
+    """The options with what was stated of channels.
+
+    modulus: range after which a column wraps, a number of the column's own. lag: by how much a channel
+    is late. accuracy: half-width of an encoder's whole error curve. A text of these two needs its unit;
+    a number is in SI. Raises `ConfigurationError` for a channel that is not imported, and for a value
+    without its unit.
+    """
+    sources = {source.name: source for source in options.channels}
+    for flag, said in (("--modulus", modulus), ("--lag", lag), ("--accuracy", accuracy)):
+        for name, value in said.items():
+            if name not in sources or name == TIME_CHANNEL:
+                raise ConfigurationError(
+                    "is no channel of the import",
+                    where=f"{flag} {name}",
+                    limit=", ".join(name for name in sources if name != TIME_CHANNEL),
+                )
+            sources[name] = _stated(sources[name], flag, value)
+    return replace(options, channels=tuple(sources.values()))
+
+
+def _stated(source: ChannelSource, flag: str, value: str | float) -> ChannelSource:
+    """The channel with one value stated."""
+    if flag == "--modulus":
+        return replace(source, modulus=_plain(f"{flag} {source.name}", value))
+    if flag == "--lag":
+        seconds, unit = _in_si(f"{flag} {source.name}", value, "2ms")
+        if unit not in ("", "s"):
+            raise ConfigurationError(
+                "is no time",
+                where=f"{flag} {source.name}",
+                value=value,
+                limit=", ".join(name for name, (si, _) in UNITS.items() if si == "s"),
+            )
+        return replace(source, lag_s=seconds)
+    half_width, unit = _in_si(f"{flag} {source.name}", value, "5arcsec")
+    return replace(source, accuracy=half_width, accuracy_unit=unit)
+
+
+def _plain(where: str, value: str | float) -> float:
+    try:
+        return float(value)
+    except ValueError:
+        raise ConfigurationError(
+            "is not a number", where=where, value=repr(value), limit="a number of the column's own"
+        ) from None
+
+
+def _in_si(where: str, value: str | float, example: str) -> tuple[float, str]:
+    """A value in SI with its unit there; "" for a number, which is in SI already."""
+    if not isinstance(value, str):
+        return value, ""
+    match = _NUMBER_AND_UNIT.fullmatch(value)
+    if match is None:
+        raise ConfigurationError(
+            "is not a number with a unit", where=where, value=repr(value), limit=example
+        )
+    number, text = match.groups()
+    if not text:
+        raise ConfigurationError(
+            "nobody says its unit",
+            where=where,
+            value=value,
+            remedy=f"Write it behind the number, for instance {example}.",
+        )
+    unit = unit_of(text, where)
+    if unit not in UNITS:
+        raise ConfigurationError(
+            "is no unit of such a value", where=where, value=unit, limit=example
+        )
+    si_unit, factor = UNITS[unit]
+    return float(number) * factor, si_unit

@@ -1,0 +1,1 @@
+"""The page Fleet: the results of many runs, filtered, drawn, and followed to the run."""

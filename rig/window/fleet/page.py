@@ -1,0 +1,303 @@
+"""The Fleet page: the gears of a lot on the left; on the right how their quantities lie; from a gear on to its run.
+
+The results are read beside the window, by the same rules as the report of the lot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtGui import QShowEvent
+from PySide6.QtWidgets import QComboBox, QFileDialog, QGridLayout, QSizePolicy, QWidget
+
+from rig.fleet.fit import require_packages
+from rig.fleet.lot import Lot, LotGear, lot_of, why_of
+from rig.fleet.lot_quantity import LotQuantity
+from rig.fleet.lot_words import limits_words, with_interval
+from rig.fleet.questions import results_folder
+from rig.window.fleet.plots import LotPlots
+from rig.window.fleet.wanted import WantedGears, of_gears
+from rig.window.review.grid import GridTable
+from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import (
+    choice_box,
+    in_column,
+    in_row,
+    line_field,
+    push_button,
+    room_for,
+    split,
+    text_label,
+)
+from rig.window.work.background import LatestTask
+
+NOTHING = (
+    "No results of many runs here yet. `rig fleet fit DIR` makes them of a folder of runs; "
+    "Open … takes those of another folder."
+)
+MOST_LISTED = 2000
+"""Gears of the list; the filter finds the others."""
+WIDEST = 200
+"""Pixels of a column at first: all of them fit beside the plots."""
+COLUMNS = ("gear", "bench", "verdict", "why")
+ChooseFolder = Callable[[QWidget], str]
+
+
+def ask_for_folder(parent: QWidget) -> str:
+    """The folder that somebody chooses; "" where nobody does."""
+    return QFileDialog.getExistingDirectory(parent, "Folder of results")
+
+
+class FleetPage(QWidget):
+    """The page. `run_chosen` carries the file of a run; tests hand in who chooses the folder."""
+
+    run_chosen = Signal(Path)
+
+    def __init__(
+        self, session: WindowSession, *, choose_folder: ChooseFolder = ask_for_folder
+    ) -> None:
+        super().__init__()
+        self._session, self._choose_folder = session, choose_folder
+        self.folder = session.folder
+        self.lot: Lot | None = None
+        self._shown: tuple[LotGear, ...] = ()
+        self._task = LatestTask(self, self._take, self._refuse)
+        self.where = text_label("", "muted")
+        self.where.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.text = line_field("Search gears", "Search gears, benches, reasons …")
+        self.text.setClearButtonEnabled(True)
+        self.bench = choice_box("Bench", letters=8)
+        self.verdict = choice_box(
+            "Verdict", ("every verdict", "FAIL", "MARGINAL", "PASS", "NOT JUDGED"), letters=8
+        )
+        self.quantity, self.beside = (
+            choice_box(name, letters=14) for name in ("Quantity", "Over it")
+        )
+        self.gears = GridTable(session, "Gears", ("verdict",), widest=WIDEST)
+        self.plots = LotPlots(session)
+        self.count, self.says = text_label("", "muted", wraps=True), text_label("", wraps=True)
+        self.open_run = push_button(
+            "Open the run", tip="The newest run of the chosen gear (Enter)", act=self._open_run
+        )
+        self._lay_out()
+        self._connect()
+        self._show_lot()
+
+    def _lay_out(self) -> None:
+        choose = push_button("Open …", tip="Results in another folder", act=self._open_folder)
+        again = push_button("Read again", tip="Read the results again", act=self.read)
+        head = in_row(text_label("Fleet", "title"), (self.where, 1), choose, again)
+        filters = QGridLayout()
+        filters.setSpacing(5)
+        filters.addWidget(self.text, 0, 0, 1, 2)
+        filters.addWidget(self.bench, 1, 0)
+        filters.addWidget(self.verdict, 1, 1)
+        left = in_column(
+            filters,
+            (self.gears, 1),
+            in_row(self.open_run, (None, 1)),
+            self.count,
+            margins=(0, 0, 0, 0),
+        )
+        chosen = QGridLayout()
+        chosen.setSpacing(5)
+        chosen.setColumnStretch(1, 1)
+        for row, (word, box) in enumerate(
+            (("Distribution of", self.quantity), ("with it", self.beside))
+        ):
+            chosen.addWidget(text_label(word), row, 0)
+            chosen.addWidget(box, row, 1)
+        right = in_column(chosen, self.says, (self.plots, 1), margins=(0, 0, 0, 0))
+        both = split(room_for(left), (room_for(right), 1), sizes=[480, 800])
+        self.setLayout(in_column(head, (both, 1), margins=(8, 8, 8, 6)))
+
+    def _connect(self) -> None:
+        self.text.textChanged.connect(lambda _: self._show_gears())
+        for box in (self.bench, self.verdict):
+            box.currentIndexChanged.connect(lambda _: self._show_gears())
+        for box in (self.quantity, self.beside):
+            box.currentIndexChanged.connect(lambda _: self._draw())
+        self.gears.itemSelectionChanged.connect(self._select)
+        self.gears.activated.connect(lambda _: self._open_run())
+        self.plots.gear_clicked.connect(self.choose_gear)
+
+    @property
+    def is_reading(self) -> bool:
+        """Whether results are being read."""
+        return self._task.is_running
+
+    @property
+    def shown(self) -> tuple[LotGear, ...]:
+        """The gears that the filter lets pass."""
+        return self._shown
+
+    @property
+    def chosen(self) -> LotGear | None:
+        """The gear that is chosen in the list."""
+        rows = self.gears.selectionModel().selectedRows() if self.gears.rowCount() else []
+        return self._shown[rows[0].row()] if rows else None
+
+    def showEvent(self, event: QShowEvent) -> None:
+        """The results are read when the page is looked at first."""
+        super().showEvent(event)
+        if self.lot is None and not self.is_reading:
+            self.read()
+
+    def read(self) -> None:
+        """Read the results of the folder, beside the window."""
+        folder = self.folder
+        self.count.setText("Reading the results …")
+        self._task.start(lambda: _read(folder))
+
+    def open_folder(self, folder: Path) -> None:
+        """Show the results that lie in another folder."""
+        self.folder, self.lot = folder, None
+        self._show_lot()
+        self.read()
+
+    def choose_gear(self, gear: str) -> None:
+        """Choose a gear in the list."""
+        for row, one in enumerate(self._shown[:MOST_LISTED]):
+            if one.gear == gear:
+                self.gears.selectRow(row)
+                self.gears.scrollTo(self.gears.model().index(row, 0))
+                return
+
+    def _open_folder(self) -> None:
+        if self._session.free_for("Another folder"):
+            chosen = self._choose_folder(self)
+            if chosen:
+                self.open_folder(Path(chosen))
+
+    def _take(self, lot: Lot | None) -> None:
+        self.lot = lot
+        self._show_lot()
+
+    def _refuse(self, why: str) -> None:
+        self.lot = None
+        self._show_lot()
+        self.count.setText(why)
+
+    def _show_lot(self) -> None:
+        lot = self.lot
+        self.where.setText(str(lot.data.folder if lot else self.folder))
+        self.where.setToolTip(self.where.text())
+        benches = (
+            {bench for gear in lot.gears for bench in gear.bench.split(", ")} if lot else set()
+        )
+        _offer(self.bench, ["every bench", *sorted(benches - {""})])
+        quantities = [one for one in lot.quantities if one.measured] if lot else []
+        for place, box in enumerate((self.quantity, self.beside)):
+            _offer_quantities(box, quantities, min(place, len(quantities) - 1))
+        self._show_gears()
+
+    def _show_gears(self) -> None:
+        lot = self.lot
+        bench = self.bench.currentText() if self.bench.currentIndex() > 0 else ""
+        verdict = self.verdict.currentText() if self.verdict.currentIndex() > 0 else ""
+        before = self.chosen
+        self._shown = WantedGears(self.text.text(), bench, verdict).of(lot) if lot else ()
+        rows = [
+            (one.gear, one.bench or "–", one.verdict, "; ".join(one.because or why_of(one)))
+            for one in self._shown[:MOST_LISTED]
+        ]
+        with QSignalBlocker(self.gears):
+            self.gears.clearSelection()
+            self.gears.show_rows(COLUMNS, rows)
+        if before is not None:
+            self.choose_gear(before.gear)
+        self._count()
+        self._select()
+        self._draw()
+
+    def _count(self) -> None:
+        lot = self.lot
+        if lot is None:
+            self.count.setText(NOTHING)
+            return
+        every, shown = len(lot.gears), len(self._shown)
+        text = f"{every} gears" if shown == every else f"{shown} of {every} gears"
+        text += ": " + ", ".join(f"{count} {word}" for word, count in lot.verdicts.items() if count)
+        if shown > MOST_LISTED:
+            text += f" · the first {MOST_LISTED} are listed"
+        self.count.setText(" · ".join((text, *lot.notes)))
+
+    def _select(self) -> None:
+        gear = self.chosen
+        self.open_run.setEnabled(gear is not None and bool(gear.run_files))
+        self.plots.choose(gear.gear if gear else "")
+
+    def _quantity(self, box: QComboBox) -> LotQuantity | None:
+        quantities = [one for one in self.lot.quantities if one.measured] if self.lot else []
+        place = box.currentIndex()
+        return quantities[place] if 0 <= place < len(quantities) else None
+
+    def _draw(self) -> None:
+        x, y = self._quantity(self.quantity), self._quantity(self.beside)
+        if self.lot is None or x is None or y is None:
+            self.says.setText("")
+            self.plots.clear()
+            return
+        gears = {gear.gear for gear in self._shown}
+        self.says.setText(_said_of(x))
+        self.plots.show_quantities(of_gears(x, gears), of_gears(y, gears), self.lot.data.origin)
+
+    def _open_run(self) -> None:
+        """The run of the chosen gear by which the quantity in view was found, or its first one."""
+        gear, x = self.chosen, self._quantity(self.quantity)
+        if gear is None or not gear.run_files:
+            return
+        of_x = [row.run_file for row in x.rows if row.gear == gear.gear] if x else []
+        path = Path((of_x or list(gear.run_files))[0])
+        if path.is_file():
+            self.run_chosen.emit(path)
+        else:
+            self._session.message.emit(f"The run is not at this computer: {path}")
+
+
+def _read(folder: Path) -> Lot | None:
+    """The lot in a folder; None where there are no results. Raises `RigError` where they cannot be read."""
+    from rig.errors import ConfigurationError
+
+    require_packages("pyarrow", "duckdb")
+    try:
+        found = results_folder(folder)
+    except ConfigurationError:
+        return None
+    return lot_of(found)
+
+
+def _said_of(one: LotQuantity) -> str:
+    """Limit and capability of a quantity, of the whole lot."""
+    _, unit = one.shown_in
+    limit = f"Limit {limits_words(one)} {unit}".rstrip() if limits_words(one) else "No limit"
+    found = one.capability
+    if isinstance(found, str):
+        return f"{limit}. No capability: {found}."
+    index = with_interval(found.actual, found.actual_interval)
+    return f"{limit}. Of the whole lot: Cpk {index} (95 %), {found.gears} gears."
+
+
+def _offer(box: QComboBox, words: Sequence[str]) -> None:
+    """Other words to choose from; a choice that is still there stays."""
+    chosen = box.currentText()
+    with QSignalBlocker(box):
+        box.clear()
+        box.addItems(list(words))
+        box.setCurrentIndex(max(0, box.findText(chosen)))
+
+
+def _offer_quantities(box: QComboBox, quantities: Sequence[LotQuantity], otherwise: int) -> None:
+    """Other quantities to choose from; the protocol stands beside the title where several have that."""
+    plain = [one.title for one in quantities]
+    titles = [
+        one.title if plain.count(one.title) == 1 else f"{one.title} ({one.kind})"
+        for one in quantities
+    ]
+    chosen = box.currentText()
+    with QSignalBlocker(box):
+        box.clear()
+        box.addItems(titles)
+        box.setCurrentIndex(titles.index(chosen) if chosen in titles else otherwise)
