@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from experiments.contract import Evidence, Experiment
+from experiments.evidence import rotary_ratio
 from experiments.evidence.holds import Recorded
 from experiments.evidence.orders import sampled, sampled_angle
 from experiments.evidence.table import checks_of
@@ -58,8 +59,9 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
     """A result with the checks of its recording, its covariance whole, nothing called more than it is."""
     covariance = result.covariance
     angle = functools.cache(lambda: sampled_angle(recorded))
+    ratio = rotary_ratio(recorded.recording, math.nan)
     estimates = {
-        name: _called(result.quantity(name), estimate, name, angle)
+        name: _called(result.quantity(name), estimate, name, angle, ratio)
         for name, estimate in result.estimates.items()
     }
     return replace(
@@ -80,12 +82,16 @@ def _table(checks: tuple[Check, ...]) -> Table:
 
 
 def _called(
-    quantity: Quantity, estimate: Estimate, name: str, angle: Callable[[], SamplingWindow]
+    quantity: Quantity,
+    estimate: Estimate,
+    name: str,
+    angle: Callable[[], SamplingWindow],
+    ratio: float,
 ) -> Estimate:
     """The estimate, called identified only where the data decided."""
     order = _order(quantity.member(name)) if quantity.placeholder == ORDER else None
     if order is not None:
-        estimate = sampled(estimate, order, angle())
+        estimate = sampled(estimate, order, angle(), ratio)
     if estimate.identifiable != "yes":
         return estimate
     u = estimate.expanded_uncertainty

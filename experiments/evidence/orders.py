@@ -7,6 +7,7 @@ is given.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from experiments.evidence import usable
@@ -15,6 +16,8 @@ from model.identify.estimate import Estimate
 from model.identify.orders.aliases import HIGHEST_SHARE, SamplingSums, SamplingWindow
 
 ANGLES = ("input_angle", "position", "output_angle")
+NAMED = 1e-5
+"""Orders to which the name of one tells it."""
 BLOCK = 1 << 16
 """Rows that are read at a time."""
 
@@ -35,17 +38,31 @@ def sampled_angle(recorded: Recorded) -> SamplingWindow:
     return sums.window()
 
 
-def sampled(estimate: Estimate, order: float, angle: SamplingWindow) -> Estimate:
-    """The estimate of an order as the sampling allows it to be called."""
+def sampled(
+    estimate: Estimate, order: float, angle: SamplingWindow, ratio: float = math.nan
+) -> Estimate:
+    """The estimate of an order as the sampling allows it to be called.
+
+    A whole order, or n + k/N of a gear of `ratio` N, is one that a gear has; any other may as well be the image of
+    one that is no whole order either.
+    """
     highest = HIGHEST_SHARE * angle.per_revolution
     if order > highest:
         note = f"above {HIGHEST_SHARE:g} of the {angle.per_revolution:.3g} samples per revolution"
         return replace(estimate, identifiable="no", note=_with(estimate, note))
-    other = angle.alias_of(order)
+    other: float | None = angle.alias_of(order)
+    if other is None and not _is_of_gear(order, ratio):
+        other = angle.image_of(order)
     if other is None or estimate.identifiable == "no":
         return estimate
-    note = f"order {order:.6g}, or its alias {other}: the samples cannot tell them apart"
+    note = f"order {order:.6g}, or its alias {other:.6g}: the samples cannot tell them apart"
     return replace(estimate, identifiable="weakly", note=_with(estimate, note))
+
+
+def _is_of_gear(order: float, ratio: float) -> bool:
+    """Whether an order, as it is named, is a whole one or of the lattice of a gear."""
+    places = (1.0, ratio) if math.isfinite(ratio) else (1.0,)
+    return any(abs(order * place - round(order * place)) < NAMED * place for place in places)
 
 
 def _with(estimate: Estimate, note: str) -> str:

@@ -1,14 +1,17 @@
 """Which channel of a recording is meant: the one that the setting names, else the first of the
-usual ones that is there.
+usual ones that is there; and what the import states of it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 from experiments.errors import AnalysisError
 from experiments.recording import Recording
+from model.arrays import FloatArray
 
 ANGLES = ("input_angle", "position", "output_angle")
 EFFORTS = ("torque", "drive_torque", "force", "current", "motor_current", "voltage")
@@ -36,3 +39,27 @@ def chosen_channel(
         limit="channels " + ", ".join(sorted(recording.signals)),
         remedy=f"Name the channel with the setting {key}=NAME.",
     )
+
+
+def stated(recording: Recording) -> Mapping[str, Any]:
+    """What the import states of the device."""
+    return _mapping(recording.metadata.process.get("stated"))
+
+
+def stated_lag(recording: Recording, name: str) -> float | None:
+    """By how many seconds a channel is late, as the import states it; None where nobody does."""
+    lags = _mapping(stated(recording).get("lag_s"))
+    return float(lags[name]) if name in lags else None
+
+
+def brought_forward(
+    recording: Recording, name: str, time: FloatArray, values: FloatArray
+) -> FloatArray:
+    """A channel (n,) at the times (n,) [s] at which it was, its stated lag taken off; its ends stay as they are."""
+    lag = stated_lag(recording, name)
+    return values if not lag else np.interp(time + lag, time, values)
+
+
+def _mapping(content: object) -> Mapping[str, Any]:
+    """What a file says where it should say an object; empty where it does not."""
+    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}

@@ -11,12 +11,18 @@ import numpy as np
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
+from experiments.evidence import (
+    check_recording,
+    check_settings,
+    require_time_base,
+    rotary_ratio,
+    usable,
+)
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.recordings.channels import chosen_channel
+from experiments.recordings.channels import brought_forward, chosen_channel, stated_lag
 from experiments.result import Plot, Result, Series, Table
-from model.arrays import FloatArray
+from model.arrays import BoolArray, FloatArray
 from model.identify.estimate import Estimate
 from model.identify.hysteresis import NAMES, UNITS, HysteresisFit, fit_hysteresis
 
@@ -27,8 +33,8 @@ TORSION = "torsion"
 """The name of an angle that is made here: theta_o - theta_i/N."""
 MOST_ROWS = 4_000_000
 """Rows that are read; of more the first."""
-PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss")
-"""What is proportional to the scale of the torque."""
+PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss", "lost_motion")
+"""What is proportional to the scale of the torque; lost motion inversely, by the torque that it is stated at."""
 
 QUANTITIES = (
     Quantity(
@@ -75,7 +81,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
     Settings: angle ("torsion" where both angles are there, else "output_angle" or "position", with the input locked),
     torque ("output_torque"), at_torque [N m] of the lost motion (4 % of the amplitude). Refused without a torque at
-    the output: what the motor gives is not what twists the gear.
+    the output: what the motor gives is not what twists the gear. Lags that the import states are taken off.
     """
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
@@ -86,9 +92,10 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     rows = slice(0, min(recording.rows, MOST_ROWS))
     good = usable(recording, rows)
     angle_name, angle = _angle(recording, settings, rows)
+    angle, moment = angle[good], _aligned(recording, torque, rows, good)
     level = float(settings["at_torque"]) if "at_torque" in settings else None
     with analysing(recording.metadata.run_id):
-        fit = fit_hysteresis(angle[good], recording.si(torque, rows)[good], level)
+        fit = fit_hysteresis(angle, moment, level)
     estimates = _with_scale(fit, recording, torque)
     return Result(
         run=recording.metadata.run_id,
@@ -101,7 +108,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "torque_of_lost_motion": fit.torque,
         },
         warnings=(*checked.warnings, *_said(recording, fit, level)),
-        plots=(_plot(fit, angle[good], recording.si(torque, rows)[good]),),
+        plots=(_plot(fit, angle, moment),),
         tables=(_table(fit), budget_table(estimates.values())),
         options={"angle": angle_name, "torque": torque},
     )
@@ -145,7 +152,9 @@ def _angle(
                 limit="input revolutions per output revolution",
                 remedy="Import it with --ratio, or analyse one angle: --set angle=output_angle.",
             )
-        return TORSION, recording.output_angle(rows) - recording.si("input_angle", rows) / ratio
+        output = _at_its_time(recording, "output_angle", rows, recording.output_angle(rows))
+        turned = _at_its_time(recording, "input_angle", rows, recording.si("input_angle", rows))
+        return TORSION, output - turned / ratio
     names = ("output_angle", "position", "input_angle")
     name = chosen_channel(recording, settings, "angle", names, "hysteresis loops")
     if recording.signals[name].unit != "rad":
@@ -156,7 +165,20 @@ def _angle(
             limit="rad",
         )
     # The sign of the output's sense is of its following the input, which is locked here.
-    return name, recording.si(name, rows)
+    return name, _at_its_time(recording, name, rows, recording.si(name, rows))
+
+
+def _aligned(recording: Recording, torque: str, rows: slice, good: BoolArray) -> FloatArray:
+    """The torque at the times of the angle."""
+    return _at_its_time(recording, torque, rows, recording.si(torque, rows))[good]
+
+
+def _at_its_time(recording: Recording, name: str, rows: slice, values: FloatArray) -> FloatArray:
+    """A channel with its stated lag taken off: one that is late widens the loops or narrows them."""
+    if not stated_lag(recording, name):
+        return values
+    require_time_base(recording, f"a stated lag of {name}")
+    return brought_forward(recording, name, recording.time(rows), values)
 
 
 def _with_scale(fit: HysteresisFit, recording: Recording, torque: str) -> dict[str, Estimate]:
@@ -219,5 +241,5 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=1,
+    version=2,
 )

@@ -248,6 +248,7 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
             ("filter", fit.filter_uncertainty, "half and twice the cut-off"),
             ("choice of the model", fit.rung_uncertainty, "difference to the Stribeck rung"),
             ("lag of the effort", fit.lag_uncertainty, "not stated"),
+            ("noise that samples share", fit.shared_uncertainty, "by instruments far apart"),
         ):
             if u.get(name, 0.0) > 0.0:
                 lines.append(BudgetLine(source, "B", u[name], note))
@@ -316,6 +317,6 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=3,
+    version=4,
     cuts_gaps=True,
 )

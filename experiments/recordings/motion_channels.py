@@ -6,7 +6,7 @@ import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from experiments.errors import AnalysisError
 from experiments.evidence import usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording
-from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
+from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel, stated, stated_lag
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.identify.motion_source import MotionBlock, Stretch, TimeAxis, time_axis
@@ -96,10 +96,8 @@ class RecordedMotion:
     @functools.cached_property
     def stated_lag(self) -> float | None:
         """How late the effort is beside the place [s], where the import states it; None where nobody does."""
-        lags = _mapping(_stated(self.recording).get("lag_s"))
-        if self.effort not in lags:
-            return None
-        return float(lags[self.effort]) - float(lags.get(self.place, 0.0))
+        late = stated_lag(self.recording, self.effort)
+        return None if late is None else late - (stated_lag(self.recording, self.place) or 0.0)
 
     def _stamps(self) -> Iterator[tuple[int, FloatArray]]:
         # A row that cannot be used leaves its time out of its block: it becomes a long step, as a lost one does.
@@ -141,18 +139,8 @@ class RecordedMotion:
     def sense_is_unknown(self) -> bool:
         """Whether an imported output channel is used whose sense nobody stated."""
         is_imported = self.recording.metadata.origin == "imported"
-        said = bool(_stated(self.recording).get("output_sense"))
+        said = bool(stated(self.recording).get("output_sense"))
         return self.place.startswith("output_") and is_imported and not said
-
-
-def _stated(recording: Recording) -> Mapping[str, Any]:
-    """What the import states of the device."""
-    return _mapping(recording.metadata.process.get("stated"))
-
-
-def _mapping(content: object) -> Mapping[str, Any]:
-    """What a file says where it should say an object; empty where it does not."""
-    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}
 
 
 def _runs(good: np.ndarray) -> list[tuple[int, int]]:

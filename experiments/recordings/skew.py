@@ -13,6 +13,7 @@ from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, usable
 from experiments.quantity import Quantity
 from experiments.recording import Recording
+from experiments.recordings.channels import stated_lag
 from experiments.recordings.orders_source import angle_of
 from experiments.result import Plot, Result, Series
 from model.arrays import FloatArray
@@ -63,7 +64,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Delay of the channel `second` behind the channel `first`, their gain, and the hysteresis between them.
 
     Settings: first and second (names of channels), longest_delay [s]. Refused where delay and hysteresis cannot be
-    told apart (angles at one speed), without a true time base, and for channels that do not follow each other.
+    told apart (angles at one speed), without a true time base, and for channels that do not follow each other. The
+    delay is the whole one, as recorded; lags that the import states are compared with it.
     """
     settings = evidence.settings
     check_settings(settings, SETTINGS, NAME)
@@ -84,11 +86,33 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         quantities=QUANTITIES,
         estimates=estimates,
         metrics={},
-        warnings=(*warnings, *said),
+        warnings=(*warnings, *said, *_against_stated(recording, first, second, fit)),
         plots=(_plot(pair, fit, second, recording.signals[second].unit),),
         tables=(budget_table(estimates.values()),),
-        options={"first": first, "second": second, "rows_averaged": fit.rows_averaged},
+        options={
+            "first": first,
+            "second": second,
+            "rows_averaged": fit.rows_averaged,
+            "stated_s": _stated(recording, first, second),
+        },
     )
+
+
+def _stated(recording: Recording, first: str, second: str) -> float | None:
+    """By how much the import states the second channel to be later [s]; None where it states nothing of either."""
+    lags = stated_lag(recording, first), stated_lag(recording, second)
+    return None if lags == (None, None) else (lags[1] or 0.0) - (lags[0] or 0.0)
+
+
+def _against_stated(recording: Recording, first: str, second: str, fit: SkewFit) -> list[str]:
+    """What is said where the delay is not the one that the import states."""
+    lag, skew = _stated(recording, first, second), fit.skew
+    if lag is None or abs(skew.value - lag) <= skew.expanded_uncertainty:
+        return []
+    return [
+        f"The import states that {second} is {1e3 * lag:.4g} ms later than {first}; it is {1e3 * skew.value:.4g} ± "
+        f"{1e3 * skew.expanded_uncertainty:.2g} ms: correct lag_s in the map of the import."
+    ]
 
 
 def _names(recording: Recording, settings: Mapping[str, Any]) -> tuple[str, str]:
@@ -180,5 +204,5 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=1,
+    version=2,
 )

@@ -72,7 +72,7 @@ def fit_skew(pair: Pair, longest: float, unit: str) -> SkewFit:
     if pair.has_hysteresis and not pair.has_friction:
         _require_speeds(narrow)
     fit, tau, deviation = _delay(narrow, longest)
-    _, other, _ = _delay(wide, longest)
+    coarse, other, _ = _delay(wide, longest)
     lines = (
         BudgetLine(
             "residual, autocorrelation respected", "A", deviation, degrees_of_freedom=fit.freedom
@@ -86,23 +86,27 @@ def fit_skew(pair: Pair, longest: float, unit: str) -> SkewFit:
     skew = Estimate(
         name="skew", value=tau, unit="s", low=tau - half, high=tau + half, note=note, budget=lines
     )
-    gain = _estimate(fit, 1, "gain", "")
+    gain = _estimate(fit, coarse, 1, "gain", "")
     has_sign = _column_of_sign(narrow) is not None
-    hysteresis = _estimate(fit, 3, "hysteresis", unit) if has_sign else None
+    hysteresis = _estimate(fit, coarse, 3, "hysteresis", unit) if has_sign else None
     return SkewFit(skew, gain, hysteresis, width)
 
 
-def _estimate(fit: LinearFit, column: int, name: str, unit: str) -> Estimate:
+def _estimate(fit: LinearFit, coarse: LinearFit, column: int, name: str, unit: str) -> Estimate:
+    """A value of the fit; `coarse` is that over means of twice as many rows."""
     low, high = fit.interval(column)
-    line = BudgetLine(
-        "residual, autocorrelation respected",
-        "A",
-        float(fit.standard_error[column]),
-        degrees_of_freedom=fit.freedom,
+    value = float(fit.values[column])
+    change = abs(float(coarse.values[column]) - value) if len(coarse.values) > column else 0.0
+    lines = (
+        BudgetLine(
+            "residual, autocorrelation respected",
+            "A",
+            float(fit.standard_error[column]),
+            degrees_of_freedom=fit.freedom,
+        ),
+        BudgetLine("choice of the averaging", "B", change / math.sqrt(3.0)),
     )
-    return Estimate(
-        name=name, value=float(fit.values[column]), unit=unit, low=low, high=high, budget=(line,)
-    )
+    return Estimate(name=name, value=value, unit=unit, low=low, high=high, budget=lines)
 
 
 def _width(pair: Pair) -> int:

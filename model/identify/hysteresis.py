@@ -30,6 +30,8 @@ LOADING = 0.5
 """Of the amplitude, beyond which the slope of a loading branch is taken."""
 NEAR = 0.1
 """Of the amplitude to each side of a torque, over which the angle there is fitted."""
+TIP = 0.06
+"""Of a branch, to each side of where it turns, over which the tip is fitted."""
 LEAST_ROWS = 40
 NAMES = ("branch_stiffness", "secant_stiffness", "loss", "hysteresis_loss", "lost_motion")
 UNITS = ("N m/rad", "N m/rad", "J", "rad", "rad")
@@ -136,14 +138,18 @@ def _numbers(
     angle: Array, torque: Array, up: slice, down: slice, level: float, amplitude: float
 ) -> tuple[float, ...]:
     """The numbers of one loop by `NAMES`."""
-    phi = np.concatenate([angle[up], angle[down], angle[up][:1]])
-    tau = np.concatenate([torque[up], torque[down], torque[up][:1]])
+    # What turns round moves too little to be of a branch: half of it belongs to each side.
+    turning = max(down.start - up.stop, 0) // 2
+    first, last = max(up.start - turning, 0), min(down.stop + turning, len(angle))
+    # The loop begins and ends where the angle is least, however long it rested there.
+    first += int(np.argmin(angle[first : up.start + 1]))
+    last = down.stop - 1 + int(np.argmin(angle[down.stop - 1 : last]))
+    phi = np.append(angle[first : last + 1], angle[first])
+    tau = np.append(torque[first : last + 1], torque[first])
     loss = abs(float(np.sum(0.5 * (tau[1:] + tau[:-1]) * np.diff(phi))))
-    ends = (
-        _angle_at(angle[up], torque[up], float(torque[up].max()), amplitude),
-        _angle_at(angle[down], torque[down], float(torque[down].min()), amplitude),
-    )
-    secant = float(torque[up].max() - torque[down].min()) / (ends[0] - ends[1])
+    top = _tip(angle, torque, up, up.stop + turning)
+    bottom = _tip(angle, torque, down, down.stop + turning)
+    secant = (top[1] - bottom[1]) / (top[0] - bottom[0])
     centre = 0.5 * float(torque[up].max() + torque[down].min())
     slopes = [
         _slope(angle[rows], torque[rows], way * (torque[rows] - centre) > LOADING * amplitude)
@@ -162,6 +168,23 @@ def _numbers(
         for at in (level, -level)
     ]
     return 0.5 * sum(slopes), secant, loss, width, middles[0] - middles[1]
+
+
+def _tip(angle: Array, torque: Array, branch: slice, row: int) -> tuple[float, float]:
+    """Angle and torque of the tip that a branch ends in, about a row: no extreme of noise.
+
+    The angle turns smoothly, by a parabola; the torque is that of the branch there, which unloading leaves at once.
+    """
+    half = max(round(TIP * (branch.stop - branch.start)), 4)
+    rows = np.arange(max(row - half, 0), min(row + half + 1, len(angle)))
+    x = (rows - row) / half
+    fitted = np.polynomial.polynomial.polyfit(x, angle[rows], 2)
+    middle = float(np.clip(-0.5 * fitted[1] / fitted[2], x[0], x[-1]))
+    place = float(np.polynomial.polynomial.polyval(middle, fitted))
+    last = slice(max(branch.stop - 4 * half, branch.start), branch.stop)
+    off = angle[last] - place
+    line = np.polynomial.polynomial.polyfit(off, torque[last], 1)
+    return place, float(line[0])
 
 
 def _angle_at(angle: Array, torque: Array, at: float, amplitude: float) -> float:

@@ -7,7 +7,8 @@ Gautier and Khalil 1990, Janot, Vandanjon and Gautier 2014).
 Channels are a position or a speed and the force that drives it, linear (m, N) or rotary (rad, N m).
 What is done to them stands in `motion_columns`, how it is solved in `motion_moments`, which model is
 taken in `motion_ladder`, what is said of it in `motion_result`; cut-off and dead zone follow from the
-noise (`motion_look`), the lag of the effort from the motion (`motion_lag`).
+noise (`motion_look`), the lag of the effort from the motion (`motion_lag`); noise that neighbouring
+samples share is told by instruments far apart (`motion_shared`), and kept out by a lower cut-off.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ from model.identify.checks import Array, increasing, sampling_period, series
 from model.identify.least_squares import student_quantile
 from model.identify.motion_columns import Basis, MotionFilter
 from model.identify.motion_ladder import (
-    LEAST_GAIN,
     STRIBECK_RANGE,
     STRIBECK_SPEEDS,
     Fitted,
     Ladder,
     gathered,
 )
-from model.identify.motion_lag import LagEstimate, lag_left
+from model.identify.motion_lag import Alignment, LagEstimate, lag_sensitivity
 from model.identify.motion_look import Look, SpeedChannel, compare_speed, look_at
 from model.identify.motion_result import MotionFit, MotionScore, reported
+from model.identify.motion_shared import SharedNoise, shared_noise
 from model.identify.motion_source import ArrayMotion, MotionSource
 
 Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
@@ -43,9 +44,13 @@ MINIMUM_SAMPLES = 200
 SAMPLES_PER_PERIOD = 1.5
 """Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
 LAG_TOLD = 2.0
-"""Sampling periods by which devices may latch apart: a lag within is not taken off, it stays in the budget."""
-LAG_ROUNDS, LAG_SETTLED, LONGEST_LAG = 6, 0.2, 0.1
-"""How often the effort is aligned anew, sampling periods below which nothing is left, s beyond which it is none."""
+"""Sampling periods by which devices may latch apart."""
+FALLING = (0.06, 0.15)
+"""Of the top speed: the v_s of a friction that falls with speed, beside which a lag is told."""
+MOST_LOWERED = 6
+"""How often the band is halved in which the floor of the noise is looked for."""
+SHARED_SHARE = 0.05
+"""Of the inertia that shared noise may take off it."""
 SCALE_TOLERANCE = 0.05
 """By which a measured speed may differ from the derivative of the position."""
 
@@ -109,39 +114,120 @@ def identify_motion(
     Raises `IdentificationError` for data that cannot carry the fit.
     """
     choice = MotionChoice() if choice is None else choice
+    prepared = _prepared(source, choice)
+    chosen, ladder, lag = prepared.chosen, prepared.ladder, prepared.lag
+    cutoff, speed = ladder.recipe.cutoff_hz, prepared.speed
+    cutoffs = {cutoff: chosen.named()}
+    for factor in (0.5, 2.0):
+        filtered = choice.recipe(prepared.look, factor * cutoff, source.period)
+        other = _again(source, chosen, filtered, ladder.with_instrument)
+        if other:
+            cutoffs[factor * cutoff] = other
+    effect = _lag_effect(chosen, lag, source.period)
+    fit = _with_lag(reported(chosen, rotary, ladder.rungs()), *effect)
+    warnings = [*fit.warnings, *_lag_words(chosen.basis, lag)]
+    if speed is not None and not ladder.with_instrument:
+        warnings.append(
+            f"The measured speed follows the motion too loosely to guide the fit (correlation of the accelerations "
+            f"{speed.correlation:.2f})."
+        )
+    fit = replace(
+        fit,
+        warnings=tuple(warnings),
+        instrument=_instrument_words(prepared.look, speed, ladder.with_instrument, choice),
+        filter_uncertainty=_filter_uncertainty(cutoffs),
+        rung_uncertainty={n: d / math.sqrt(3.0) for n, d in ladder.next_rung(chosen).items()},
+        cutoffs=dict(sorted(cutoffs.items())),
+        speed_channel=speed,
+        metrics={**fit.metrics, "effort_lag": chosen.basis.lag},
+    )
+    return _with_shared_noise(fit, prepared)
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """A motion looked at and aligned, and its rungs; what it shows of noise that samples share, first and now."""
+
+    look: Look
+    speed: SpeedChannel | None
+    lag: LagEstimate | None
+    ladder: Ladder
+    chosen: Fitted
+    shared: SharedNoise | None
+    was_shared: bool = False
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether what samples share of their noise may still be in the inertia."""
+        if self.shared is None:
+            return False
+        return self.shared.share > 0.0 or (self.was_shared and not self.shared.is_told)
+
+
+def _prepared(source: MotionSource, choice: MotionChoice) -> _Prepared:
+    """The motion with a filter that keeps noise out that neighbouring samples share, as far as that goes.
+
+    Such noise has a spectrum that falls: its floor is not where that of white noise is looked for,
+    but below the cut-off that was chosen by it.
+    """
     look = look_at(source)
+    first = found = _with_look(source, choice, look)
+    lowered = 0
+    while found.is_shared and choice.cutoff_hz is None and lowered < MOST_LOWERED:
+        lowered += 1
+        try:
+            look = look_at(source, 0.5 * look.cutoff_hz)
+            found = replace(_with_look(source, choice, look), was_shared=True)
+        except IdentificationError:
+            break
+    if found.is_shared and not first.is_shared:
+        return first
+    return found
+
+
+def _with_look(source: MotionSource, choice: MotionChoice, look: Look) -> _Prepared:
     cutoff = look.cutoff_hz if choice.cutoff_hz is None else choice.cutoff_hz
     recipe = choice.recipe(look, cutoff, source.period)
     recipe.check(source.period)
     basis, speed = _instrument(source, choice, look, cutoff)
     with_instrument = speed is not None and speed.is_instrument
-    slow = choice.recipe(look, min(look.slow_cutoff_hz, cutoff), source.period)
-    basis, lag = _aligned(source, slow, basis, choice, with_instrument)
+    lag = None
+    if choice.lag is None:
+        speeds = tuple(share * look.top_speed for share in FALLING)
+        lag = Alignment(source, recipe, basis, with_instrument, speeds).lag()
+    taken_off = (
+        choice.lag or 0.0 if lag is None else lag.lag * lag.is_clear(LAG_TOLD * source.period)
+    )
+    basis = replace(basis, lag=taken_off)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
-    chosen = ladder.chosen(choice.variant)
-    cutoffs = {cutoff: chosen.named()}
-    for factor in (0.5, 2.0):
-        filtered = choice.recipe(look, factor * cutoff, source.period)
-        other = _again(source, chosen, filtered, with_instrument)
-        if other:
-            cutoffs[factor * cutoff] = other
-    effect = _lag_effect(chosen, basis, choice, lag, source.period)
-    fit = _with_lag(reported(chosen, rotary, ladder.rungs()), effect, basis.lag != 0.0)
-    warnings = [*fit.warnings, *_lag_words(basis, choice, lag)]
-    if speed is not None and not with_instrument:
-        warnings.append(
-            f"The measured speed follows the motion too loosely to guide the fit (correlation of the accelerations "
-            f"{speed.correlation:.2f})."
-        )
+    chosen, shared = ladder.chosen(choice.variant), None
+    if not with_instrument:
+        shared = shared_noise(chosen.moments, chosen.fit.names, chosen.fit.values)
+    return _Prepared(look, speed, lag, ladder, chosen, shared)
+
+
+def _with_shared_noise(fit: MotionFit, prepared: _Prepared) -> MotionFit:
+    """What is still seen of noise that samples share is a line of the budget; much of it, and nothing is identified."""
+    noise = prepared.shared
+    if noise is None or not (prepared.was_shared or prepared.is_shared):
+        return fit
+    said = "Neighbouring samples share the position's noise"
+    where = f"the cut-off was lowered to {fit.recipe.cutoff_hz:.3g} Hz, where it takes less off the inertia"
+    words = f"{said}: {where}." if prepared.was_shared else f"{said}."
+    fit = replace(
+        fit,
+        warnings=(*fit.warnings, words),
+        shared_uncertainty={"inertia": max(noise.difference, 0.0) / math.sqrt(3.0)},
+    )
+    if not prepared.is_shared or 0.0 < noise.share <= SHARED_SHARE:
+        return fit
+    note = "noise that neighbouring samples share: a set-point or a measured speed beside the position tells"
     return replace(
         fit,
-        warnings=tuple(warnings),
-        instrument=_instrument_words(look, speed, with_instrument, choice),
-        filter_uncertainty=_filter_uncertainty(cutoffs),
-        rung_uncertainty={n: d / math.sqrt(3.0) for n, d in ladder.next_rung(chosen).items()},
-        cutoffs=dict(sorted(cutoffs.items())),
-        speed_channel=speed,
-        metrics={**fit.metrics, "effort_lag": basis.lag},
+        estimates={
+            name: replace(e, identifiable="weakly", note=note) if e.identifiable == "yes" else e
+            for name, e in fit.estimates.items()
+        },
     )
 
 
@@ -219,74 +305,47 @@ def _instrument(
     return replace(basis, instrument_lag=speed.lag), speed
 
 
-def _aligned(
-    source: MotionSource,
-    recipe: MotionFilter,
-    basis: Basis,
-    choice: MotionChoice,
-    with_instrument: bool,
-) -> tuple[Basis, LagEstimate | None]:
-    """The basis with the effort's lag taken off where it is stated or told by the data, and what is left of it."""
-    if choice.lag is not None:
-        return replace(basis, lag=choice.lag), None
-    started: Fitted | None = None
-    start, left = basis, None
-    for _ in range(LAG_ROUNDS):
-        fitted = Ladder(source, recipe, basis, with_instrument, ()).symmetric
-        started = fitted if started is None else started
-        left = lag_left(fitted.moments, fitted.fit.names, fitted.fit.values)
-        told = basis.lag + left.lag
-        clear = abs(told) - 2.0 * left.standard_uncertainty > LAG_TOLD * source.period
-        if not clear or abs(told) > LONGEST_LAG:
-            # Nothing to take off, or no lag of a device: another signal.
-            return start, replace(left, lag=told)
-        if abs(left.lag) < LAG_SETTLED * source.period:
-            better = fitted.fit.hold_out_error < (1.0 - LEAST_GAIN) * started.fit.hold_out_error
-            return (basis, left) if better else (start, replace(left, lag=told))
-        basis = replace(basis, lag=told)
-    return start, left and replace(left, lag=basis.lag)
-
-
-def _lag_words(basis: Basis, choice: MotionChoice, lag: LagEstimate | None) -> list[str]:
-    if choice.lag is not None or basis.lag == 0.0 or lag is None:
+def _lag_words(basis: Basis, lag: LagEstimate | None) -> list[str]:
+    if lag is None or basis.lag == 0.0:
         return []
+    u = lag.standard_uncertainty
     return [
-        f"The effort is {1e3 * basis.lag:.3g} ± {2e3 * lag.standard_uncertainty:.2g} ms late beside the motion; "
-        "it was brought forward by that."
+        f"The effort is {1e3 * lag.lag:.3g} ± {2e3 * u:.2g} ms late beside the motion; it was brought forward by that."
     ]
 
 
-def _lag_effect(
-    chosen: Fitted, basis: Basis, choice: MotionChoice, lag: LagEstimate | None, period: float
-) -> Array:
-    """What one standard uncertainty of the effort's lag, estimated or unknown, changes of each parameter."""
+def _lag_effect(chosen: Fitted, lag: LagEstimate | None, period: float) -> tuple[Array, Array]:
+    """What the standard uncertainty of a lag that was taken off, and of one that is not known, changes of each
+    parameter.
+    """
     names, matrix = chosen.transform
-    if choice.lag is not None or lag is None:
-        return np.zeros(len(names))
+    nothing = np.zeros(len(names))
+    if lag is None:
+        return nothing, nothing
+    per_second = np.asarray(matrix @ lag_sensitivity(chosen.moments, chosen.fit.names))
     u = lag.standard_uncertainty
-    if basis.lag == 0.0:
-        # Devices may latch apart by so much without anybody knowing; what is seen beyond it counts whole.
-        usual = min(abs(lag.lag) + 2.0 * u, LAG_TOLD * period)
-        u = max(usual, abs(lag.lag) - 2.0 * u) / math.sqrt(3.0)
-    change = np.zeros(len(chosen.fit.names))
-    base = [chosen.fit.names.index(n) for n in ("acceleration", "speed", "sign", "one")]
-    loads = [chosen.fit.names.index(n) for n in basis.load_names]
-    change[[*base, *loads]] = lag.sensitivity
-    return np.asarray(u * (matrix @ change), dtype=np.float64)
+    if chosen.basis.lag != 0.0:
+        return u * per_second, nothing
+    # Devices may latch apart by so much without anybody knowing; what is seen beyond it counts whole.
+    usual = min(abs(lag.lag) + 2.0 * u, LAG_TOLD * period)
+    doubt = max(usual, abs(lag.lag) - 2.0 * u) / math.sqrt(3.0)
+    return nothing, doubt * np.abs(per_second)
 
 
-def _with_lag(fit: MotionFit, effect: Array, is_estimated: bool) -> MotionFit:
-    """A lag that was estimated from these data widens the interval; one that is not known is of type B."""
-    if not is_estimated:
-        names = fit.estimates
-        return replace(fit, lag_uncertainty=dict(zip(names, np.abs(effect).tolist(), strict=True)))
+def _with_lag(fit: MotionFit, effect: Array, doubt: Array) -> MotionFit:
+    """A lag that was estimated from these data widens the interval; a doubt of it is of type B."""
     covariance = fit.covariance + np.outer(effect, effect)
     half = student_quantile(fit.freedom) * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     estimates = {
         name: replace(e, low=e.value - width, high=e.value + width)
         for (name, e), width in zip(fit.estimates.items(), half.tolist(), strict=True)
     }
-    return replace(fit, covariance=covariance, estimates=estimates)
+    return replace(
+        fit,
+        covariance=covariance,
+        estimates=estimates,
+        lag_uncertainty=dict(zip(fit.estimates, doubt.tolist(), strict=True)),
+    )
 
 
 def _stribeck_speeds(look: Look, recipe: MotionFilter) -> tuple[float, ...]:

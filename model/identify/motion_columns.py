@@ -1,7 +1,7 @@
 """What one axis' effort is explained by, sample by sample: acceleration, speed, its sign, load over position.
 
 Velocity and acceleration come from the position (or from a measured speed) by a zero-phase
-low-pass Butterworth filter and central differences. Then every regressor and the effort pass the
+low-pass Butterworth filter and central differences of fourth order. Then every regressor and the effort pass the
 same short window of raised cosine and are decimated together (parallel filter; Gautier and Khalil
 1990): whatever the window does to one side it does to the other, so that neither lag nor aliasing
 comes of it.
@@ -13,6 +13,9 @@ frequency is standstill; a passage through zero is none, it keeps its sign.
 The noise of the position is white from sample to sample, so that even and odd samples see two
 independent ones of it. Half the difference of what both make of speed and acceleration is a column
 of its own: its square is what the noise adds to the normal equations (`model.identify.motion_moments`).
+Where neighbouring samples share their noise that says nothing; speed and acceleration of a few periods
+of the cut-off frequency before and after are columns too, whose noise is another one
+(`model.identify.motion_shared`).
 """
 
 from __future__ import annotations
@@ -33,7 +36,9 @@ HIGHEST_SHARE = 0.4
 """Of the sampling frequency: above it nothing is differentiated."""
 SETTLING = 2.5
 """Periods of the cut-off frequency at both ends of a stretch that the filter needs, and that are dropped."""
-REACH = 6.0
+APART = 2.5
+"""Periods of the cut-off frequency to the columns before and after: the filtered noise has forgotten itself by then."""
+REACH = 10.0
 """Periods of the cut-off frequency around a block that are read with it, so that blocks meet without a seam."""
 BLOCK_ROWS = 1 << 16
 STANDING_SHARE = 0.02
@@ -93,6 +98,7 @@ class Basis:
     `load_orders` k give sin and cos of k times the load's angle, which is `load_turn` times the
     position; `stribeck` are speeds v_s of exp[-(v/v_s)^2] sgn v; `lag` [s] by which the effort is
     late, `instrument_lag` the same of the instrument; `instrument_is_speed` says what that is.
+    `tried_lags` [s] give the effort brought forward by each, beside the effort itself.
     """
 
     load_orders: tuple[int, ...] = ()
@@ -101,6 +107,7 @@ class Basis:
     lag: float = 0.0
     instrument_lag: float = 0.0
     instrument_is_speed: bool = False
+    tried_lags: tuple[float, ...] = ()
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -109,6 +116,10 @@ class Basis:
     @property
     def stribeck_names(self) -> tuple[str, ...]:
         return tuple(f"stribeck_{k}" for k in range(len(self.stribeck)))
+
+    @property
+    def tried_names(self) -> tuple[str, ...]:
+        return tuple(f"effort_{k}" for k in range(len(self.tried_lags)))
 
     def names(self, with_instrument: bool) -> tuple[str, ...]:
         """The names of the columns in their order; the last is the effort."""
@@ -120,6 +131,8 @@ class Basis:
             *self.stribeck_names,
             *slopes,
             *("noise_acceleration", "noise_speed", "jerk", "sign_rate", "effort_rate"),
+            *("apart_acceleration", "apart_speed"),
+            *self.tried_names,
             *instrument,
             "effort",
         )
@@ -145,6 +158,7 @@ class _Even:
     halves: Array
     effort: Array
     instrument: Array | None
+    tried: tuple[Array, ...]
 
 
 def low_pass(values: Array, recipe: MotionFilter, period: float) -> Array:
@@ -154,8 +168,12 @@ def low_pass(values: Array, recipe: MotionFilter, period: float) -> Array:
 
 
 def slope(values: Array, period: float) -> Array:
-    """Central differences; the two ends are one-sided."""
-    return np.gradient(values, period, axis=0)
+    """Central differences of fourth order; those of the two rows at each end are of lower order."""
+    out = np.gradient(values, period, axis=0)
+    if len(values) > 4:
+        wide, near = values[4:] - values[:-4], values[3:-1] - values[1:-3]
+        out[2:-2] = (8.0 * near - wide) / (12.0 * period)
+    return out
 
 
 def samples(source: MotionSource, recipe: MotionFilter, basis: Basis) -> Iterator[Samples]:
@@ -169,7 +187,8 @@ def _of_stretch(
     source: MotionSource, stretch: Stretch, recipe: MotionFilter, basis: Basis
 ) -> Iterator[Samples]:
     period, n = source.period, recipe.decimation
-    edge, reach = recipe.settling(period), recipe.reach(period)
+    latest = max(abs(lag) for lag in (basis.lag, basis.instrument_lag, *basis.tried_lags, 0.0))
+    edge, reach = recipe.settling(period), recipe.reach(period) + math.ceil(latest / period)
     if stretch.rows < 2 * edge + 4 * n + 8:
         return
     origin = source.stamp(stretch.start)
@@ -224,6 +243,7 @@ def _even(
         halves=0.5 * (even - odd),
         effort=at(block.effort, basis.lag),
         instrument=None if block.instrument is None else at(block.instrument, basis.instrument_lag),
+        tried=tuple(at(block.effort, lag) for lag in basis.tried_lags),
     )
 
 
@@ -253,6 +273,9 @@ def _decimated(
         "sign_rate": slope(sign, period),
         "effort_rate": slope(even.effort, period),
         "effort": even.effort,
+        "apart_acceleration": _apart(acceleration, recipe, period),
+        "apart_speed": _apart(speed, recipe, period),
+        **dict(zip(basis.tried_names, even.tried, strict=True)),
     }
     for k in basis.load_orders:
         angle = k * basis.load_turn * place
@@ -273,6 +296,15 @@ def _decimated(
     columns = np.stack([table[name][rows] @ window for name in names], axis=1)
     share = standing[rows].astype(np.float64) @ window
     return Samples(even.time[wanted], columns, share > STANDING_SHARE)
+
+
+def _apart(values: Array, recipe: MotionFilter, period: float) -> Array:
+    """Mean of what lies before and after; at the ends of a stretch of what is nearest to that."""
+    away, edge = math.ceil(APART / (recipe.cutoff_hz * period)), recipe.settling(period)
+    row, last = np.arange(len(values)), len(values) - 1
+    before = np.maximum(row - away, min(edge, last))
+    after = np.minimum(row + away, max(last - edge, 0))
+    return 0.5 * (values[before] + values[after])
 
 
 def _long_runs(below: BoolArray, least: float) -> BoolArray:

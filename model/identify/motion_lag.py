@@ -1,29 +1,119 @@
 """How late the effort is beside the motion: one more column of the same normal equations.
 
-An effort that is late by tau reads F(t + tau) = X b, so that F = X b - tau F' to first order. The
-rate F' carries the effort's own noise; its instrument is what the model says of it,
+It begins with the lag of a coarse grid that leaves the least residual, and is refined from there. An
+effort that is late by tau reads F(t + tau) = X b, so that F = X b - tau F' to first order. The rate
+F' carries the effort's own noise; its instrument is what the model says of it,
 w = M x''' + F_c (sgn v)', which has the position's. Alignment and estimate are repeated until
-nothing is left.
+nothing is left. Friction that falls with speed is let in with it, so that it is not taken for a lag.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from model.errors import IdentificationError
 from model.identify.checks import Array
-from model.identify.motion_moments import Moments, lagged_sum, noise_sums
+from model.identify.motion_columns import LEAST_SAMPLES, Basis, MotionFilter
+from model.identify.motion_ladder import BASE, gathered
+from model.identify.motion_moments import Moments, lagged_sum, noise_sums, solve_moments
+from model.identify.motion_source import MotionSource
+
+LONGEST_LAG = 0.1
+"""s beyond which it is no lag of a device."""
+TRIED = tuple(s * t for s in (-1.0, 1.0) for t in (0.1, 0.07, 0.05, 0.035, 0.02, 0.01))
+ROUNDS = 8
+CLEAR = 4.0
+"""Standard uncertainties of a lag that is taken off."""
+LEAST_GAIN, LEAST_GAIN_OF_USUAL = 0.06, 0.15
+"""Share of the error out of sample that a lag must explain, and that one by which devices latch apart must."""
+SETTLED = 0.05
+"""Of its own standard uncertainty below which nothing of a lag is left."""
 
 
 @dataclass(frozen=True)
 class LagEstimate:
-    """What is left of the effort's lag [s], its standard uncertainty, and the change of the parameters per second."""
+    """The effort's lag [s], or what is left of it, and its standard uncertainty; infinite where nothing tells it."""
 
     lag: float
     standard_uncertainty: float
-    sensitivity: Array
+    gain: float = 0.0
+    """By which share the error on data that the fit has not seen is smaller with this lag taken off."""
+
+    def is_clear(self, usual: float) -> bool:
+        """Whether it is the lag of a device: a wrong friction looks like one too, but explains less by it.
+
+        Devices latch apart by the `usual` [s] anyway: a shorter lag has to explain more.
+        """
+        least = LEAST_GAIN if abs(self.lag) > usual else LEAST_GAIN_OF_USUAL
+        return abs(self.lag) > CLEAR * self.standard_uncertainty and self.gain > least
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What a lag is looked for with: a motion, its filter and columns, and the v_s of a friction that falls."""
+
+    source: MotionSource
+    recipe: MotionFilter
+    basis: Basis
+    with_instrument: bool
+    speeds: tuple[float, ...]
+
+    def lag(self) -> LagEstimate:
+        """The lag of the effort; 0 s, not told, where nothing tells it or it is longer than one of a device."""
+        tried = replace(self.basis, stribeck=self.speeds, tried_lags=TRIED)
+        moments = gathered(self.source, self.recipe, tried)
+        if moments.kept < LEAST_SAMPLES:
+            return LagEstimate(0.0, math.inf)
+        names = self._regressors(moments)
+        lag, without = _least(moments, names), self._error(moments, names)
+        for _ in range(ROUNDS):
+            basis = replace(self.basis, stribeck=self.speeds, lag=lag)
+            moments = gathered(self.source, self.recipe, basis)
+            fit = solve_moments(moments, names, with_instrument=self.with_instrument)
+            left = lag_left(moments, names, fit.values)
+            if not abs(lag + left.lag) <= LONGEST_LAG:
+                break
+            lag += left.lag
+            if abs(left.lag) <= SETTLED * left.standard_uncertainty:
+                gain = 1.0 - fit.hold_out_error / without
+                return LagEstimate(lag, left.standard_uncertainty, gain)
+        return LagEstimate(0.0, math.inf)
+
+    def _error(self, moments: Moments, names: Sequence[str]) -> float:
+        return solve_moments(moments, names, with_instrument=self.with_instrument).hold_out_error
+
+    def _regressors(self, moments: Moments) -> tuple[str, ...]:
+        """With the friction that falls where the data carry it."""
+        plain = (*BASE, *self.basis.load_names)
+        whole = (*plain, *(f"stribeck_{k}" for k in range(len(self.speeds))))
+        try:
+            solve_moments(moments, whole, with_instrument=self.with_instrument)
+        except IdentificationError:
+            return plain
+        return whole
+
+
+def _least(moments: Moments, regressors: Sequence[str]) -> float:
+    """The lag of the grid, or none, that leaves the least of the effort unexplained."""
+    x, total = moments.places(regressors), moments.sums.sum(axis=0)
+    left: dict[float, float] = {}
+    for k, lag in [(-1, 0.0), *enumerate(TRIED)]:
+        y = moments.names.index("effort" if k < 0 else f"effort_{k}")
+        told = np.linalg.lstsq(total[np.ix_(x, x)], total[x, y], rcond=None)[0]
+        left[lag] = 1.0 - float(told @ total[x, y]) / float(total[y, y])
+    return min(left, key=lambda lag: left[lag])
+
+
+def lag_sensitivity(moments: Moments, regressors: Sequence[str]) -> Array:
+    """By how much the parameters (p,) change per second of the effort's lag that is taken off."""
+    names, total = tuple(regressors), moments.sums.sum(axis=0)
+    x, rate = moments.places(names), moments.names.index("effort_rate")
+    squares = total[np.ix_(x, x)] - noise_sums(moments, names).sum(axis=0)
+    return np.asarray(np.linalg.solve(squares, total[x, rate]), dtype=float)
 
 
 def lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> LagEstimate:
@@ -46,10 +136,9 @@ def lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> La
     try:
         found: Array = np.asarray(np.linalg.solve(whole, right.sum(axis=0)), dtype=float)
         inverse: Array = np.asarray(np.linalg.inv(whole), dtype=float)
-        sensitivity: Array = np.asarray(np.linalg.solve(whole[:p, :p], whole[:p, p]), dtype=float)
     except np.linalg.LinAlgError:
         # Without jerk and reversals nothing tells a lag.
-        return LagEstimate(0.0, math.inf, np.zeros(p))
+        return LagEstimate(0.0, math.inf)
     spread, _ = lagged_sum(right - left @ found)
     variance = float((inverse @ spread @ inverse.T)[p, p])
-    return LagEstimate(-float(found[p]), math.sqrt(max(variance, 0.0)), sensitivity)
+    return LagEstimate(-float(found[p]), math.sqrt(max(variance, 0.0)))

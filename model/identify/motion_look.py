@@ -37,7 +37,7 @@ ABOVE_NOISE = 10.0
 ABOVE_MOTION = 2.5
 """Times the frequency below which 99 % of the acceleration lies: there the filter takes less than a thousandth off."""
 FLOOR_BAND = (0.6, 0.95)
-"""Of half the sampling frequency: where the floor is looked for."""
+"""Of half the sampling frequency, or of a lower end of the band: where the floor is looked for."""
 HIGHEST_CUTOFF = 0.2
 """Of the sampling frequency: central differences need five samples of a period; twice that is still tried."""
 DEAD_ZONE = 5.0
@@ -45,6 +45,8 @@ DEAD_ZONE = 5.0
 CREEP_SHARE = 0.005
 """Of the highest speed: creep, wind-up and ringing after a stop."""
 LEAST_ROWS = 200
+LEAST_LINES = 24
+"""Of the spectrum, that a part of it must have."""
 LONGEST_LAG = 0.5
 """s by which a drive may be late with its speed."""
 
@@ -74,9 +76,13 @@ class Look:
         return max(DEAD_ZONE * self.speed_noise(cutoff_hz), CREEP_SHARE * self.top_speed)
 
 
-def look_at(source: MotionSource) -> Look:
-    """Cut-off, noise and top speed of a motion. Raises `IdentificationError` for one that does not move."""
+def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
+    """Cut-off, noise and top speed of a motion. Raises `IdentificationError` for one that does not move.
+
+    `highest_hz`: where what lies above is noise of another level, the floor is looked for below that.
+    """
     rate = 1.0 / source.period
+    band = min(0.5 * rate, highest_hz)
     pieces = [(is_position, values) for is_position, values in _pieces(source)]
     if not pieces:
         raise IdentificationError(
@@ -103,7 +109,10 @@ def look_at(source: MotionSource) -> Look:
         )
         spectra.append(power * len(values))
     power = np.sum(spectra, axis=0) / sum(len(v) for _, v in pieces)
-    inside = (frequency > FLOOR_BAND[0] * 0.5 * rate) & (frequency < FLOOR_BAND[1] * 0.5 * rate)
+    seen = frequency <= band
+    if np.count_nonzero(seen) > LEAST_LINES:
+        frequency, power = frequency[seen], power[seen]
+    inside = (frequency > FLOOR_BAND[0] * band) & (frequency < FLOOR_BAND[1] * band)
     # The median of a spectrum of few averages lies ln 2 under its mean.
     floor = float(np.median(power[inside])) / math.log(2.0)
     # The window spreads the mean over the first bins.
@@ -120,7 +129,7 @@ def look_at(source: MotionSource) -> Look:
     moving = np.where(is_motion, power, 0.0) * frequency ** (4 if of_position else 2)
     share = np.cumsum(moving) / max(float(moving.sum()), 1e-300)
     fastest = ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 0.99))])
-    limits = float(frequency[5]), HIGHEST_CUTOFF * rate
+    limits = float(frequency[5]), min(HIGHEST_CUTOFF * rate, float(frequency[-1]))
     cutoff = float(np.clip(max(float(frequency[end]), fastest), *limits))
     slow = float(np.clip(fastest, limits[0], cutoff))
     return Look(cutoff, slow, floor, _top_speed(source, pieces, cutoff), of_position)

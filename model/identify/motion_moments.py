@@ -15,7 +15,9 @@ instrument of the odd ones, and the other way round; with X their mean and D hal
 
     (X' X - D' D) b = X' y
 
-The covariance is A^-1 S A'^-1, with S the sum of the scores over lags (Newey and West 1987).
+The covariance is A^-1 S A'^-1, with S the sum of the scores over lags (Newey and West 1987), or, where that
+is more, the scatter of the solutions without each of some parts of the time (jackknife): a few
+moves say more than their number of samples, and the sum over lags is short by what they miss.
 """
 
 from __future__ import annotations
@@ -35,6 +37,9 @@ from model.identify.motion_columns import Samples
 MOST_BLOCKS = 2000
 FOLDS = 10
 """Parts of the time that are left out in turn for the error on data that a fit has not seen."""
+PARTS = 32
+"""Parts of the time that the jackknife leaves out in turn."""
+LEAST_PARTS = 8
 SHOWN = 20_000
 """Samples that are kept for plots."""
 NOISE_OF = {"acceleration": "noise_acceleration", "speed": "noise_speed"}
@@ -177,18 +182,31 @@ def solve_moments(
     inverse: Array = np.asarray(np.linalg.inv(system.left.sum(axis=0)), dtype=float)
     spread, effective = lagged_sum(scores[np.any(system.squares != 0.0, axis=(1, 2))])
     n = moments.kept
+    covariance, freedom = _wider(
+        inverse @ spread @ inverse.T * (n / (n - p)), max(effective, 2.0), system.jackknife()
+    )
     return MomentFit(
         names=tuple(regressors),
         values=values,
-        covariance=inverse @ spread @ inverse.T * (n / (n - p)),
+        covariance=covariance,
         condition=condition,
         condition_raw=math.sqrt(float(np.linalg.cond(total))),
-        freedom=max(effective, 2.0),
+        freedom=freedom,
         samples=n,
         residual_norm=math.sqrt(system.error(values).sum()),
         effort_norm=math.sqrt(float(system.effort.sum())),
         fold_errors=system.fold_errors(),
     )
+
+
+def _wider(lagged: Array, effective: float, parts: Array) -> tuple[Array, float]:
+    """The covariance by lags (p, p), with the errors of the solutions without each part (k, p) where these are more."""
+    if len(parts) < LEAST_PARTS:
+        return lagged, effective
+    off = parts - parts.mean(axis=0)
+    ratio = np.diag(off.T @ off * ((len(parts) - 1.0) / len(parts))) / np.diag(lagged)
+    scale = np.sqrt(np.maximum(ratio, 1.0))
+    return lagged * np.outer(scale, scale), min(effective, len(parts) - 1.0)
 
 
 def noise_sums(moments: Moments, names: tuple[str, ...]) -> Array:
@@ -229,6 +247,19 @@ class _System:
         linear = self.cross @ values
         squared = np.einsum("i,bij,j->b", values, self.squares, values)
         return np.maximum(self.effort - 2.0 * linear + squared, 0.0)
+
+    def jackknife(self) -> Array:
+        """The solutions without each of some parts of the time with motion (parts, p), as far as there are any."""
+        there = np.any(self.squares != 0.0, axis=(1, 2))
+        count = int(there.sum())
+        part = np.where(there, (np.cumsum(there) - 1) * PARTS // max(count, 1), -1)
+        found: list[Array] = []
+        for k in range(PARTS if count >= 2 * PARTS else 0):
+            try:
+                found.append(self.solution(part != k))
+            except np.linalg.LinAlgError:
+                continue
+        return np.array(found)
 
     def fold_errors(self) -> Array:
         fold = np.arange(len(self.left)) * FOLDS // len(self.left)

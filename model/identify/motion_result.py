@@ -25,7 +25,7 @@ class MotionFit:
 
     estimates by name; covariance (p, p) in their order; time, velocity, acceleration, measured,
     predicted, friction with offset: (n,), some of the decimated samples. `filter_uncertainty`, `rung_uncertainty`,
-    `lag_uncertainty`: standard uncertainties (type B) by parameter. `cutoffs`: the parameters at
+    `lag_uncertainty`, `shared_uncertainty`: standard uncertainties (type B) by parameter. `cutoffs`: the parameters at
     half, at once and at twice the cut-off [Hz]; `rungs` those of every model.
     """
 
@@ -50,6 +50,7 @@ class MotionFit:
     filter_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
     rung_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
     lag_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
+    shared_uncertainty: Mapping[str, float] = field(default_factory=dict[str, float])
     cutoffs: Mapping[float, Mapping[str, float]] = field(
         default_factory=dict[float, Mapping[str, float]]
     )

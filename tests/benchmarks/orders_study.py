@@ -194,6 +194,11 @@ def run_seed(seed: int) -> list[Line]:
                 "a": e.low <= one.scale * size <= e.high,
                 "b": abs(e.value - size) <= e.expanded_uncertainty,
             }
+        elif order > 0.4 * per_turn:
+            images = folded(order, per_turn)
+            seen = [e for v, e in named.items() if any(abs(v - i) <= near for i in images)]
+            if seen:
+                line |= {"answered": f"image {seen[0].identifiable}", "note": seen[0].note}
         lines.append(line)
     for at, e in named.items():
         if e.identifiable == "yes" and min(abs(at - v) for v in one.orders) > near:
@@ -211,6 +216,12 @@ def run_seed(seed: int) -> list[Line]:
         }
     )
     return lines
+
+
+def folded(order: float, per_turn: float) -> list[float]:
+    """Where an order may stand in evenly taken samples: at |k S - order|."""
+    folds = range(1, math.ceil(2.0 * order / per_turn) + 1)
+    return [abs(fold * per_turn - order) for fold in folds]
 
 
 def plain_transform(angle: np.ndarray, torque: np.ndarray) -> Any:
@@ -234,7 +245,9 @@ def plain_transform(angle: np.ndarray, torque: np.ndarray) -> Any:
 
 def table(lines: Sequence[Line]) -> str:
     """Coverage and missing answers per group of orders, and what was claimed and is none."""
-    text = ["group                     n   yes  weakly  no  absent   (a) %   (b) %   peer error %"]
+    text = [
+        "group                     n   yes  weakly  no  image  absent   (a) %   (b) %   peer error %"
+    ]
     orders = [line for line in lines if line["what"] == "order"]
     for motion in (*MOTIONS, "all"):
         for in_band in (True, False):
@@ -253,9 +266,10 @@ def table(lines: Sequence[Line]) -> str:
                 sum(line["answered"] == word for line in own)
                 for word in ("yes", "weakly", "no", "absent")
             ]
+            images = sum(line["answered"].startswith("image") for line in own)
             name = f"{motion}, {'in' if in_band else 'above'} band"
             text.append(
-                f"{name:22s} {len(own):4d} {count[0]:5d} {count[1]:7d} {count[2]:3d} {count[3]:7d} "
+                f"{name:22s} {len(own):4d} {count[0]:5d} {count[1]:7d} {count[2]:3d} {images:6d} {count[3]:7d} "
                 f"{share['a']:7.1f} {share['b']:7.1f} {np.median(off) if off else math.nan:10.1f}"
             )
     false = sum(line["what"] == "false" for line in lines)

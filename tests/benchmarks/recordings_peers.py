@@ -35,7 +35,7 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import Recording
 from model.gear_file import shipped_gear
-from tests.benchmarks import orders_study, recordings_study
+from tests.benchmarks import orders_study, recordings_cases
 from tests.experiments.recordings.test_friction_curve import table
 from tests.experiments.recordings.test_recorded_elsewhere import DATA, HERE, columns
 from tests.experiments.test_analyses_without_plan import foreign
@@ -116,8 +116,7 @@ def synthetic(seed: int) -> Shared:
     """The recording of a seed of the study of joints and tables."""
     random = np.random.default_rng(seed)
     is_table = seed % 4 == 0
-    case = recordings_study.friction_table(random) if is_table else recordings_study.joint(random)
-    scaled = recordings_study.SCALED
+    case = recordings_cases.friction_table(random) if is_table else recordings_cases.joint(random)
     names = ("inertia", "viscous", "coulomb", "static", "stribeck_velocity")
     return Shared(
         group="friction table, synthetic" if is_table else "motion, synthetic",
@@ -125,9 +124,7 @@ def synthetic(seed: int) -> Shared:
         kind=case.kind,
         recording=case.recording,
         truth={
-            name: value * (case.scale if name in scaled else 1.0)
-            for name, value in case.truth.items()
-            if name in names
+            name: case.seen.get(name, value) for name, value in case.truth.items() if name in names
         },
         settings=case.settings,
     )

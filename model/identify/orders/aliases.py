@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,9 @@ HIGHEST_ALIAS = 400
 ONE_AND_THE_SAME = 0.95
 """Correlation of two orders over the samples above which they are given as a pair."""
 IMAGE = 0.3
-"""The same for one that is no whole order: a speed that drifts smears the image of a whole one."""
+"""The same for one that is no whole order: a speed that drifts smears the image of another."""
+NEAR_FOLD, MOST_STEPS = 0.02, 400
+"""Share of the samples per revolution by which their median may be off, and steps that are looked at to each side."""
 DRAWN = 2048
 """Samples of a part that stand for all of it."""
 STEP_ROWS = 8
@@ -109,6 +112,34 @@ class SamplingWindow:
             if self._together(other - sign * order) > least:
                 return other
         return None
+
+    def image_of(self, order: float) -> float | None:
+        """The lowest order above this one, whole or not, of which it may be the image; None for none."""
+        found = [
+            other
+            for lattice in self._lattice
+            for other in (lattice - order, lattice + order)
+            if order < other <= HIGHEST_ALIAS
+        ]
+        return min(found, default=None)
+
+    @cached_property
+    def _lattice(self) -> list[float]:
+        """Orders by which two may differ, or that they may add up to, and look the same: multiples of the samples."""
+        if not math.isfinite(self.per_revolution):
+            return []
+        folds = range(1, math.ceil(2.0 * HIGHEST_ALIAS / self.per_revolution) + 1)
+        fine = 0.25 * REVOLUTION / max(float(np.ptp(self.angle)), REVOLUTION)
+        found: list[float] = []
+        for fold in folds:
+            middle = fold * self.per_revolution
+            steps = min(math.ceil(NEAR_FOLD * middle / fine), MOST_STEPS)
+            near = middle + fine * np.arange(-steps, steps + 1)
+            alike = [self._together(order) for order in near.tolist()]
+            at = int(np.argmax(alike))
+            if alike[at] > IMAGE:
+                found.append(float(near[at]))
+        return found
 
     def candidates(self, order: float) -> list[tuple[int, float]]:
         """Whole orders above this one that sampling may fold onto it, and in which sense."""

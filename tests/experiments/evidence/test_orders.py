@@ -70,6 +70,18 @@ def test_nothing_above_four_tenths_of_the_samples_is_identified() -> None:
     assert "above 0.4 of the 18 samples" in result.estimates["amplitude_9"].note
 
 
+@pytest.mark.parametrize(("drift", "word"), [(0.0, "weakly"), (2e-2, "yes")])
+def test_an_order_that_is_not_whole_is_one_only_where_the_speed_changed(
+    drift: float, word: str
+) -> None:
+    """Of 12.7 as of 5.318 the samples of a steady speed show a line at 5.318."""
+    low, high = (
+        analysed("order-spectrum", ripple(v, 0.05, drift), highest_order=8) for v in (5.318, 12.7)
+    )
+    assert called(low, word) == [5.32]
+    assert called(high, "yes") == []
+
+
 def test_whole_samples_per_revolution_leave_a_pair() -> None:
     """At 20 samples per revolution orders 2 and 18 are one and the same."""
     result = analysed("order-spectrum", ripple(2.0, 0.05, turns=5.0), highest_order=8)

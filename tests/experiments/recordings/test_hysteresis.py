@@ -115,3 +115,16 @@ def test_a_torque_that_never_moves_is_refused() -> None:
     angle, torque = loops()
     with pytest.raises(AnalysisError, match="does not move"):
         analysed(recorded(angle, np.full(len(torque), 3.0)))
+
+
+def test_a_lag_that_the_import_states_is_taken_off() -> None:
+    """A torque that is late by five rows opens the loops; with the lag stated they are what they are."""
+    angle, torque = loops(noise=0.0)
+    run = recorded(angle, np.interp(np.arange(len(angle)) - 5.0, np.arange(len(angle)), torque))
+    process = {"stated": {"lag_s": {"output_torque": 0.05}}}
+    stated = dataclasses.replace(run, metadata=dataclasses.replace(run.metadata, process=process))
+    true, late, corrected = (
+        analysed(r).estimates["loss"].value for r in (recorded(angle, torque), run, stated)
+    )
+    assert abs(late / true - 1.0) > 0.1
+    assert corrected == pytest.approx(true, rel=1e-3)

@@ -134,3 +134,13 @@ def test_a_nominal_time_tells_no_delay() -> None:
     with pytest.raises(AnalysisError, match="true time"):
         analysed(dataclasses.replace(run, metadata=nominal), **BOTH)
     assert math.isfinite(analysed(run, **BOTH).estimates["skew"].value)
+
+
+@pytest.mark.parametrize(("stated", "is_said"), [(DELAY, False), (0.0, True)])
+def test_a_stated_lag_is_held_against_the_delay(stated: float, is_said: bool) -> None:
+    run = encoders(50.0, -50.0, 200.0, -200.0)
+    process = {"stated": {"lag_s": {"output_angle": stated}}}
+    run = dataclasses.replace(run, metadata=dataclasses.replace(run.metadata, process=process))
+    result = analysed(run, **BOTH)
+    assert result.options["stated_s"] == stated
+    assert any("The import states" in warning for warning in result.warnings) is is_said
