@@ -49,6 +49,10 @@ SHOWN, LEAST_COUNTS, SEEN = 30.0, 0.5, 4.0
 which it surely is."""
 UNKNOWN_ERROR, GIVEN_ERROR = 20.0 * ARCSEC, 5.0 * ARCSEC
 """How wide coefficients of the kinematic error are believed to lie, from nothing and about an identified error."""
+PER_CYCLE = 40.0
+"""Steps of the response per cycle of the expected mode: kinks and hysteresis are taken in the middle of a step, and
+with twelve the secant came out one to two per cent wrong while the residual was that of the noise.
+"""
 RIGID = 6.0
 """Logarithm by which a spring is stiffer that stands for a rigid gear."""
 
@@ -154,7 +158,7 @@ def _problem(
 ) -> tuple[Problem, float, float]:
     """The steps made ready, the noise of their counts [rad], and the time between two samples [s]."""
     period = float(np.median(np.concatenate([np.diff(s.time) for s in steps])))
-    interval = period / max(2, math.ceil(period * 12.0 * expected.frequency))
+    interval = period / max(2, math.ceil(period * PER_CYCLE * expected.frequency))
     noise = math.hypot(
         steps[0].output_quantum, steps[0].input_quantum / steps[0].ratio
     ) / math.sqrt(12.0)

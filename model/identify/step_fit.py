@@ -94,14 +94,15 @@ def step_arrays(
     fine = np.arange(data.time[0], last + 0.5 * interval, interval)
     fine = fine[fine <= data.time[-1]]
     angle = scipy.interpolate.CubicSpline(data.time, data.input_angle)(fine)
-    # Friction winds the gear up from the first count on: by a smoothed speed it would begin before the step does.
+    # Friction winds the gear up from the first count on, its viscous part as the speed grows: by a smoothed speed it
+    # would begin before the step does.
     speed = np.interp(fine, data.time, np.gradient(data.input_angle, data.time))
     rigid = angle / data.ratio + series_value(data.kinematic_error, angle)
     inside = (data.time >= fine[0] + LARGEST_SKEW) & (data.time <= fine[-1] - LARGEST_SKEW)
     moving = np.tanh(speed / SPEED_SMOOTHING)
     falling = moving * np.exp(-np.abs(speed) / FALLING)
     stamps = data.time[inside]
-    own = np.column_stack([np.interp(stamps, fine, moving), np.interp(stamps, fine, falling)])
+    own = np.column_stack([np.interp(stamps, fine, wound) for wound in (moving, falling, speed)])
     return StepArrays(
         data=data,
         fine=fine,
