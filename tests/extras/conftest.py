@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 from importlib.util import find_spec
 
-FLEET = ("dask", "distributed", "pyarrow", "duckdb")
+FLEET = ("dask", "distributed", "pyarrow", "duckdb", "pytz")
 NEEDS = {
     "test_fleet.py": FLEET,
     "test_fleet_parts.py": FLEET,

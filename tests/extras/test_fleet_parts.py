@@ -295,6 +295,9 @@ def test_the_command_asks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         == 0
     )
     assert rig.out == "gear,value\nG0,60.0\n"
+    when = "SELECT started FROM results LIMIT 1"
+    ((began,),) = rig.json("fleet", "query", when, "--results", tmp_path)["rows"]
+    assert datetime.fromisoformat(began).tzinfo is not None
     assert rig("fleet", "query", "spread", "--results", tmp_path) == 0
     assert rig.out.splitlines()[0].split()[:4] == ["kind", "quantity", "unit", "gears"]
     assert rig("fleet", "query", "nonsense", "--results", tmp_path) == 2
