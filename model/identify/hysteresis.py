@@ -175,16 +175,22 @@ def _tip(angle: Array, torque: Array, branch: slice, row: int) -> tuple[float, f
 
     The angle turns smoothly, by a parabola; the torque is that of the branch there, which unloading leaves at once.
     """
-    half = max(round(TIP * (branch.stop - branch.start)), 4)
-    rows = np.arange(max(row - half, 0), min(row + half + 1, len(angle)))
-    x = (rows - row) / half
-    fitted = np.polynomial.polynomial.polyfit(x, angle[rows], 2)
-    middle = float(np.clip(-0.5 * fitted[1] / fitted[2], x[0], x[-1]))
+    begin, stop = int(branch.start), int(branch.stop)
+    half = max(round(TIP * (stop - begin)), 4)
+    first, last = max(row - half, 0), min(row + half, len(angle) - 1)
+    x: Array = (np.arange(first, last + 1, dtype=np.float64) - row) / half
+    fitted = _parabola(x, angle[first : last + 1])
+    middle = float(np.clip(-0.5 * fitted[1] / fitted[2], float(x[0]), float(x[-1])))
     place = float(np.polynomial.polynomial.polyval(middle, fitted))
-    last = slice(max(branch.stop - 4 * half, branch.start), branch.stop)
-    off = angle[last] - place
-    line = np.polynomial.polynomial.polyfit(off, torque[last], 1)
+    end = slice(max(stop - 4 * half, begin), stop)
+    off = angle[end] - place
+    line = np.polynomial.polynomial.polyfit(off, torque[end], 1)
     return place, float(line[0])
+
+
+def _parabola(x: Array, y: Array) -> Array:
+    """Coefficients (3,) of a parabola, the constant first."""
+    return np.asarray(np.polynomial.polynomial.polyfit(x, y, 2), dtype=float)
 
 
 def _angle_at(angle: Array, torque: Array, at: float, amplitude: float) -> float:

@@ -99,12 +99,15 @@ class Alignment:
 
 def _least(moments: Moments, regressors: Sequence[str]) -> float:
     """The lag of the grid, or none, that leaves the least of the effort unexplained."""
-    x, total = moments.places(regressors), moments.sums.sum(axis=0)
+    x = moments.places(regressors)
+    total: Array = moments.sums.sum(axis=0)
+    squares: Array = total[x][:, x]
     left: dict[float, float] = {}
     for k, lag in [(-1, 0.0), *enumerate(TRIED)]:
         y = moments.names.index("effort" if k < 0 else f"effort_{k}")
-        told = np.linalg.lstsq(total[np.ix_(x, x)], total[x, y], rcond=None)[0]
-        left[lag] = 1.0 - float(told @ total[x, y]) / float(total[y, y])
+        cross: Array = total[x, y]
+        told, _, _, _ = np.linalg.lstsq(squares, cross, rcond=None)
+        left[lag] = 1.0 - float(told @ cross) / float(total[y, y])
     return min(left, key=lambda lag: left[lag])
 
 

@@ -65,7 +65,9 @@ def shared_noise(moments: Moments, regressors: Sequence[str], values: Array) -> 
         other: Array = np.asarray(np.linalg.inv(far.sum(axis=0)), dtype=float)[place]
     except np.linalg.LinAlgError:
         return SharedNoise(0.0, math.inf, inertia)
-    apart: Array = np.linalg.inv(far.sum(axis=0)) @ sums[:, z, y].sum(axis=0)
+    apart: Array = np.asarray(np.linalg.inv(far.sum(axis=0)), dtype=float) @ sums[:, z, y].sum(
+        axis=0
+    )
     scores = (sums[:, z, y] - far @ apart) @ other - (sums[:, x, y] - near @ values) @ own
     spread, _ = lagged_sum(scores[np.any(near != 0.0, axis=(1, 2))][:, None])
     return SharedNoise(float(apart[place]) - inertia, math.sqrt(float(spread[0, 0])), inertia)
