@@ -105,10 +105,15 @@ ORDER BY abs(slope_over_error) DESC NULLS LAST, kind, quantity, bench
         Question(
             "capability",
             "how far each limit is from the production: Cpk, and how many gears pass",
-            f"""
-WITH judged AS (SELECT * FROM ({_MEASURED}) WHERE verdict <> '' AND limit_value IS NOT NULL)
+            """
+WITH judged AS (
+    SELECT *, coalesce(isfinite(value), false) AND identifiable <> 'no'
+              AND outcome IN ('COMPLETED', '') AS is_measured
+    FROM results WHERE verdict <> '' AND limit_value IS NOT NULL
+)
 SELECT kind, quantity, unit, limit_value, limit_is, count(*) AS results, count(DISTINCT gear) AS gears,
-       avg(value) AS mean, stddev_samp(value) AS standard_deviation,
+       avg(value) FILTER (is_measured) AS mean,
+       stddev_samp(value) FILTER (is_measured) AS standard_deviation,
        CASE limit_is WHEN 'upper' THEN limit_value - mean ELSE mean - limit_value END
            / nullif(3 * standard_deviation, 0) AS cpk,
        count(*) FILTER (verdict = 'PASS') AS passed,

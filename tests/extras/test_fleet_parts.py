@@ -234,7 +234,8 @@ def test_the_ready_questions(tmp_path: Path) -> None:
     rows = production()
     undetermined = row(run_file="x.h5", value=900.0, identifiable="no", bench="A", gear="X")
     broken_off = row(run_file="y.h5", value=900.0, outcome="TRIPPED", bench="A", gear="Y")
-    keep(tmp_path, [*rows, undetermined, broken_off])
+    limit = {"limit_value": 61.9, "limit_is": "upper", "verdict": "NOT JUDGED"}
+    keep(tmp_path, [*rows, undetermined | limit, broken_off])
     values = np.array([r["value"] for r in rows])
     [spread] = answers(tmp_path, "spread")
     assert (spread["gears"], spread["runs"]) == (40, 40)
@@ -262,6 +263,8 @@ def test_the_ready_questions(tmp_path: Path) -> None:
     assert (capability["passed"], capability["marginal"], capability["failed"]) == tuple(
         map(outcomes_.count, ("PASS", "MARGINAL", "FAIL"))
     )
+
+    assert (capability["results"], capability["not_judged"]) == (41, 1)
 
     worst = answers(tmp_path, "worst")
     assert worst[0]["gear"] == max(rows, key=lambda r: r["value"])["gear"]
