@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from experiments.angle.certified import certified_angles
 from experiments.angle.phase_reference import phase_reference
 from experiments.errors import ExperimentError
 from experiments.evidence import rotary_ratio
@@ -116,8 +117,9 @@ class StepView(SegmentView):
         reference = phase_reference(recording)
         ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
         source = gear if carries(gear, reference) else None
+        certified, _ = certified_angles(one)
         steps, _, _ = recorded_steps(
-            one, ratio, reference, None, source, first_resonances(gear)[-1]
+            one, ratio, reference, None, source, first_resonances(gear)[-1], certified
         )
         scored = next((step for step in steps if step.segment.index == segment.index), None)
         if scored is None:
