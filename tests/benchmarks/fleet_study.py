@@ -106,7 +106,7 @@ def engine_share(runs: list[Path]) -> float:
 
     The first runs are left out: they pay for what is imported and compiled once.
     """
-    job = Job(name="study", created="")
+    job = Job(name="study", created=datetime.now(UTC).isoformat())
     tasks = work_for(runs, job, {}, base=runs[0].parent, there=PathMap()).tasks
     fit_runs(job, tasks[: len(tasks) // 10], now=time.process_time)
     done = [
