@@ -90,13 +90,11 @@ class DataSet:
 
     def known(self) -> dict[Identity, Known]:
         """What there is, by run file and kind. Raises `RunFileError` for a file that is none of this data set."""
-        import pyarrow.parquet as pq
 
         names = ["run_file", "kind", "key", "surroundings", "failure", "failure_kind"]
         known: dict[Identity, Known] = {}
         for number, path in self.parts():
-            _require_schema(path)
-            table = pq.read_table(path, columns=names).group_by(names).aggregate([])
+            table = _read(path, names).group_by(names).aggregate([])
             columns = [table.column(name).to_pylist() for name in names]
             for run_file, kind, key, surroundings, failure, failure_kind in zip(
                 *columns, strict=True
@@ -137,11 +135,10 @@ class DataSet:
 
     def has_renewed_rows(self) -> bool:
         """Whether rows of one run stand in two files, of which the older one no longer counts."""
-        import pyarrow.parquet as pq
 
         seen: set[Identity] = set()
         for _, path in self.parts():
-            table = pq.read_table(path, columns=["run_file", "kind"])
+            table = _read(path, ["run_file", "kind"])
             table = table.group_by(["run_file", "kind"]).aggregate([])
             here = set(
                 zip(*(table.column(n).to_pylist() for n in ("run_file", "kind")), strict=True)
@@ -178,9 +175,8 @@ class DataSet:
             yield group
 
     def _has_foreign(self, path: Path, number: int, owners: Mapping[Identity, int]) -> bool:
-        import pyarrow.parquet as pq
 
-        table = pq.read_table(path, columns=["run_file", "kind"])
+        table = _read(path, ["run_file", "kind"])
         table = table.group_by(["run_file", "kind"]).aggregate([])
         pairs = zip(*(table.column(n).to_pylist() for n in ("run_file", "kind")), strict=True)
         return any(owners.get(pair) != number for pair in pairs)
@@ -236,22 +232,31 @@ def _without_outlived(known: dict[Identity, Known]) -> dict[Identity, Known]:
 def _owned(number: int, path: Path, owners: Mapping[Identity, int]) -> pyarrow.Table:
     """The rows of a file that count."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    table = pq.read_table(path, schema=arrow_schema())
+    table = _read(path)
     pairs = zip(table["run_file"].to_pylist(), table["kind"].to_pylist(), strict=True)
     return table.filter(pa.array([owners.get(pair) == number for pair in pairs], pa.bool_()))
 
 
-def _require_schema(path: Path) -> None:
+def _read(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
+    """A file of the data set, or some of its columns. Raises `RunFileError` for one that is damaged or of another."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         metadata = pq.read_schema(path).metadata or {}
-    except (pa.ArrowInvalid, OSError) as error:
-        raise RunFileError("is no Parquet file", where=str(path), value=str(error)) from None
-    version = metadata.get(SCHEMA_KEY.encode(), b"").decode()
+        _require_schema(path, metadata.get(SCHEMA_KEY.encode(), b"").decode())
+        return pq.read_table(path, columns=columns, schema=arrow_schema())
+    except (pa.ArrowException, OSError) as error:
+        raise RunFileError(
+            "is no Parquet file that can be read",
+            where=str(path),
+            value=str(error),
+            remedy="Take it away, and fit again: what is missing is fitted anew.",
+        ) from None
+
+
+def _require_schema(path: Path, version: str) -> None:
     if version != str(SCHEMA_VERSION):
         raise RunFileError(
             "is not of this data set's schema",

@@ -275,9 +275,13 @@ def _notes(data: LotData, quantities: Sequence[LotQuantity]) -> list[str]:
         f"{one.title}: {one.limits.note}" for one in quantities if one.limits and one.limits.note
     ]
     for origin, gears in data.other_origins:
-        notes.append(
-            f"{gears} gears of origin {origin or 'not stated'} are left out: --origin {origin}"
-        )
+        if gears:
+            which = (
+                f"{origin} are left out: --origin {origin}"
+                if origin
+                else "that is not stated are left out"
+            )
+            notes.append(f"{gears} gears of origin {which}")
     if data.nameless_runs:
         notes.append(f"{data.nameless_runs} runs name no gear and are left out")
     if data.unfinished:

@@ -281,6 +281,14 @@ def test_a_question_that_is_none_is_told(tmp_path: Path) -> None:
         results_folder(tmp_path / "elsewhere")
 
 
+def test_a_damaged_file_among_the_results_is_named(tmp_path: Path) -> None:
+    keep(tmp_path, production(4))
+    (tmp_path / "part-00000099.parquet").write_bytes(b"PAR1 and nothing more")
+    for read in (lambda: ask(tmp_path, "spread"), DataSet(tmp_path).table):
+        with pytest.raises(RunFileError, match=r"part-00000099.parquet: is no Parquet file"):
+            read()
+
+
 def test_the_command_asks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rig = Rig(capsys)
     keep(tmp_path / "fleet-results", production(4))
