@@ -299,7 +299,15 @@ def test_steps_are_read_without_what_the_certificate_states(
     def output(run: Recording) -> np.ndarray:
         certified, said = certified_angles(run)
         assert not said
-        steps, _, _ = recorded_steps(run, RATIO, phase_reference(run), None, None, 600.0, certified)
+        steps, _, _ = recorded_steps(
+            run,
+            ratio=RATIO,
+            reference=phase_reference(run),
+            zero=None,
+            source=None,
+            resonance=600.0,
+            certified=certified,
+        )
         return np.concatenate([np.diff(step.data.output_angle) for step in steps])
 
     count = shown.signals["output_angle"].quantum

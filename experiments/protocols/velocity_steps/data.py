@@ -60,6 +60,7 @@ class RecordedStep:
 
 def recorded_steps(
     recording: Recording,
+    *,
     ratio: float,
     reference: PhaseReference,
     zero: TorqueZero | None,

@@ -46,7 +46,13 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
         )
     certified, _ = certified_angles(recording)
     recorded, _, _ = recorded_steps(
-        recording, ratio, reference, None, gear, first_resonances(gear)[-1], certified
+        recording,
+        ratio=ratio,
+        reference=reference,
+        zero=None,
+        source=gear,
+        resonance=first_resonances(gear)[-1],
+        certified=certified,
     )
     # Every fitted rung has the error as numbers of its own.
     steps = [replace(one, data=replace(one.data, kinematic_error=())) for one in recorded]

@@ -309,12 +309,12 @@ def _steps_of(
     with analysing(recording.metadata.run_id):
         steps, origin, said = recorded_steps(
             recording,
-            ratio,
-            reference,
-            zero,
-            gear if use_set else None,
-            first_resonances(gear)[-1],
-            certified,
+            ratio=ratio,
+            reference=reference,
+            zero=zero,
+            source=gear if use_set else None,
+            resonance=first_resonances(gear)[-1],
+            certified=certified,
         )
     if not steps:
         raise AnalysisError(

@@ -119,7 +119,13 @@ class StepView(SegmentView):
         source = gear if carries(gear, reference) else None
         certified, _ = certified_angles(one)
         steps, _, _ = recorded_steps(
-            one, ratio, reference, None, source, first_resonances(gear)[-1], certified
+            one,
+            ratio=ratio,
+            reference=reference,
+            zero=None,
+            source=source,
+            resonance=first_resonances(gear)[-1],
+            certified=certified,
         )
         scored = next((step for step in steps if step.segment.index == segment.index), None)
         if scored is None:
