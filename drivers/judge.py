@@ -2,7 +2,7 @@
 
 The same rule as `drivers.port.GuardWatch`, written for a single row: only the channels that the
 bounds name are decoded. A speed is counts over the time between two SYNCs, as hardware stamped them,
-else as they were sent (`drivers.sync_time`); nothing received gives a time:
+else as they were sent (`drivers.bus.sync_time`); nothing received gives a time:
 
     quantity * (lag * period) / max(elapsed, lag * period).
 

@@ -14,13 +14,13 @@ import pytest
 from canopen.objectdictionary import ObjectDictionary, ODRecord, ODVariable
 from canopen.pdo.base import PdoMap
 
-from drivers.bus import PumpedBus
+from drivers.bus.columns import ColumnDecoder
+from drivers.bus.cyclic import CanRig
+from drivers.bus.frames import CycleStore
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoClient
 from drivers.clock import VirtualClock
-from drivers.columns import ColumnDecoder
-from drivers.cyclic import CanRig
-from drivers.frames import CycleStore
 from drivers.port import Command, DriveLimits, Guard, Mode
-from drivers.sdo import SdoClient
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig, RigRequest

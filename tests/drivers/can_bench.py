@@ -10,14 +10,14 @@ from dataclasses import dataclass
 import can
 import numpy as np
 
-from drivers.bus import Event
-from drivers.cia401 import AnalogModuleConfig, torque_input
-from drivers.cia402 import DriveConfig
-from drivers.cia406 import CounterConfig
+from drivers.bus.cia401 import AnalogModuleConfig, torque_input
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.network import Event
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.port import Command, DriveLimits, Guard, Mode
-from drivers.rig_nodes import MotorEncoder
 from tests.drivers.canopen_peer import Bench, CounterPeer, DrivePeer, Peer, analog_eds
 
 RPM = 2 * np.pi / 60

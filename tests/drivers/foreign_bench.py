@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.bus import Event
-from drivers.cia402 import DriveConfig
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.network import Event
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.port import Command, DriveLimits, Guard, Mode
-from drivers.rig_nodes import MotorEncoder
 from drivers.samples import SampleBlock
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import Traits, Wire

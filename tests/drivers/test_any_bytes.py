@@ -11,19 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.bus import PumpedBus
+from drivers.bus.cia301 import I16, I32, U16, U32, ObjectRef, error_code_text, error_register_text
+from drivers.bus.cia401 import torque_input
+from drivers.bus.columns import Column, ColumnDecoder
+from drivers.bus.device import RemoteDevice
+from drivers.bus.frames import CycleStore, Field, FrameLayout
+from drivers.bus.network import PumpedBus
+from drivers.bus.pdo import MappedPdo, map_objects, read_pdo
+from drivers.bus.sync_time import SyncTime
 from drivers.channel import Channel
-from drivers.cia301 import I16, I32, U16, U32, ObjectRef, error_code_text, error_register_text
-from drivers.cia401 import torque_input
 from drivers.clock import VirtualClock
-from drivers.columns import Column, ColumnDecoder
 from drivers.counting import index_intervals, lost_counts
-from drivers.device import RemoteDevice
 from drivers.errors import DriverError
-from drivers.frames import CycleStore, Field, FrameLayout
-from drivers.pdo import MappedPdo, map_objects, read_pdo
 from drivers.samples import CycleFlag, is_stale
-from drivers.sync_time import SyncTime
 from tests.drivers.scripted_bus import ScriptedBus
 
 SDO_DATA = st.binary(min_size=8, max_size=8)

@@ -10,11 +10,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
-from drivers.rig_nodes import MotorEncoder
 from tests.drivers.foreign_bench import LIMITS
 from tests.drivers.foreign_drive import DRIVE_ROWS, ForeignDrive
 from tests.drivers.foreign_slave import (

@@ -8,6 +8,10 @@ import can
 import numpy as np
 import pytest
 
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.cyclic import CanRigConfig
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.channel import (
     DRIVE_TORQUE,
     INDEX_SEEN,
@@ -18,12 +22,8 @@ from drivers.channel import (
     TARGET_SPEED,
     TORQUE,
 )
-from drivers.cia402 import DriveConfig
-from drivers.cia406 import CounterConfig
-from drivers.cyclic import CanRigConfig
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Command, Guard, Mode
-from drivers.rig_nodes import MotorEncoder
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import LIMITS, RPM, Setup, close, setup
 from tests.drivers.canopen_peer import Bench, drive_eds

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import cia402_tables as obj
-from drivers.bus import PumpedBus
-from drivers.cia402 import DriveConfig, ServoAmplifier
-from drivers.cia402_units import unit_si
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
+from drivers.bus.cia402.units import unit_si
+from drivers.bus.device import RemoteDevice
+from drivers.bus.network import PumpedBus
+from drivers.bus.pdo import map_objects
 from drivers.clock import VirtualClock
-from drivers.device import RemoteDevice
 from drivers.drive_state import STATUSWORD_OF, DriveState, drive_state
 from drivers.errors import DriverError, ReadbackError
-from drivers.pdo import map_objects
 from tests.drivers.scripted_bus import ScriptedBus
 
 READ_STATUS = "601 40 41 60 00 00 00 00 00"
@@ -128,7 +128,7 @@ def test_the_mapping_procedure_is_that_of_the_standard() -> None:
             ("602 40 01 18 01 00 00 00 00", ["582 80 01 18 01 00 00 02 06"]),
         ]
     )
-    from drivers.cia406 import POSITION
+    from drivers.bus.cia406 import POSITION
 
     device = RemoteDevice(PumpedBus(raw, VirtualClock()), 2)
     (pdo,) = map_objects(device, [POSITION], is_transmit=True)
@@ -161,7 +161,7 @@ def test_a_fixed_mapping_is_used_as_it_is() -> None:
             ("602 40 01 18 01 00 00 00 00", ["582 80 01 18 01 00 00 02 06"]),
         ]
     )
-    from drivers.cia406 import POSITION
+    from drivers.bus.cia406 import POSITION
 
     device = RemoteDevice(PumpedBus(raw, VirtualClock()), 2)
     (pdo,) = map_objects(device, [POSITION], is_transmit=True)

@@ -12,9 +12,9 @@ import pytest
 from canopen.objectdictionary import ODVariable
 from canopen.objectdictionary.eds import import_eds
 
-from drivers.cia301 import U16, U32, data_type_named
-from drivers.device_file import load_device_file, read_device_file
-from drivers.eds import EdsEntry, parse_eds
+from drivers.bus.cia301 import U16, U32, data_type_named
+from drivers.bus.dictionary.device_file import load_device_file, read_device_file
+from drivers.bus.dictionary.eds import EdsEntry, parse_eds
 from drivers.errors import DecodeError, DriverError
 from sim_backend.wire.eds import electronic_data_sheet
 from tests.drivers.canopen_peer import analog_eds, counter_eds, drive_eds

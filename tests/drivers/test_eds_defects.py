@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.eds import load_eds, parse_eds
+from drivers.bus.dictionary.eds import load_eds, parse_eds
 from drivers.errors import DriverError
 
 LISTS = "".join(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.cia402_tables import MODE
-from drivers.cyclic import CanRig
+from drivers.bus.cia402.tables import MODE
+from drivers.bus.cyclic import CanRig
 from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
 from tests.drivers.foreign_bench import bench

@@ -10,12 +10,12 @@ import contextlib
 
 import pytest
 
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import DriverError
 from drivers.port import Mode
-from drivers.rig_nodes import MotorEncoder
-from drivers.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from tests.drivers.foreign_bench import RPM, bench
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import (

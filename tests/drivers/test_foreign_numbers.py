@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.dictionary.eds import parse_eds
 from drivers.channel import INPUT_ANGLE
-from drivers.cia402 import DriveConfig
 from drivers.clock import VirtualClock
-from drivers.eds import parse_eds
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Mode
 from tests.drivers.foreign_bench import LIMITS, RPM, bench
@@ -83,9 +83,9 @@ def test_the_interpolation_period_is_the_syncs_or_stays_whole(
     cycle_ns: int,
     found: tuple[int, int],
 ) -> None:
-    from drivers.bus import PumpedBus
-    from drivers.cia402_settings import write_interpolation_time
-    from drivers.device import RemoteDevice
+    from drivers.bus.cia402.settings import write_interpolation_time
+    from drivers.bus.device import RemoteDevice
+    from drivers.bus.network import PumpedBus
 
     wire = Wire(VirtualClock())
     drive = ForeignDrive(wire, Traits(values=values, refused=refused_writes))

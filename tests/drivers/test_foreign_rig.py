@@ -9,15 +9,15 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from drivers.bus.cia301 import I16, I32, REAL32, U16, U32, ObjectRef
+from drivers.bus.cia401 import AnalogModuleConfig, torque_input
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE
-from drivers.cia301 import I16, I32, REAL32, U16, U32, ObjectRef
-from drivers.cia401 import AnalogModuleConfig, torque_input
-from drivers.cia406 import CounterConfig
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import DriverError
 from drivers.port import Ask, Command, Guard, Mode, Reach, Request
-from drivers.rig_nodes import MotorEncoder
 from drivers.samples import CycleFlag, SampleBlock
 from tests.drivers.foreign_drive import ForeignCounter, ForeignDrive, ForeignInputs
 from tests.drivers.foreign_slave import READ_ONLY, Traits, Wire

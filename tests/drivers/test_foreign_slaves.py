@@ -11,16 +11,16 @@ from typing import Any
 import pytest
 from canopen import SdoAbortedError
 
-from drivers.bus import PumpedBus
-from drivers.cia301 import I32, U16, ObjectRef
-from drivers.cia402 import DriveConfig, ServoAmplifier
+from drivers.bus.cia301 import I32, U16, ObjectRef
+from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
+from drivers.bus.device import RemoteDevice
+from drivers.bus.network import PumpedBus
+from drivers.bus.pdo import map_objects, read_pdo
+from drivers.bus.sdo import SdoAbortError, SdoClient, SdoTimeoutError
 from drivers.clock import VirtualClock
-from drivers.device import RemoteDevice
 from drivers.drive_state import DriveState
 from drivers.errors import DriverError, ReadbackError
-from drivers.pdo import map_objects, read_pdo
 from drivers.port import Command, DriveLimits, Guard, Mode
-from drivers.sdo import SdoAbortError, SdoClient, SdoTimeoutError
 from tests.drivers.can_bench import Setup, close, setup
 from tests.drivers.canopen_peer import DrivePeer, Peer, drive_eds, entry, record
 from tests.drivers.scripted_bus import ScriptedBus
@@ -393,7 +393,7 @@ def test_a_drive_that_its_panel_holds_says_so() -> None:
     raw = ScriptedBus()
     serve(raw, {(0x6040, 0): (0, 2), (0x6041, 0): (0x0050, 2)})
     drive = ServoAmplifier(PumpedBus(raw, clock), DriveConfig(node_id=2, state_timeout_ms=50))
-    from drivers import cia402_tables as obj
+    from drivers.bus.cia402 import tables as obj
 
     with pytest.raises(DriverError, match=r"does not listen to the bus \(remote, bit 9\)"):
         drive._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")

@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers.bus.cia301 import I16, I32, REAL32, U16, U32, DataType, ObjectRef
+from drivers.bus.columns import Column, ColumnDecoder, Validity
+from drivers.bus.frames import CycleStore, Field, FrameLayout
+from drivers.bus.pdo import MappedPdo, pack
+from drivers.bus.sync_time import SyncTime
 from drivers.channel import Channel
-from drivers.cia301 import I16, I32, REAL32, U16, U32, DataType, ObjectRef
-from drivers.columns import Column, ColumnDecoder, Validity
 from drivers.counting import Unwrapper, index_intervals, lost_counts, wrapped_difference
 from drivers.errors import DriverError
-from drivers.frames import CycleStore, Field, FrameLayout
 from drivers.judge import CycleJudge
-from drivers.pdo import MappedPdo, pack
 from drivers.port import Bound, Guard, GuardWatch
 from drivers.samples import CycleFlag
-from drivers.sync_time import SyncTime
 
 STATUS, POSITION, TORQUE = (
     ObjectRef(0x6041, 0, U16),

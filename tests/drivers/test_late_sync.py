@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from drivers.bus import TimeBase
+from drivers.bus.network import TimeBase
+from drivers.bus.sync_time import SyncTime
 from drivers.channel import INPUT_ANGLE, Channel
 from drivers.judge import CycleJudge
 from drivers.port import MISSED_CYCLES, UNTIMED_CYCLES, Bound, Guard
 from drivers.samples import Break
-from drivers.sync_time import SyncTime
 
 LIMIT = 264.7
 """rad/s: 2528 r/min."""

@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 import can
 import pytest
 
-from drivers.cia402 import DriveConfig
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.listening import listening_time_ns
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.errors import BusLostError, OtherMasterError
-from drivers.listening import listening_time_ns
-from drivers.rig_nodes import MotorEncoder
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import MS, Slave, Stranger, Traits, Wire
 from tests.drivers.scripted_bus import frame

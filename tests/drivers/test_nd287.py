@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import VirtualClock, WallClock
 from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataError
-from drivers.nd287 import Readout, ReadoutConfig, open_port, parse_line
+from drivers.readout.nd287 import Readout, ReadoutConfig, open_port, parse_line
 
 
 class ScriptedPort:

@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.bus import PumpedBus
-from drivers.cia301 import (
+from drivers.bus.cia301 import (
     I32,
     REAL32,
     U8,
@@ -18,10 +17,11 @@ from drivers.cia301 import (
     data_type_named,
     error_code_text,
 )
-from drivers.cia402_tables import ERROR_CODES
+from drivers.bus.cia402.tables import ERROR_CODES
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
 from drivers.clock import VirtualClock
 from drivers.errors import DecodeError, DriverError
-from drivers.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
 from tests.drivers.scripted_bus import ScriptedBus
 
 

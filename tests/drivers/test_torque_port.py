@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from drivers.cia401 import torque_input
+from drivers.bus.cia401 import torque_input
+from drivers.bus.rig_nodes import MotorEncoder, largest_step
 from drivers.errors import DriverError
-from drivers.rig_nodes import MotorEncoder, largest_step
 from tests.drivers.can_bench import close, setup
 
 

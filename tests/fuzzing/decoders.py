@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from drivers.bus import PumpedBus
-from drivers.cia301 import I16, U32, ObjectRef
-from drivers.cia401 import torque_input
+from drivers.bus.cia301 import I16, U32, ObjectRef
+from drivers.bus.cia401 import torque_input
+from drivers.bus.device import RemoteDevice
+from drivers.bus.frames import CycleStore, Field, FrameLayout
+from drivers.bus.listening import listen_for_masters
+from drivers.bus.network import PumpedBus
+from drivers.bus.pdo import MappedPdo, map_objects, read_pdo
+from drivers.bus.sdo import SdoClient
 from drivers.clock import VirtualClock
-from drivers.device import RemoteDevice
-from drivers.frames import CycleStore, Field, FrameLayout
-from drivers.listening import listen_for_masters
-from drivers.nd287 import parse_line
-from drivers.pdo import MappedPdo, map_objects, read_pdo
+from drivers.readout.nd287 import parse_line
 from drivers.samples import CycleFlag
-from drivers.sdo import SdoClient
 from rig.trial.doctor.second_client import SecondClient
 from sim_backend.wire.hub import parse_send
 from tests.drivers.foreign_drive import ForeignCounter

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from drivers.device_file import load_device_file
-from drivers.eds import load_eds
+from drivers.bus.dictionary.device_file import load_device_file
+from drivers.bus.dictionary.eds import load_eds
 from drivers.errors import DriverError
 from model.errors import WordedError
 from model.gear_file import load_gear

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from drivers.bus import RawBus
+from drivers.bus.network import RawBus
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.port import RigPort

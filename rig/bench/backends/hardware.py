@@ -9,18 +9,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from drivers.bus import BusConfig, open_raw_bus
+from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.tables import OperationMode
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.dictionary.device_file import load_device_file
+from drivers.bus.network import BusConfig, open_raw_bus
+from drivers.bus.rig_nodes import GuardContact, MotorEncoder
 from drivers.channel import OUTPUT_ANGLE
-from drivers.cia401 import AnalogInput, AnalogModuleConfig
-from drivers.cia402 import DriveConfig
-from drivers.cia402_tables import OperationMode
-from drivers.cia406 import CounterConfig
 from drivers.clock import WallClock
-from drivers.cyclic import CanRig, CanRigConfig
-from drivers.device_file import load_device_file
 from drivers.errors import DriverError
-from drivers.nd287 import ReadoutConfig
-from drivers.rig_nodes import GuardContact, MotorEncoder
+from drivers.readout.nd287 import ReadoutConfig
 from model.motor import ServoMotor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.config import schema as described

@@ -19,7 +19,7 @@ from sim_backend.population import drawn
 from sim_backend.world import ThermalState, World
 
 if TYPE_CHECKING:
-    from drivers.cyclic import CanRig, CanRigConfig
+    from drivers.bus.cyclic import CanRig, CanRigConfig
     from sim_backend.direct import SimulatedRig
     from sim_backend.wire.bench import WireBench
 
@@ -124,7 +124,7 @@ def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None =
     """The real drivers in front of a simulated bench, on its pumped bus in virtual time; `config`
     where it is not the usual.
     """
-    from drivers.cyclic import CanRig
+    from drivers.bus.cyclic import CanRig
 
     return CanRig(
         config or wire_config(bench, motor),
@@ -139,12 +139,12 @@ def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None =
 
 def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False) -> CanRigConfig:
     """What the drivers are told of a simulated bench; `has_guard`: its guard's contact is watched in every cycle."""
-    from drivers.cia301 import I16, I32, U8, U32, ObjectRef
-    from drivers.cia401 import AnalogInput, AnalogModuleConfig, torque_input
-    from drivers.cia402 import DriveConfig
-    from drivers.cia406 import CounterConfig
-    from drivers.cyclic import CanRigConfig
-    from drivers.rig_nodes import GuardContact, MotorEncoder
+    from drivers.bus.cia301 import I16, I32, U8, U32, ObjectRef
+    from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
+    from drivers.bus.cia402.drive import DriveConfig
+    from drivers.bus.cia406 import CounterConfig
+    from drivers.bus.cyclic import CanRigConfig
+    from drivers.bus.rig_nodes import GuardContact, MotorEncoder
     from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
     from sim_backend.wire.drive import INTERLOCK
 

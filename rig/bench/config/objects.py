@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from drivers.cia301 import DATA_TYPES, DataType, ObjectRef
+from drivers.bus.cia301 import DATA_TYPES, DataType, ObjectRef
 
 _OBJECT = re.compile(r"^0[xX]([0-9A-Fa-f]{1,4}):([0-9]{1,3}) +([A-Za-z]+[0-9]*)$")
 _LETTERS = {"I": "INTEGER", "U": "UNSIGNED", "R": "REAL", "F": "REAL"}

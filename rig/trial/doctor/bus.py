@@ -9,12 +9,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from drivers.bus import NodeWatch, PumpedBus
-from drivers.cia301 import NmtState
-from drivers.cyclic import CanRig
-from drivers.device import Identity, Missing, RemoteDevice
+from drivers.bus.cia301 import NmtState
+from drivers.bus.cyclic import CanRig
+from drivers.bus.device import Identity, Missing, RemoteDevice
+from drivers.bus.network import NodeWatch, PumpedBus
+from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from drivers.port import DeviceEvent
-from drivers.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.finding import Finding, Verdict, judged
 from rig.trial.doctor.second_client import SecondClient, read_again

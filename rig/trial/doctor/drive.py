@@ -6,9 +6,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from drivers import cia402_tables as obj
-from drivers.cia301 import U8, U32, ObjectRef
-from drivers.cia402 import ServoAmplifier
+from drivers.bus.cia301 import U8, U32, ObjectRef
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.errors import DriverError
 from rig.trial.doctor.finding import Finding, judged

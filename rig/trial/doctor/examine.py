@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from drivers.bus import PumpedBus
-from drivers.cyclic import CanRig
+from drivers.bus.cyclic import CanRig
+from drivers.bus.network import PumpedBus
 from drivers.errors import DriverError
-from drivers.nd287 import ReadoutConfig
 from drivers.port import Command, Guard, Mode, TellsEvents
+from drivers.readout.nd287 import ReadoutConfig
 from experiments.errors import ExperimentError
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config

@@ -16,10 +16,10 @@ from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
 from canopen.sdo.client import ReadableStream
 from canopen.sdo.client import SdoClient as LibraryClient
 
-from drivers.bus import PumpedBus
-from drivers.cia301 import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, object_text
-from drivers.device import RemoteDevice
-from drivers.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
+from drivers.bus.cia301 import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, object_text
+from drivers.bus.device import RemoteDevice
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
 
 TIMED_OUT, TOO_LONG = 0x05040000, 0x05040005
 UPLOAD, ABORTED, NO_MORE_SEGMENTS = 0x40, 0x80, 0x01

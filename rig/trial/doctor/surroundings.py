@@ -13,8 +13,8 @@ from pathlib import Path
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.nd287 import Readout, ReadoutConfig, open_port
 from drivers.port import DriveLimits, RigPort
+from drivers.readout.nd287 import Readout, ReadoutConfig, open_port
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
 from rig.run.latch import latch_of

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import DriverError
-from drivers.nd287 import Readout, ReadoutConfig
+from drivers.readout.nd287 import Readout, ReadoutConfig
 from experiments.recording import Event
 from rig.run.dry_run import PlannedRun
 from rig.run.make_safe import Patience

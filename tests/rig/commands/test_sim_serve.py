@@ -18,9 +18,9 @@ import canopen
 import pytest
 import serial
 
-from drivers.bus import BusConfig, RawBus, open_raw_bus
-from drivers.eds import load_eds
-from drivers.nd287 import LINE_LENGTH, STX, parse_line
+from drivers.bus.dictionary.eds import load_eds
+from drivers.bus.network import BusConfig, RawBus, open_raw_bus
+from drivers.readout.nd287 import LINE_LENGTH, STX, parse_line
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import main

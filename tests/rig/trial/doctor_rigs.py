@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig

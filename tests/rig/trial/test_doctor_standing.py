@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.channel import OUTPUT_ANGLE, Calibration, encoder_channel
-from drivers.nd287 import ReadoutConfig, open_port
+from drivers.readout.nd287 import ReadoutConfig, open_port
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import RigRequest

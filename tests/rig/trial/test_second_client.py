@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.bus import PumpedBus
-from drivers.cia301 import U16, U32, ObjectRef
+from drivers.bus.cia301 import U16, U32, ObjectRef
+from drivers.bus.device import RemoteDevice
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
 from drivers.clock import VirtualClock
-from drivers.device import RemoteDevice
 from drivers.errors import DriverError
-from drivers.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
 from rig.trial.doctor.bus import scan
 from rig.trial.doctor.second_client import PumpedClient, SecondClient, read_again
 from tests.drivers.foreign_drive import ForeignDrive

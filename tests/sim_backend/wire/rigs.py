@@ -9,14 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import channel as names
-from drivers.cia301 import I16, I32, U8, ObjectRef
-from drivers.cia401 import AnalogInput, AnalogModuleConfig, torque_input
-from drivers.cia402 import DriveConfig
-from drivers.cia406 import CounterConfig
+from drivers.bus.cia301 import I16, I32, U8, ObjectRef
+from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig, CanRigConfig
 from drivers.port import Command, Guard, Mode
-from drivers.rig_nodes import MotorEncoder
 from drivers.samples import SampleBlock
 from model.units import RPM
 from sim_backend.faults import Fault

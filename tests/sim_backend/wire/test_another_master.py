@@ -10,8 +10,8 @@ import pytest
 from canopen.objectdictionary import ODVariable
 from canopen.profiles.p402 import BaseNode402
 
+from drivers.bus.dictionary.eds import parse_eds
 from drivers.drive_state import DriveState
-from drivers.eds import parse_eds
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.eds import electronic_data_sheet
 from sim_backend.world import World

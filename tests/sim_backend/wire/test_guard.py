@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from drivers import channel as names
-from drivers.cia301 import U8, U32, ObjectRef
-from drivers.cyclic import CanRig
+from drivers.bus.cia301 import U8, U32, ObjectRef
+from drivers.bus.cyclic import CanRig
+from drivers.bus.rig_nodes import GuardContact
 from drivers.port import Bound, Command, Guard, Mode
-from drivers.rig_nodes import GuardContact
 from rig.bench import limits as lim
 from rig.bench.backends.simulated import wire_config
 from rig.run.phases import Turn

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from drivers.clock import WallClock
 from drivers.errors import DriverError
-from drivers.nd287 import Readout as ReadoutDriver
-from drivers.nd287 import ReadoutConfig, open_port
+from drivers.readout.nd287 import Readout as ReadoutDriver
+from drivers.readout.nd287 import ReadoutConfig, open_port
 from sim_backend.imperfections import individual_gear
 from sim_backend.wire.faults import HubGone
 from sim_backend.wire.hub import LONGEST_LINE, frame_line, parse_send, read_message

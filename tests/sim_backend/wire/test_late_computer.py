@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from drivers.bus.cyclic import CanRig
 from drivers.clock import VirtualClock
-from drivers.cyclic import CanRig
 from drivers.port import LATE_ANSWERS, Command, DriveLimits, Guard, Mode
 from drivers.samples import CycleFlag
 from model.gear_file import shipped_gear

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from drivers.clock import VirtualClock
 from drivers.errors import BusLostError, DecodeError, StaleDataError
-from drivers.nd287 import Readout as ReadoutDriver
-from drivers.nd287 import ReadoutConfig, parse_line
+from drivers.readout.nd287 import Readout as ReadoutDriver
+from drivers.readout.nd287 import ReadoutConfig, parse_line
 from sim_backend.wire.faults import (
     ReadoutEncoderFault,
     ReadoutGarbage,

@@ -19,28 +19,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers import cia402_tables as obj
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
-from drivers.bus import Event, Pump, PumpedBus, RawBus, TimeBase
+from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
+from drivers.bus.cia401 import AnalogModuleConfig
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.columns import ColumnDecoder
+from drivers.bus.device import Missing
+from drivers.bus.frames import CycleStore
+from drivers.bus.listening import listen_for_masters, listening_time_ns
+from drivers.bus.network import Event, Pump, PumpedBus, RawBus, TimeBase
+from drivers.bus.request_line import RequestLine
+from drivers.bus.rig_nodes import GuardContact, MotorEncoder, RigNodes
+from drivers.bus.set_points import command_frames, set_point_counts
+from drivers.bus.sync_time import SyncTime
 from drivers.channel import Channel
-from drivers.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
-from drivers.cia401 import AnalogModuleConfig
-from drivers.cia402 import DriveConfig
-from drivers.cia406 import CounterConfig
 from drivers.clock import Clock
-from drivers.columns import ColumnDecoder
-from drivers.device import Missing
 from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
-from drivers.frames import CycleStore
 from drivers.judge import CycleJudge
-from drivers.listening import listen_for_masters, listening_time_ns
 from drivers.port import LATE_ANSWERS, Command, DriveLimits, Guard, Mode, Origin, RigDescription
-from drivers.request_line import RequestLine
-from drivers.rig_nodes import GuardContact, MotorEncoder, RigNodes
 from drivers.samples import Break, CycleFlag, SampleBlock
-from drivers.set_points import command_frames, set_point_counts
-from drivers.sync_time import SyncTime
 
 _CONTROLWORD: Final = {
     Mode.OFF: obj.DISABLE_VOLTAGE,
@@ -106,7 +106,7 @@ class CanRigConfig:
 
 class CanRig:
     """A rig on a CAN bus. `connect` opens the raw bus; `pump` lets devices of the same process run;
-    see `drivers.bus`.
+    see `drivers.bus.network`.
     """
 
     def __init__(

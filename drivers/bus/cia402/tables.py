@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from enum import IntEnum
 from typing import Final
 
-from drivers.cia301 import I8, I16, I32, U8, U16, U32, ObjectRef
+from drivers.bus.cia301 import I8, I16, I32, U8, U16, U32, ObjectRef
 from drivers.drive_state import DriveState
 
 ERROR_CODE: Final = ObjectRef(0x603F, 0, U16, "error code")

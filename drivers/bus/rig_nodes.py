@@ -9,20 +9,20 @@ from dataclasses import dataclass, field
 from typing import cast
 
 from drivers import channel as names
-from drivers import cia402_tables as obj
-from drivers.bus import PumpedBus
+from drivers.bus.cia301 import ObjectRef
+from drivers.bus.cia401 import AnalogModule, AnalogModuleConfig
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
+from drivers.bus.cia406 import Counter, CounterConfig
+from drivers.bus.columns import Column, Kind, Validity
+from drivers.bus.device import Identity, Missing, RemoteDevice
+from drivers.bus.frames import SLOT_BYTES, Field, FrameLayout
+from drivers.bus.network import PumpedBus
+from drivers.bus.pdo import MappedPdo, map_objects, pack
+from drivers.bus.request_line import Place
+from drivers.bus.set_points import COMMANDED
 from drivers.channel import Calibration, Channel, encoder_channel
-from drivers.cia301 import ObjectRef
-from drivers.cia401 import AnalogModule, AnalogModuleConfig
-from drivers.cia402 import DriveConfig, ServoAmplifier
-from drivers.cia406 import Counter, CounterConfig
-from drivers.columns import Column, Kind, Validity
-from drivers.device import Identity, Missing, RemoteDevice
 from drivers.errors import DriverError
-from drivers.frames import SLOT_BYTES, Field, FrameLayout
-from drivers.pdo import MappedPdo, map_objects, pack
-from drivers.request_line import Place
-from drivers.set_points import COMMANDED
 
 _ORDER = (
     names.INPUT_ANGLE,

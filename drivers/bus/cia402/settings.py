@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from drivers import cia402_tables as obj
-from drivers.cia301 import U8, ObjectRef
-from drivers.device import RemoteDevice
-from drivers.sdo import SdoAbortError
+from drivers.bus.cia301 import U8, ObjectRef
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.device import RemoteDevice
+from drivers.bus.sdo import SdoAbortError
 
 
 def read_settings(device: RemoteDevice, gains: tuple[ObjectRef, ...]) -> dict[str, float]:

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Final
 
-from drivers.bus import PumpedBus
+from drivers.bus.cia301 import U16, U32, ObjectRef
+from drivers.bus.device import Identity, RemoteDevice
+from drivers.bus.dictionary.eds import DeviceDescription
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError
 from drivers.channel import OUTPUT_ANGLE, OUTPUT_INDEX, Calibration, Channel, encoder_channel
-from drivers.cia301 import U16, U32, ObjectRef
-from drivers.device import Identity, RemoteDevice
-from drivers.eds import DeviceDescription
 from drivers.errors import DriverError
-from drivers.sdo import SdoAbortError
 
 OPERATING_PARAMETERS: Final = ObjectRef(0x6000, 0, U16, "operating parameters")
 UNITS_PER_REVOLUTION: Final = ObjectRef(0x6001, 0, U32, "measuring units per revolution")

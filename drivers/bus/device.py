@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.bus import PumpedBus
-from drivers.cia301 import (
+from drivers.bus.cia301 import (
     EMCY_BASE,
     U8,
     U16,
@@ -19,9 +18,10 @@ from drivers.cia301 import (
     ObjectRef,
     object_text,
 )
-from drivers.eds import DeviceDescription
+from drivers.bus.dictionary.eds import DeviceDescription
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError, SdoClient, SdoTimeoutError
 from drivers.errors import DecodeError, DriverError, ReadbackError
-from drivers.sdo import SdoAbortError, SdoClient, SdoTimeoutError
 
 DEVICE_TYPE: Final = ObjectRef(0x1000, 0, U32, "device type")
 SYNC_COB: Final = ObjectRef(0x1005, 0, U32, "COB-ID of SYNC")

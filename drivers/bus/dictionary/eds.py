@@ -1,7 +1,7 @@
 # pyright: standard
 """Vendors' EDS and DCF files (CiA 306): what a device says that it has. Tolerant of their defects, which it lists.
 
-The canopen library reads them too, and first: `drivers.device_file`. It refuses what is read here.
+The canopen library reads them too, and first: `drivers.bus.dictionary.device_file`. It refuses what is read here.
 
 A file is read line by line and never refused for a single wrong entry: an empty `VendorNumber`, a
 comment count that does not match, an empty `PDOMapping`, sub-objects without their object, foreign
@@ -17,8 +17,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from drivers.cia301 import DATA_TYPES, DataType, ObjectRef, data_type_named, object_text
-from drivers.eds_numbers import NODE_ID, bare, integer, number_of, unquoted, value_of
+from drivers.bus.cia301 import DATA_TYPES, DataType, ObjectRef, data_type_named, object_text
+from drivers.bus.dictionary.numbers import NODE_ID, bare, integer, number_of, unquoted, value_of
 from drivers.errors import DecodeError, DriverError
 
 _OBJECT = re.compile(r"^(?:0x)?([0-9a-f]{1,4})(?:\s*sub\s*(?:0x)?([0-9a-f]{1,2}))?$")
@@ -121,7 +121,7 @@ def file_bytes(path: str | Path) -> bytes:
 
 
 def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
-    """The description in a file by this reader alone; `drivers.device_file` asks the canopen library as well."""
+    """The description in a file by this reader alone; `dictionary.device_file` asks the canopen library as well."""
     return parse_eds(file_bytes(path), node_id, where=str(path))
 
 

@@ -24,8 +24,7 @@ from typing import Final
 
 import can
 
-from drivers.bus import Event, Pump, PumpedBus, RawBus
-from drivers.cia301 import (
+from drivers.bus.cia301 import (
     HEARTBEAT_BASE,
     HIGHEST_NODE_ID,
     SDO_REQUEST_BASE,
@@ -33,10 +32,11 @@ from drivers.cia301 import (
     U32,
     ObjectRef,
 )
+from drivers.bus.device import DEVICE_TYPE, SYNC_COB, SYNC_GENERATE_BIT, RemoteDevice
+from drivers.bus.network import Event, Pump, PumpedBus, RawBus
+from drivers.bus.sdo import SdoProtocolError, SdoTimeoutError
 from drivers.clock import Clock
-from drivers.device import DEVICE_TYPE, SYNC_COB, SYNC_GENERATE_BIT, RemoteDevice
 from drivers.errors import DriverError, OtherMasterError, ReadbackError
-from drivers.sdo import SdoProtocolError, SdoTimeoutError
 
 LEAST_TIME_NS: Final = 1_500_000_000
 """How long is listened at least [ns]."""

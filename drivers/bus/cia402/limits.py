@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from drivers import cia402_tables as obj
-from drivers.cia301 import ObjectRef
-from drivers.device import RemoteDevice
+from drivers.bus.cia301 import ObjectRef
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.device import RemoteDevice
 from drivers.errors import DriverError
 from drivers.port import DriveLimits
 

@@ -1,7 +1,7 @@
 """A vendor's EDS or DCF file by two readers: the canopen library, and our tolerant one where it refuses or falls short.
 
 The library refuses a whole file for one wrong line, and keeps silent about values that it does not
-understand; `drivers.eds` survives both and lists them. From the library are taken type, access,
+understand; `drivers.bus.dictionary.eds` survives both and lists them. From the library are taken type, access,
 mapping and every number that the type can hold. What it leaves out, texts and defects are the
 tolerant reader's. Numbers that the two read differently are told among the defects.
 """
@@ -17,8 +17,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, cast
 
-from drivers.cia301 import DATA_TYPES, DataType, object_text
-from drivers.eds import DeviceDescription, EdsEntry, file_bytes, parse_eds, text_of
+from drivers.bus.cia301 import DATA_TYPES, DataType, object_text
+from drivers.bus.dictionary.eds import DeviceDescription, EdsEntry, file_bytes, parse_eds, text_of
 
 if TYPE_CHECKING:
     from canopen.objectdictionary import ObjectDictionary, ODVariable

@@ -14,19 +14,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from drivers import cia402_tables as obj
-from drivers import cia402_units as units
-from drivers.bus import PumpedBus
-from drivers.cia301 import NmtState, ObjectRef, error_code_text
-from drivers.cia402_limits import write_limits
-from drivers.cia402_settings import read_settings, write_interpolation_time
-from drivers.cia402_tables import OperationMode
-from drivers.device import Identity, Missing, RemoteDevice
+from drivers.bus.cia301 import NmtState, ObjectRef, error_code_text
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402 import units
+from drivers.bus.cia402.limits import write_limits
+from drivers.bus.cia402.settings import read_settings, write_interpolation_time
+from drivers.bus.cia402.tables import OperationMode
+from drivers.bus.device import Identity, Missing, RemoteDevice
+from drivers.bus.dictionary.eds import DeviceDescription
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError
 from drivers.drive_state import DriveState, drive_state
-from drivers.eds import DeviceDescription
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import DriveLimits, Mode
-from drivers.sdo import SdoAbortError
 
 _MS: Final = 1_000_000
 _POLL_NS: Final = 2 * _MS

@@ -12,13 +12,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from drivers import cia402_tables as obj
-from drivers.bus import PumpedBus
-from drivers.cia301 import NmtCommand, NmtState, ObjectRef
-from drivers.device import RemoteDevice
+from drivers.bus.cia301 import NmtCommand, NmtState, ObjectRef
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.device import RemoteDevice
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import PostedTransfer, SdoTimeoutError
 from drivers.errors import DriverError
 from drivers.port import Answer, Ask, Reach, Request
-from drivers.sdo import PostedTransfer, SdoTimeoutError
 
 _CONTROLWORD: Final = {Ask.QUICK_STOP: obj.QUICK_STOP, Ask.SERVO_OFF: obj.DISABLE_VOLTAGE}
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import channel as names
-from drivers import cia402_tables as obj
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.pdo import MappedPdo
 from drivers.channel import Channel
 from drivers.errors import DriverError
-from drivers.pdo import MappedPdo
 from drivers.port import Command, Mode
 
 LONGEST_BLOCK: Final = 10_000_000

@@ -13,11 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.bus import BusConfig, PumpedBus, open_raw_bus
-from drivers.cia301 import NmtCommand, NmtState
+from drivers.bus.cia301 import NmtCommand, NmtState
+from drivers.bus.network import BusConfig, PumpedBus, open_raw_bus
+from drivers.bus.socketcand import read_message
 from drivers.clock import VirtualClock, WallClock
 from drivers.errors import BusLostError, DriverError
-from drivers.socketcand import read_message
 from tests.drivers.scripted_bus import ScriptedBus
 
 MS = 1_000_000

@@ -12,10 +12,10 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.bus.cia401 import AnalogInput
+from drivers.bus.frames import FrameLayout
 from drivers.channel import Channel
-from drivers.cia401 import AnalogInput
 from drivers.counting import Unwrapper, wrapped_difference
-from drivers.frames import FrameLayout
 from drivers.samples import STALE_OF, CycleFlag
 
 Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen", "contact"]

@@ -11,8 +11,8 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from drivers import cia402_tables as obj
-from drivers.device import RemoteDevice
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.device import RemoteDevice
 
 _NUMERATORS: Final[Mapping[int, float]] = {
     0x10: 1.0,

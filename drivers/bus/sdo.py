@@ -14,7 +14,7 @@ from collections import deque
 from collections.abc import Generator
 from typing import Protocol
 
-from drivers.cia301 import (
+from drivers.bus.cia301 import (
     ABORT_MISSING,
     SDO_REQUEST_BASE,
     SDO_RESPONSE_BASE,

@@ -6,7 +6,7 @@ import math
 import re
 from typing import Final
 
-from drivers.cia301 import DataType
+from drivers.bus.cia301 import DataType
 
 _NUMBER = re.compile(r"^([+-]?)(0x[0-9a-f]+|[0-9a-f]+h|[0-9]+)(?:\.0*|u?l{0,2})$")
 _LOOSE: Final = str.maketrans("|", "+", " ()")

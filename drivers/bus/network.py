@@ -15,7 +15,7 @@ from typing import Any, Final, Literal, Protocol, cast
 
 import can
 
-from drivers.cia301 import (
+from drivers.bus.cia301 import (
     EMCY_BASE,
     HEARTBEAT_BASE,
     HIGHEST_NODE_ID,
@@ -121,7 +121,7 @@ def open_raw_bus(config: BusConfig) -> RawBus:
         arguments.setdefault("tcp_tune", True)
     try:
         if config.interface == "socketcand":
-            from drivers.socketcand import SocketcandBus
+            from drivers.bus.socketcand import SocketcandBus
 
             return SocketcandBus(str(config.channel), **arguments)  # type: ignore[arg-type, return-value]
         return can.Bus(

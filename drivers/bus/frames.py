@@ -21,9 +21,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cia301 import DataType
+from drivers.bus.cia301 import DataType
+from drivers.bus.pdo import MappedPdo
 from drivers.errors import DriverError
-from drivers.pdo import MappedPdo
 from drivers.samples import CycleFlag
 
 SLOT_BYTES: Final = 8

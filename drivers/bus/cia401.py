@@ -14,13 +14,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.bus import PumpedBus
+from drivers.bus.cia301 import I16, REAL32, U8, U32, DataType, ObjectRef
+from drivers.bus.device import Identity, RemoteDevice
+from drivers.bus.dictionary.eds import DeviceDescription
+from drivers.bus.network import PumpedBus
+from drivers.bus.sdo import SdoAbortError
 from drivers.channel import Calibration, Channel
-from drivers.cia301 import I16, REAL32, U8, U32, DataType, ObjectRef
-from drivers.device import Identity, RemoteDevice
-from drivers.eds import DeviceDescription
 from drivers.errors import DriverError
-from drivers.sdo import SdoAbortError
 
 TRIGGER: Final = 0x6421
 GLOBAL_INTERRUPT: Final = ObjectRef(0x6423, 0, U8, "analogue input global interrupt enable")

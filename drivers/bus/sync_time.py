@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from drivers.bus import TimeBase
+from drivers.bus.network import TimeBase
 
 _STRAY_NS: Final = 100_000_000
 """A hardware stamp further than this from when the SYNC was sent is the clock's jump, not the SYNC's delay."""

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from drivers.cia301 import (
+from drivers.bus.cia301 import (
     COB_ID_EXTENDED_BIT,
     COB_ID_INVALID_BIT,
     I32,
@@ -22,9 +22,9 @@ from drivers.cia301 import (
     ObjectRef,
     object_text,
 )
-from drivers.device import RemoteDevice
+from drivers.bus.device import RemoteDevice
+from drivers.bus.sdo import SdoAbortError
 from drivers.errors import DriverError, ReadbackError
-from drivers.sdo import SdoAbortError
 
 MOST_PDOS: Final = 8
 """PDO numbers that are tried; CiA 301 allows 512, of which the first four have pre-defined COB-IDs."""
