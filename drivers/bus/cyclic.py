@@ -39,7 +39,16 @@ from drivers.clock import Clock
 from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.judge import CycleJudge
-from drivers.port import LATE_ANSWERS, Command, DriveLimits, Guard, Mode, Origin, RigDescription
+from drivers.port import (
+    LATE_ANSWERS,
+    Abilities,
+    Command,
+    DriveLimits,
+    Guard,
+    Mode,
+    Origin,
+    RigDescription,
+)
 from drivers.samples import Break, CycleFlag, SampleBlock
 
 _CONTROLWORD: Final = {
@@ -151,6 +160,15 @@ class CanRig:
     def line(self) -> RequestLine | None:
         """The line to each device beside the cyclic data, once the rig is open."""
         return self._line
+
+    @property
+    def abilities(self) -> Abilities:
+        """Devices on a bus tell events, and the drive can be stopped from another handle on it."""
+        return Abilities(
+            events=self.events,
+            acquisition=self.acquisition,
+            quick_stop_frames=self.quick_stop_frames,
+        )
 
     def open(self) -> RigDescription:
         """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched.
