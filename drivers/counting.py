@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,3 +117,10 @@ def lost_counts(intervals: list[IndexInterval], tolerance: int) -> list[IndexInt
     The excess of a mark passed from the other side is the mark's width, so pass only marks approached from one side.
     """
     return [interval for interval in intervals if abs(interval.excess) > tolerance]
+
+
+def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
+    """Counts that a shaft with `resolution` counts per revolution turns at `speed` [rad/s] within one
+    cycle, with one to spare.
+    """
+    return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))

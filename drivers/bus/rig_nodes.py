@@ -22,6 +22,7 @@ from drivers.bus.pdo import MappedPdo, map_objects, pack
 from drivers.bus.request_line import Place
 from drivers.bus.set_points import COMMANDED
 from drivers.channel import Calibration, Channel, encoder_channel
+from drivers.counting import largest_step
 from drivers.errors import DriverError
 
 _ORDER = (
@@ -575,13 +576,6 @@ class RigNodes:
                     f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"
                 ] = text
         return described
-
-
-def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
-    """Counts that a shaft with `resolution` counts per revolution turns at `speed` [rad/s] within one
-    cycle, with one to spare.
-    """
-    return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))
 
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:
