@@ -16,10 +16,11 @@ from typing import Final
 
 from drivers.bus.cia301 import NmtState, ObjectRef, error_code_text
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402 import units
 from drivers.bus.cia402.limits import write_limits
+from drivers.bus.cia402.plausible import Question
 from drivers.bus.cia402.settings import read_settings, write_interpolation_time
 from drivers.bus.cia402.tables import OperationMode
+from drivers.bus.cia402.units import Configured, read_units
 from drivers.bus.device import Identity, Missing, RemoteDevice
 from drivers.bus.dictionary.eds import DeviceDescription
 from drivers.bus.network import PumpedBus
@@ -53,6 +54,8 @@ class DriveConfig:
     velocity_unit: float | None = None
     acceleration_unit: float | None = None
     rated_torque: float | None = None
+    motor_torque: float | None = None
+    """Rated torque [N m] of the motor that the rig's description names: the drive's own is held against it."""
     speed_modes: tuple[int, ...] = (OperationMode.CYCLIC_VELOCITY, OperationMode.PROFILE_VELOCITY)
     torque_modes: tuple[int, ...] = (OperationMode.CYCLIC_TORQUE, OperationMode.PROFILE_TORQUE)
     heartbeat_ms: int = 100
@@ -70,6 +73,17 @@ class DriveConfig:
     torque_unit: float | None = None
     """Torque of one count of `actual_torque` [N m]; None: a thousandth of the rated torque, as 0x6077 has it."""
 
+    @property
+    def units(self) -> Configured:
+        """What is said here of the drive's units."""
+        return Configured(
+            rated_torque=self.rated_torque,
+            counts_per_revolution=self.counts_per_revolution,
+            velocity_unit=self.velocity_unit,
+            acceleration_unit=self.acceleration_unit,
+            motor_torque=self.motor_torque,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class DriveReadings:
@@ -77,6 +91,7 @@ class DriveReadings:
 
     identity: Identity
     rated_torque: float
+    torque_limit_unit: float
     counts_per_revolution: float
     velocity_unit: float
     acceleration_unit: float
@@ -84,6 +99,8 @@ class DriveReadings:
     torque_mode: OperationMode | None
     settings: dict[str, float] = field(default_factory=dict)
     missing: list[Missing] = field(default_factory=list)
+    questions: tuple[Question, ...] = ()
+    """What a person must say of the drive's units, because its own word is missing or cannot be right."""
 
 
 class ServoAmplifier:
@@ -137,8 +154,7 @@ class ServoAmplifier:
                 device.where,
                 "a heartbeat was configured, but none was heard",
             )
-        counts = units.counts_per_revolution(device, config.counts_per_revolution)
-        velocity_unit = units.velocity_unit(device, config.velocity_unit, counts)
+        found = read_units(device, config.units, identity.vendor_id)
         settings = self._write_options() | read_settings(device, config.gains)
         write_interpolation_time(device, cycle_ns)
         supported = device.read_optional(
@@ -147,12 +163,12 @@ class ServoAmplifier:
         self._is_mode_unknown = supported is None
         self._readings = DriveReadings(
             identity=identity,
-            rated_torque=units.rated_torque(device, config.rated_torque),
-            counts_per_revolution=counts,
-            velocity_unit=velocity_unit,
-            acceleration_unit=units.acceleration_unit(
-                device, config.acceleration_unit, velocity_unit, counts
-            ),
+            rated_torque=found.rated_torque,
+            torque_limit_unit=found.torque_limit_unit,
+            counts_per_revolution=found.counts_per_revolution,
+            velocity_unit=found.velocity_unit,
+            acceleration_unit=found.acceleration_unit,
+            questions=found.questions,
             speed_mode=self._choose(config.speed_modes, supported),
             torque_mode=self._choose(config.torque_modes, supported),
             settings=settings,
@@ -293,10 +309,7 @@ class ServoAmplifier:
                 where=f"{self.device.where}, 0x6502:0",
                 limit=", ".join(str(m) for m in preferred),
             )
-        if mode is Mode.SPEED and not readings.velocity_unit > 0.0:
-            raise _unknown_unit(self.device.where, "velocity_unit", "rad/s per count of 0x60FF")
-        if mode is Mode.TORQUE and not readings.rated_torque > 0.0:
-            raise _unknown_unit(self.device.where, "rated_torque", "N m")
+        self._require("velocity_unit_rad_s" if mode is Mode.SPEED else "rated_torque_n_m")
         if mode is Mode.TORQUE and (self.limits is None or not math.isfinite(self.limits.speed)):
             raise DriverError(
                 "torque mode needs a speed limit that the drive holds itself",
@@ -316,6 +329,16 @@ class ServoAmplifier:
         except DriverError:
             self._give_up()
             raise
+
+    def _require(self, *entries: str) -> None:
+        """Raise `DriverError` where a unit is not known that is needed now, with the question that is open."""
+        for question in self.readings.questions:
+            if question.entry in entries:
+                raise DriverError(
+                    question.why,
+                    where=self.device.where,
+                    remedy=f"Give `{question.entry}` in [drive] of the rig's description. {question.hint}",
+                )
 
     def _give_up(self) -> None:
         """Enabling has failed, and nothing may come of it later: an enabled drive is quick-stopped,
@@ -480,11 +503,11 @@ class ServoAmplifier:
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write torque, speed and ramp limits, rounded to the safe side, and return what reads back; inf: not held."""
         readings = self.readings
-        torque_unit = units.torque_limit_unit(self.device, readings.rated_torque)
+        self._require("rated_torque_n_m", "velocity_unit_rad_s", "acceleration_unit_rad_s2")
         self.limits, profile = write_limits(
             self.device,
             limits,
-            torque_unit=torque_unit,
+            torque_unit=readings.torque_limit_unit,
             velocity_unit=readings.velocity_unit,
             acceleration_unit=readings.acceleration_unit,
         )
@@ -492,12 +515,3 @@ class ServoAmplifier:
         if math.isfinite(self.limits.speed):
             return self.limits
         return replace(self.limits, speed=math.inf if readings.speed_mode is None else profile)
-
-
-def _unknown_unit(where: str, entry: str, unit: str) -> DriverError:
-    return DriverError(
-        "the drive does not tell its unit",
-        where=where,
-        value=entry,
-        remedy=f"Give `{entry}` [{unit}] from the drive's manual or nameplate in the rig's configuration.",
-    )

@@ -96,7 +96,7 @@ def can_rig_config(
     rated_torque = configuration.drive.rated_torque or motor.rated_torque
     return CanRigConfig(
         cycle_ns=cycle_ns,
-        drive=_drive(configuration.drive, folder),
+        drive=_drive(configuration.drive, motor, folder),
         motor_encoder=MotorEncoder(
             **encoder.settings(),
             largest_speed=fastest,
@@ -143,11 +143,11 @@ def _counter(
     return CounterConfig(**values)
 
 
-def _drive(drive: described.Drive, folder: Path) -> DriveConfig:
+def _drive(drive: described.Drive, motor: ServoMotor, folder: Path) -> DriveConfig:
     values = _node(drive, folder)
     for name in ("speed_modes", "torque_modes"):
         values[name] = tuple(_MODES[mode] for mode in values[name])
-    return DriveConfig(**values)
+    return DriveConfig(**values, motor_torque=motor.rated_torque)
 
 
 def _module(
