@@ -207,13 +207,15 @@ class RigNodes:
             wanted.append(obj.POSITION)
             encoder = self._encoder
             resolution = encoder.lines * encoder.multiplication
+            most = largest_step(resolution, encoder.largest_speed, self._cycle_ns)
+            _require_range(str(obj.POSITION), device.where, most, encoder.modulus, self._cycle_ns)
             self._sources.append(
                 _Source(
                     channel=encoder.as_channel(names.INPUT_ANGLE),
                     kind="count",
                     node_id=node_id,
                     entry=obj.POSITION,
-                    largest_step=largest_step(resolution, encoder.largest_speed, self._cycle_ns),
+                    largest_step=most,
                 )
             )
             optional += self._latch_sources()
@@ -323,18 +325,18 @@ class RigNodes:
         config = counter.config
         whole = counter.modulus if counter.modulus <= 1 << 32 else 0
         channel = config.as_channel(whole)
+        # Without a speed of its own its shaft turns no faster than the motor's.
+        speed = config.largest_speed or self._encoder.largest_speed
+        resolution = config.lines * config.multiplication
+        most = largest_step(resolution, speed, self._cycle_ns)
+        _require_range(str(config.position), counter.device.where, most, whole, self._cycle_ns)
         self._sources.append(
             _Source(
                 channel=channel,
                 kind="count",
                 node_id=config.node_id,
                 entry=config.position,
-                largest_step=largest_step(
-                    config.lines * config.multiplication,
-                    # Without a speed of its own its shaft turns no faster than the motor's.
-                    config.largest_speed or self._encoder.largest_speed,
-                    self._cycle_ns,
-                ),
+                largest_step=most,
             )
         )
         if config.index_position is not None:
@@ -417,17 +419,19 @@ class RigNodes:
                 )
             )
         fields: list[Field] = []
-        place: dict[tuple[int, tuple[int, int]], int] = {}
+        place: dict[tuple[int, tuple[int, int], int], int] = {}
 
         def field_of(node_id: int, entry: ObjectRef, quantum: float = 0.0) -> int:
-            key = (node_id, entry.key)
+            key = (node_id, entry.key, entry.offset)
             if key not in place:
                 for slot, pdo in enumerate(pdos):
                     offset = pdo.offset_of(entry.key) if pdo.node_id == node_id else None
                     if offset is not None:
                         mapped = next(e for e in pdo.entries if e.key == entry.key)
                         place[key] = len(fields)
-                        fields.append(Field(str(entry), slot, offset, mapped.data_type, quantum))
+                        kind = mapped.data_type if entry.part is None else entry.value_type
+                        at = offset + entry.offset
+                        fields.append(Field(str(entry), slot, at, kind, quantum))
                         break
             return place.get(key, -1)
 
@@ -582,6 +586,21 @@ def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
     cycle, with one to spare.
     """
     return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))
+
+
+def _require_range(position: str, where: str, most: int, modulus: int, cycle_ns: int) -> None:
+    """Raise `DriverError` where a shaft can turn half a counter's range between two SYNCs: the count could
+    be unwrapped either way.
+    """
+    if modulus and 2 * most >= modulus:
+        raise DriverError(
+            "the shaft can turn half the counter's range within a cycle: which way it turned would be a guess",
+            where=f"{where}, {position}",
+            value=f"{most} counts in {cycle_ns * 1e-6:g} ms",
+            limit=f"< {modulus // 2} of {modulus}",
+            remedy="A higher SYNC rate, a counter of more bits, or `largest_speed_rpm` of this shaft where it turns "
+            "more slowly.",
+        )
 
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:

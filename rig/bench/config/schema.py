@@ -53,7 +53,7 @@ def _certificate(name: object, info: ValidationInfo) -> CertificateFile | None:
 
 NodeId = Annotated[int, Field(strict=True, ge=1, le=127)]
 ObjectText = Annotated[str, AfterValidator(_object_text)]
-"""An entry of an object dictionary as text: "0x6004:0 I32"."""
+"""An entry of an object dictionary as text: "0x6004:0 I32", or bytes of one: "0x2C00:1 U16 at byte 1 of 6"."""
 Direction = Literal[-1, 1]
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
@@ -203,9 +203,7 @@ class Drive(Part):
     speed_modes: tuple[SpeedMode, ...] = Field(
         default=("cyclic velocity", "profile velocity"), min_length=1
     )
-    torque_modes: tuple[TorqueMode, ...] = Field(
-        default=("cyclic torque", "profile torque"), min_length=1
-    )
+    torque_modes: tuple[TorqueMode, ...] = ("cyclic torque", "profile torque")
     heartbeat_ms: Milliseconds = 100
     computer_heartbeat_ms: Milliseconds = 50
     computer_lost_ms: Milliseconds = 250
@@ -318,6 +316,7 @@ class AnalogInput(Instrument):
     open_level: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = Field(
         default=None, alias="open_level_volts"
     )
+    status_bits: Annotated[int, Field(strict=True, ge=0, le=15)] = 0
     direction: Direction = 1
 
     @model_validator(mode="after")
