@@ -155,7 +155,7 @@ def test_no_more_bits_are_status_than_the_word_has(bits: int) -> None:
 
 
 def test_bytes_of_an_object_are_written_as_people_say_it() -> None:
-    assert COUNT == ObjectRef(0x2C00, 1, COUNT.data_type, "position value", Part(1, U16))
+    assert (COUNT.key, COUNT.part) == ((0x2C00, 1), Part(1, U16))
     assert (COUNT.data_type.size, COUNT.mapping) == (6, 0x2C000130)
     assert STATUS.value_type is U8
     with pytest.raises(ValueError, match="ends behind its 6 bytes"):

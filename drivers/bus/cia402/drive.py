@@ -69,6 +69,9 @@ class DriveConfig:
     gains: tuple[ObjectRef, ...] = ()
     latch_index: bool = True
     """Use touch probe 1 to latch the position at the motor encoder's index mark, where the drive has it."""
+    torque_limit: ObjectRef = obj.MAX_TORQUE
+    torque_limit_unit: float | None = None
+    """The object that limits torque, and the torque of one count of it [N m]; None: a thousandth of the rated."""
     actual_torque: ObjectRef = obj.TORQUE
     torque_unit: float | None = None
     """Torque of one count of `actual_torque` [N m]; None: a thousandth of the rated torque, as 0x6077 has it."""
@@ -112,6 +115,8 @@ class ServoAmplifier:
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
         self._readings: DriveReadings | None = None
+        self._unwatched: tuple[str, ...] = ("nothing has been agreed yet",)
+        self._unstopped: tuple[str, ...] = ()
         self._mode_now: OperationMode | None = None
         self._is_mode_unknown = False
         self.limits: DriveLimits | None = None
@@ -198,7 +203,16 @@ class ServoAmplifier:
     def arm_heartbeat(self) -> bool:
         """Start the computer's heartbeat and let the drive watch it; False if the drive cannot."""
         self.bus.start_heartbeat(self.config.computer_heartbeat_ms * _MS)
-        return self.device.consume_heartbeat(self.config.computer_lost_ms)
+        is_watching = self.device.consume_heartbeat(self.config.computer_lost_ms)
+        self._unwatched = (
+            () if is_watching else ("it does not hear the computer's heartbeat (0x1016)",)
+        )
+        return is_watching
+
+    @property
+    def unwatched(self) -> tuple[str, ...]:
+        """Why the drive would not stop by itself when the computer is lost, in words; empty: it would."""
+        return (*self._unwatched, *self._unstopped)
 
     def _write_options(self) -> dict[str, float]:
         config, written = self.config, {}
@@ -226,6 +240,10 @@ class ServoAmplifier:
                 done = False
             if done:
                 written[entry.name] = float(value)
+            elif entry is obj.ABORT_OPTION:
+                self._unstopped = (
+                    f"it cannot be told to stop then (0x6007 = {config.abort_connection_option})",
+                )
         return written
 
     def _choose(
@@ -507,7 +525,8 @@ class ServoAmplifier:
         self.limits, profile = write_limits(
             self.device,
             limits,
-            torque_unit=readings.torque_limit_unit,
+            torque_unit=self.config.torque_limit_unit or readings.torque_limit_unit,
+            torque_entry=self.config.torque_limit,
             velocity_unit=readings.velocity_unit,
             acceleration_unit=readings.acceleration_unit,
         )

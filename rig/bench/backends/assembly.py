@@ -84,6 +84,8 @@ class AssembledRig:
 
     Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
     reads the input of the guard's contact (value, whether that means closed) once the rig is open,
+    `unwatched` says then why the drive would not stop by itself when the computer is lost (empty: it
+    would), `loss_covered_by` what stops the motor instead, as the rig's description has it,
     `reaction` [s] is how long an exchange may take, `priority` and `lock_memory` are what the loop
     asks of the computer.
 
@@ -97,6 +99,8 @@ class AssembledRig:
     real_time: bool = False
     second_bus: Callable[[], RawBus] | None = None
     guard: Callable[[], tuple[int, bool]] | None = None
+    unwatched: Callable[[], tuple[str, ...]] | None = None
+    loss_covered_by: str = ""
     reaction: float = 0.02
     priority: int = 0
     lock_memory: bool = False

@@ -59,6 +59,8 @@ def hardware(request: RigRequest) -> AssembledRig:
         real_time=True,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
+        unwatched=lambda: port.nodes.drive.unwatched,
+        loss_covered_by=configuration.drive.computer_loss_covered_by,
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,
         lock_memory=real_time.lock_memory,
@@ -147,6 +149,8 @@ def _drive(drive: described.Drive, motor: ServoMotor, folder: Path) -> DriveConf
     values = _node(drive, folder)
     for name in ("speed_modes", "torque_modes"):
         values[name] = tuple(_MODES[mode] for mode in values[name])
+    # What covers the loss of the computer is for whoever arms, not for the drive.
+    del values["computer_loss_covered_by"]
     return DriveConfig(**values, motor_torque=motor.rated_torque)
 
 
