@@ -23,6 +23,7 @@ from drivers.bus.request_line import Place
 from drivers.bus.set_points import COMMANDED
 from drivers.channel import Calibration, Channel, encoder_channel
 from drivers.errors import DriverError
+from drivers.port import Mode
 
 _ORDER = (
     names.INPUT_ANGLE,
@@ -566,8 +567,10 @@ class RigNodes:
         described["servo amplifier"] |= {
             "rated_torque": f"{readings.rated_torque:g} N m",
             "velocity_unit": f"{readings.velocity_unit:g} rad/s",
-            "speed_mode": str(readings.speed_mode.name if readings.speed_mode else "none"),
-            "torque_mode": str(readings.torque_mode.name if readings.torque_mode else "none"),
+            "speed_mode": " or ".join(mode.name for mode in self.drive.modes_for(Mode.SPEED))
+            or "none",
+            "torque_mode": " or ".join(mode.name for mode in self.drive.modes_for(Mode.TORQUE))
+            or "none",
             **{name: f"{value:g}" for name, value in readings.settings.items()},
         }
         described["mapping"] = {f"slot {i}": str(pdo) for i, pdo in enumerate(self.layout.pdos)}

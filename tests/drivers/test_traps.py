@@ -19,6 +19,7 @@ from drivers.bus.dictionary.eds import parse_eds
 from drivers.bus.rig_nodes import MotorEncoder
 from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, TARGET_SPEED
 from drivers.clock import VirtualClock
+from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
 from tests.drivers.foreign_bench import LIMITS, RPM, bench
 from tests.drivers.foreign_drive import ForeignDrive
@@ -162,6 +163,27 @@ def test_without_0x6077_there_is_no_cross_check_and_the_rest_runs() -> None:
         assert DRIVE_TORQUE not in [channel.name for channel in made.rig.channels]
         assert made.exchange(Mode.SPEED, 100 * RPM).broken is None
         assert 0x6077 in {m.index for m in made.rig.missing()[1]}
+
+
+@pytest.mark.parametrize(
+    ("traits", "modes", "told"),
+    [
+        (Traits(), (9, 3), "CYCLIC_VELOCITY"),
+        (Traits(values={(0x6502, 0): 0x65}), (9, 3), "PROFILE_VELOCITY"),
+        (Traits(absent=frozenset({0x6502})), (9, 3), "CYCLIC_VELOCITY or PROFILE_VELOCITY"),
+        (Traits(values={(0x6502, 0): 0x43}), (9, 3), "none"),
+    ],
+)
+def test_the_run_file_says_whether_the_drives_ramps_can_shape_a_step(
+    traits: Traits, modes: tuple[int, ...], told: str
+) -> None:
+    """Technosoft IDM has 0x65 (PP PV HM IP), Pilz PRBT 0x43 (PP VL IP): no speed mode at all."""
+    with bench(traits, DriveConfig(speed_modes=modes)) as made:
+        described = made.rig.open().devices["servo amplifier"]
+        assert described["speed_mode"] == told
+        if told == "none":
+            with pytest.raises(DriverError, match="no set-points for cyclic velocity"):
+                made.exchange(Mode.SPEED, 1.0)
 
 
 # Limits -------------------------------------------------------------------------------------------

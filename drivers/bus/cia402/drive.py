@@ -315,13 +315,9 @@ class ServoAmplifier:
 
     def enable(self, mode: Mode) -> None:
         """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
-        readings, config = self.readings, self.config
-        operation, preferred = (
-            (readings.speed_mode, config.speed_modes)
-            if mode is Mode.SPEED
-            else (readings.torque_mode, config.torque_modes)
-        )
-        if operation is None:
+        candidates = self.modes_for(mode)
+        if not candidates:
+            preferred = self.config.speed_modes if mode is Mode.SPEED else self.config.torque_modes
             raise DriverError(
                 f"the drive supports none of the modes for {mode.value}",
                 where=f"{self.device.where}, 0x6502:0",
@@ -340,13 +336,27 @@ class ServoAmplifier:
         elif self.state() is not DriveState.ENABLED:
             self.device.write(obj.TARGET_VELOCITY, 0)
         try:
-            self._choose_one(
-                [OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation]
-            )
+            self._choose_one(candidates)
             self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
         except DriverError:
             self._give_up()
             raise
+
+    def modes_for(self, mode: Mode) -> tuple[OperationMode, ...]:
+        """The modes of operation that it turns in by speed or by torque: one, unless only choosing them shows which
+        of the preferred ones it has.
+        """
+        readings, config = self.readings, self.config
+        chosen, preferred = (
+            (readings.speed_mode, config.speed_modes)
+            if mode is Mode.SPEED
+            else (readings.torque_mode, config.torque_modes)
+        )
+        if chosen is None:
+            return ()
+        if self._is_mode_unknown:
+            return tuple(OperationMode(m) for m in preferred)
+        return (chosen,)
 
     def _require(self, *entries: str) -> None:
         """Raise `DriverError` where a unit is not known that is needed now, with the question that is open."""
