@@ -397,6 +397,16 @@ def review_passport(stage: Stage) -> None:
     stage.wait(lambda: page.passport.passport and not page.passport.is_busy)
 
 
+def fleet_lot(stage: Stage) -> None:
+    """A lot of sixty gears on two benches."""
+    sys.path.insert(0, str(HERE.parent))
+    from tests.extras.lots import write_lot
+
+    write_lot(stage.folder / "fleet-results")
+    stage.window.show_page("fleet")
+    stage.wait(lambda: stage.window.fleet.lot is not None)
+
+
 def _reviewed(stage: Stage) -> list[Path]:
     """The Review page over a motor tare and three friction runs of a gear, all fitted."""
     shutil.copytree(_some_runs(), stage.folder, dirs_exist_ok=True)
@@ -491,6 +501,7 @@ STATES: dict[str, Callable[[Stage], None]] = {
     "review-difference": review_difference,
     "review-models": review_models,
     "review-passport": review_passport,
+    "fleet-lot": fleet_lot,
 }
 """Every state that is shown, by the name of its picture."""
 

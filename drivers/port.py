@@ -4,17 +4,16 @@
 target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first
 cycle that breaks the guard. Every rig implements it: simulated, on the wire, replayed, hardware.
 How a run is cut into blocks (1, 7, 100, 1000 cycles) must not change a single count. A rig of devices that can be
-spoken to one by one has a `line` beside the cyclic data. What else only some rigs offer (events of devices, figures of
-the acquisition, a stop past the loop) has protocols of its own.
+spoken to one by one has a `line` beside the cyclic data. What else only some rigs can do they declare as `Abilities`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Final, Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,6 +200,46 @@ class DirectLine(Protocol):
         ...
 
 
+class DeviceEvent(Protocol):
+    """Something that a device told: time in the base of the samples [ns], level, code, source, text."""
+
+    @property
+    def time_ns(self) -> int: ...
+
+    @property
+    def level(self) -> str: ...
+
+    @property
+    def code(self) -> str: ...
+
+    @property
+    def source(self) -> str: ...
+
+    @property
+    def text(self) -> str: ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Abilities:
+    """What a rig can do beyond exchanging cycles. It declares this itself: what is not here is asked of no rig.
+
+    - `events`: what its devices told since the last call, oldest first;
+    - `acquisition`: how well it kept time since it was opened (`DriverError` where nobody can say);
+    - `quick_stop_frames`: (COB-ID, data) of the frames that stop the drive past this loop, from another handle on the
+      bus: what a watchdog sends when the loop is dead;
+    - `has_quick_stop`: QUICK_STOP brings the motor to rest by the drive's own ramp; without it that mode is refused and
+      making safe goes by a set-point of zero;
+    - `reads_limits_back`: the limits are in the drive, and `write_limits` returns what it holds; without it somebody
+      has set them by the maker's tool and says so when the rig is armed.
+    """
+
+    events: Callable[[], Sequence[DeviceEvent]] | None = None
+    acquisition: Callable[[], AcquisitionReport] | None = None
+    quick_stop_frames: Callable[[], Sequence[tuple[int, bytes]]] | None = None
+    has_quick_stop: bool = True
+    reads_limits_back: bool = True
+
+
 class RigPort(Protocol):
     """A rig: servo amplifier, torque port, both encoders and their acquisition by SYNC."""
 
@@ -224,6 +263,11 @@ class RigPort(Protocol):
         """The line to each device beside the cyclic data; None: this rig has none. Known once the rig is open."""
         ...
 
+    @property
+    def abilities(self) -> Abilities:
+        """What this rig can do beyond exchanging cycles. Known before it is open."""
+        ...
+
     def open(self) -> RigDescription:
         """Connect, bring every device to operation with the servo off, and say what is there."""
         ...
@@ -242,56 +286,6 @@ class RigPort(Protocol):
 
     def close(self) -> None:
         """Servo off, release the bus. Never raises because something is already gone."""
-        ...
-
-
-# What a rig may offer beyond exchanging cycles. Whoever wants one of these asks the port by `isinstance` and does
-# without where it is not offered: a simulated rig has no bus that could be lost, a replay no devices that could tell.
-
-
-class DeviceEvent(Protocol):
-    """Something that a device told: time in the base of the samples [ns], level, code, source, text."""
-
-    @property
-    def time_ns(self) -> int: ...
-
-    @property
-    def level(self) -> str: ...
-
-    @property
-    def code(self) -> str: ...
-
-    @property
-    def source(self) -> str: ...
-
-    @property
-    def text(self) -> str: ...
-
-
-@runtime_checkable
-class TellsEvents(Protocol):
-    """A port whose devices tell what happens."""
-
-    def events(self) -> Sequence[DeviceEvent]:
-        """What happened since the last call, oldest first."""
-        ...
-
-
-@runtime_checkable
-class TellsAcquisition(Protocol):
-    """A port that counts how well it kept time."""
-
-    def acquisition(self) -> AcquisitionReport:
-        """Achieved rate, jitter, missed cycles since the rig was opened. Raises `DriverError`."""
-        ...
-
-
-@runtime_checkable
-class StopsAlone(Protocol):
-    """A port whose drive can be stopped by a few frames from another handle on the bus."""
-
-    def quick_stop_frames(self) -> list[tuple[int, bytes]]:
-        """(COB-ID, data) of the frames."""
         ...
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 
 from rig.errors import RigError
@@ -10,10 +11,15 @@ from rig.errors import RigError
 
 def optional(package: str, purpose: str, extra: str = "python") -> ModuleType:
     """A package that is not installed with the base. Raises `RigError` that says how to install it."""
-    try:
-        return import_module(package)
-    except ImportError:
+    require(purpose, extra, package.partition(".")[0])
+    return import_module(package)
+
+
+def require(purpose: str, extra: str, *packages: str) -> None:
+    """Raise `RigError` that says how to install the first of the packages that is missing; nothing is imported."""
+    missing = next((name for name in packages if find_spec(name) is None), None)
+    if missing is not None:
         raise RigError(
-            f"{purpose} needs the package {package.partition('.')[0]}, which is not installed",
+            f"{purpose} needs the package {missing}, which is not installed",
             remedy=f"Install it: pip install 'harmonic-rig[{extra}]'.",
-        ) from None
+        )

@@ -23,7 +23,7 @@ from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
 from drivers.drive_state import POWERED_STATES, DriveState
 from drivers.errors import DriverError
-from drivers.port import Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
+from drivers.port import Abilities, Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
 from drivers.samples import CycleFlag, SampleBlock
 from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
@@ -133,6 +133,11 @@ class SimulatedRig:
     def cycle_ns(self) -> int:
         """The nominal SYNC period [ns]."""
         return self._sync.cycle_ns
+
+    @property
+    def abilities(self) -> Abilities:
+        """There is no bus that could be lost and no device that could tell; the drive is the simulated one."""
+        return Abilities()
 
     @property
     def time_base(self) -> Literal["hardware", "device", "host", "virtual"]:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
 from drivers.errors import DriverError, StaleDataError
-from drivers.port import Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
+from drivers.port import Abilities, Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
 from drivers.samples import SampleBlock
 
 TimeBase = Literal["hardware", "device", "host", "virtual"]
@@ -78,6 +78,11 @@ class ReplayRig:
     def remaining(self) -> int:
         """Cycles that have not been played yet."""
         return len(self._time_ns) - self._next
+
+    @property
+    def abilities(self) -> Abilities:
+        """What was recorded happens; there is nobody to ask."""
+        return Abilities()
 
     @property
     def line(self) -> None:

@@ -22,6 +22,7 @@ from drivers.bus.pdo import MappedPdo, map_objects, pack
 from drivers.bus.request_line import Place
 from drivers.bus.set_points import COMMANDED
 from drivers.channel import Calibration, Channel, encoder_channel
+from drivers.counting import largest_step, require_range
 from drivers.errors import DriverError
 from drivers.port import Mode
 
@@ -209,7 +210,7 @@ class RigNodes:
             encoder = self._encoder
             resolution = encoder.lines * encoder.multiplication
             most = largest_step(resolution, encoder.largest_speed, self._cycle_ns)
-            _require_range(str(obj.POSITION), device.where, most, encoder.modulus, self._cycle_ns)
+            require_range(most, encoder.modulus, self._cycle_ns, f"{device.where}, {obj.POSITION}")
             self._sources.append(
                 _Source(
                     channel=encoder.as_channel(names.INPUT_ANGLE),
@@ -330,7 +331,8 @@ class RigNodes:
         speed = config.largest_speed or self._encoder.largest_speed
         resolution = config.lines * config.multiplication
         most = largest_step(resolution, speed, self._cycle_ns)
-        _require_range(str(config.position), counter.device.where, most, whole, self._cycle_ns)
+        where = f"{counter.device.where}, {config.position}"
+        require_range(most, whole, self._cycle_ns, where)
         self._sources.append(
             _Source(
                 channel=channel,
@@ -582,28 +584,6 @@ class RigNodes:
                     f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"
                 ] = text
         return described
-
-
-def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
-    """Counts that a shaft with `resolution` counts per revolution turns at `speed` [rad/s] within one
-    cycle, with one to spare.
-    """
-    return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))
-
-
-def _require_range(position: str, where: str, most: int, modulus: int, cycle_ns: int) -> None:
-    """Raise `DriverError` where a shaft can turn half a counter's range between two SYNCs: the count could
-    be unwrapped either way.
-    """
-    if modulus and 2 * most >= modulus:
-        raise DriverError(
-            "the shaft can turn half the counter's range within a cycle: which way it turned would be a guess",
-            where=f"{where}, {position}",
-            value=f"{most} counts in {cycle_ns * 1e-6:g} ms",
-            limit=f"< {modulus // 2} of {modulus}",
-            remedy="A higher SYNC rate, a counter of more bits, or `largest_speed_rpm` of this shaft where it turns "
-            "more slowly.",
-        )
 
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:

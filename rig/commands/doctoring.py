@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.running import MountedHow
+from rig.commands.running import MountedHow, StdinControl
 from rig.commands.terminal import console, outliving_the_terminal, print_json, table
 
 if TYPE_CHECKING:
@@ -63,6 +65,7 @@ def doctor(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig.")] = 0,
+    stdin_control: StdinControl = False,
     json: Annotated[
         bool,
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
@@ -75,10 +78,13 @@ def doctor(
     of the input, a turn of the output: which way both encoders count, and whether the ratio is the
     one that was described. Motion on hardware is armed as a run is.
     """
+    from drivers.clock import WallClock
     from rig import exits
+    from rig.analysis.store import json_ready
     from rig.bench.backends.registry import HARDWARE
     from rig.commands.ordering import confirmed, request_of
     from rig.run.arming import refuse_unarmed
+    from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import arming_of, plan_request, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.doctor.examine import examine, readout_of
@@ -102,10 +108,13 @@ def doctor(
     planned = plan_request(request, EXPERIMENT)
     moves = move if move is not None else backend != HARDWARE
     if moves:
-        request = confirmed(request, planned, asks=not json)
+        request = confirmed(request, planned, asks=not (json or stdin_control))
         if backend == HARDWARE:
             refuse_unarmed(arming_of(request, planned))
     stop = StopRequest()
+    remote = RemoteOperator(stop, partial(print, flush=True), WallClock())
+    if stdin_control:
+        remote.listen_in_background(lines_of(sys.stdin.fileno()))
     with _bench_of_its_own(request, moves), pressed_by_signals(stop):
         examination = examine(
             lambda: rig_for(request, planned),
@@ -114,9 +123,13 @@ def doctor(
             why_not="asked not to move; --move lets it",
             serial_line=readout_of(request),
             stop=stop,
-            on_stage=lambda stage: None if json else typer.echo(f"{stage} ...", err=True),
+            on_stage=lambda stage: (
+                None if json or stdin_control else typer.echo(f"{stage} ...", err=True)
+            ),
         )
-    if json:
+    if stdin_control:
+        remote.report(json_ready(examination.as_json()))
+    elif json:
         print_json(examination.as_json())
     else:
         _print(examination)

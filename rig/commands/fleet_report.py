@@ -43,10 +43,10 @@ def report(
     """
     from datetime import datetime
 
-    from rig.fleet.fit import require_packages
+    from rig.extras import require
     from rig.fleet.questions import results_folder
 
-    require_packages("pyarrow", "duckdb")
+    require("a lot's report", "fleet", "pyarrow", "duckdb")
     from rig.fleet.lot import lot_of
     from rig.fleet.lot_page import write_lot_report
 

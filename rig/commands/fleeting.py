@@ -170,12 +170,12 @@ def simulate(
     """
     from rig import exits
     from rig.commands.fleet_progress import telling
+    from rig.extras import require
     from rig.fleet.engine import Crew
-    from rig.fleet.fit import require_packages
     from rig.fleet.simulate import Production, simulate_fleet
 
     crew = Crew(workers=workers, scheduler=scheduler)
-    require_packages("pyarrow", *(() if crew.is_this_process else ("distributed",)))
+    require("a fleet of runs", "fleet", *crew.packages)
     production = Production(
         folder=output,
         gears=gears,
@@ -234,10 +234,10 @@ def query(
     json: Json = False,
 ) -> None:
     """Ask the results of a fleet: a ready question by its name, or SQL (DuckDB) over the table `results`."""
-    from rig.fleet.fit import require_packages
+    from rig.extras import require
     from rig.fleet.questions import ask, results_folder
 
-    require_packages("pyarrow", "duckdb")
+    require("a question", "fleet", "pyarrow", "duckdb")
     answer = ask(results_folder(results), question)
     if json:
         print_json(answer.as_json())

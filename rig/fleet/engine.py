@@ -64,6 +64,11 @@ class Crew:
         """Whether nobody else works."""
         return not (self.workers or self.scheduler)
 
+    @property
+    def packages(self) -> tuple[str, ...]:
+        """What must be installed for it to work, the results' own format included."""
+        return ("pyarrow",) if self.is_this_process else ("pyarrow", "distributed")
+
 
 class Piece(Protocol):
     """A piece of work: pieces of one kind take about the same time."""

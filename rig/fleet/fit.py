@@ -14,7 +14,7 @@ from typing import Any
 
 from experiments import catalogue
 from rig.analysis.tare import tare_kind
-from rig.errors import RigError
+from rig.extras import require
 from rig.fleet.dataset import FOLDER_NAME, DataSet, Identity
 from rig.fleet.engine import Crew, Errand, at_work
 from rig.fleet.neighbours import forget_neighbours
@@ -22,8 +22,6 @@ from rig.fleet.progress import Progress
 from rig.fleet.survey import survey
 from rig.fleet.task import Done, Job, RunTask, fit_runs, lost
 from rig.fleet.work import PathMap, Work, first_folder, runs_named, work_for
-
-INSTALL = "Install it: pip install 'harmonic-rig[fleet]'."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +112,7 @@ def fit_fleet(
     `ConfigurationError` for an order that names nothing, `RigError` where the results cannot be written, where no
     scheduler answers or where a package is not installed.
     """
-    require_packages("pyarrow", *(() if order.crew.is_this_process else ("distributed",)))
+    require("a fleet of runs", "fleet", *order.crew.packages)
     if order.kind:
         catalogue.entry(order.kind)
     runs = runs_named(order.names)
@@ -172,15 +170,3 @@ def _kept(data: DataSet, tally: _Tally) -> Iterator[None]:
     finally:
         forget_neighbours()
         data.put_together(tally.restamped)
-
-
-def require_packages(*packages: str) -> None:
-    """Raise `RigError` that says how to install what is missing."""
-    from importlib.util import find_spec
-
-    missing = [name for name in packages if find_spec(name) is None]
-    if missing:
-        raise RigError(
-            f"a fleet of runs needs the package {missing[0]}, which is not installed",
-            remedy=INSTALL,
-        )

@@ -116,7 +116,9 @@ def work_for(
     failed: list[tuple[str, str]] = []
     places: dict[Path, _Place] = {}
     for run in runs:
-        place = places.setdefault(run.parent, _Place(run.parent, job))
+        if run.parent not in places:
+            places[run.parent] = _Place(run.parent, job)
+        place = places[run.parent]
         kind = job.kind or place.protocol(run)
         run_file = name_from(base, run)
         before = known.get((run_file, kind))

@@ -5,6 +5,9 @@ whose annotations are the only definition of flags, form and table) and the hist
 and who confirmed what, and when. A fact that nobody told is left away: it is unknown, it has no
 default.
 
+A gear whose runs lie in folders of folders (year, month) has one card: in a folder without a card of this serial number
+the one of the nearest folder above counts, and what is changed is changed there.
+
 A confirmation holds until something of `CONFIRMED_FIELDS` changes: what decides about limits, directions and results.
 """
 
@@ -333,10 +336,20 @@ def cards_folder(folder: str | Path) -> Path:
     return Path(folder) / FOLDER
 
 
-def card_path(folder: str | Path, serial: str) -> Path:
-    """The file of one gear's card; characters that a file name cannot have are written as %XX."""
+def card_file(serial: str) -> str:
+    """The name of the file of one gear's card; characters that a file name cannot have are written as %XX."""
     name = in_file_name(serial.strip(), safe=" ()+,=@").replace("~", "%7E")
-    return cards_folder(folder) / f"{name or '%20'}.toml"
+    return f"{name or '%20'}.toml"
+
+
+def card_path(folder: str | Path, serial: str) -> Path:
+    """The file of one gear's card: the nearest one of this folder and those above it; in this folder where none is."""
+    name = card_file(serial)
+    own = cards_folder(folder) / name
+    if own.exists():
+        return own
+    above = (cards_folder(place) / name for place in Path(folder).resolve().parents)
+    return next((path for path in above if path.is_file()), own)
 
 
 def card_for(folder: str | Path, serial: str) -> GearCard | None:
@@ -367,9 +380,13 @@ class ListedCard:
 
 
 def list_cards(folder: str | Path) -> tuple[ListedCard, ...]:
-    """The cards of a folder of runs by serial number; unreadable ones with their reason."""
+    """The cards that count in a folder of runs, by serial number; unreadable ones with their reason."""
+    nearest: dict[str, Path] = {}
+    for place in (Path(folder), *Path(folder).resolve().parents):
+        for path in cards_folder(place).glob("*.toml"):
+            nearest.setdefault(path.name, path)
     cards = []
-    for path in sorted(cards_folder(folder).glob("*.toml")):
+    for _, path in sorted(nearest.items()):
         try:
             cards.append(ListedCard(path, load_card(path)))
         except RigError as error:

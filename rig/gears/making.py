@@ -16,8 +16,8 @@ from rig.errors import ConfigurationError
 from rig.gears.acceptance import acceptance_named
 from rig.gears.card import (
     GearCard,
+    card_file,
     card_for,
-    card_path,
     cards_folder,
     gear_of,
     save_card,
@@ -45,7 +45,7 @@ class NewGear:
 
 def set_path(folder: str | Path, serial: str) -> Path:
     """The file of the parameter set that is made for a gear."""
-    return cards_folder(folder) / SETS / card_path(folder, serial).name
+    return cards_folder(folder) / SETS / card_file(serial)
 
 
 def made_gear(

@@ -14,7 +14,7 @@ from typing import Any
 
 from drivers.acquisition_statistics import AcquisitionStatistics
 from drivers.errors import DriverError
-from drivers.port import RigPort, TellsAcquisition
+from drivers.port import RigPort
 from drivers.samples import SampleBlock
 from experiments.errors import ExperimentError
 from model.errors import ModelError
@@ -63,11 +63,11 @@ class AcquisitionLog:
         return metrics, {**counted, **reviewed, **({"skew": skews} if skews else {})}
 
     def _counted(self) -> dict[str, float]:
-        port = self._port
         report = None
-        if isinstance(port, TellsAcquisition):
+        told = self._port.abilities.acquisition
+        if told is not None:
             try:
-                report = port.acquisition()
+                report = told()
             except DriverError as error:
                 self._logbook.event("warning", "acquisition", "port", str(error))
         own = self._statistics.report()

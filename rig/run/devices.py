@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.port import LATE_ANSWERS, RigPort, TellsEvents
+from drivers.port import LATE_ANSWERS, RigPort
 from rig.run.logbook import Logbook
 
 
@@ -18,12 +18,10 @@ class DeviceListener:
     def keep_events(self) -> None:
         """What happened since the last time: emergencies, losses, transitions."""
         self.late_answers = ""
-        if isinstance(self._port, TellsEvents):
-            for event in self._port.events():
-                if event.code == LATE_ANSWERS:
-                    self.late_answers = event.text
-                if event.level == "error":
-                    self.latest_error = f"{event.source}: {event.text}"
-                self._logbook.event(
-                    event.level, event.code, event.source, event.text, event.time_ns
-                )
+        told = self._port.abilities.events
+        for event in told() if told is not None else ():
+            if event.code == LATE_ANSWERS:
+                self.late_answers = event.text
+            if event.level == "error":
+                self.latest_error = f"{event.source}: {event.text}"
+            self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import WallClock
-from drivers.port import StopsAlone
 from experiments import catalogue
 from experiments.contract import Experiment
 from experiments.parameters import make_parameters, parameter_fields
@@ -290,14 +289,15 @@ def watchdog_of(rig: AssembledRig, cycles: int) -> Watchdog | None:
 
     `AssembledRig.second_bus` opens that handle, where a rig has one; the port tells the frames.
     """
-    if rig.second_bus is None or not isinstance(rig.port, StopsAlone):
+    frames = rig.port.abilities.quick_stop_frames
+    if rig.second_bus is None or frames is None:
         return None
-    port, bus = rig.port, rig.second_bus()
+    bus = rig.second_bus()
 
     def quick_stop() -> None:
         import can
 
-        for cob_id, data in port.quick_stop_frames():
+        for cob_id, data in frames():
             bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     return Watchdog(

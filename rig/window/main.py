@@ -75,14 +75,19 @@ class MainWindow(QMainWindow):
         self.review.run_requested.connect(self.prepare_run)
         self.fleet.run_chosen.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
+        self.prepare.asking_changed.connect(self._watch)
         self.run.closed_safely.connect(self.close)
         # Stopping works from everywhere: whoever looks at something else must not look for the button first.
-        buttons, stop, abort = self.run.buttons, self.run.stop, self.run.abort
+        buttons = self.run.buttons
         self.stop_filter = StopFilter(
             self,
-            stop,
-            abort,
-            [(buttons.stop, stop), (buttons.abort, abort), (self.stop, stop)],
+            self.stop_rig,
+            self.abort_rig,
+            [
+                (buttons.stop, self.run.stop),
+                (buttons.abort, self.run.abort),
+                (self.stop, self.stop_rig),
+            ],
             lambda: session.free_for("Another window"),
         )
         self.stack.currentChanged.connect(lambda _: self._show_stop())
@@ -113,7 +118,7 @@ class MainWindow(QMainWindow):
             shortcut.activated.connect(lambda name=name: self.show_page(name))
         self.stop = push_button("STOP", tip="Controlled ramp to standstill (Esc)")
         self.stop.setObjectName("small-stop")
-        self.stop.pressed.connect(self.run.stop)
+        self.stop.pressed.connect(self.stop_rig)
         self.stop.hide()
         row.addWidget(self.stop)
         where = f"rig: {self.session.backend}   runs: {self.session.folder}"
@@ -148,6 +153,21 @@ class MainWindow(QMainWindow):
         else:
             self.run.start(prepared)
 
+    @property
+    def may_turn(self) -> bool:
+        """Whether something is at work that may turn the rig: a run, a campaign, or `rig doctor`."""
+        return self.run.is_active or self.prepare.is_asking
+
+    def stop_rig(self) -> None:
+        """Controlled ramp to standstill of whatever turns the rig."""
+        self.run.stop()
+        self.prepare.stop_asking()
+
+    def abort_rig(self) -> None:
+        """Quick stop of whatever turns the rig."""
+        self.run.abort()
+        self.prepare.abort_asking()
+
     def prepare_run(self, serial: str, protocol: str) -> None:
         """Bring up the page Prepare with a gear and a protocol."""
         self.prepare.gear.choose(serial)
@@ -166,7 +186,13 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """During a run: ask, and only close once the rig stands."""
-        if self.run.may_close():
+        if self.prepare.is_asking:
+            self.prepare.stop_asking()
+            self.session.message.emit(
+                "The rig is being asked and is stopped: close when it stands."
+            )
+            event.ignore()
+        elif self.run.may_close():
             # Whoever uses the application further has no run whose STOP could be hidden.
             self.stop_filter.set_active(False)
             event.accept()
@@ -206,12 +232,17 @@ class MainWindow(QMainWindow):
 
     def _show_state(self, state: str) -> None:
         self._buttons.button(1).setText("Run" if state == "idle" else f"Run · {state}")
-        self.stop_filter.set_active(self.run.is_active)
+        self._watch()
+
+    def _watch(self) -> None:
+        """Hear what stops the rig for as long as something may turn it."""
+        self.session.run_exists = self.may_turn
+        self.stop_filter.set_active(self.may_turn)
         self._show_stop()
 
     def _show_stop(self) -> None:
-        """A STOP in the navigation while a run goes on and another page is in front."""
-        self.stop.setVisible(self.run.is_active and self.stack.currentWidget() is not self.run)
+        """A STOP in the navigation while something may turn the rig and the page with the large one is not in front."""
+        self.stop.setVisible(self.may_turn and self.stack.currentWidget() is not self.run)
 
 
 def refuse_a_screen_that_qt_cannot_use(

@@ -301,12 +301,12 @@ def test_a_drive_that_answers_no_more_is_let_go_by_process_data() -> None:
 )
 def test_a_restart_while_the_rig_is_being_opened_is_an_error(absent: set[int], words: str) -> None:
     with bench(Traits(absent=frozenset(absent))) as made:
-        prepare = made.rig._prepare
+        prepare = made.rig.segment._prepare
 
         def interrupted(*arguments: object) -> None:
             prepare(*arguments)  # type: ignore[arg-type]
             made.drive.reboot()
 
-        made.rig._prepare = interrupted  # type: ignore[method-assign]
+        made.rig.segment._prepare = interrupted  # type: ignore[method-assign]
         with pytest.raises(DriverError, match=words):
             made.rig.open()

@@ -15,16 +15,18 @@ import pytest
 from distributed import LocalCluster
 
 from rig.errors import ConfigurationError, RigError, RunFileError
+from rig.extras import require
 from rig.fleet import engine
 from rig.fleet.dataset import DataSet
 from rig.fleet.engine import Batches, Crew, Errand, at_work
-from rig.fleet.fit import require_packages
 from rig.fleet.progress import Progress
 from rig.fleet.questions import QUESTIONS, ask, results_folder
 from rig.fleet.results import COLUMNS, NAMES, SCHEMA_VERSION, Row, arrow_schema
 from rig.fleet.rows import EMPTY
 from rig.fleet.table import table_bytes
-from rig.fleet.work import PathMap, runs_named
+from rig.fleet.task import Job
+from rig.fleet.work import PathMap, runs_named, work_for
+from rig.library.index import LibraryIndex
 from tests.rig.commands.calling import Rig
 
 BATCH = 2.0
@@ -161,7 +163,7 @@ def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatc
 
 def test_what_is_not_installed_is_told_with_the_line_that_installs_it() -> None:
     with pytest.raises(RigError, match=r"pip install 'harmonic-rig\[fleet\]'"):
-        require_packages("pyarrow", "no_such_package")
+        require("a fleet of runs", "fleet", "pyarrow", "no_such_package")
 
 
 def test_the_newest_rows_of_a_run_count_and_the_files_become_one(tmp_path: Path) -> None:
@@ -345,3 +347,23 @@ def test_progress_tells_rate_time_left_and_failures() -> None:
     now = Progress(runs=1000, done=300, reused=100, failed=7, seconds=50.0)
     assert now.words() == "300 of 1000 runs, 4 runs/s, 3 min left, 7 failed"
     assert Progress(runs=5, done=0, reused=0, failed=0, seconds=0.0).words() == "0 of 5 runs"
+
+
+def test_a_folder_is_looked_at_once_however_many_runs_lie_in_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[Path] = []
+
+    class Counted(LibraryIndex):
+        def __init__(self, folder: Path, *, once: bool) -> None:
+            looked.append(folder)
+            super().__init__(folder, once=once)
+
+    monkeypatch.setattr("rig.fleet.work.LibraryIndex", Counted)
+    runs = [tmp_path / day / f"{k:05d}-home-G.h5" for day in ("one", "two") for k in range(3)]
+    for run in runs:
+        run.parent.mkdir(exist_ok=True)
+        run.write_bytes(b"no run")
+    job = Job(name="a job", created="2026-01-01T00:00:00+00:00", kind="home")
+    assert len(work_for(runs, job, {}, base=tmp_path, there=PathMap()).tasks) == 6
+    assert looked == [tmp_path / "one", tmp_path / "two"]

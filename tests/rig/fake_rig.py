@@ -15,7 +15,16 @@ from drivers.channel import Channel, encoder_channel
 from drivers.clock import VirtualClock
 from drivers.drive_state import STATUSWORD_OF, DriveState
 from drivers.errors import BusLostError
-from drivers.port import Command, DirectLine, DriveLimits, Guard, GuardWatch, Mode, RigDescription
+from drivers.port import (
+    Abilities,
+    Command,
+    DirectLine,
+    DriveLimits,
+    Guard,
+    GuardWatch,
+    Mode,
+    RigDescription,
+)
 from drivers.samples import CycleFlag, SampleBlock
 from experiments.contract import Evidence, Experiment
 from experiments.recording import Event, Recording, Segment
@@ -79,6 +88,7 @@ class FakeRig:
     clock: VirtualClock = field(default_factory=lambda: VirtualClock(1_700_000_000_000_000_000))
     time_base: Literal["hardware", "device", "host", "virtual"] = "virtual"
     line: DirectLine | None = None
+    abilities: Abilities = field(default_factory=Abilities)
 
     def __post_init__(self) -> None:
         self._watch = GuardWatch(self.channels)

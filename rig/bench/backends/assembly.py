@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.bus.network import RawBus
 from drivers.clock import Clock
@@ -15,6 +15,9 @@ from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 from rig.errors import ConfigurationError
 from sim_backend.world import Population, World
+
+if TYPE_CHECKING:
+    from drivers.bus.rig_nodes import RigNodes
 
 AUTO, AMBIENT = "auto", "ambient"
 """How warm a simulated rig starts: as the latest run that fits ended, or as the room. Anything else names a run."""
@@ -82,6 +85,8 @@ def flag_of(name: str) -> str:
 class AssembledRig:
     """A rig that can be run: its port, its clock, and whether its time is that of the wall.
 
+    `nodes` are those of its bus, once it is open, for whoever looks them over; None: it has no bus.
+
     Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
     reads the input of the guard's contact (value, whether that means closed) once the rig is open,
     `unwatched` says then why the drive would not stop by itself when the computer is lost (empty: it
@@ -97,6 +102,7 @@ class AssembledRig:
     port: RigPort
     clock: Clock
     real_time: bool = False
+    nodes: Callable[[], RigNodes] | None = None
     second_bus: Callable[[], RawBus] | None = None
     guard: Callable[[], tuple[int, bool]] | None = None
     unwatched: Callable[[], tuple[str, ...]] | None = None

@@ -57,6 +57,7 @@ def hardware(request: RigRequest) -> AssembledRig:
         port=port,
         clock=clock,
         real_time=True,
+        nodes=lambda: port.nodes,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
         unwatched=lambda: port.nodes.drive.unwatched,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 import zlib
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,6 +21,7 @@ from sim_backend.world import ThermalState, World
 
 if TYPE_CHECKING:
     from drivers.bus.cyclic import CanRig, CanRigConfig
+    from drivers.bus.rig_nodes import RigNodes
     from sim_backend.direct import SimulatedRig
     from sim_backend.wire.bench import WireBench
 
@@ -87,13 +89,19 @@ def certificate_of(request: RigRequest, which: Literal["input", "output"]) -> An
 
 
 def assembled(
-    name: str, port: RigPort, clock: Clock, plant: SimulatedRig | WireBench, request: RigRequest
+    name: str,
+    port: RigPort,
+    clock: Clock,
+    plant: SimulatedRig | WireBench,
+    request: RigRequest,
+    nodes: Callable[[], RigNodes] | None = None,
 ) -> AssembledRig:
     """A simulated rig as a run takes it; `plant` is what is behind the port."""
     return AssembledRig(
         name=name,
         port=port,
         clock=clock,
+        nodes=nodes,
         world=world_record(request),
         thermal_state=lambda: {
             "end": asdict(plant.thermal_state),
@@ -117,7 +125,8 @@ def on_the_wire(request: RigRequest) -> AssembledRig:
 
     parts = parts_of(request)
     bench = WireBench(**parts, clock=clock_of(request))
-    return assembled("wire", wire_port(bench, parts["motor"]), bench.clock, bench, request)
+    port = wire_port(bench, parts["motor"])
+    return assembled("wire", port, bench.clock, bench, request, lambda: port.nodes)
 
 
 def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:

@@ -10,9 +10,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from drivers.bus.cia301 import NmtState
-from drivers.bus.cyclic import CanRig
 from drivers.bus.device import Identity, Missing, RemoteDevice
 from drivers.bus.network import NodeWatch, PumpedBus
+from drivers.bus.rig_nodes import RigNodes
 from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from drivers.port import DeviceEvent
 from rig.trial.doctor.drive import inspect_drive
@@ -31,9 +31,8 @@ _BETWEEN_NS = 1_000_000
 LEVELS: Mapping[str, Verdict] = {"error": "failed", "warning": "warning"}
 
 
-def inspect_bus(port: CanRig, heard: Mapping[int, Sequence[int]]) -> Iterable[Finding]:
+def inspect_bus(nodes: RigNodes, heard: Mapping[int, Sequence[int]]) -> Iterable[Finding]:
     """Everything about the nodes; `heard` are the instants [ns] at which each node's heartbeat was heard."""
-    nodes = port.nodes
     for (name, identity), device in zip(nodes.identities.items(), nodes.devices, strict=True):
         group = f"node {device.node_id}, {name}"
         yield _identity(group, name, _told_again(device, identity))

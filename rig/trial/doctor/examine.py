@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.bus.cyclic import CanRig
 from drivers.bus.network import PumpedBus
+from drivers.bus.rig_nodes import RigNodes
 from drivers.errors import DriverError
-from drivers.port import Command, Guard, Mode, TellsEvents
+from drivers.port import Command, Guard, Mode
 from drivers.readout.nd287 import ReadoutConfig
 from experiments.errors import ExperimentError
 from rig.bench.backends.assembly import AssembledRig
@@ -28,6 +28,7 @@ from rig.run.start import RunRequest, bench_for, plan_request, run_on
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
+from rig.trial.doctor.abilities import inspect_abilities
 from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_events, scan
 from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
@@ -152,8 +153,8 @@ def _take_stand(looked: Looked) -> Iterable[Finding]:
             )
         blocks.append(block)
         left -= len(block)
-        if isinstance(port, CanRig):
-            _note_beats(port, heard)
+        if looked.rig.nodes is not None:
+            _note_beats(looked.rig.nodes(), heard)
     looked.stand = Stand(
         channels=tuple(port.channels),
         counts=np.concatenate([b.counts for b in blocks]),
@@ -167,15 +168,15 @@ def _take_stand(looked: Looked) -> Iterable[Finding]:
 
 
 def _standing_time(looked: Looked) -> float:
-    port = looked.rig.port
-    if not isinstance(port, CanRig):
+    if looked.rig.nodes is None:
         return STANDING_TIME
-    slowest = max((heartbeat_period_ns(device.watch) for device in port.nodes.devices), default=0)
+    devices = looked.rig.nodes().devices
+    slowest = max((heartbeat_period_ns(device.watch) for device in devices), default=0)
     return min(max(STANDING_TIME, HEARTBEATS * slowest * 1e-9), LONGEST_STAND)
 
 
-def _note_beats(port: CanRig, heard: dict[int, list[int]]) -> None:
-    for device in port.nodes.devices:
+def _note_beats(nodes: RigNodes, heard: dict[int, list[int]]) -> None:
+    for device in nodes.devices:
         beats = heard.setdefault(device.node_id, [])
         latest = device.watch.heard_ns
         if latest and (not beats or beats[-1] != latest):
@@ -203,9 +204,8 @@ def _guard(looked: Looked) -> Iterable[Finding]:
 
 
 def _nodes(looked: Looked) -> Iterable[Finding]:
-    port = looked.rig.port
-    if isinstance(port, CanRig):
-        return inspect_bus(port, looked.heard)
+    if looked.rig.nodes is not None:
+        return inspect_bus(looked.rig.nodes(), looked.heard)
     return (
         Finding(
             group="nodes",
@@ -226,11 +226,16 @@ def _calibrations(looked: Looked) -> Iterable[Finding]:
 
 
 def _events(looked: Looked) -> Iterable[Finding]:
-    port = looked.rig.port
-    return inspect_events(port.events()) if isinstance(port, TellsEvents) else ()
+    told = looked.rig.port.abilities.events
+    return () if told is None else inspect_events(told())
+
+
+def _abilities(looked: Looked) -> Iterable[Finding]:
+    return inspect_abilities(looked.rig.port)
 
 
 PARTS: tuple[Part, ...] = (
+    Part("abilities", "abilities", _abilities),
     Part("safety", "drive limits", _limits),
     Part("safety", "guard", _guard),
     Part("acquisition", "cycles", _take_stand),

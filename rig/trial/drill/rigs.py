@@ -8,7 +8,7 @@ from typing import Any, Literal, Protocol
 
 from drivers.channel import Channel
 from drivers.clock import VirtualClock
-from drivers.port import Command, DirectLine, DriveLimits, Guard, RigDescription
+from drivers.port import Abilities, Command, DirectLine, DriveLimits, Guard, RigDescription
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
@@ -183,6 +183,11 @@ class DrilledRig:
         """The line to the devices of the rig behind it."""
         return self.port.line
 
+    @property
+    def abilities(self) -> Abilities:
+        """What the rig behind it can do."""
+        return self.port.abilities
+
     def open(self) -> RigDescription:
         """Open the rig behind it; what is to be there from the start happens first."""
         self.prepare()
@@ -222,18 +227,6 @@ class DrilledRig:
         return block
 
 
-class DrilledWireRig(DrilledRig):
-    """A drilled rig whose devices tell events and whose acquisition keeps figures."""
-
-    def events(self) -> list[Any]:
-        """Events of the devices."""
-        return self.port.events()
-
-    def acquisition(self) -> Any:
-        """Figures of the acquisition."""
-        return self.port.acquisition()
-
-
 def drilled_rig(
     carrier: str,
     gear: HarmonicDrive,
@@ -249,7 +242,7 @@ def drilled_rig(
     if carrier == "wire":
         bench = WireBench(individual, motor, world=World.of(seed), clock=clock)
         port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
-        return DrilledWireRig(
+        return DrilledRig(
             port=port, plant=bench, clock=clock, happenings=happenings, stop=stop, bench=bench
         )
     for happening in happenings:

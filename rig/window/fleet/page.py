@@ -12,7 +12,7 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QFileDialog, QGridLayout, QSizePolicy, QWidget
 
-from rig.fleet.fit import require_packages
+from rig.extras import require
 from rig.fleet.lot import Lot, LotGear, lot_of, why_of
 from rig.fleet.lot_quantity import LotQuantity
 from rig.fleet.lot_words import limits_words, with_interval
@@ -261,7 +261,7 @@ def _read(folder: Path) -> Lot | None:
     """The lot in a folder; None where there are no results. Raises `RigError` where they cannot be read."""
     from rig.errors import ConfigurationError
 
-    require_packages("pyarrow", "duckdb")
+    require("a lot", "fleet", "pyarrow", "duckdb")
     try:
         found = results_folder(folder)
     except ConfigurationError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rig.exits import ABORTED
 from rig.run.preflight import Check
 
 NAME = "rig doctor"
@@ -19,7 +20,8 @@ def checks_from(answer: Any, code: int, complaint: str) -> tuple[Check, ...]:
         else None
     )
     if rows is not None:
-        return tuple(
+        stopped = Check(NAME, "failed", "it was stopped before its end", "Ask the rig again.")
+        return (stopped,) * (code == ABORTED) + tuple(
             Check(
                 str(row["name"]),
                 row["result"],

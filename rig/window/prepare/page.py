@@ -6,6 +6,7 @@ own, so that typing is never held up. Start is one button that says what it is w
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -59,7 +60,8 @@ from rig.window.shell.stack import (
     split,
     text_label,
 )
-from rig.window.work.background import BackgroundCommand, LatestTask, json_object, single_shot
+from rig.window.work.background import LatestTask, single_shot
+from rig.window.work.child import Ending, RunProcess
 
 TYPING_PAUSE = 250
 """ms without a change after which the plan is worked out anew."""
@@ -70,9 +72,12 @@ OPERATORS_KEPT = 12
 
 
 class PreparePage(QWidget):
-    """Everything that is decided before a run. `start_requested` carries a `PreparedRun`."""
+    """Everything that is decided before a run. `start_requested` carries a `PreparedRun`; `asking_changed` says that
+    `rig doctor` has begun or ended, which may turn the rig.
+    """
 
     start_requested = Signal(object)
+    asking_changed = Signal()
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -101,7 +106,9 @@ class PreparePage(QWidget):
         self.training_button = push_button("&Training …", act=self.open_training)
         self.acknowledge_button = push_button("Ac&knowledge the trip …", act=self.acknowledge_trip)
         self.waiting = text_label(wraps=True, plain=True)
-        self._doctor: BackgroundCommand | None = None
+        self._start_process: Callable[[Sequence[str]], RunProcess] = RunProcess
+        self._doctor: RunProcess | None = None
+        self._examination: dict[str, Any] | None = None
         self._lay_out()
         self._connect()
         self._show_for_protocol()
@@ -211,6 +218,8 @@ class PreparePage(QWidget):
         reasons = obstacles(self.intent, self.outlook)
         if not self.protocol.form.is_valid:
             reasons.insert(0, "a parameter of the protocol is refused")
+        if self.is_asking:
+            reasons.append("the rig is being asked")
         if self._session.is_hardware and not self.doctor_checks:
             reasons.append("the rig has not been asked")
         reasons += [
@@ -269,10 +278,24 @@ class PreparePage(QWidget):
             if not is_armed(intent):
                 request = replace(request, confirmation="")
         words = doctor_arguments(request, intent.rig, parameters)
-        self._doctor = BackgroundCommand(words, self, self._take_doctor)
+        self._examination = None
+        self._doctor = self._start_process(words)
+        self._doctor.report.connect(self._keep_examination)
+        self._doctor.finished.connect(self._take_doctor)
         self._doctor.start()
         self.doctor_button.setEnabled(False)
-        self.doctor_button.setText("Asking the rig …")
+        self.doctor_button.setText("Asking the rig … (Esc stops)")
+        self.asking_changed.emit()
+
+    def stop_asking(self) -> None:
+        """Let what turns for `rig doctor` ramp to standstill, and end it."""
+        if self._doctor is not None:
+            self._doctor.stop()
+
+    def abort_asking(self) -> None:
+        """The same by a quick stop."""
+        if self._doctor is not None:
+            self._doctor.abort()
 
     def acknowledge_trip(self) -> None:
         """Show the trip that is latched; it is released by name and with what was found."""
@@ -360,8 +383,12 @@ class PreparePage(QWidget):
         """Whether `rig doctor` is at work."""
         return self._doctor is not None and self._doctor.is_running
 
-    def _take_doctor(self, code: int, output: str, complaint: str) -> None:
-        self.show_doctor(json_object(output), code, complaint.strip())
+    def _keep_examination(self, examination: dict[str, Any]) -> None:
+        self._examination = examination
+
+    def _take_doctor(self, ending: Ending) -> None:
+        self.asking_changed.emit()
+        self.show_doctor(self._examination, ending.code, ending.complaint)
 
     def show_doctor(self, answer: dict[str, Any] | None, code: int, complaint: str) -> None:
         """Take over what `rig doctor` said: its JSON object, exit code, standard error."""

@@ -339,7 +339,7 @@ def doctor_arguments(
     """What follows `python -m rig` to have this rig looked over; on hardware it moves only if the
     run would be armed.
     """
-    words = ["doctor", "--json", f"--backend={rig.backend}", f"--runs={rig.folder}"]
+    words = ["doctor", "--stdin-control", f"--backend={rig.backend}", f"--runs={rig.folder}"]
     if rig.configuration is not None:
         words.append(f"--config={rig.configuration}")
     if request is None:

@@ -49,7 +49,9 @@ class Ending:
 
 
 class RunProcess(QObject):
-    """One `rig run` and the lines to and from it. Signals arrive in the window's thread. `start()` once.
+    """One `rig run`, campaign or doctor, and the lines to and from it. Signals arrive in the window's thread.
+
+    `start()` once.
 
     `arguments` is everything after `program`; by default the program is this Python with `-m rig`.
     """

@@ -157,7 +157,7 @@ def documented(kind: type[Slave], device: facts.Device) -> type[Slave]:
     return type(f"Documented{kind.__name__}", (_Documented, kind), {"device": device})
 
 
-def rig_of(name: str) -> tuple[CanRig, ForeignDrive]:
+def rig_of(name: str, **drive_changes: object) -> tuple[CanRig, ForeignDrive]:
     """The rig that an example describes, in front of devices of those objects."""
     wire = Wire(VirtualClock())
     kind = documented(ForeignDrive, DRIVES[name]) if name in DRIVES else ForeignDrive
@@ -174,6 +174,7 @@ def rig_of(name: str) -> tuple[CanRig, ForeignDrive]:
         made.od[0x6401, 1] = (0x4001).to_bytes(2, "little")
     cycle_ns = round(1e9 / configuration.rig.sample_rate_hz)
     config = can_rig_config(configuration, shipped_motor(), FOLDER, cycle_ns, ratio=120.0)
+    config = replace(config, drive=replace(config.drive, **drive_changes))  # type: ignore[arg-type]
     return CanRig(config, wire.clock, lambda: wire, pump=wire.pump, origin="simulated"), drive
 
 
@@ -212,9 +213,7 @@ def test_the_terminal_of_the_example_is_read_at_its_bytes() -> None:
 
 def test_an_epos4_left_to_itself_is_asked_about_its_torque() -> None:
     """Its 0x6076 is in uN m: 228 231 is 0.228 N m, and would be read as 228."""
-    port, _ = rig_of("epos4")
-    told = port._config.drive
-    port._config = replace(port._config, drive=replace(told, rated_torque=None))
+    port, _ = rig_of("epos4", rated_torque=None)
     port.open()
     (question,) = port.nodes.drive.readings.questions
     assert question.entry == "rated_torque_n_m"

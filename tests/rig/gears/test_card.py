@@ -21,6 +21,7 @@ from rig.gears.card import (
     GearFacts,
     card_for,
     card_path,
+    card_text,
     conditions_of,
     gear_of,
     list_cards,
@@ -289,3 +290,20 @@ def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
     kept = json.loads(text["conditions"])
     assert kept["output_radial_runout_um"] == 8.0
     assert kept["gear_card_confirmed"] == "B. Other, 2026-01-02"
+
+
+def test_folders_of_folders_share_the_card_above_and_the_nearest_counts(tmp_path: Path) -> None:
+    deep = tmp_path / "2026" / "11"
+    deep.mkdir(parents=True)
+    assert card_for(deep, "SN-0815") is None
+    save_card(tmp_path, confirmed_card())
+    assert card_for(deep, "SN-0815") == confirmed_card()
+    changed = with_changes(card_for(deep, "SN-0815"), {"hours": "99"}, "A. Example", "2026-02-01")
+    assert save_card(deep, changed) == card_path(tmp_path, "SN-0815"), "one gear has one history"
+    other = confirmed_card(hours="7")
+    (deep / ".gears").mkdir()
+    (deep / ".gears" / "SN-0815.toml").write_text(card_text(other), encoding="utf-8")
+    assert card_for(deep, "SN-0815") == other
+    assert [one.path.parent.parent for one in list_cards(deep)] == [deep]
+    assert card_for(deep.parent, "SN-0815") == changed
+    assert card_for(deep, "SN-0816") is None

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.port import Command, Guard, Mode
+from drivers.port import Abilities, Command, Guard, Mode
 from drivers.samples import CycleFlag, SampleBlock
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
@@ -145,7 +145,11 @@ class TalkingRig(FakeRig):
 
     at = 500
 
-    def events(self) -> list[Told]:
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self.abilities = Abilities(events=self.told)
+
+    def told(self) -> list[Told]:
         if self.physics.cycle < self.at:
             return []
         self.at = 10**9

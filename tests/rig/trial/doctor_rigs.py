@@ -53,7 +53,7 @@ def on_the_wire(
     port = CanRig(
         config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
     )
-    return AssembledRig(name="wire", port=port, clock=bench.clock)
+    return AssembledRig(name="wire", port=port, clock=bench.clock, nodes=lambda: port.nodes)
 
 
 def counter(config: CanRigConfig, **changes: object) -> CanRigConfig:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from importlib import resources
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pytest
 
 from rig import main
 from rig.commands.doctoring import _print
+from rig.run.remote import RemoteOperator
 from rig.trial.doctor.examine import Examination
 from rig.trial.doctor.finding import Finding
 
@@ -32,6 +34,22 @@ def test_it_prints_one_object_and_its_code_means_something(
         set(check) == {"group", "name", "result", "evidence", "value", "unit", "limit", "remedy"}
         for check in found["checks"]
     )
+
+
+def test_a_program_that_goes_away_stops_it_and_the_last_line_is_its_report(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ours, theirs = os.pipe()
+    os.close(theirs)
+    monkeypatch.setattr(RemoteOperator, "listen_in_background", RemoteOperator.listen)
+    with os.fdopen(ours) as ended:
+        monkeypatch.setattr("sys.stdin", ended)
+        assert code_of("--stdin-control", "--output", str(tmp_path)) == 4
+    report = json.loads(capsys.readouterr().out.splitlines()[-1])
+    assert report["kind"] == "report"
+    turned = [check["result"] for check in report["checks"] if check["group"] == "motion"]
+    assert turned
+    assert set(turned) == {"skipped"}
 
 
 def test_a_line_that_failed_is_exit_code_6(

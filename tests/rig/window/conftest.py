@@ -79,12 +79,20 @@ class EmptyPage(QWidget):
 
     start_requested = Signal(object)
     run_requested = Signal(str, str)
+    asking_changed = Signal()
+    is_asking = False
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
 
     def show_run(self, path: Path) -> None:
         """Nothing is shown."""
+
+    def stop_asking(self) -> None:
+        """Nothing turns."""
+
+    def abort_asking(self) -> None:
+        """Nothing turns."""
 
 
 @pytest.fixture

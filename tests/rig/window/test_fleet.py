@@ -114,7 +114,7 @@ def test_without_results_and_without_the_extra_a_sentence_says_so(
     page = FleetPage(session, choose_folder=lambda _: str(results))
     page.show()
     qtbot.waitUntil(lambda: page.count.text() == NOTHING, timeout=LONGEST)
-    monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
+    monkeypatch.setattr("rig.extras.find_spec", lambda _: None)
     page.read()
     qtbot.waitUntil(
         lambda: "pip install 'harmonic-rig[fleet]'" in page.count.text(), timeout=LONGEST

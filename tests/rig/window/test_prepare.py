@@ -4,7 +4,7 @@ at both screen sizes.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ from rig.window.prepare.training import TrainingDialog, verdict_text
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand, json_object
 from rig.window.work.prepared import PreparedRun
+from tests.rig.window.conftest import SilentRun
 
 LONGEST = 120_000
 """ms until a test gives up; nothing takes a tenth of it on an idle computer."""
@@ -428,6 +429,8 @@ def test_what_the_doctor_says_or_does_not_say() -> None:
     assert checks_from({"ok": True, "checks": rows}, 0, "") == (
         Check("zero", "warning", "9 mN m", "Trim it."),
     )
+    stopped = checks_from({"ok": True, "checks": rows}, 4, "")
+    assert [check.result for check in stopped] == ["failed", "warning"]
     assert checks_from(None, 2, "Error: No such command 'doctor'.")[0].result == "warning"
     assert checks_from(None, 6, "first\nthe bus is gone") == (
         Check("rig doctor", "failed", "the bus is gone", "Run `rig doctor` in a terminal."),
@@ -455,17 +458,17 @@ def test_a_background_command_gives_what_it_printed_and_is_ended_with_its_window
 def test_the_rig_is_asked_once_at_a_time(
     page: PreparePage, monkeypatch: pytest.MonkeyPatch, settle: Settle
 ) -> None:
-    started: list[list[str]] = []
-    monkeypatch.setattr(
-        BackgroundCommand, "start", lambda self: started.append(self._arguments[2:])
-    )
-    monkeypatch.setattr(BackgroundCommand, "is_running", property(lambda self: bool(started)))
+    started: list[Sequence[str]] = []
+    asked = SilentRun()
+    monkeypatch.setattr(SilentRun, "is_running", property(lambda self: bool(started)))
+    page._start_process = lambda words: started.append(words) or asked
     settle(page)
     page.ask_the_rig()
     page.ask_the_rig()
     assert len(started) == 1
     assert started[0][0] == "doctor"
     assert not page.doctor_button.isEnabled()
+    assert "the rig is being asked" in page.obstacles
 
 
 def test_training_lists_the_drills_and_tells_the_verdict(

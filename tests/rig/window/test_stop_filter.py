@@ -31,6 +31,7 @@ from rig.window.prepare.training import TrainingDialog
 from rig.window.run.state import RunState
 from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import apply_theme
+from rig.window.work.child import Ending
 from tests.rig.window.conftest import SilentRun, silent_run
 
 SHIFT = Qt.KeyboardModifier.ShiftModifier
@@ -324,3 +325,25 @@ def test_a_silent_run_is_a_run(window: MainWindow) -> None:
     assert window.session.run_exists
     window.run.stop()
     assert run.said == ["STOP"]
+
+
+def test_what_turns_for_the_doctor_is_stopped_like_a_run(
+    opened_once: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, asked = opened_once, SilentRun()
+    monkeypatch.setattr(SilentRun, "is_running", property(lambda self: not self._over))
+    window.prepare._start_process = lambda _: asked
+    window.show()
+    window.show_page("prepare")
+    window.prepare.ask_the_rig()
+    assert window.stop.isVisible()
+    QTest.keyClick(window.windowHandle(), Qt.Key.Key_Escape)
+    QTest.keyClick(window.windowHandle(), Qt.Key.Key_Escape, SHIFT)
+    press(window.stop)
+    assert asked.said == ["STOP", "ABORT", "STOP"]
+    assert not window.session.free_for("A dialog")
+    assert not window.close(), "a window stays for as long as the rig may turn"
+    asked._end(Ending(4, False, "stopped"))
+    assert not window.stop.isVisible()
+    assert window.session.free_for("A dialog")
+    assert window.prepare.doctor_checks[0].result == "failed"
