@@ -10,7 +10,7 @@ are written and compared by `rig.run.session`; the drive is switched on only aft
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.errors import DriverError
@@ -83,11 +83,11 @@ def refuse_unarmed(arming: Arming) -> None:
             )
 
 
-def loss_check(unwatched: Callable[[], tuple[str, ...]] | None, covered_by: str) -> Check:
+def loss_check(unwatched: Callable[[], Sequence[str]] | None, covered_by: str) -> Check:
     """Whether the motor stops when the computer is lost: the drive sees to it, or the rig's description says
-    what does. `unwatched` gives the reasons why the drive would not; None: the rig has no drive that could.
+    what does. `unwatched` gives the reasons why the drive would not; None: nobody knows.
     """
-    reasons = unwatched() if unwatched is not None else ()
+    reasons = unwatched() if unwatched is not None else ("nobody knows whether it would",)
     if not reasons:
         return Check("loss of the computer", "ok", "the drive watches the computer's heartbeat")
     text = f"the drive does not stop by itself: {'; '.join(reasons)}"

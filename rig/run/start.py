@@ -280,7 +280,7 @@ def arm(rig: AssembledRig) -> tuple[Check, ...]:
     return (
         *claim_real_time(rig.priority, rig.lock_memory),
         guard_check(rig.guard),
-        loss_check(rig.unwatched, rig.loss_covered_by),
+        loss_check(rig.port.abilities.unwatched, rig.loss_covered_by),
     )
 
 

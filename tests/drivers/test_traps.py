@@ -229,7 +229,9 @@ def test_a_drive_that_would_not_stop_without_the_computer_says_why(
 ) -> None:
     with bench(traits) as made:
         made.open()
-        unwatched = made.rig.nodes.drive.unwatched
+        told = made.rig.abilities.unwatched
+        assert told is not None
+        unwatched = told()
         assert len(unwatched) == len(reasons)
         assert all(reason in said for reason, said in zip(reasons, unwatched, strict=True))
 

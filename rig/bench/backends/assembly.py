@@ -89,8 +89,7 @@ class AssembledRig:
 
     Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
     reads the input of the guard's contact (value, whether that means closed) once the rig is open,
-    `unwatched` says then why the drive would not stop by itself when the computer is lost (empty: it
-    would), `loss_covered_by` what stops the motor instead, as the rig's description has it,
+    `loss_covered_by` says what stops the motor when the computer is lost and the drive does not see to it,
     `reaction` [s] is how long an exchange may take, `priority` and `lock_memory` are what the loop
     asks of the computer.
 
@@ -105,7 +104,6 @@ class AssembledRig:
     nodes: Callable[[], RigNodes] | None = None
     second_bus: Callable[[], RawBus] | None = None
     guard: Callable[[], tuple[int, bool]] | None = None
-    unwatched: Callable[[], tuple[str, ...]] | None = None
     loss_covered_by: str = ""
     reaction: float = 0.02
     priority: int = 0

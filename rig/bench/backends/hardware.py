@@ -60,7 +60,6 @@ def hardware(request: RigRequest) -> AssembledRig:
         nodes=lambda: port.nodes,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
-        unwatched=lambda: port.nodes.drive.unwatched,
         loss_covered_by=configuration.drive.computer_loss_covered_by,
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,

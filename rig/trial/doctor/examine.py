@@ -191,7 +191,7 @@ def _guard(looked: Looked) -> Iterable[Finding]:
     if looked.rig.real_time:
         return (
             armed(guard_check(looked.rig.guard)),
-            armed(loss_check(looked.rig.unwatched, looked.rig.loss_covered_by)),
+            armed(loss_check(looked.rig.port.abilities.unwatched, looked.rig.loss_covered_by)),
         )
     return (
         Finding(

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import cast
 
 import pytest
 
 from drivers.clock import VirtualClock
-from drivers.port import DriveLimits, RigPort
+from drivers.port import Abilities, DriveLimits
 from rig.bench.backends.assembly import AssembledRig
 from rig.errors import LimitError
 from rig.run.arming import loss_check
 from rig.run.preflight import limits_check
 from rig.run.start import arm
+from tests.rig.fake_rig import FakeRig
 
 REASONS = ("it does not hear the computer's heartbeat (0x1016)",)
 
@@ -23,6 +23,7 @@ def test_a_drive_that_would_not_stop_without_the_computer_is_armed_only_where_it
     None
 ):
     assert loss_check(lambda: (), "").result == "ok"
+    assert loss_check(None, "").result == "failed"
     refused = loss_check(lambda: REASONS, " ")
     assert refused.result == "failed"
     assert "0x1016" in refused.evidence
@@ -33,13 +34,14 @@ def test_a_drive_that_would_not_stop_without_the_computer_is_armed_only_where_it
 
 
 def test_it_is_asked_when_a_rig_in_real_time_is_armed() -> None:
+    port = FakeRig()
+    port.abilities = Abilities(unwatched=lambda: REASONS)
     rig = AssembledRig(
         name="hardware",
-        port=cast("RigPort", None),
+        port=port,
         clock=VirtualClock(),
         real_time=True,
         guard=lambda: (1, True),
-        unwatched=lambda: REASONS,
     )
     assert [c.name for c in arm(rig) if c.result == "failed"] == ["loss of the computer"]
     assert "failed" not in {c.result for c in arm(replace(rig, loss_covered_by="K3"))}

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import pytest
 
 from drivers.bus.cia402.drive import DriveConfig
+from drivers.clock import VirtualClock
+from drivers.port import Abilities
+from rig.bench.backends.assembly import AssembledRig
+from rig.run.dry_run import PlannedRun
 from rig.trial.doctor.drive import inspect_drive
+from rig.trial.doctor.examine import PARTS, Looked
 from rig.trial.doctor.finding import Finding
 from tests.drivers.foreign_bench import bench
 from tests.drivers.foreign_slave import READ_ONLY, Traits
+from tests.rig.fake_rig import FakeRig
 
 
 def lines(traits: Traits, config: DriveConfig | None = None) -> dict[str, Finding]:
@@ -53,3 +61,26 @@ def test_a_quick_stop_that_stays_and_a_watch_that_is_not_there_are_told() -> Non
     assert "quick-stop ramp, stays" in found["quick stop option"].evidence
     assert found["quick stop option"].result == "ok"
     assert found["watch over the computer"].result == "warning"
+
+
+@pytest.mark.parametrize(
+    ("reasons", "covered_by", "result"),
+    [((), "", "ok"), (("no 0x1016",), "", "failed"), (("no 0x1016",), "relay K3", "warning")],
+)
+def test_the_loss_of_the_computer_is_a_line_of_the_doctor(
+    reasons: tuple[str, ...], covered_by: str, result: str
+) -> None:
+    port = FakeRig(abilities=Abilities(unwatched=lambda: reasons))
+    rig = AssembledRig(
+        name="hardware",
+        port=port,
+        clock=VirtualClock(),
+        real_time=True,
+        guard=lambda: (1, True),
+        loss_covered_by=covered_by,
+    )
+    (part,) = [part for part in PARTS if part.name == "guard"]
+    found = {f.name: f for f in part.inspect(Looked(rig, cast("PlannedRun", None)))}
+    assert found["guard"].result == "ok"
+    assert found["loss of the computer"].result == result
+    assert all(words in found["loss of the computer"].evidence for words in reasons)
