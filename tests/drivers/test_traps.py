@@ -83,7 +83,7 @@ UNITS: Mapping[str, tuple[int, tuple[float, float], int, int]] = {
     "Technosoft iPOS, 1 ms": (2000, technosoft(2000, 1e-3), 218_453, 20_860),
     "Copley Accelnet": (8192, copley(8192), 136_533, 130_379),
     "Kinco FD5": (10_000, kinco(10_000), 273_067, 9549),
-    "Elmo Gold, counts": (8192, (2 * math.pi / 8192,) * 2, 13_653, 1_303_797),
+    "Elmo Gold, counts": (8192, (2 * math.pi / 8192, 2 * math.pi / 8192), 13_653, 1_303_797),
     "EPOS4, 0.001 r/min": (8192, (1e-3 * RPM, RPM), 100_000, 9549),
 }
 
