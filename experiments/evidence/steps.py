@@ -1,4 +1,7 @@
-"""Whether the steps of a run are steps: a drive without a cyclic speed mode shapes them by ramps of its own."""
+"""Whether the steps of a run are steps: a drive without a cyclic speed mode shapes them by ramps of its own.
+
+A ramp of duration T excites a mode of frequency f by |sin(pi f T)/(pi f T)| of what a step does.
+"""
 
 from __future__ import annotations
 
@@ -43,8 +46,9 @@ def shape_of_the_steps(recorded: Recorded) -> Finding:
         )
     may_have = "" if mode == PROFILE else "may have "
     words = (
-        f"The drive ran in {mode}: its own ramps {may_have}shaped the steps; {how_long}. A mode whose period is "
-        "shorter than a ramp is hardly excited by it, and the commanded input of figure 19 has no such ramp."
+        f"The drive ran in {mode}: its own ramps {may_have}shaped the steps; {how_long}. A ramp that is longer than a "
+        "mode's period excites it by less than a third of what a step does, and the commanded input of figure 19 has "
+        "no such ramp."
     )
     return Finding("widened", found, "cyclic velocity", words)
 
