@@ -165,14 +165,7 @@ class CycledRig:
     @property
     def abilities(self) -> Abilities:
         """Those of the actuator; the sources' events are among the events."""
-        own = self._actuator.abilities
-        return Abilities(
-            events=self.events,
-            acquisition=own.acquisition,
-            quick_stop_frames=own.quick_stop_frames,
-            has_quick_stop=own.has_quick_stop,
-            reads_limits_back=own.reads_limits_back,
-        )
+        return replace(self._actuator.abilities, events=self.events)
 
     def open(self) -> RigDescription:
         """Bring the actuator to operation with the servo off, and connect every source. Raises `DriverError`."""

@@ -160,7 +160,7 @@ class Counter:
     def _range(self) -> int:
         """The count's range: configured, else 0x6002, else that of the object's type."""
         position = self.device.typed(self.config.position)
-        whole = 1 << position.data_type.size * 8
+        whole = 1 << position.value_type.size * 8
         if self.config.modulus:
             return self.config.modulus
         if position.key != POSITION.key:
@@ -216,9 +216,11 @@ class Counter:
         config = self.config
         objects = [config.position]
         objects += [config.alarms] if config.alarms is not None and self.has_alarms else []
-        return objects + [
+        objects += [
             entry for entry in (config.index_position, config.index_status) if entry is not None
         ]
+        # Several numbers may lie in one object, which is mapped once.
+        return list({entry.key: entry for entry in reversed(objects)}.values())[::-1]
 
     @property
     def optional(self) -> frozenset[tuple[int, int]]:

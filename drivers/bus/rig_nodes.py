@@ -22,8 +22,9 @@ from drivers.bus.pdo import MappedPdo, map_objects, pack
 from drivers.bus.request_line import Place
 from drivers.bus.set_points import COMMANDED
 from drivers.channel import Calibration, Channel, encoder_channel
-from drivers.counting import largest_step
+from drivers.counting import largest_step, require_range
 from drivers.errors import DriverError
+from drivers.port import Mode
 
 _ORDER = (
     names.INPUT_ANGLE,
@@ -208,13 +209,15 @@ class RigNodes:
             wanted.append(obj.POSITION)
             encoder = self._encoder
             resolution = encoder.lines * encoder.multiplication
+            most = largest_step(resolution, encoder.largest_speed, self._cycle_ns)
+            require_range(most, encoder.modulus, self._cycle_ns, f"{device.where}, {obj.POSITION}")
             self._sources.append(
                 _Source(
                     channel=encoder.as_channel(names.INPUT_ANGLE),
                     kind="count",
                     node_id=node_id,
                     entry=obj.POSITION,
-                    largest_step=largest_step(resolution, encoder.largest_speed, self._cycle_ns),
+                    largest_step=most,
                 )
             )
             optional += self._latch_sources()
@@ -324,18 +327,19 @@ class RigNodes:
         config = counter.config
         whole = counter.modulus if counter.modulus <= 1 << 32 else 0
         channel = config.as_channel(whole)
+        # Without a speed of its own its shaft turns no faster than the motor's.
+        speed = config.largest_speed or self._encoder.largest_speed
+        resolution = config.lines * config.multiplication
+        most = largest_step(resolution, speed, self._cycle_ns)
+        where = f"{counter.device.where}, {config.position}"
+        require_range(most, whole, self._cycle_ns, where)
         self._sources.append(
             _Source(
                 channel=channel,
                 kind="count",
                 node_id=config.node_id,
                 entry=config.position,
-                largest_step=largest_step(
-                    config.lines * config.multiplication,
-                    # Without a speed of its own its shaft turns no faster than the motor's.
-                    config.largest_speed or self._encoder.largest_speed,
-                    self._cycle_ns,
-                ),
+                largest_step=most,
             )
         )
         if config.index_position is not None:
@@ -418,17 +422,19 @@ class RigNodes:
                 )
             )
         fields: list[Field] = []
-        place: dict[tuple[int, tuple[int, int]], int] = {}
+        place: dict[tuple[int, tuple[int, int], int], int] = {}
 
         def field_of(node_id: int, entry: ObjectRef, quantum: float = 0.0) -> int:
-            key = (node_id, entry.key)
+            key = (node_id, entry.key, entry.offset)
             if key not in place:
                 for slot, pdo in enumerate(pdos):
                     offset = pdo.offset_of(entry.key) if pdo.node_id == node_id else None
                     if offset is not None:
                         mapped = next(e for e in pdo.entries if e.key == entry.key)
                         place[key] = len(fields)
-                        fields.append(Field(str(entry), slot, offset, mapped.data_type, quantum))
+                        kind = mapped.data_type if entry.part is None else entry.value_type
+                        at = offset + entry.offset
+                        fields.append(Field(str(entry), slot, at, kind, quantum))
                         break
             return place.get(key, -1)
 
@@ -563,8 +569,10 @@ class RigNodes:
         described["servo amplifier"] |= {
             "rated_torque": f"{readings.rated_torque:g} N m",
             "velocity_unit": f"{readings.velocity_unit:g} rad/s",
-            "speed_mode": str(readings.speed_mode.name if readings.speed_mode else "none"),
-            "torque_mode": str(readings.torque_mode.name if readings.torque_mode else "none"),
+            "speed_mode": " or ".join(mode.name for mode in self.drive.modes_for(Mode.SPEED))
+            or "none",
+            "torque_mode": " or ".join(mode.name for mode in self.drive.modes_for(Mode.TORQUE))
+            or "none",
             **{name: f"{value:g}" for name, value in readings.settings.items()},
         }
         described["mapping"] = {f"slot {i}": str(pdo) for i, pdo in enumerate(self.layout.pdos)}

@@ -176,6 +176,7 @@ class CanSegment:
             events=self.events,
             acquisition=self.acquisition,
             quick_stop_frames=self.quick_stop_frames,
+            unwatched=lambda: self.nodes.drive.unwatched,
         )
 
     def open(self) -> RigDescription:

@@ -7,6 +7,7 @@ warning is kept in it as an event.
 
 from __future__ import annotations
 
+import math
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -39,6 +40,14 @@ LARGEST_ZERO = 0.1
 MISSED_SHARE = 0.05
 READBACK_TOLERANCE = 0.02
 """Drives hold their limits in coarse units (0.1 % of rated torque, whole r/min)."""
+
+
+_HELD_OTHERWISE = {
+    "torque": "Name the object by which it limits torque: `torque_limit` and `torque_limit_unit_n_m` in [drive].",
+    "deceleration": "A drive with one ramp for both holds it if `acceleration_rad_s2` and `deceleration_rad_s2` in "
+    "[limits] are the same.",
+}
+"""What to do where a drive lacks the usual object of a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +209,13 @@ def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:
     """The drive's limits as they read back; a drive that holds others than were written must not be armed."""
     written, read = asdict(wanted), asdict(present)
     for name, value in written.items():
+        if math.isfinite(value) and math.isinf(read[name]):
+            raise LimitError(
+                f"the drive holds no limit of its {name.replace('_', ' ')}: it is not armed",
+                where="drive limits",
+                limit=f"{value:.5g} as written",
+                remedy=_HELD_OTHERWISE.get(name, "`rig doctor` lists the objects that it lacks."),
+            )
         if not abs(read[name] - value) <= READBACK_TOLERANCE * abs(value):
             raise LimitError(
                 f"the drive's {name.replace('_', ' ')} limit reads back differently: it is not armed",

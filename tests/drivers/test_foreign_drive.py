@@ -234,9 +234,7 @@ def test_a_fault_is_not_acknowledged_by_closing() -> None:
 @pytest.mark.parametrize(
     ("absent", "mode", "words"),
     [
-        ({0x6076}, Mode.TORQUE, "no set-points for cyclic torque"),
         ({0x6071}, Mode.TORQUE, "no set-points for cyclic torque"),
-        ({0x60A9}, Mode.SPEED, "no set-points for cyclic velocity"),
         ({0x60FF}, Mode.SPEED, "no set-points for cyclic velocity"),
         ({0x6080}, Mode.TORQUE, "needs a speed limit that the drive holds itself"),
         ({0x6060}, Mode.SPEED, "0x6060:0"),

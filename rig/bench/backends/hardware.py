@@ -60,6 +60,7 @@ def hardware(request: RigRequest) -> AssembledRig:
         nodes=lambda: port.nodes,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
+        loss_covered_by=configuration.drive.computer_loss_covered_by,
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,
         lock_memory=real_time.lock_memory,
@@ -97,7 +98,7 @@ def can_rig_config(
     rated_torque = configuration.drive.rated_torque or motor.rated_torque
     return CanRigConfig(
         cycle_ns=cycle_ns,
-        drive=_drive(configuration.drive, folder),
+        drive=_drive(configuration.drive, motor, folder),
         motor_encoder=MotorEncoder(
             **encoder.settings(),
             largest_speed=fastest,
@@ -144,11 +145,13 @@ def _counter(
     return CounterConfig(**values)
 
 
-def _drive(drive: described.Drive, folder: Path) -> DriveConfig:
+def _drive(drive: described.Drive, motor: ServoMotor, folder: Path) -> DriveConfig:
     values = _node(drive, folder)
     for name in ("speed_modes", "torque_modes"):
         values[name] = tuple(_MODES[mode] for mode in values[name])
-    return DriveConfig(**values)
+    # What covers the loss of the computer is for whoever arms, not for the drive.
+    del values["computer_loss_covered_by"]
+    return DriveConfig(**values, motor_torque=motor.rated_torque)
 
 
 def _module(

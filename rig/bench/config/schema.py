@@ -53,7 +53,7 @@ def _certificate(name: object, info: ValidationInfo) -> CertificateFile | None:
 
 NodeId = Annotated[int, Field(strict=True, ge=1, le=127)]
 ObjectText = Annotated[str, AfterValidator(_object_text)]
-"""An entry of an object dictionary as text: "0x6004:0 I32"."""
+"""An entry of an object dictionary as text: "0x6004:0 I32", or bytes of one: "0x2C00:1 U16 at byte 1 of 6"."""
 Direction = Literal[-1, 1]
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
@@ -188,9 +188,17 @@ class Bus(Part):
 
 
 class Drive(Part):
-    """The servo amplifier (CiA 402). What is left away is asked of the drive."""
+    """The servo amplifier (CiA 402). What is left away is asked of the drive.
 
-    objects: ClassVar[Mapping[str, str]] = {"actual_torque": "torque actual value"}
+    `torque_limit` names the object that limits torque, where it is another than 0x6072 with its unit.
+    `computer_loss_covered_by` says in words what stops the motor when the computer is lost, for a
+    drive that does not watch it itself: such a drive is not armed without.
+    """
+
+    objects: ClassVar[Mapping[str, str]] = {
+        "actual_torque": "torque actual value",
+        "torque_limit": "torque limit",
+    }
 
     node_id: NodeId
     eds: str = ""
@@ -200,12 +208,13 @@ class Drive(Part):
     acceleration_unit: Positive | None = Field(default=None, alias="acceleration_unit_rad_s2")
     torque_unit: Positive | None = Field(default=None, alias="torque_unit_n_m")
     actual_torque: ObjectText = "0x6077:0 I16"
+    torque_limit: ObjectText = "0x6072:0 U16"
+    torque_limit_unit: Positive | None = Field(default=None, alias="torque_limit_unit_n_m")
+    computer_loss_covered_by: str = ""
     speed_modes: tuple[SpeedMode, ...] = Field(
         default=("cyclic velocity", "profile velocity"), min_length=1
     )
-    torque_modes: tuple[TorqueMode, ...] = Field(
-        default=("cyclic torque", "profile torque"), min_length=1
-    )
+    torque_modes: tuple[TorqueMode, ...] = ("cyclic torque", "profile torque")
     heartbeat_ms: Milliseconds = 100
     computer_heartbeat_ms: Milliseconds = 50
     computer_lost_ms: Milliseconds = 250
@@ -227,6 +236,10 @@ class Drive(Part):
         if self.abort_connection_option == 0:
             raise ValueError(
                 "abort_connection_option = 0 lets the drive turn on when the computer is gone; 3 is quick stop"
+            )
+        if read_object(self.torque_limit).index != 0x6072 and self.torque_limit_unit is None:
+            raise ValueError(
+                f"torque_limit = {self.torque_limit!r} needs torque_limit_unit_n_m: the torque of one count of it"
             )
         return self
 
@@ -318,6 +331,7 @@ class AnalogInput(Instrument):
     open_level: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = Field(
         default=None, alias="open_level_volts"
     )
+    status_bits: Annotated[int, Field(strict=True, ge=0, le=15)] = 0
     direction: Direction = 1
 
     @model_validator(mode="after")

@@ -103,6 +103,7 @@ def test_what_stands_behind_a_hash_is_the_default(tmp_path: Path) -> None:
         "velocity_unit_rad_s",
         "acceleration_unit_rad_s2",
         "torque_unit_n_m",
+        "torque_limit_unit_n_m",
         "index_position",
         "index_status",
         "operating_parameters",
@@ -214,6 +215,13 @@ def test_any_text_is_an_object_or_a_value_error(text: str) -> None:
 def test_objects_are_read_long_and_short() -> None:
     assert read_object("0x6004:0 I32") == read_object("0x6004:0 INTEGER32")
     assert read_object("0x6403:2 R32").data_type.is_float
+
+
+def test_another_torque_limit_needs_its_unit(tmp_path: Path) -> None:
+    other = everything().replace('torque_limit = "0x6072:0 U16"', 'torque_limit = "0x3001:2 U32"')
+    told = re.sub(r"torque_limit_unit_n_m = .*", "", other)
+    assert any("needs torque_limit_unit_n_m" in p.reason for p in problems(tmp_path, told))
+    assert isinstance(inspect_configuration(written(tmp_path, other)), RigConfiguration)
 
 
 def test_a_guard_that_can_never_be_closed_is_refused(tmp_path: Path) -> None:
