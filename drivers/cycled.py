@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from drivers.channel import Channel
 from drivers.clock import Clock
 from drivers.errors import BusLostError, DriverError
-from drivers.event import Event
 from drivers.judge import CycleJudge
 from drivers.port import (
     Abilities,
     Command,
+    DeviceEvent,
     DirectLine,
     DriveLimits,
     Guard,
@@ -136,7 +136,7 @@ class CycledRig:
         self._actuator, self._sources, self._clock = actuator, tuple(sources), clock
         self._followers: tuple[Follower, ...] = ()
         self._judge: CycleJudge | None = None
-        self._sync = -1
+        self._sync, self._stamp_ns = -1, 0
         self._polled: frozenset[str] = frozenset()
 
     # --- RigPort
@@ -223,6 +223,7 @@ class CycledRig:
             for row in range(cycles):
                 cycle = actuator.cycle(row)
                 done.append(cycle)
+                self._stamp_ns = cycle.stamp_ns
                 flags = cycle.flags
                 if self._followers:
                     counts, mark = self._collect(cycle)
@@ -307,11 +308,13 @@ class CycledRig:
         """Acknowledge a drive fault; the servo stays off."""
         self._actuator.reset_fault()
 
-    def events(self) -> list[Event]:
+    def events(self) -> list[DeviceEvent]:
         """What happened since the last call: on the actuator's bus, then on each source's line."""
         told = self._actuator.abilities.events
-        happened = list(told()) if told is not None else []
-        return [*happened, *(event for source in self._sources for event in source.events())]  # type: ignore[list-item]
+        happened: list[DeviceEvent] = list(told()) if told is not None else []
+        # A source knows the computer's clock alone: what it told belongs to the latest SYNC.
+        beside = (event for source in self._sources for event in source.events())
+        return [*happened, *(replace(event, time_ns=self._stamp_ns) for event in beside)]
 
     def close(self) -> None:
         """Servo off and bus released, then the sources. Never raises."""

@@ -234,6 +234,10 @@ def _limit_words(name: str, value: float) -> str:
     return f"{name.replace('_', ' ')} {value / factor:.4g} {unit}"
 
 
+PAIRED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
+"""Channels that every protocol pairs: each value belongs to the same SYNC as those of the others."""
+
+
 def standing_checks(
     channels: Sequence[Channel],
     counts: NDArray[np.int64],
@@ -246,6 +250,13 @@ def standing_checks(
     column = {channel.name: i for i, channel in enumerate(channels)}
     by_name = {channel.name: channel for channel in channels}
     checks = [_completeness(flags)]
+    polled = [name for name in PAIRED if name in column and by_name[name].acquired == "polled"]
+    if polled:
+        evidence = f"{', '.join(polled)}: polled at times of their own, not latched at the SYNC"
+        remedy = (
+            "Wire the SYNC to the device's trigger line, or take the channel from another device."
+        )
+        checks.append(Check("pairs", "failed", evidence, remedy))
     if STATUSWORD in column:
         checks.append(_state(int(counts[-1, column[STATUSWORD]])))
     for name in (INPUT_ANGLE, OUTPUT_ANGLE):
