@@ -4,6 +4,7 @@ brought up, limited and turned by them.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import rig.bench.config
 from drivers.bus.cia301 import ObjectRef
@@ -25,6 +27,8 @@ from rig.bench.backends.hardware import can_rig_config
 from rig.bench.config.load import load_configuration, missing_files
 from rig.bench.config.objects import read_object
 from rig.bench.config.schema import RigConfiguration
+from rig.errors import ConfigurationError
+from rig.main import app
 from rig.run.preflight import limits_check
 from tests.drivers.foreign_drive import ForeignCounter, ForeignDrive, ForeignInputs
 from tests.drivers.foreign_slave import NOT_MAPPABLE, READ_ONLY, Slave, Traits, Wire
@@ -104,6 +108,24 @@ def test_no_example_is_left_without_facts_and_none_has_been_run() -> None:
 def test_a_motor_that_nobody_has_described_is_asked_for() -> None:
     for name in DRIVES:
         assert [p.path for p in missing_files(example(name), FOLDER)] == ["rig.motor"]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_example_is_written_with_an_identity_and_checked(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    assert CliRunner().invoke(app, ["config", "new", str(path), "--example", name]).exit_code == 0
+    assert load_configuration(path).bench.id
+    done = CliRunner().invoke(app, ["config", "check", str(path), "--json"])
+    asked = [problem["path"] for problem in json.loads(done.output)["problems"]]
+    assert asked == (["rig.motor"] if name in DRIVES else [])
+
+
+def test_an_example_that_there_is_not_lists_those_that_there_are(tmp_path: Path) -> None:
+    path = tmp_path / "rig.toml"
+    done = CliRunner().invoke(app, ["config", "new", str(path), "--example", "epos"])
+    assert isinstance(done.exception, ConfigurationError)
+    assert all(name in str(done.exception) for name in NAMES)
+    assert not path.exists()
 
 
 def test_what_the_examples_compute_is_what_they_say() -> None:
