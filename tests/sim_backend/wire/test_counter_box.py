@@ -4,19 +4,27 @@ goes wrong with it is marked, told, and delays nobody.
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Sequence
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from drivers.bus.cyclic import CanRig
-from drivers.errors import DriverError
+from drivers.clock import WallClock
+from drivers.errors import BusLostError, DriverError
 from drivers.port import STALE_DATA, Bound, Command, Guard, Mode
-from drivers.readout.counter_box import CounterBox, CounterBoxConfig
+from drivers.readout.counter_box import CounterBox, CounterBoxConfig, SocketLine, connect
 from drivers.samples import CycleFlag, SampleBlock
+from drivers.source import Reading
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.simulated import box_port, wire_port
+from rig.bench.backends.sources import Shafts, sources_of
+from rig.bench.config.load import load_configuration
+from rig.errors import ConfigurationError
 from rig.run.preflight import standing_checks
 from sim_backend.faults import Fault
 from sim_backend.wire import box_faults as faults
@@ -104,7 +112,7 @@ def test_what_goes_wrong_with_it_is_marked_and_told_and_delays_nobody(
     assert np.array_equal(block.interval_ns, sound.interval_ns), "no SYNC waited"
     if not isinstance(fault, faults.BoxUnplugged):
         # Edges that did not arrive shift the pairing once: that cycle is marked, the next ones are paired anew.
-        assert not block.flags[107:].any()
+        assert not block.flags[108:].any()
 
 
 def test_a_dead_box_breaks_the_guard_as_stale_data() -> None:
@@ -145,3 +153,51 @@ def test_two_devices_for_one_channel_are_refused() -> None:
     port = wire_port(made, MOTOR, sources=boxed._sources)
     with pytest.raises(DriverError, match="two devices measure one channel"):
         port.open()
+
+
+def test_over_a_real_socket_lines_come_in_pieces_and_a_closed_one_is_lost() -> None:
+    ours, theirs = socket.socketpair()
+    clock = WallClock()
+    line = SocketLine(ours, clock)
+    assert line.receive(clock.monotonic_ns()) == b"", "nobody waits for what is not there"
+    theirs.send(b"T 5 6")
+    theirs.send(b" 700 0\nT 6 7")
+    config = CounterBoxConfig(
+        channel="output_angle", lines=500, multiplication=4, largest_speed=10.0
+    )
+    box = CounterBox(config, clock, lambda: line)
+    theirs.send(b"")
+    box._line = line
+    box.request(5)
+    assert theirs.recv(100) == b"T 5\n"
+    assert box.collect(5, clock.monotonic_ns()) == Reading((700,))
+    theirs.send(b" -1 0\n")
+    assert box.collect(6, clock.monotonic_ns()) == Reading((-1,))
+    theirs.close()
+    box.request(7)
+    assert box.collect(7, clock.monotonic_ns() + 10**9) is None
+    assert [event.code for event in box.events()] == ["source-lost"]
+    box.request(8)
+    box.close()
+
+
+def test_nobody_at_the_address_is_told_with_what_to_do() -> None:
+    with socket.socket() as nobody:
+        nobody.bind(("127.0.0.1", 0))
+        with pytest.raises(BusLostError, match="nobody answers"):
+            connect("127.0.0.1", nobody.getsockname()[1], WallClock())
+
+
+def test_a_description_names_it(tmp_path: Path) -> None:
+    text = (resources.files("rig.bench.config") / "template.toml").read_text(encoding="utf-8")
+    start = text.index("[[counter]]")
+    end = text.index("[[analog_module]]")
+    box = '[[source]]\nkind = "counter-box"\nhost = "192.0.2.7"\nport = 2200\nlines = 18000\nmultiplication = 10\n\n'
+    path = tmp_path / "rig.toml"
+    path.write_text(text[:start] + box + text[end:], encoding="utf-8")
+    (source,) = sources_of(load_configuration(path), Shafts(600.0, 5.0), WallClock())
+    (channel,) = source.channels
+    assert (channel.name, channel.lines, channel.acquired) == ("output_angle", 18000, "latched")
+    path.write_text(text[:end] + box + text[end:], encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="channel output_angle is given twice"):
+        load_configuration(path)
