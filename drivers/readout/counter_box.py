@@ -30,7 +30,7 @@ from drivers.source import Reading, taken_channel
 LONGEST_LINE: Final = 256
 """Bytes of an answer at most."""
 GIVEN_UP: Final = 3
-"""Answers in a row that did not come, after which nobody waits for the next one; what comes is still taken."""
+"""Answers in a row that did not come, after which nobody waits for the next one until something comes."""
 LONGEST_SILENCE: Final = 1000
 """Questions that are remembered until their answer comes."""
 OPENING_NS: Final = 2_000_000_000
@@ -171,7 +171,7 @@ class CounterBox:
         self._rest = b""
         self._answers: dict[int, _Answer] = {}
         self._asked: dict[int, int] = {}
-        self._unanswered = 0
+        self._unanswered, self._is_awaited = 0, True
         self._ahead: int | None = None
         self._is_paired = True
         self._latest: tuple[_Answer, int] | None = None
@@ -228,7 +228,7 @@ class CounterBox:
         words = said.partition(b"\n")[0].decode("ascii", "replace").split()
         if words[:1] != ["I"]:
             raise DecodeError("this is no counter box", where=self.name, value=said[:40])
-        return dict(word.partition("=")[::2] for word in words[1:])
+        return {key: value for key, _, value in (word.partition("=") for word in words[1:])}
 
     def request(self, cycle: int) -> None:
         """Ask for the count of this SYNC."""
@@ -240,23 +240,30 @@ class CounterBox:
 
     def collect(self, cycle: int, until_ns: int) -> Reading | None:
         """The count of this SYNC; polled: the latest one, and when it was taken."""
-        is_awaited = self._unanswered < GIVEN_UP
         self._listen(0)
-        while is_awaited and cycle not in self._answers and self._clock.monotonic_ns() < until_ns:
+        while (
+            self._is_awaited
+            and cycle not in self._answers
+            and self._clock.monotonic_ns() < until_ns
+        ):
             if self._line is None:
                 break
             self._listen(until_ns)
         came, self._answers = self._answers, {}
         answer = came.pop(cycle, None)
-        self._count_silence(answer is not None)
+        self._count_silence(answer is not None, bool(came))
         if not self._config.is_triggered:
             return self._polled(cycle, answer or next(iter(came.values()), None))
         if answer is None or not self._is_of_this_sync(answer):
             return None
         return Reading((answer.count,), _flags(answer) | (CycleFlag.LATE if came else 0))
 
-    def _count_silence(self, is_answered: bool) -> None:
+    def _count_silence(self, is_answered: bool, is_heard: bool) -> None:
+        """Whoever is not heard at all is not waited for in the next cycle; an answer that comes late says that it is
+        there.
+        """
         self._unanswered = 0 if is_answered else self._unanswered + 1
+        self._is_awaited = is_answered or is_heard or self._unanswered < GIVEN_UP
         if self._unanswered == GIVEN_UP:
             self._tell("warning", "source-silent", f"{GIVEN_UP} cycles without an answer in time")
 

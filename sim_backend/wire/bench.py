@@ -338,6 +338,11 @@ class WireBench:
             else []
         )
 
+    def line_faults(self) -> list[WireFault]:
+        """Those of the cycle whose SYNC has been, for lines that are used between two SYNCs."""
+        at = max(self._cycle - 1, 0)
+        return [f for f in self._faults if isinstance(f, WireFault) and f.active(at)]
+
     # Frames and time ----------------------------------------------------------------------------------------------
 
     def send(self, cob_id: int, data: bytes, owner: object = None) -> None:

@@ -60,7 +60,7 @@ class BoxBench(Protocol):
     @property
     def counter_box(self) -> CounterBox: ...
 
-    def wire_faults(self) -> list[WireFault]: ...
+    def line_faults(self) -> list[WireFault]: ...
 
     def elapse(self) -> None: ...
 
@@ -78,7 +78,7 @@ class BoxLine:
         box = self._bench.counter_box
         due = self._bench.clock.monotonic_ns() + box.answer_ns
         for answer in box.receive(data):
-            for fault in self._bench.wire_faults():
+            for fault in self._bench.line_faults():
                 answer = fault.alter_from_box(answer)
             if answer:
                 self._coming.append((due, answer))
@@ -101,5 +101,5 @@ class BoxLine:
         self._coming.clear()
 
     def _require(self) -> None:
-        if any([fault.cuts_box() for fault in self._bench.wire_faults()]):
+        if any([fault.cuts_box() for fault in self._bench.line_faults()]):
             raise BusLostError("the other end has closed the line", where="simulated counter box")

@@ -23,6 +23,7 @@ from drivers.errors import DriverError
 from drivers.readout.nd287 import ReadoutConfig
 from model.motor import ServoMotor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.sources import Shafts, sources_of
 from rig.bench.config import schema as described
 from rig.bench.config.load import DEFAULT_PATH, load_configuration
 from rig.bench.config.schema import RigConfiguration
@@ -42,15 +43,18 @@ def hardware(request: RigRequest) -> AssembledRig:
     """The rig that the request's configuration describes. Raises `ConfigurationError`; nothing is connected yet."""
     path = request.configuration or DEFAULT_PATH
     configuration = load_configuration(path)
-    config = can_rig_config(
-        configuration,
-        request.motor,
-        path.parent,
-        round(1e9 / request.sample_rate),
-        request.gear.mounted_ratio(request.mounting) if request.gear_mounted else 1.0,
-    )
+    ratio = request.gear.mounted_ratio(request.mounting) if request.gear_mounted else 1.0
+    cycle_ns = round(1e9 / request.sample_rate)
+    config = can_rig_config(configuration, request.motor, path.parent, cycle_ns, ratio)
     bus, clock = bus_config(configuration), WallClock()
-    port = CanRig(config, clock, lambda: open_raw_bus(bus), time_base=bus.time_base)
+    fastest = SPEED_ROOM * request.motor.maximum_speed
+    port = CanRig(
+        config,
+        clock,
+        lambda: open_raw_bus(bus),
+        sources=sources_of(configuration, Shafts(fastest, fastest / ratio), clock),
+        time_base=bus.time_base,
+    )
     real_time, guard = configuration.real_time, configuration.guard
     return AssembledRig(
         name="hardware",
