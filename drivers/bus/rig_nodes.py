@@ -12,7 +12,8 @@ from drivers import channel as names
 from drivers.bus.cia301 import ObjectRef
 from drivers.bus.cia401 import AnalogModule, AnalogModuleConfig
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
+from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.bus.cia406 import POSITION, Counter, CounterConfig
 from drivers.bus.columns import Column, Kind, Validity
 from drivers.bus.device import Identity, Missing, RemoteDevice
