@@ -114,7 +114,8 @@ class IndexReview:
             direction = 0 if before is None else int(np.sign(int(counts[row]) - before))
             state = self._passed(replace(state, latched=int(latches[row])), direction, revolution)
             self._tell(state, channel, start + row, trips, notes)
-            state = replace(state, reported=state.excess)
+            if state.reported != state.excess:
+                state = replace(state, reported=state.excess)
         return replace(state, count=int(counts[-1]))
 
     def _passes(
