@@ -27,7 +27,7 @@ from drivers.samples import CycleFlag, SampleBlock
 from rig.run.bounds import Watch
 from rig.run.trips import LOST_COUNTS, Trip
 
-DOUBTFUL = (
+DOUBTFUL = np.uint16(
     CycleFlag.INCOMPLETE
     | CycleFlag.LATE
     | CycleFlag.DOUBLED
