@@ -161,11 +161,19 @@ class AnalogModuleConfig:
 class AnalogModule:
     """The module on the bus; brought up with its inputs enabled, read by PDO."""
 
-    def __init__(self, bus: PumpedBus, config: AnalogModuleConfig) -> None:
+    def __init__(
+        self, bus: PumpedBus, config: AnalogModuleConfig, device: RemoteDevice | None = None
+    ) -> None:
         self.config = config
-        self.device = RemoteDevice(
+        self.device = device or RemoteDevice(
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
+
+    @property
+    def objects(self) -> list[ObjectRef]:
+        """What is to be mapped: the inputs' objects, each of them once."""
+        sources = {analog.source.key: analog.source for analog in self.config.inputs}
+        return list(sources.values())
 
     def bring_up(self) -> Identity:
         """From any NMT state to PRE-OPERATIONAL with every input configured and checked to be there."""
@@ -182,10 +190,14 @@ class AnalogModule:
         device.listen_to_emergencies()
         device.follow_sync()
         device.produce_heartbeat(self.config.heartbeat_ms)
+        self.check()
+        return identity
+
+    def check(self) -> None:
+        """See that every input is there, and let it be transmitted. Raises `DriverError`."""
         for analog in self.config.inputs:
             self._enable(analog)
-        device.write_wished(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
-        return identity
+        self.device.write_wished(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
 
     def _enable(self, analog: AnalogInput) -> None:
         """Check that the input exists; allow its transmission on any change (0x6421 = 7, 0x6426 = 0)."""

@@ -83,9 +83,11 @@ class CounterConfig:
 class Counter:
     """The counter on the bus; brought up and checked by SDO, read by PDO."""
 
-    def __init__(self, bus: PumpedBus, config: CounterConfig) -> None:
+    def __init__(
+        self, bus: PumpedBus, config: CounterConfig, device: RemoteDevice | None = None
+    ) -> None:
         self.config = config
-        self.device = RemoteDevice(
+        self.device = device or RemoteDevice(
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
         self.modulus = config.modulus
@@ -106,6 +108,12 @@ class Counter:
         device.listen_to_emergencies()
         device.follow_sync()
         device.produce_heartbeat(config.heartbeat_ms)
+        self.check()
+        return identity
+
+    def check(self) -> None:
+        """See that the count is there, and how far it reaches; write operating parameters. Raises `DriverError`."""
+        device, config = self.device, self.config
         try:
             device.read(config.position)
         except SdoAbortError as error:
@@ -124,7 +132,6 @@ class Counter:
         self._check_resolution()
         self.modulus = self._range()
         self._check_alarms()
-        return identity
 
     def _check_resolution(self) -> None:
         """Hold lines times multiplication against what the device says; contradictions are events,

@@ -12,8 +12,9 @@ from drivers import channel as names
 from drivers.bus.cia301 import ObjectRef
 from drivers.bus.cia401 import AnalogModule, AnalogModuleConfig
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
-from drivers.bus.cia406 import Counter, CounterConfig
+from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia402.drive import ServoAmplifier
+from drivers.bus.cia406 import POSITION, Counter, CounterConfig
 from drivers.bus.columns import Column, Kind, Validity
 from drivers.bus.device import Identity, Missing, RemoteDevice
 from drivers.bus.frames import SLOT_BYTES, Field, FrameLayout
@@ -134,17 +135,17 @@ class RigNodes:
         guard: GuardContact | None = None,
     ) -> None:
         self._bus, self._cycle_ns, self._encoder, self._guard = bus, cycle_ns, motor_encoder, guard
-        node_ids = [drive.node_id, *(c.node_id for c in counters), *(m.node_id for m in modules)]
-        if len(set(node_ids)) != len(node_ids) or bus.own_node_id in node_ids:
-            raise DriverError(
-                "every node needs a node-ID of its own",
-                where="bus",
-                value=node_ids,
-                limit=f"distinct, and not {bus.own_node_id}, the computer's own",
-            )
+        _require_own_nodes(bus.own_node_id, drive, counters, modules)
         self.drive = ServoAmplifier(bus, drive)
-        self.counters = [Counter(bus, c) for c in counters]
-        self.modules = [AnalogModule(bus, m) for m in modules]
+        shared: dict[int, RemoteDevice] = {}
+        self.counters: list[Counter] = []
+        self.modules: list[AnalogModule] = []
+        for config in counters:
+            self.counters.append(Counter(bus, config, shared.get(config.node_id)))
+            shared[config.node_id] = self.counters[-1].device
+        for config in modules:
+            self.modules.append(AnalogModule(bus, config, shared.get(config.node_id)))
+            shared[config.node_id] = self.modules[-1].device
         self.identities: dict[str, Identity] = {}
         self.commands: list[MappedPdo] = []
         self.layout = FrameLayout([], [])
@@ -155,12 +156,9 @@ class RigNodes:
 
     @property
     def devices(self) -> list[RemoteDevice]:
-        """All nodes, the drive first."""
-        return [
-            self.drive.device,
-            *(c.device for c in self.counters),
-            *(m.device for m in self.modules),
-        ]
+        """All nodes, the drive first; a coupler that holds several counters and inputs is one of them."""
+        held = [part.device for part in (*self.counters, *self.modules)]
+        return [self.drive.device, *dict.fromkeys(held)]
 
     def missing(self) -> dict[int, list[Missing]]:
         """What each node does not offer, by node-ID."""
@@ -172,17 +170,24 @@ class RigNodes:
         self.identities["servo amplifier"] = readings.identity
         if readings.counts_per_revolution:
             self._check_encoder(readings.counts_per_revolution)
-        for counter in self.counters:
-            self.identities[f"counter {counter.config.channel}"] = counter.bring_up()
-        for module in self.modules:
-            self.identities[f"analog module {module.config.node_id}"] = module.bring_up()
+        held = self._held()
+        for first, *others in held.values():
+            identity = first.bring_up()
+            for part in others:
+                part.check()
+            self.identities[" and ".join(_name_of(part) for part in (first, *others))] = identity
         transmitted = self._map_drive()
-        for counter in self.counters:
-            transmitted += self._map_counter(counter)
-        for module in self.modules:
-            transmitted += self._map_module(module)
+        for device, parts in held.items():
+            transmitted += self._map_parts(device, parts)
         _require_own_identifiers([*transmitted, *self.commands])
         self._lay_out(transmitted)
+
+    def _held(self) -> dict[RemoteDevice, list[Counter | AnalogModule]]:
+        """The counters and inputs of each node beside the drive."""
+        held: dict[RemoteDevice, list[Counter | AnalogModule]] = {}
+        for part in (*self.counters, *self.modules):
+            held.setdefault(part.device, []).append(part)
+        return held
 
     def _check_encoder(self, reported: float) -> None:
         counts = self._encoder.lines * self._encoder.multiplication
@@ -323,7 +328,29 @@ class RigNodes:
         self._seen[0] = seen
         return objects
 
-    def _map_counter(self, counter: Counter) -> list[MappedPdo]:
+    def _map_parts(
+        self, device: RemoteDevice, parts: Sequence[Counter | AnalogModule]
+    ) -> list[MappedPdo]:
+        """Map what the counters and inputs of one node need, and the guard's input where it is there."""
+        wanted: dict[tuple[int, int], ObjectRef] = {}
+        needed: set[tuple[int, int]] = set()
+        for part in parts:
+            if isinstance(part, Counter):
+                self._add_counter(part)
+                needed |= {e.key for e in part.objects} - part.optional
+            else:
+                self._add_module(part)
+                needed |= {e.key for e in part.objects}
+            wanted = {e.key: e for e in part.objects} | wanted
+        wanted |= {e.key: e for e in self._guard_of(device.node_id, list(wanted.values()))}
+        return map_objects(
+            device,
+            list(wanted.values()),
+            is_transmit=True,
+            optional=frozenset(wanted) - needed,
+        )
+
+    def _add_counter(self, counter: Counter) -> None:
         config = counter.config
         whole = counter.modulus if counter.modulus <= 1 << 32 else 0
         channel = config.as_channel(whole)
@@ -364,13 +391,8 @@ class RigNodes:
                     seen=seen,
                 )
             )
-        guard = self._guard_of(config.node_id, counter.objects)
-        optional = counter.optional | {entry.key for entry in guard}
-        return map_objects(
-            counter.device, [*counter.objects, *guard], is_transmit=True, optional=optional
-        )
 
-    def _map_module(self, module: AnalogModule) -> list[MappedPdo]:
+    def _add_module(self, module: AnalogModule) -> None:
         for analog in module.config.inputs:
             self._sources.append(
                 _Source(
@@ -382,14 +404,6 @@ class RigNodes:
                     analog=analog,
                 )
             )
-        wanted = [analog.source for analog in module.config.inputs]
-        guard = self._guard_of(module.config.node_id, wanted)
-        return map_objects(
-            module.device,
-            [*wanted, *guard],
-            is_transmit=True,
-            optional=frozenset(e.key for e in guard),
-        )
 
     def _guard_of(self, node_id: int, others: Sequence[ObjectRef]) -> list[ObjectRef]:
         """The guard's input, where it is one of this node and not mapped with its other objects anyway."""
@@ -584,6 +598,35 @@ class RigNodes:
                     f"node {node_id} 0x{entry.index:04X}:{entry.subindex}"
                 ] = text
         return described
+
+
+def _name_of(part: Counter | AnalogModule) -> str:
+    if isinstance(part, Counter):
+        return f"counter {part.config.channel}"
+    return f"analog module {part.config.node_id}"
+
+
+def _require_own_nodes(
+    own_node_id: int,
+    drive: DriveConfig,
+    counters: Sequence[CounterConfig],
+    modules: Sequence[AnalogModuleConfig],
+) -> None:
+    """Raise `DriverError` where a node-ID is given twice. Only a coupler may hold several counters and inputs: its
+    counters are objects of terminals, not the position of an encoder.
+    """
+    encoders = [c.node_id for c in counters if c.position.key == POSITION.key]
+    couplers = {c.node_id for c in counters if c.position.key != POSITION.key}
+    inputs = [m.node_id for m in modules]
+    node_ids = [drive.node_id, *encoders, *couplers, *(n for n in inputs if n not in couplers)]
+    is_own = own_node_id not in node_ids and len(set(inputs)) == len(inputs)
+    if len(set(node_ids)) != len(node_ids) or not is_own:
+        raise DriverError(
+            "every node needs a node-ID of its own",
+            where="bus",
+            value=[drive.node_id, *(c.node_id for c in counters), *inputs],
+            limit=f"distinct (but for the terminals of one coupler), and not {own_node_id}, the computer's own",
+        )
 
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:

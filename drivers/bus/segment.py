@@ -23,7 +23,7 @@ from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatist
 from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
 from drivers.bus.cia401 import AnalogModuleConfig
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.columns import ColumnDecoder
 from drivers.bus.frames import CycleStore

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock

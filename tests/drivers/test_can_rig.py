@@ -8,7 +8,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRigConfig
 from drivers.bus.rig_nodes import MotorEncoder

@@ -10,7 +10,16 @@ import pytest
 from drivers.bus.cia301 import I16, U8, U16, ObjectRef, Part
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
 from drivers.bus.cia406 import CounterConfig
-from drivers.channel import INDEX_SEEN, OUTPUT_ANGLE, OUTPUT_INDEX, TORQUE
+from drivers.bus.cyclic import CanRig, CanRigConfig
+from drivers.bus.rig_nodes import GuardContact, MotorEncoder
+from drivers.channel import (
+    GUARD_CLOSED,
+    INDEX_SEEN,
+    INPUT_ANGLE,
+    OUTPUT_ANGLE,
+    OUTPUT_INDEX,
+    TORQUE,
+)
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError
 from drivers.samples import CycleFlag
@@ -146,6 +155,63 @@ def test_an_input_may_lie_in_bytes_of_an_object_too() -> None:
     with rig_of(wire, module=AnalogModuleConfig(3, (port,))) as rig:
         rig.open()
         assert set(counts(rig, off(rig), TORQUE)) == {0x4000}
+
+
+class Coupler(Terminal):
+    """Two encoder terminals and an analogue one behind one coupler; its digital inputs carry the guard."""
+
+    def _factory(self) -> dict[tuple[int, int], bytes]:
+        more = {(0x2C00, 2): bytes(6), (0x6401, 1): (1000).to_bytes(2, "little")}
+        return super()._factory() | more | {(0x6000, 1): b"\4", (0x1000, 0): b"\x91\1\5\0"}
+
+    def live(self) -> Rows:
+        return super().live() | {(0x2C00, 2): ((3 * self.count % (1 << 16)) << 8, 6)}
+
+
+def test_one_coupler_holds_counters_and_inputs() -> None:
+    wire = Wire(VirtualClock())
+    drive = ForeignDrive(wire)
+    Coupler(wire, step=7, start=65_520, place=KL5111, size=6, modulus=1 << 48)
+    second = read_object("0x2C00:2 U16 at byte 1 of 6")
+    config = CanRigConfig(
+        motor_encoder=MotorEncoder(lines=8192, multiplication=4, largest_speed=900.0),
+        counters=(
+            CounterConfig(node_id=2, position=COUNT, alarms=None),
+            CounterConfig(node_id=2, position=second, alarms=None, channel=INPUT_ANGLE),
+        ),
+        modules=(AnalogModuleConfig(2, (torque_input(1.0, volts_per_count=1e-3),)),),
+        guard=GuardContact(2, ObjectRef(0x6000, 1, U8), 4, 4),
+    )
+    rig = CanRig(
+        config, wire.clock, lambda: wire, pump=wire.pump, time_base="virtual", origin="simulated"
+    )
+    rig.open()
+    assert list(rig.nodes.identities) == [
+        "servo amplifier",
+        "counter output_angle and counter input_angle and analog module 2",
+    ]
+    assert [device.node_id for device in rig.nodes.devices] == [1, 2]
+    block = off(rig, 8)
+    assert not block.flags.any()
+    assert np.diff(counts(rig, block, OUTPUT_ANGLE)).tolist() == [7] * 7
+    assert np.diff(counts(rig, block, INPUT_ANGLE)).tolist() == [21] * 7
+    assert set(counts(rig, block, TORQUE)) == {1000}
+    assert set(counts(rig, block, GUARD_CLOSED)) == {1}
+    rig.close()
+    assert not drive.is_powered
+
+
+@pytest.mark.parametrize("nodes", [(1, 3), (2, 2)])
+def test_encoders_and_the_drive_share_no_node(nodes: tuple[int, int]) -> None:
+    wire = Wire(VirtualClock())
+    config = CanRigConfig(
+        motor_encoder=MotorEncoder(largest_speed=900.0),
+        counters=(CounterConfig(node_id=nodes[0]),),
+        modules=(AnalogModuleConfig(nodes[1], (torque_input(1.0),)),),
+    )
+    rig = CanRig(config, wire.clock, lambda: wire, pump=wire.pump)
+    with pytest.raises(DriverError, match="a node-ID of its own"):
+        rig.open()
 
 
 @pytest.mark.parametrize("bits", [-1, 16])

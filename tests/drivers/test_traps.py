@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from drivers.bus.cia301 import I16, U32, ObjectRef
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.eds import parse_eds
 from drivers.bus.rig_nodes import MotorEncoder

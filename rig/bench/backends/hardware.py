@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig

@@ -189,7 +189,7 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
     """What the drivers are told of a simulated bench; `has_guard`: its guard's contact is watched in every cycle."""
     from drivers.bus.cia301 import I16, I32, U8, U32, ObjectRef
     from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
-    from drivers.bus.cia402.drive import DriveConfig
+    from drivers.bus.cia402.config import DriveConfig
     from drivers.bus.cia406 import CounterConfig
     from drivers.bus.cyclic import CanRigConfig
     from drivers.bus.rig_nodes import GuardContact, MotorEncoder

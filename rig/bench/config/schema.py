@@ -376,17 +376,14 @@ class RigConfiguration(Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfiguration:
-        nodes = [("drive", self.drive.node_id), ("bus.own_node_id", self.bus.own_node_id)]
-        nodes += [(f"counter {c.channel}", c.node_id) for c in self.counters]
-        nodes += [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(self.analog_modules)]
-        _each_once(nodes, "node-ID")
+        _each_once(_nodes_of(self), "node-ID")
         channels = [(f"counter on node {c.node_id}", c.channel) for c in self.counters]
         channels += [
             (f"input {a.source} of node {m.node_id}", a.channel)
             for m in self.analog_modules
             for a in m.inputs
         ]
-        channels += [(f"source {s.kind} at {s.host}:{s.port}", s.channel) for s in self.sources]
+        channels += [(f"source {s.kind} at {s.place}", s.channel) for s in self.sources]
         _each_once(channels, "channel")
         node_ids = {
             self.drive.node_id,
@@ -398,6 +395,27 @@ class RigConfiguration(Part):
                 f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(node_ids)}"
             )
         return self
+
+
+def _nodes_of(rig: RigConfiguration) -> list[tuple[str, int]]:
+    """Who claims which node-ID. A coupler may hold several counters and inputs, and claims its own once: its counters
+    are objects of terminals, not the position of an encoder.
+    """
+    at = {counter.node_id: f"counter {counter.channel}" for counter in rig.counters}
+    terminals = {c.node_id for c in rig.counters if read_object(c.position).index != 0x6004}
+    modules = [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(rig.analog_modules)]
+    _each_once(modules, "node-ID")
+    return [
+        ("drive", rig.drive.node_id),
+        ("bus.own_node_id", rig.bus.own_node_id),
+        *(
+            (f"counter {c.channel}", c.node_id)
+            for c in rig.counters
+            if read_object(c.position).index == 0x6004
+        ),
+        *((at[node_id], node_id) for node_id in sorted(terminals)),
+        *((name, node_id) for name, node_id in modules if node_id not in terminals),
+    ]
 
 
 def _each_once(

@@ -6,7 +6,7 @@ from typing import cast
 
 import pytest
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.clock import VirtualClock
 from drivers.port import Abilities
 from rig.bench.backends.assembly import AssembledRig
