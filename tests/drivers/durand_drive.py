@@ -23,7 +23,7 @@ from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from sim_backend.wire.bench import DRIVE_NODE, WireBench
 from sim_backend.wire.drive import Drive, DriveDevice
-from tests.drivers.durand_node import I8, I16, I32, U16, U32, DurandNode, Timer
+from tests.drivers.durand_node import I8, I16, I32, U8, U16, U32, DurandNode, Timer
 
 
 class Power(Enum):
@@ -88,18 +88,18 @@ class DurandDrive(DurandNode):
             (0x605A, I16, "rw", 2), (0x605E, I16, "rw", 2), (0x6060, I8, "rw", PROFILE_POSITION),
             (0x6061, I8, "ro", PROFILE_POSITION), (0x6064, I32, "ro", 0), (0x606C, I32, "ro", 0),
             (0x6071, I16, "rw", 0), (0x6072, U16, "rw", peak), (0x6075, U32, "ro", round(CURRENT_PER_TORQUE * milli)),
-            (0x6076, U32, "ro", milli), (0x6077, I16, "ro", 0), (0x607A, I32, "rw", 0), (0x607F, U32, "rw", 0xFFFF_FFFF),
-            (0x6080, U32, "rw", round(device.maximum_speed / RPM)), (0x6081, U32, "rw", 0), (0x6083, U32, "rw", ramp),
-            (0x6084, U32, "rw", ramp), (0x6085, U32, "rw", ramp), (0x60A8, U32, "ro", 0x00B5_0000),
-            (0x60A9, U32, "ro", 0x00B5_0300), (0x60AA, U32, "ro", SECOND_ORDER), (0x60FD, U32, "ro", GUARD_CLOSED),
-            (0x60FF, I32, "rw", 0), (0x6502, U32, "ro", SUPPORTED),
+            (0x6076, U32, "ro", milli), (0x6077, I16, "ro", 0), (0x607A, I32, "rw", 0),
+            (0x607F, U32, "rw", 0xFFFF_FFFF), (0x6080, U32, "rw", round(device.maximum_speed / RPM)),
+            (0x6081, U32, "rw", 0), (0x6083, U32, "rw", ramp), (0x6084, U32, "rw", ramp), (0x6085, U32, "rw", ramp),
+            (0x60A8, U32, "ro", 0x00B5_0000), (0x60A9, U32, "ro", 0x00B5_0300), (0x60AA, U32, "ro", SECOND_ORDER),
+            (0x60FD, U32, "ro", GUARD_CLOSED), (0x60FF, I32, "rw", 0), (0x6502, U32, "ro", SUPPORTED),
         ):  # fmt: skip
             od[index] = Variable(kind, access, value)
         for index, values, kinds, access in (
             (0x608F, (device.counts_per_revolution, 1), (U32, U32), "ro"),
             (0x6091, (1, 1), (U32, U32), "ro"),
             (0x6092, (device.counts_per_revolution, 1), (U32, U32), "ro"),
-            (0x60C2, (1, -3), (U16, I8), "rw"),
+            (0x60C2, (8, -3), (U8, I8), "rw"),
         ):
             od[index] = record = Record()
             for sub, (kind, value) in enumerate(zip(kinds, values, strict=True), 1):

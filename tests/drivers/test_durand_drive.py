@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 import pytest
@@ -18,12 +18,16 @@ from drivers.bus.dictionary.device_file import read_device_file
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE
 from drivers.errors import DriverError, OtherMasterError
 from drivers.event import Event
-from drivers.port import Command, DriveLimits, Guard, Mode
+from drivers.port import STALE_DATA, Command, DriveLimits, Guard, Mode
 from drivers.samples import SampleBlock
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import REVOLUTION, RPM
 from rig.bench.backends.simulated import wire_config
+from rig.trial.drill import rigs
+from rig.trial.drill.catalogue import DRILLS
+from rig.trial.drill.staging import Placed
+from rig.trial.drill.suite import row_of, stage
 from sim_backend.wire import faults as wire
 from tests.drivers.durand_drive import CYCLIC_TORQUE, DurandBench, DurandDrive, Power
 from tests.drivers.durand_node import COMMUNICATION_ERROR, HEARTBEAT_ERROR
@@ -91,9 +95,10 @@ def rig(**drive: int) -> Iterator[Made]:
 # Bringing up --------------------------------------------------------------------------------------------------------
 
 LEFT = [
-    *((power, StateEnum.PRE_OPERATIONAL) for power in Power if power is not Power.NOT_READY),
-    *((power, StateEnum.OPERATIONAL) for power in (Power.ENABLED, Power.QUICK_STOP, Power.FAULT)),
-    *((power, StateEnum.STOPPED) for power in (Power.READY, Power.ENABLED)),
+    *((power, StateEnum.OPERATIONAL) for power in Power if power is not Power.NOT_READY),
+    (Power.ENABLED, StateEnum.PRE_OPERATIONAL),
+    (Power.DISABLED, StateEnum.PRE_OPERATIONAL),
+    (Power.ENABLED, StateEnum.STOPPED),
 ]
 
 
@@ -158,6 +163,8 @@ def test_a_sync_of_somebody_else_is_refused_before_anything_is_written() -> None
 def test_speeds_torques_and_angles_mean_what_they_say() -> None:
     with rig() as made:
         made.open()
+        assert asdict(made.drive.limits()) == pytest.approx(asdict(LIMITS), rel=1e-3)
+        assert (made.drive.od.read(0x60C2, 1), made.drive.od.read(0x60C2, 2)) == (1, -3)
         block = made.exchange(Mode.SPEED, SPEED, 700)
         late = slice(300, None)
         seconds = (block.time_ns[-1] - block.time_ns[late][0]) * 1e-9
@@ -179,6 +186,17 @@ def test_speeds_torques_and_angles_mean_what_they_say() -> None:
         assert made.drive.od.read(0x6071, 0) == round(0.35 / MOTOR.rated_torque * 1000)
         assert pushed.broken is None
         assert made.bench.input_speed > before + 1.0
+
+
+def test_the_length_of_a_block_changes_no_count() -> None:
+    taken = []
+    for block in (150, 7, 1):
+        with rig() as made:
+            made.open()
+            parts = [made.exchange(Mode.SPEED, SPEED, block) for _ in range(150 // block)]
+            taken.append(np.concatenate([part.counts for part in parts])[:147])
+    assert np.array_equal(taken[0], taken[1])
+    assert np.array_equal(taken[0], taken[2])
 
 
 def test_a_quick_stop_goes_down_its_ramp_and_the_power_with_it() -> None:
@@ -297,6 +315,33 @@ def test_taken_out_of_operational_by_another_master_it_is_stopped_all_the_same(
         made.let_time_pass(0.1)
         assert made.stands()
         assert 0x0F not in made.drive.words
+
+
+# The whole program --------------------------------------------------------------------------------------------------
+
+DRILLED = (
+    DRILLS["node reset in motion, drive"],
+    # Its heartbeat comes every 0.1 s: that its process data stay away is seen before it.
+    replace(DRILLS["NMT PRE-OPERATIONAL from outside"], cause=STALE_DATA),
+    # It has no profile torque.
+    replace(
+        DRILLS["mode changed by another master"],
+        fault=lambda at: wire.ModeFromOutside(at, CYCLIC_TORQUE),
+    ),
+)
+
+
+def test_runs_with_it_end_as_they_must(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Order, session, supervisor, making safe and run file; the run with nothing going wrong is one of them."""
+    monkeypatch.setattr(rigs, "WireBench", DurandBench)
+    with stage(seed=3) as staged:
+        sound = staged.reference("wire")
+        assert sound.outcome == "COMPLETED"
+        for drill in DRILLED:
+            at = Placed(drill, sound.rows[drill.moment])
+            row = row_of(drill, "wire", staged.run(drill.name, "wire", (at,)), sound.outcome)
+            assert row.passed, row
+            assert (row.outcome, row.verified) == ("TRIPPED", True)
 
 
 # What the stack tells of itself --------------------------------------------------------------------------------------
