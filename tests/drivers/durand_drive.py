@@ -189,9 +189,9 @@ class DurandDrive(DurandNode):
 
     def _show(self) -> None:
         word = self.power.value | REMOTE | (0 if self._is_torque_off else VOLTAGE)
-        if self.power is Power.QUICK_STOP or not self.power.value & 0x0F:
-            # Bit 5: 0 only while the quick stop is active.
-            word |= 0x20 if self.power is Power.DISABLED else 0
+        if self.power is Power.DISABLED:
+            # Bit 5 means nothing here; this maker sets it.
+            word |= 0x20
         if self.power is Power.ENABLED:
             word |= FOLLOWS | TARGET_REACHED
         self.od.write(0x6041, 0, word)
@@ -201,7 +201,7 @@ class DurandDrive(DurandNode):
 
     # What happens to it -----------------------------------------------------------------------------------------------
 
-    def fault(self, code: int, register: int = 0x20, *, coasts: bool = False) -> None:
+    def fault(self, code: int, register: int = 0x21, *, coasts: bool = False) -> None:
         if self.power in (Power.FAULT, Power.REACTION):
             return
         self.od.write(0x603F, 0, code)
@@ -240,7 +240,7 @@ class DurandDrive(DurandNode):
         if self.power not in (Power.ENABLED, Power.QUICK_STOP) or not option:
             return
         if option == 1:
-            self.fault(0x8130, 0x10)
+            self.fault(0x8130, 0x11)
         else:
             self.word = {2: 0x00, 3: 0x02}[option]
             self._obey()

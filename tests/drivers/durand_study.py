@@ -11,6 +11,7 @@ from rig.trial.drill.suite import run_drills
 from tests.drivers.durand_drive import DurandBench
 
 DIFFERS = {
+    "statusword fault, motor coasts": "its statusword shows the fault in the cycle of its emergency message",
     "NMT PRE-OPERATIONAL from outside": "its heartbeat tells it later than its missing process data",
     "NMT PRE-OPERATIONAL from outside, all nodes": "the same",
     "NMT STOPPED from outside": "the same",

@@ -90,6 +90,7 @@ def rig(**drive: int) -> Iterator[Made]:
     port.close()
     made.let_time_pass(0.05)
     assert made.stands()
+    assert made.drive.od.read(0x1016, 1) == 0
 
 
 # Bringing up --------------------------------------------------------------------------------------------------------
@@ -292,14 +293,19 @@ def test_a_drive_that_restarts_in_motion_has_forgotten_everything_and_is_not_tru
         assert made.bench.input_speed > 0.9 * SPEED
 
 
-@pytest.mark.parametrize(("command", "reacts"), [(PRE_OPERATIONAL, False), (STOPPED, True)])
+@pytest.mark.parametrize(
+    ("command", "reacts"), [(PRE_OPERATIONAL, False), (STOPPED, True), (STOPPED, False)]
+)
 def test_taken_out_of_operational_by_another_master_it_is_stopped_all_the_same(
     command: int, reacts: bool
 ) -> None:
-    """CiA 402 lets it turn on in PRE-OPERATIONAL, deaf for process data; STOPPED is a lost connection (0x6007)."""
+    """CiA 402 lets it turn on in PRE-OPERATIONAL, deaf for process data; STOPPED is a lost connection (0x6007), and
+    a node in it answers no SDO before it is woken.
+    """
     with rig() as made:
         made.open()
         made.exchange(Mode.SPEED, SPEED, 100)
+        made.drive.od.write(0x6007, 0, 3 if reacts else 0)
         made.drive.receive(0x000, bytes([command, 1]), made.bench.clock.monotonic_ns())
         assert (made.drive.power is Power.QUICK_STOP) == reacts
         # Its process data are missed at once; its next heartbeat says why.
