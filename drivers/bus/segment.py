@@ -283,36 +283,39 @@ class CanSegment:
             return
         try:
             if nodes is not None and self._lost is None:
-                self._switch_off(bus, nodes)
+                nodes.drive.to_off(resets_fault=False)
                 nodes.drive.device.release_consumer()
                 bus.start_heartbeat(0)
                 for device in nodes.devices:
                     bus.nmt(NmtCommand.PRE_OPERATIONAL, device.node_id)
         except DriverError as error:
             bus.emit("warning", "close", "rig", f"while closing: {error}")
-            self._let_go(bus, nodes)
+            self._let_go(bus, nodes, is_silent=isinstance(error, SdoTimeoutError))
         bus.close()
         self._left_events += bus.events()
         self._bus = None
 
-    def _switch_off(self, bus: PumpedBus, nodes: RigNodes) -> None:
-        """Servo off by SDO. A node that was STOPPED by somebody takes none, and may be turning: it is woken for it."""
-        try:
-            nodes.drive.to_off(resets_fault=False)
-        except SdoTimeoutError:
-            bus.nmt(NmtCommand.PRE_OPERATIONAL, nodes.drive.device.node_id)
-            nodes.drive.to_off(resets_fault=False)
+    def _let_go(self, bus: PumpedBus, nodes: RigNodes | None, *, is_silent: bool) -> None:
+        """The drive does not obey: servo off by process data all the same, then NMT STOP, to which
+        it reacts by 0x6007.
 
-    def _let_go(self, bus: PumpedBus, nodes: RigNodes | None) -> None:
-        """The drive does not answer: servo off by process data all the same, then NMT STOP, to
-        which it reacts by 0x6007.
+        One that `is_silent` may have been STOPPED by somebody, and hears neither SDO nor process
+        data before it is woken.
         """
         with contextlib.suppress(DriverError):
-            if nodes is not None:
-                for cob_id, data in self._command_once(obj.DISABLE_VOLTAGE):
-                    bus.send(cob_id, data)
-                bus.send(SYNC_COB_ID, b"")
-                bus.nmt(NmtCommand.STOP, nodes.drive.device.node_id)
+            if nodes is None:
+                return
+            drive = nodes.drive
+            for cob_id, data in self._command_once(obj.DISABLE_VOLTAGE):
+                bus.send(cob_id, data)
+            bus.send(SYNC_COB_ID, b"")
+            if is_silent:
+                bus.nmt(NmtCommand.PRE_OPERATIONAL, drive.device.node_id)
+                with contextlib.suppress(DriverError):
+                    drive.to_off(resets_fault=False)
+                    drive.device.release_consumer()
+                    return
+            bus.nmt(NmtCommand.STOP, drive.device.node_id)
 
     def _command_once(self, controlword: int) -> list[tuple[int, bytes]]:
         """(COB-ID, data) of every RPDO with a controlword and set-points of zero."""
