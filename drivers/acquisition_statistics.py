@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.counting import changes
 from drivers.samples import CycleFlag
 
 _BINS: Final = np.concatenate([[0.0], np.geomspace(1e2, 1e11, 541)])
@@ -88,18 +89,17 @@ class AcquisitionStatistics:
             for flag in CycleFlag:
                 if flag:
                     self._flags[flag] += int(np.count_nonzero(flags & flag))
-        before = [] if self._last_ns is None else [self._last_ns]
-        deviation = (
-            np.diff(np.concatenate([np.array(before, dtype=np.int64), time_ns])).astype(float)
-            - self._cycle_ns
-        )
+        last = self._last_ns
+        intervals = np.diff(time_ns) if last is None else changes(time_ns, last)
+        deviation = intervals.astype(np.float64) - self._cycle_ns
         self._last_ns = int(time_ns[-1])
         if len(deviation):
             self._intervals += len(deviation)
             self._sum += float(deviation.sum())
             self._sum_squares += float(np.dot(deviation, deviation))
-            self._jitter_max = max(self._jitter_max, float(np.abs(deviation).max()))
-            self._jitter += _histogram(np.abs(deviation))
+            jitter = np.abs(deviation)
+            self._jitter_max = max(self._jitter_max, float(jitter.max()))
+            self._jitter += _histogram(jitter)
         if latency_ns is not None:
             self._latency_max = max(self._latency_max, float(latency_ns.max()))
             self._latency += _histogram(latency_ns)
@@ -136,8 +136,12 @@ class AcquisitionStatistics:
 
 
 def _histogram(times: NDArray[Any]) -> NDArray[np.int64]:
-    """How many times [ns] (n,) lie between which edges."""
-    return np.bincount(np.searchsorted(_BINS, times), minlength=len(_BINS) + 1)
+    """How many times [ns] (n,) lie between which edges, an edge itself below it; the last are those beyond all edges.
+
+    The edges are looked up among the sorted times: there are fewer of them than times in a block.
+    """
+    below = np.searchsorted(np.sort(times), _BINS, side="right")
+    return np.diff(below, prepend=0, append=len(times))
 
 
 def _percentile(histogram: NDArray[np.int64], share: float) -> float:

@@ -5,11 +5,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import DriverError
+
+Number = TypeVar("Number", np.int64, np.float64)
+
+
+def changes(values: NDArray[Number], before: float) -> NDArray[Number]:
+    """What each value (n,) differs by from the one before it; `before` stands before the first.
+
+    As `numpy.diff` with `prepend`, in half its time: of a block that is the larger part.
+    """
+    moved = np.empty_like(values)
+    if len(values):
+        moved[0] = values[0] - before
+        np.subtract(values[1:], values[:-1], out=moved[1:])
+    return moved
 
 
 def wrapped_difference(

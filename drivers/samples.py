@@ -55,7 +55,7 @@ STALE_OF: Final[Mapping[str, CycleFlag]] = {
     names.TORQUE: CycleFlag.STALE_TORQUE,
 }
 """The mark of each channel that has one of its own; every other channel has STALE_OTHER."""
-_STALE: Final = CycleFlag.STALE_OTHER | CycleFlag(sum(STALE_OF.values()))
+_STALE: Final = np.uint16(CycleFlag.STALE_OTHER | CycleFlag(sum(STALE_OF.values())))
 
 
 def is_stale(flags: NDArray[np.uint16], channel: str) -> NDArray[np.bool_]:
@@ -64,8 +64,9 @@ def is_stale(flags: NDArray[np.uint16], channel: str) -> NDArray[np.bool_]:
     An incomplete cycle that does not say which channels are meant (of a rig or a file that cannot
     tell) means all of them.
     """
-    own = STALE_OF.get(channel, CycleFlag.STALE_OTHER)
-    incomplete, names_channels = (flags & CycleFlag.INCOMPLETE) != 0, (flags & _STALE) != 0
+    own = np.uint16(STALE_OF.get(channel, CycleFlag.STALE_OTHER))
+    incomplete = (flags & np.uint16(CycleFlag.INCOMPLETE)) != 0
+    names_channels = (flags & _STALE) != 0
     return incomplete & (~names_channels | ((flags & own) != 0))
 
 

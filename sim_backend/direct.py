@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
+from drivers.counting import changes
 from drivers.drive_state import POWERED_STATES, DriveState
 from drivers.errors import DriverError
 from drivers.port import Abilities, Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
@@ -367,10 +368,10 @@ class SimulatedRig:
 
     def _flag_jumps(self, sensed: Sensed) -> None:
         """Mark cycles in which an encoder moved further than the gear can turn."""
-        first = sensed.counts[:1] if sensed.previous is None else sensed.previous[None, :]
+        before = sensed.counts[0] if sensed.previous is None else sensed.previous
         for name, limit in self._jump_limit.items():
             column = sensed.column[name]
-            moved = np.diff(sensed.counts[:, column], prepend=first[0, column])
+            moved = changes(sensed.counts[:, column], int(before[column]))
             sensed.flags[np.abs(moved) > limit] |= np.uint16(CycleFlag.JUMPED)
 
     def _jump_limits(self, ratio: float, cycle_ns: int) -> dict[str, float]:

@@ -174,7 +174,7 @@ class Instruments:
         counts[:, put[names.AMBIENT_TEMPERATURE]] = self._temperature(
             room, self._ambient_noise, first_cycle
         )
-        return counts, np.where(saturated, CycleFlag.SATURATED, 0).astype(np.uint16)
+        return counts, saturated * np.uint16(CycleFlag.SATURATED)
 
     def pass_by(self, rows: Array) -> None:
         """Rows of truth that nobody reads: only the index latches see them."""

@@ -29,8 +29,8 @@ from drivers.source import Reading, taken_channel
 
 LONGEST_LINE: Final = 256
 """Bytes of an answer at most."""
-GIVEN_UP: Final = 3
-"""Answers in a row that did not come, after which nobody waits for the next one until something comes."""
+TOLD_AFTER: Final = 3
+"""Answers in a row that did not come in time, of which the run file is told."""
 LONGEST_SILENCE: Final = 1000
 """Questions that are remembered until their answer comes."""
 OPENING_NS: Final = 2_000_000_000
@@ -171,7 +171,7 @@ class CounterBox:
         self._rest = b""
         self._answers: dict[int, _Answer] = {}
         self._asked: dict[int, int] = {}
-        self._unanswered, self._is_awaited = 0, True
+        self._unanswered = 0
         self._ahead: int | None = None
         self._is_paired = True
         self._latest: tuple[_Answer, int] | None = None
@@ -241,31 +241,23 @@ class CounterBox:
     def collect(self, cycle: int, until_ns: int) -> Reading | None:
         """The count of this SYNC; polled: the latest one, and when it was taken."""
         self._listen(0)
-        while (
-            self._is_awaited
-            and cycle not in self._answers
-            and self._clock.monotonic_ns() < until_ns
-        ):
+        while cycle not in self._answers and self._clock.monotonic_ns() < until_ns:
             if self._line is None:
                 break
             self._listen(until_ns)
         came, self._answers = self._answers, {}
         answer = came.pop(cycle, None)
-        self._count_silence(answer is not None, bool(came))
+        self._count_silence(answer is not None)
         if not self._config.is_triggered:
             return self._polled(cycle, answer or next(iter(came.values()), None))
         if answer is None or not self._is_of_this_sync(answer):
             return None
         return Reading((answer.count,), _flags(answer) | (CycleFlag.LATE if came else 0))
 
-    def _count_silence(self, is_answered: bool, is_heard: bool) -> None:
-        """Whoever is not heard at all is not waited for in the next cycle; an answer that comes late says that it is
-        there.
-        """
+    def _count_silence(self, is_answered: bool) -> None:
         self._unanswered = 0 if is_answered else self._unanswered + 1
-        self._is_awaited = is_answered or is_heard or self._unanswered < GIVEN_UP
-        if self._unanswered == GIVEN_UP:
-            self._tell("warning", "source-silent", f"{GIVEN_UP} cycles without an answer in time")
+        if self._unanswered == TOLD_AFTER:
+            self._tell("warning", "source-silent", f"{TOLD_AFTER} cycles without an answer in time")
 
     def _is_of_this_sync(self, answer: _Answer) -> bool:
         """Whether the edges went on with the cycles. The first value after the opening says how far they are apart."""

@@ -27,7 +27,7 @@ from drivers.samples import CycleFlag, SampleBlock
 from rig.run.bounds import Watch
 from rig.run.trips import LOST_COUNTS, Trip
 
-DOUBTFUL = (
+DOUBTFUL = np.uint16(
     CycleFlag.INCOMPLETE
     | CycleFlag.LATE
     | CycleFlag.DOUBLED
@@ -114,7 +114,8 @@ class IndexReview:
             direction = 0 if before is None else int(np.sign(int(counts[row]) - before))
             state = self._passed(replace(state, latched=int(latches[row])), direction, revolution)
             self._tell(state, channel, start + row, trips, notes)
-            state = replace(state, reported=state.excess)
+            if state.reported != state.excess:
+                state = replace(state, reported=state.excess)
         return replace(state, count=int(counts[-1]))
 
     def _passes(

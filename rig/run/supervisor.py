@@ -26,6 +26,7 @@ from drivers.channel import (
     TORQUE,
     Channel,
 )
+from drivers.counting import changes
 from drivers.drive_state import drive_state
 from drivers.port import STALE_DATA, Bound, Guard, Mode
 from drivers.samples import Break, CycleFlag, SampleBlock
@@ -66,6 +67,10 @@ from rig.run.trips import (
 
 LONGEST_STEP = 100
 """Periods between two SYNCs above which the computer, or the clock that stamps them, has failed."""
+
+
+MISSED_FLAGS = np.uint16(CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)
+"""A cycle with one of these was missed. A number of numpy: with a flag of Python every `&` takes far longer."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +211,8 @@ class Supervisor:
         if not len(block):
             return state
         start = state.rows
-        state = replace(state, notes=())
+        if state.notes:
+            state = replace(state, notes=())
         trips: list[Trip] = []
         if block.broken is not None and block.broken.is_trip:
             trips.append(self._trip_of(block, block.broken, start))
@@ -298,11 +304,7 @@ class Supervisor:
         and stamps that run backwards or away from the SYNCs.
         """
         lost = 0 if state.next_cycle is None else max(0, block.first_cycle - state.next_cycle)
-        bad = int(
-            np.count_nonzero(
-                block.flags & (CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)
-            )
-        )
+        bad = int(np.count_nonzero(block.flags & MISSED_FLAGS))
         rows, missed = state.window_rows + len(block) + lost, state.window_missed + bad + lost
         trips: list[Trip] = []
         length = max(1, round(self.watch.missed_window / self._period))
@@ -355,7 +357,7 @@ class Supervisor:
     def _steps(self, times: NDArray[np.int64], last: int | None, lost: int) -> NDArray[np.int64]:
         """Times (n,) between a block's cycles and the ones before them [ns], without those of lost cycles."""
         before = times[0] - self._cycle_ns if last is None else last + lost * self._cycle_ns
-        return np.diff(times, prepend=before)
+        return changes(times, before)
 
     def _flags(
         self, state: WatchState, block: SampleBlock, start: int
@@ -363,7 +365,9 @@ class Supervisor:
         """Flags that devices and decoders raise, several cycles in a row; a jump of a count at once."""
         trips: list[Trip] = []
         if not block.flags.any():
-            return replace(state, flag_runs=(0, 0, 0), has_stamps=True), trips
+            if not state.has_stamps or any(state.flag_runs):
+                state = replace(state, flag_runs=(0, 0, 0), has_stamps=True)
+            return state, trips
         jumps = np.flatnonzero(block.flags & CycleFlag.JUMPED)
         if len(jumps):
             trips.append(Trip(COUNT_JUMP, start + int(jumps[0]), math.nan, math.nan))
@@ -413,14 +417,14 @@ class Supervisor:
         target = np.concatenate(
             [state.tail_target, np.where(np.abs(sent) > np.abs(received), sent, received)]
         )
-        carried = replace(
-            state,
-            tail_angle=angle[-lag - 1 :],
-            tail_time=times[-lag - 1 :],
-            tail_target=target[-lag - 1 :],
-        )
+        tail = slice(-lag - 1, None)
+        tails = {
+            "tail_angle": angle[tail],
+            "tail_time": times[tail],
+            "tail_target": target[tail],
+        }
         if len(angle) <= lag:
-            return carried, []
+            return replace(state, **tails), []
         # A SYNC that came late has left the shaft more time: that between the SYNCs, the nominal one at least.
         elapsed = np.maximum((times[lag:] - times[:-lag]) * 1e-9, lag * self._period)
         measured = (angle[lag:] - angle[:-lag]) * (channel.direction * channel.scale) / elapsed
@@ -441,22 +445,27 @@ class Supervisor:
                     FOLLOWING_ERROR, row, error[index] / RPM, allowed[index] / RPM, "r/min", detail
                 )
             )
-        longest = max(longest, state.following_longest)
-        carried = replace(carried, following_run=run, following_longest=longest)
         speed = np.where(wanted == 0.0, np.abs(measured), 0.0)[-new:]
-        return self._creep(carried, speed, trips, start + len(block) - new)
+        creep_run, creeping = self._creep(state.creep_run, speed, start + len(block) - new)
+        carried = replace(
+            state,
+            **tails,
+            following_run=run,
+            following_longest=max(longest, state.following_longest),
+            creep_run=creep_run,
+        )
+        return carried, creeping + trips
 
-    def _creep(
-        self, state: WatchState, speed: NDArray[np.float64], trips: list[Trip], start: int
-    ) -> tuple[WatchState, list[Trip]]:
-        """Speed (n,) [rad/s] where the set-point is zero, for longer than a drive that brakes is so slow."""
+    def _creep(self, before: int, speed: NDArray[np.float64], start: int) -> tuple[int, list[Trip]]:
+        """Speed (n,) [rad/s] where the set-point is zero, for longer than a drive that brakes is so slow: cycles in a
+        row that it is so by now, of which there were some `before`.
+        """
         low, high = self.watch.creep_speed
         patience = max(1, round(self.watch.creep_time / self._period))
-        at, run, _ = _first_run((speed > low) & (speed < high), state.creep_run, patience)
-        if at is not None:
-            found = Trip(CREEP, start + at, float(speed[at]) / RPM, low / RPM, "r/min")
-            trips = [found, *trips]
-        return replace(state, creep_run=run), trips
+        at, run, _ = _first_run((speed > low) & (speed < high), before, patience)
+        if at is None:
+            return run, []
+        return run, [Trip(CREEP, start + at, float(speed[at]) / RPM, low / RPM, "r/min")]
 
     def _slow(
         self, state: WatchState, block: SampleBlock, start: int

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.counting import changes
 from rig.run.bounds import Watch
 
 STILL = 20
@@ -40,22 +41,20 @@ def stood(
     """The state after complete cycles with these counts (n,), and what is worth an event (code, text)."""
     if not len(counts):
         return state, ()
-    steps = np.diff(counts, prepend=counts[0] if state.count is None else state.count)
-    changes = np.flatnonzero(steps)
-    state = replace(state, count=int(counts[-1]))
-    if len(changes):
-        stretches = np.diff(changes, prepend=-state.still)
-        senses = np.concatenate([[state.sense], np.sign(steps[changes])])
-        state = replace(
-            state,
+    steps = changes(counts, int(counts[0]) if state.count is None else state.count)
+    moved = np.flatnonzero(steps)
+    if len(moved):
+        stretches = np.diff(moved, prepend=-state.still)
+        senses = np.concatenate([[state.sense], np.sign(steps[moved])])
+        state = ThermometerState(
+            count=int(counts[-1]),
             sense=int(senses[-1]),
-            still=len(counts) - int(changes[-1]),
+            still=len(counts) - int(moved[-1]),
             longest=max(state.longest, int(stretches.max())),
             turns=state.turns + int(np.count_nonzero(senses[1:] * senses[:-1] < 0)),
-            is_told=False,
         )
     else:
-        state = replace(state, still=state.still + len(counts))
+        state = replace(state, count=int(counts[-1]), still=state.still + len(counts))
     least = max(STILL * state.longest, round(watch.still_time / period))
     if state.is_told or state.turns < TURNS or state.still < least:
         return state, ()

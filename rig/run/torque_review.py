@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.counting import changes
 from rig.run.bounds import Watch
 from rig.run.trips import OVERLOAD, TORQUE_DISAGREEMENT, TORQUE_FROZEN, TORQUE_ZERO, Trip
 
@@ -93,7 +94,7 @@ class Window:
             np.square(drive).sum(),
             port.sum(),
             drive.sum(),
-            np.square(np.diff(drive, prepend=before)).sum(),
+            np.square(changes(drive, before)).sum(),
         )
         sums = tuple(so_far + float(term) for so_far, term in zip(self.sums, terms, strict=True))
         return Window(cycles=self.cycles + len(port), sums=sums, last=float(drive[-1]))

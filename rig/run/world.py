@@ -7,6 +7,7 @@ one ended. A run that was cut off has no end state; then the one before it count
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,6 +108,20 @@ def _as_named(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
 
 def _ending_of(path: Path) -> Ending | None:
     """The ending of a run file; None for one without, and for one that cannot be read."""
+    try:
+        status = path.stat()
+        return _ending_as_it_is(
+            path, (status.st_dev, status.st_ino), status.st_size, status.st_mtime_ns
+        )
+    except OSError:
+        return None
+
+
+@functools.lru_cache(maxsize=256)
+def _ending_as_it_is(
+    path: Path, number: tuple[int, int], size: int, changed_ns: int
+) -> Ending | None:
+    """The ending of a sealed run, read once in a process; once more where another file has taken its place."""
     try:
         return ending_of(glance(path).metadata)
     except RunFileError:

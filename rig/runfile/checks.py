@@ -152,9 +152,10 @@ def _check_rows(_: Recording, source: FileSource) -> Iterator[Finding]:
             source.time_ns(first, stop),
             source.flags(first, stop),
         )
-        flagged += int(np.count_nonzero(flags & ~np.uint16(CycleFlag.HOST_TIME)))
-        for flag in counted:
-            counted[flag] += int(np.count_nonzero(flags & np.uint16(flag)))
+        if flags.any():
+            flagged += int(np.count_nonzero(flags & ~np.uint16(CycleFlag.HOST_TIME)))
+            for flag in counted:
+                counted[flag] += int(np.count_nonzero(flags & np.uint16(flag)))
         steps = np.diff(cycles, prepend=cycles[0] - 1 if last_cycle is None else last_cycle)
         gaps += int(np.count_nonzero(steps != 1))
         missing += int((steps - 1)[steps > 1].sum())

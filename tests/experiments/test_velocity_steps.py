@@ -18,8 +18,10 @@ from experiments.result import Result
 from model.channel import Channel
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path
+from model.identify.estimate import BudgetLine, Estimate, Identifiable
 from model.linear import dynamic_parameters, modes
 from model.units import ARCSEC, REVOLUTION
+from rig.analysis.adopt import compare_with
 from tests.experiments.conftest import SERIES
 from tests.experiments.synthetic import Bench, record
 
@@ -171,8 +173,42 @@ def test_the_identified_set_rings_as_the_run_did(result: Result, gear: HarmonicD
         result.estimates["mode_squared"].value, rel=1e-3
     )
     assert mode.damping_ratio == pytest.approx(result.estimates["damping_ratio"].value, rel=1e-3)
-    assert identified.origins["inertia.output"].provenance == "identified"
+    # The angles tell K/J_o alone: the error of the set's stiffness is in this J_o, so it is no number of the run.
+    assert identified.origins["inertia.output"].provenance == "computed"
     assert "K/J_o" in identified.origins["inertia.output"].source
+    assert "inertia.output" not in {row.path for row in compare_with(gear, result)}
+
+
+@pytest.mark.parametrize(("told", "is_shown"), [("yes", True), ("weakly", False)])
+def test_an_inertia_is_held_against_the_set_where_the_torque_tells_it(
+    result: Result, gear: HarmonicDrive, told: Identifiable, is_shown: bool
+) -> None:
+    lines = (BudgetLine("scatter", "A", 0.002),)
+    weighed = Estimate(
+        name="output_inertia",
+        value=0.12,
+        unit="kg m2",
+        low=0.116,
+        high=0.124,
+        identifiable=told,
+        budget=lines,
+    )
+    spring = dataclasses.replace(weighed, name="output_stiffness", value=30e3)
+    more = {"output_inertia": weighed, "output_stiffness": spring}
+    run = dataclasses.replace(result, estimates={**result.estimates, **more})
+    rows = {row.path: row for row in compare_with(gear, run)}
+    assert ("inertia.output" in rows) is is_shown
+    if is_shown:
+        row = rows["inertia.output"]
+        assert (row.identified, row.uncertainty) == (0.12, pytest.approx(0.004))
+
+
+def test_a_damping_that_the_run_does_not_tell_leaves_the_set_its_own(
+    result: Result, gear: HarmonicDrive
+) -> None:
+    untold = dataclasses.replace(result.estimates["damping_ratio"], identifiable="weakly")
+    run = dataclasses.replace(result, estimates={**result.estimates, "damping_ratio": untold})
+    assert velocity_steps.identified(run, gear).bearing.damping == gear.bearing.damping
 
 
 def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(

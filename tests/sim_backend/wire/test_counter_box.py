@@ -112,7 +112,7 @@ def test_what_goes_wrong_with_it_is_marked_and_told_and_delays_nobody(
     assert np.array_equal(block.interval_ns, sound.interval_ns), "no SYNC waited"
     if not isinstance(fault, faults.BoxUnplugged):
         # Edges that did not arrive shift the pairing once: that cycle is marked, the next ones are paired anew.
-        assert not block.flags[108:].any()
+        assert not block.flags[106:].any()
 
 
 def test_a_dead_box_breaks_the_guard_as_stale_data() -> None:
