@@ -115,8 +115,8 @@ class LateNowAndThen(wire.TpdoLate):
 
 
 def _narrow_counter(bench: WireBench) -> None:
-    """A counter whose declared measuring range is 1024 counts: it wraps about every 5 degrees of the output."""
-    bench.counter.dictionary.store(0x6002, 0, 1024)
+    """A counter whose declared measuring range is 2048 counts: it wraps about every 10 degrees of the output."""
+    bench.counter.dictionary.store(0x6002, 0, 2048)
 
 
 def _abort(stop: StopRequest) -> None:
@@ -396,7 +396,7 @@ _SIGNALS = (
     Drill(
         name="encoder wrapped, as declared",
         cause=NOTHING,
-        what="the counter wraps every 1024 counts and says so",
+        what="the counter wraps every 2048 counts and says so",
         fault=None,
         moment="start",
         is_harmless=True,
