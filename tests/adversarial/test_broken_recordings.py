@@ -152,6 +152,19 @@ def test_what_is_widened_is_wider_and_not_wrong(
             assert apart <= estimate.expanded_uncertainty, name
 
 
+def test_steps_that_the_drives_ramps_shaped_are_said_and_their_numbers_stay(
+    honest: Callable[[str], Honest], result: Callable[[str], Result]
+) -> None:
+    shaped = acts.by_the_drives_ramps(honest("velocity-steps"))
+    after = catalogue.load("velocity-steps").analyse(shaped.recording, shaped.evidence)
+    (check,) = [c for c in after.checks if c.name == "shape of the steps"]
+    assert check.outcome == "widened"
+    assert check.words in after.warnings
+    assert {n: e.value for n, e in after.estimates.items()} == {
+        n: e.value for n, e in result("velocity-steps").estimates.items()
+    }
+
+
 def test_a_run_that_was_stopped_is_not_judged(
     honest: Callable[[str], Honest], result: Callable[[str], Result]
 ) -> None:
@@ -175,4 +188,8 @@ def test_the_documentation_lists_the_checks_in_their_order() -> None:
 
 def test_every_check_has_a_recording_that_it_refuses_or_widens() -> None:
     tried = {check for _, _, check in REFUSED} | {check for _, _, check, _ in WIDENED}
-    assert {row.name for row in TABLE} - tried == {"count lattice", "end of the run"}
+    assert {row.name for row in TABLE} - tried == {
+        "count lattice",
+        "end of the run",
+        "shape of the steps",
+    }
