@@ -107,7 +107,8 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
     today = datetime.now(UTC).date()
     channels = {"motor encoder": configuration.motor_encoder.calibration}
     channels |= {c.channel: c.calibration for c in configuration.counters}
-    channels |= {s.channel: s.calibration for s in configuration.sources}
+    for source in configuration.sources:
+        channels |= {} if source.certified is None else {source.channel: source.certified}
     inputs = [a for module in configuration.analog_modules for a in module.inputs]
     channels |= {a.channel: a.calibration for a in inputs}
     warnings = [

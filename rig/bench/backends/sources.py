@@ -9,6 +9,8 @@ from typing import Any, Final
 from drivers.channel import OUTPUT_ANGLE
 from drivers.clock import Clock
 from drivers.readout.counter_box import CounterBox, CounterBoxConfig, connect
+from drivers.readout.nd287 import ReadoutConfig, open_port
+from drivers.readout.polled import PolledReadout
 from drivers.source import Source
 from rig.bench.config import sources as described
 from rig.bench.config.schema import RigConfiguration
@@ -38,5 +40,13 @@ def _counter_box(box: described.CounterBox, shafts: Shafts, clock: Clock) -> Sou
     return CounterBox(CounterBoxConfig(**values), clock, lambda: connect(host, port, clock))
 
 
-MAKERS: Final[Mapping[str, Callable[[Any, Shafts, Clock], Source]]] = {"counter-box": _counter_box}
+def _readout(readout: described.PolledReadout, shafts: Shafts, clock: Clock) -> Source:
+    config = ReadoutConfig(**readout.settings())
+    return PolledReadout(config, clock, lambda: open_port(config, waits=False))
+
+
+MAKERS: Final[Mapping[str, Callable[[Any, Shafts, Clock], Source]]] = {
+    "counter-box": _counter_box,
+    "nd-287": _readout,
+}
 """How a source of each kind is made."""

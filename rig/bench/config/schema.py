@@ -383,7 +383,7 @@ class RigConfiguration(Part):
             for m in self.analog_modules
             for a in m.inputs
         ]
-        channels += [(f"source {s.kind} at {s.host}:{s.port}", s.channel) for s in self.sources]
+        channels += [(f"source {s.kind} at {s.place}", s.channel) for s in self.sources]
         _each_once(channels, "channel")
         node_ids = {
             self.drive.node_id,
