@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -131,3 +132,25 @@ def lost_counts(intervals: list[IndexInterval], tolerance: int) -> list[IndexInt
     The excess of a mark passed from the other side is the mark's width, so pass only marks approached from one side.
     """
     return [interval for interval in intervals if abs(interval.excess) > tolerance]
+
+
+def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
+    """Counts that a shaft with `resolution` counts per revolution turns at `speed` [rad/s] within one
+    cycle, with one to spare.
+    """
+    return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))
+
+
+def require_range(most: int, modulus: int, cycle_ns: int, where: str) -> None:
+    """Raise `DriverError` where a shaft can turn half a counter's range between two SYNCs, `most` counts: the
+    count could be unwrapped either way. `modulus` 0: it does not wrap.
+    """
+    if modulus and 2 * most >= modulus:
+        raise DriverError(
+            "the shaft can turn half the counter's range within a cycle: which way it turned would be a guess",
+            where=where,
+            value=f"{most} counts in {cycle_ns * 1e-6:g} ms",
+            limit=f"< {modulus // 2} of {modulus}",
+            remedy="A higher SYNC rate, a counter of more bits, or `largest_speed_rpm` of this shaft where it turns "
+            "more slowly.",
+        )

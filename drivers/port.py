@@ -227,6 +227,8 @@ class Abilities:
     - `acquisition`: how well it kept time since it was opened (`DriverError` where nobody can say);
     - `quick_stop_frames`: (COB-ID, data) of the frames that stop the drive past this loop, from another handle on the
       bus: what a watchdog sends when the loop is dead;
+    - `unwatched`: why the motor would go on when the computer is lost, in words, empty where the drive stops by
+      itself; known once the rig is open. Without it nobody knows, which is as bad;
     - `has_quick_stop`: QUICK_STOP brings the motor to rest by the drive's own ramp; without it that mode is refused and
       making safe goes by a set-point of zero;
     - `reads_limits_back`: the limits are in the drive, and `write_limits` returns what it holds; without it somebody
@@ -236,6 +238,7 @@ class Abilities:
     events: Callable[[], Sequence[DeviceEvent]] | None = None
     acquisition: Callable[[], AcquisitionReport] | None = None
     quick_stop_frames: Callable[[], Sequence[tuple[int, bytes]]] | None = None
+    unwatched: Callable[[], Sequence[str]] | None = None
     has_quick_stop: bool = True
     reads_limits_back: bool = True
 

@@ -7,7 +7,7 @@ drivers and run file to the analysis: each floor passes the object on, none copi
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from model.angle_certificate import AngleCertificate
 from model.errors import ParameterError
 from model.units import REVOLUTION
+
+Acquired = Literal["latched", "polled"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +40,8 @@ class Channel:
 
     `scale` is in `unit` per count and positive; `direction` +1 or -1; `modulus` is the wrap range of
     the device's counter (0: it does not wrap; blocks and recordings always carry unwrapped counts).
-    For encoders `lines` and `multiplication` are kept apart. A recording that is not in counts
+    For encoders `lines` and `multiplication` are kept apart. `acquired`: "latched" at the SYNC of its
+    cycle, or "polled" at a time of its own, which is no half of a pair. A recording that is not in counts
     (`is_counted` false) has plain numbers in their place.
     """
 
@@ -54,6 +57,7 @@ class Channel:
     serial_number: str = ""
     lines: int = 0
     multiplication: int = 0
+    acquired: Acquired = "latched"
     calibration: Calibration = field(default_factory=Calibration)
 
     def __post_init__(self) -> None:

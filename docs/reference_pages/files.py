@@ -20,7 +20,7 @@ def configuration() -> Iterable[str]:
     yield "# Words of rig.toml"
     yield ""
     yield (
-        "`rig config init` writes a file with every word explained; this page lists them "
+        "`rig config new` writes a file with every word explained; this page lists them "
         "with their kinds and defaults."
     )
     for path, model in _tables("", RigConfiguration):

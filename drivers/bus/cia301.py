@@ -150,13 +150,36 @@ def data_type_named(name: str) -> DataType:
 
 
 @dataclass(frozen=True, slots=True)
+class Part:
+    """Bytes within an object that hold a number of their own: the first of them, and the number's type."""
+
+    offset: int
+    data_type: DataType
+
+
+@dataclass(frozen=True, slots=True)
 class ObjectRef:
-    """An entry of an object dictionary: index, sub-index, data type, and what it is called."""
+    """An entry of an object dictionary: index, sub-index, data type, and what it is called.
+
+    With a `part` the number that is meant lies in some of its bytes: couplers hand over a terminal's
+    status, counter and latch as one object.
+    """
 
     index: int
     subindex: int
     data_type: DataType
     name: str = ""
+    part: Part | None = None
+
+    @property
+    def value_type(self) -> DataType:
+        """The type of the number that is meant."""
+        return self.data_type if self.part is None else self.part.data_type
+
+    @property
+    def offset(self) -> int:
+        """The byte of the object at which that number begins."""
+        return 0 if self.part is None else self.part.offset
 
     @property
     def mapping(self) -> int:
@@ -169,7 +192,10 @@ class ObjectRef:
         return self.index, self.subindex
 
     def __str__(self) -> str:
-        return object_text(self.index, self.subindex) + (f" {self.name}" if self.name else "")
+        place = object_text(self.index, self.subindex)
+        if self.part is not None:
+            place += f" {self.value_type.name} at byte {self.offset}"
+        return place + (f" {self.name}" if self.name else "")
 
 
 def object_text(index: int, subindex: int) -> str:

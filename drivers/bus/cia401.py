@@ -34,6 +34,8 @@ class AnalogInput:
 
     `volts_per_count` of an integer object; for a REAL32 object (0x6403) the size of the count that is recorded [V].
     `full_scale` [V] is where the converter ends; an open line floats to `open_level` [V] where the module pulls it.
+    `status_bits`: so many of the word's lowest bits are no part of the value but tell that it is none (over or under
+    range). They are taken out of the count, and any of them marks the cycle as saturated.
     """
 
     channel: str
@@ -44,6 +46,7 @@ class AnalogInput:
     zero_volts: float = 0.0
     full_scale: float = 10.24
     open_level: float | None = None
+    status_bits: int = 0
     direction: int = 1
     long_name: str = ""
     model: str = ""
@@ -59,6 +62,15 @@ class AnalogInput:
                 raise DriverError(
                     f"{name} must be positive", where=self.channel, value=value, limit="> 0"
                 )
+        kind = self.source.value_type
+        most = 0 if kind.is_float else 8 * kind.size - 1
+        if not 0 <= self.status_bits <= most:
+            raise DriverError(
+                "so many bits of the value cannot be status",
+                where=f"{self.channel}, {self.source}",
+                value=self.status_bits,
+                limit=f"0 to {most} of {kind.name}",
+            )
 
     def as_channel(self) -> Channel:
         """The input as a channel in its SI unit; its offset is the negative zero."""
@@ -78,18 +90,27 @@ class AnalogInput:
     @property
     def quantum(self) -> float:
         """The size of one count of a floating-point object, 0 for an integer."""
-        return self.volts_per_count if self.source.data_type.is_float else 0.0
+        return self.volts_per_count if self.source.value_type.is_float else 0.0
+
+    @property
+    def value_mask(self) -> int:
+        """The bits of the word that are the value; -1: all of them."""
+        return -(1 << self.status_bits)
 
     def saturated(self, counts: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which counts (n,) are at the end of the range, or at the level of an open line."""
+        """Which words (n,) are at the end of the range, at the level of an open line, or say by their status bits
+        that they are no value.
+        """
         # One per cent below full scale: converters stop a little before or exactly at their code's end.
         end = math.floor(0.99 * self.full_scale / self.volts_per_count)
-        saturated = np.abs(counts) >= end
-        if self.source.data_type.size and not self.source.data_type.is_float:
-            bits = self.source.data_type.size * 8
-            top = (1 << (bits - self.source.data_type.signed)) - 1
-            saturated |= (counts >= top) | (
-                counts <= -top - 1 if self.source.data_type.signed else False
+        status = (counts & ~self.value_mask) != 0
+        counts = counts & self.value_mask
+        saturated = (np.abs(counts) >= end) | status
+        kind = self.source.value_type
+        if kind.size and not kind.is_float:
+            top = (1 << (kind.size * 8 - kind.signed)) - 1
+            saturated |= (counts >= top & self.value_mask) | (
+                counts <= -top - 1 if kind.signed else False
             )
         if self.open_level is not None:
             saturated |= (
@@ -140,11 +161,19 @@ class AnalogModuleConfig:
 class AnalogModule:
     """The module on the bus; brought up with its inputs enabled, read by PDO."""
 
-    def __init__(self, bus: PumpedBus, config: AnalogModuleConfig) -> None:
+    def __init__(
+        self, bus: PumpedBus, config: AnalogModuleConfig, device: RemoteDevice | None = None
+    ) -> None:
         self.config = config
-        self.device = RemoteDevice(
+        self.device = device or RemoteDevice(
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
+
+    @property
+    def objects(self) -> list[ObjectRef]:
+        """What is to be mapped: the inputs' objects, each of them once."""
+        sources = {analog.source.key: analog.source for analog in self.config.inputs}
+        return list(sources.values())
 
     def bring_up(self) -> Identity:
         """From any NMT state to PRE-OPERATIONAL with every input configured and checked to be there."""
@@ -161,10 +190,14 @@ class AnalogModule:
         device.listen_to_emergencies()
         device.follow_sync()
         device.produce_heartbeat(self.config.heartbeat_ms)
+        self.check()
+        return identity
+
+    def check(self) -> None:
+        """See that every input is there, and let it be transmitted. Raises `DriverError`."""
         for analog in self.config.inputs:
             self._enable(analog)
-        device.write_wished(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
-        return identity
+        self.device.write_wished(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
 
     def _enable(self, analog: AnalogInput) -> None:
         """Check that the input exists; allow its transmission on any change (0x6421 = 7, 0x6426 = 0)."""
@@ -179,7 +212,7 @@ class AnalogModule:
         subindex = analog.source.subindex
         trigger = ObjectRef(TRIGGER, subindex, U8, "interrupt trigger selection")
         self.device.write_wished(trigger, 7, "SYNC triggers all the same")
-        delta = REAL32 if analog.source.data_type.is_float else U32
+        delta = REAL32 if analog.source.value_type.is_float else U32
         self.device.write_wished(
             ObjectRef(DELTA, subindex, delta, "interrupt delta"), 0, "SYNC triggers all the same"
         )

@@ -83,9 +83,11 @@ class CounterConfig:
 class Counter:
     """The counter on the bus; brought up and checked by SDO, read by PDO."""
 
-    def __init__(self, bus: PumpedBus, config: CounterConfig) -> None:
+    def __init__(
+        self, bus: PumpedBus, config: CounterConfig, device: RemoteDevice | None = None
+    ) -> None:
         self.config = config
-        self.device = RemoteDevice(
+        self.device = device or RemoteDevice(
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
         self.modulus = config.modulus
@@ -106,6 +108,12 @@ class Counter:
         device.listen_to_emergencies()
         device.follow_sync()
         device.produce_heartbeat(config.heartbeat_ms)
+        self.check()
+        return identity
+
+    def check(self) -> None:
+        """See that the count is there, and how far it reaches; write operating parameters. Raises `DriverError`."""
+        device, config = self.device, self.config
         try:
             device.read(config.position)
         except SdoAbortError as error:
@@ -124,7 +132,6 @@ class Counter:
         self._check_resolution()
         self.modulus = self._range()
         self._check_alarms()
-        return identity
 
     def _check_resolution(self) -> None:
         """Hold lines times multiplication against what the device says; contradictions are events,
@@ -160,7 +167,7 @@ class Counter:
     def _range(self) -> int:
         """The count's range: configured, else 0x6002, else that of the object's type."""
         position = self.device.typed(self.config.position)
-        whole = 1 << position.data_type.size * 8
+        whole = 1 << position.value_type.size * 8
         if self.config.modulus:
             return self.config.modulus
         if position.key != POSITION.key:
@@ -216,9 +223,11 @@ class Counter:
         config = self.config
         objects = [config.position]
         objects += [config.alarms] if config.alarms is not None and self.has_alarms else []
-        return objects + [
+        objects += [
             entry for entry in (config.index_position, config.index_status) if entry is not None
         ]
+        # Several numbers may lie in one object, which is mapped once.
+        return list({entry.key: entry for entry in reversed(objects)}.values())[::-1]
 
     @property
     def optional(self) -> frozenset[tuple[int, int]]:

@@ -119,6 +119,7 @@ class ColumnDecoder:
                 counts[:, i] = raw[:, column.field]
                 if column.analog is not None:
                     flags[column.analog.saturated(counts[:, i])] |= np.uint16(CycleFlag.SATURATED)
+                    counts[:, i] &= column.analog.value_mask
         self._mark(raw, bad, counts, flags, self._elapsed(sent, doubt, len(raw)))
         if absent is not None and absent.any():
             for slot, mark in enumerate(self._stale_marks):
@@ -138,6 +139,8 @@ class ColumnDecoder:
             column = self.columns[i]
             if column.kind == "plain":
                 counts[i] = raw[column.field]
+                if column.analog is not None:
+                    counts[i] &= column.analog.value_mask
             elif column.kind == "count":
                 counts[i] = self._row_unwrap(i, raw[column.field], column, flags)
             elif column.kind == "target_speed":

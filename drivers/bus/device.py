@@ -117,7 +117,11 @@ class RemoteDevice:
         return f"node {self.node_id}"
 
     def typed(self, entry: ObjectRef) -> ObjectRef:
-        """The entry with the number type that the device's EDS gives it, where it gives one."""
+        """The entry with the number type that the device's EDS gives it, where it gives one and the entry is one
+        number.
+        """
+        if entry.part is not None:
+            return entry
         described = (
             self.description.entry(entry.index, entry.subindex) if self.description else None
         )
@@ -133,6 +137,11 @@ class RemoteDevice:
 
     def number_of(self, entry: ObjectRef, data: bytes) -> int | float:
         """The number that an entry's bytes stand for."""
+        if entry.part is not None:
+            return self.number_of(
+                ObjectRef(entry.index, entry.subindex, entry.value_type, entry.name),
+                data[entry.offset : entry.offset + entry.value_type.size],
+            )
         typed = self.typed(entry)
         if 0 < len(data) < typed.data_type.size and not typed.data_type.is_float:
             return int.from_bytes(data, "little", signed=typed.data_type.signed)

@@ -33,10 +33,11 @@ from drivers.bus.cia301 import (
     ObjectRef,
 )
 from drivers.bus.device import DEVICE_TYPE, SYNC_COB, SYNC_GENERATE_BIT, RemoteDevice
-from drivers.bus.network import Event, Pump, PumpedBus, RawBus
+from drivers.bus.network import Pump, PumpedBus, RawBus
 from drivers.bus.sdo import SdoProtocolError, SdoTimeoutError
 from drivers.clock import Clock
 from drivers.errors import DriverError, OtherMasterError, ReadbackError
+from drivers.event import Event
 
 LEAST_TIME_NS: Final = 1_500_000_000
 """How long is listened at least [ns]."""

@@ -27,9 +27,9 @@ from drivers.bus.cia301 import (
 )
 from drivers.clock import Clock
 from drivers.errors import BusLostError, DriverError
+from drivers.event import Event, Level
 
 TimeBase = Literal["hardware", "device", "host", "virtual"]
-Level = Literal["info", "warning", "error"]
 FrameHandler = Callable[[bytes, int], None]
 Pump = Callable[[int], None]
 """Lets simulated devices of the same process run: it may advance a virtual clock up to the given
@@ -75,17 +75,6 @@ class RawBus(Protocol):
     def recv(self, timeout: float | None = None, /) -> can.Message | None: ...
 
     def shutdown(self) -> None: ...
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something worth a line in the run file: time [ns, base of the samples], level, code, source, text."""
-
-    time_ns: int
-    level: Level
-    code: str
-    source: str
-    text: str
 
 
 @dataclass(frozen=True)

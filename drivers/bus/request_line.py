@@ -58,11 +58,17 @@ class RequestLine:
 
     def is_idle(self, channel: str) -> bool:
         """Whether the device that carries a channel is being asked nothing."""
-        return self._places[channel].device.node_id not in self._conversations
+        place = self._places.get(channel)
+        return place is None or place.device.node_id not in self._conversations
 
     def reach(self, channel: str) -> Reach:
-        """How the device that carries a channel can be reached: by its heartbeat, its frames and its latest answer."""
-        place = self._places[channel]
+        """How the device that carries a channel can be reached: by its heartbeat, its frames and its latest answer.
+
+        A channel of a source beside the bus is in the cycles or nowhere: nobody can be asked for it here.
+        """
+        place = self._places.get(channel)
+        if place is None:
+            return Reach.PROCESS_DATA
         state = place.device.watch.state
         if state is NmtState.OPERATIONAL and place.arrives():
             return Reach.PROCESS_DATA
@@ -85,7 +91,9 @@ class RequestLine:
 
     def withdraw(self, channel: str) -> None:
         """Ask the device that carries a channel nothing any more; what still comes belongs to nobody."""
-        self._forget(self._places[channel].device.node_id)
+        place = self._places.get(channel)
+        if place is not None:
+            self._forget(place.device.node_id)
 
     def _forget(self, node_id: int) -> None:
         conversation = self._conversations.pop(node_id, None)

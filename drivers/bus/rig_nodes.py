@@ -12,8 +12,9 @@ from drivers import channel as names
 from drivers.bus.cia301 import ObjectRef
 from drivers.bus.cia401 import AnalogModule, AnalogModuleConfig
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
-from drivers.bus.cia406 import Counter, CounterConfig
+from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia402.drive import ServoAmplifier
+from drivers.bus.cia406 import POSITION, Counter, CounterConfig
 from drivers.bus.columns import Column, Kind, Validity
 from drivers.bus.device import Identity, Missing, RemoteDevice
 from drivers.bus.frames import SLOT_BYTES, Field, FrameLayout
@@ -22,7 +23,9 @@ from drivers.bus.pdo import MappedPdo, map_objects, pack
 from drivers.bus.request_line import Place
 from drivers.bus.set_points import COMMANDED
 from drivers.channel import Calibration, Channel, encoder_channel
+from drivers.counting import largest_step, require_range
 from drivers.errors import DriverError
+from drivers.port import Mode
 
 _ORDER = (
     names.INPUT_ANGLE,
@@ -132,17 +135,17 @@ class RigNodes:
         guard: GuardContact | None = None,
     ) -> None:
         self._bus, self._cycle_ns, self._encoder, self._guard = bus, cycle_ns, motor_encoder, guard
-        node_ids = [drive.node_id, *(c.node_id for c in counters), *(m.node_id for m in modules)]
-        if len(set(node_ids)) != len(node_ids) or bus.own_node_id in node_ids:
-            raise DriverError(
-                "every node needs a node-ID of its own",
-                where="bus",
-                value=node_ids,
-                limit=f"distinct, and not {bus.own_node_id}, the computer's own",
-            )
+        _require_own_nodes(bus.own_node_id, drive, counters, modules)
         self.drive = ServoAmplifier(bus, drive)
-        self.counters = [Counter(bus, c) for c in counters]
-        self.modules = [AnalogModule(bus, m) for m in modules]
+        shared: dict[int, RemoteDevice] = {}
+        self.counters: list[Counter] = []
+        self.modules: list[AnalogModule] = []
+        for config in counters:
+            self.counters.append(Counter(bus, config, shared.get(config.node_id)))
+            shared[config.node_id] = self.counters[-1].device
+        for config in modules:
+            self.modules.append(AnalogModule(bus, config, shared.get(config.node_id)))
+            shared[config.node_id] = self.modules[-1].device
         self.identities: dict[str, Identity] = {}
         self.commands: list[MappedPdo] = []
         self.layout = FrameLayout([], [])
@@ -153,12 +156,9 @@ class RigNodes:
 
     @property
     def devices(self) -> list[RemoteDevice]:
-        """All nodes, the drive first."""
-        return [
-            self.drive.device,
-            *(c.device for c in self.counters),
-            *(m.device for m in self.modules),
-        ]
+        """All nodes, the drive first; a coupler that holds several counters and inputs is one of them."""
+        held = [part.device for part in (*self.counters, *self.modules)]
+        return [self.drive.device, *dict.fromkeys(held)]
 
     def missing(self) -> dict[int, list[Missing]]:
         """What each node does not offer, by node-ID."""
@@ -170,17 +170,24 @@ class RigNodes:
         self.identities["servo amplifier"] = readings.identity
         if readings.counts_per_revolution:
             self._check_encoder(readings.counts_per_revolution)
-        for counter in self.counters:
-            self.identities[f"counter {counter.config.channel}"] = counter.bring_up()
-        for module in self.modules:
-            self.identities[f"analog module {module.config.node_id}"] = module.bring_up()
+        held = self._held()
+        for first, *others in held.values():
+            identity = first.bring_up()
+            for part in others:
+                part.check()
+            self.identities[" and ".join(_name_of(part) for part in (first, *others))] = identity
         transmitted = self._map_drive()
-        for counter in self.counters:
-            transmitted += self._map_counter(counter)
-        for module in self.modules:
-            transmitted += self._map_module(module)
+        for device, parts in held.items():
+            transmitted += self._map_parts(device, parts)
         _require_own_identifiers([*transmitted, *self.commands])
         self._lay_out(transmitted)
+
+    def _held(self) -> dict[RemoteDevice, list[Counter | AnalogModule]]:
+        """The counters and inputs of each node beside the drive."""
+        held: dict[RemoteDevice, list[Counter | AnalogModule]] = {}
+        for part in (*self.counters, *self.modules):
+            held.setdefault(part.device, []).append(part)
+        return held
 
     def _check_encoder(self, reported: float) -> None:
         counts = self._encoder.lines * self._encoder.multiplication
@@ -207,13 +214,15 @@ class RigNodes:
             wanted.append(obj.POSITION)
             encoder = self._encoder
             resolution = encoder.lines * encoder.multiplication
+            most = largest_step(resolution, encoder.largest_speed, self._cycle_ns)
+            require_range(most, encoder.modulus, self._cycle_ns, f"{device.where}, {obj.POSITION}")
             self._sources.append(
                 _Source(
                     channel=encoder.as_channel(names.INPUT_ANGLE),
                     kind="count",
                     node_id=node_id,
                     entry=obj.POSITION,
-                    largest_step=largest_step(resolution, encoder.largest_speed, self._cycle_ns),
+                    largest_step=most,
                 )
             )
             optional += self._latch_sources()
@@ -319,22 +328,45 @@ class RigNodes:
         self._seen[0] = seen
         return objects
 
-    def _map_counter(self, counter: Counter) -> list[MappedPdo]:
+    def _map_parts(
+        self, device: RemoteDevice, parts: Sequence[Counter | AnalogModule]
+    ) -> list[MappedPdo]:
+        """Map what the counters and inputs of one node need, and the guard's input where it is there."""
+        wanted: dict[tuple[int, int], ObjectRef] = {}
+        needed: set[tuple[int, int]] = set()
+        for part in parts:
+            if isinstance(part, Counter):
+                self._add_counter(part)
+                needed |= {e.key for e in part.objects} - part.optional
+            else:
+                self._add_module(part)
+                needed |= {e.key for e in part.objects}
+            wanted = {e.key: e for e in part.objects} | wanted
+        wanted |= {e.key: e for e in self._guard_of(device.node_id, list(wanted.values()))}
+        return map_objects(
+            device,
+            list(wanted.values()),
+            is_transmit=True,
+            optional=frozenset(wanted) - needed,
+        )
+
+    def _add_counter(self, counter: Counter) -> None:
         config = counter.config
         whole = counter.modulus if counter.modulus <= 1 << 32 else 0
         channel = config.as_channel(whole)
+        # Without a speed of its own its shaft turns no faster than the motor's.
+        speed = config.largest_speed or self._encoder.largest_speed
+        resolution = config.lines * config.multiplication
+        most = largest_step(resolution, speed, self._cycle_ns)
+        where = f"{counter.device.where}, {config.position}"
+        require_range(most, whole, self._cycle_ns, where)
         self._sources.append(
             _Source(
                 channel=channel,
                 kind="count",
                 node_id=config.node_id,
                 entry=config.position,
-                largest_step=largest_step(
-                    config.lines * config.multiplication,
-                    # Without a speed of its own its shaft turns no faster than the motor's.
-                    config.largest_speed or self._encoder.largest_speed,
-                    self._cycle_ns,
-                ),
+                largest_step=most,
             )
         )
         if config.index_position is not None:
@@ -359,13 +391,8 @@ class RigNodes:
                     seen=seen,
                 )
             )
-        guard = self._guard_of(config.node_id, counter.objects)
-        optional = counter.optional | {entry.key for entry in guard}
-        return map_objects(
-            counter.device, [*counter.objects, *guard], is_transmit=True, optional=optional
-        )
 
-    def _map_module(self, module: AnalogModule) -> list[MappedPdo]:
+    def _add_module(self, module: AnalogModule) -> None:
         for analog in module.config.inputs:
             self._sources.append(
                 _Source(
@@ -377,14 +404,6 @@ class RigNodes:
                     analog=analog,
                 )
             )
-        wanted = [analog.source for analog in module.config.inputs]
-        guard = self._guard_of(module.config.node_id, wanted)
-        return map_objects(
-            module.device,
-            [*wanted, *guard],
-            is_transmit=True,
-            optional=frozenset(e.key for e in guard),
-        )
 
     def _guard_of(self, node_id: int, others: Sequence[ObjectRef]) -> list[ObjectRef]:
         """The guard's input, where it is one of this node and not mapped with its other objects anyway."""
@@ -417,17 +436,19 @@ class RigNodes:
                 )
             )
         fields: list[Field] = []
-        place: dict[tuple[int, tuple[int, int]], int] = {}
+        place: dict[tuple[int, tuple[int, int], int], int] = {}
 
         def field_of(node_id: int, entry: ObjectRef, quantum: float = 0.0) -> int:
-            key = (node_id, entry.key)
+            key = (node_id, entry.key, entry.offset)
             if key not in place:
                 for slot, pdo in enumerate(pdos):
                     offset = pdo.offset_of(entry.key) if pdo.node_id == node_id else None
                     if offset is not None:
                         mapped = next(e for e in pdo.entries if e.key == entry.key)
                         place[key] = len(fields)
-                        fields.append(Field(str(entry), slot, offset, mapped.data_type, quantum))
+                        kind = mapped.data_type if entry.part is None else entry.value_type
+                        at = offset + entry.offset
+                        fields.append(Field(str(entry), slot, at, kind, quantum))
                         break
             return place.get(key, -1)
 
@@ -562,8 +583,10 @@ class RigNodes:
         described["servo amplifier"] |= {
             "rated_torque": f"{readings.rated_torque:g} N m",
             "velocity_unit": f"{readings.velocity_unit:g} rad/s",
-            "speed_mode": str(readings.speed_mode.name if readings.speed_mode else "none"),
-            "torque_mode": str(readings.torque_mode.name if readings.torque_mode else "none"),
+            "speed_mode": " or ".join(mode.name for mode in self.drive.modes_for(Mode.SPEED))
+            or "none",
+            "torque_mode": " or ".join(mode.name for mode in self.drive.modes_for(Mode.TORQUE))
+            or "none",
             **{name: f"{value:g}" for name, value in readings.settings.items()},
         }
         described["mapping"] = {f"slot {i}": str(pdo) for i, pdo in enumerate(self.layout.pdos)}
@@ -577,11 +600,33 @@ class RigNodes:
         return described
 
 
-def largest_step(resolution: int, speed: float, cycle_ns: int) -> int:
-    """Counts that a shaft with `resolution` counts per revolution turns at `speed` [rad/s] within one
-    cycle, with one to spare.
+def _name_of(part: Counter | AnalogModule) -> str:
+    if isinstance(part, Counter):
+        return f"counter {part.config.channel}"
+    return f"analog module {part.config.node_id}"
+
+
+def _require_own_nodes(
+    own_node_id: int,
+    drive: DriveConfig,
+    counters: Sequence[CounterConfig],
+    modules: Sequence[AnalogModuleConfig],
+) -> None:
+    """Raise `DriverError` where a node-ID is given twice. Only a coupler may hold several counters and inputs: its
+    counters are objects of terminals, not the position of an encoder.
     """
-    return 1 + math.ceil(speed * cycle_ns * 1e-9 * resolution / (2.0 * math.pi))
+    encoders = [c.node_id for c in counters if c.position.key == POSITION.key]
+    couplers = {c.node_id for c in counters if c.position.key != POSITION.key}
+    inputs = [m.node_id for m in modules]
+    node_ids = [drive.node_id, *encoders, *couplers, *(n for n in inputs if n not in couplers)]
+    is_own = own_node_id not in node_ids and len(set(inputs)) == len(inputs)
+    if len(set(node_ids)) != len(node_ids) or not is_own:
+        raise DriverError(
+            "every node needs a node-ID of its own",
+            where="bus",
+            value=[drive.node_id, *(c.node_id for c in counters), *inputs],
+            limit=f"distinct (but for the terminals of one coupler), and not {own_node_id}, the computer's own",
+        )
 
 
 def _require_own_identifiers(pdos: Sequence[MappedPdo]) -> None:

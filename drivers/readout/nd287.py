@@ -29,7 +29,7 @@ from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataErro
 STX, ACK, NAK, ESC = b"\x02", b"\x06", b"\x15", b"\x1b"
 LINE_LENGTH: Final = 17
 _MS: Final = 1_000_000
-_LINE_ERRORS: Final = (serial.SerialException, OSError, _termios_error)
+LINE_ERRORS: Final = (serial.SerialException, OSError, _termios_error)
 _LONGEST_ANSWER: Final = 256
 _MOST_EMPTY_LINES: Final = 200
 """The output tail can be set to 99 empty lines."""
@@ -178,12 +178,14 @@ class ReadoutConfig:
     silence_ms: float = 100.0
 
 
-def open_port(config: ReadoutConfig) -> SerialPort:
-    """Open the line. Raises `BusLostError` when it is not there, `DriverError` for settings that cannot be."""
+def open_port(config: ReadoutConfig, *, waits: bool = True) -> SerialPort:
+    """Open the line; `waits`: a read waits 10 ms for its bytes.
+
+    Raises `BusLostError` when it is not there, `DriverError` for settings that cannot be."""
     try:
         try:
-            return _opened(config)
-        except _LINE_ERRORS as error:
+            return _opened(config, waits)
+        except LINE_ERRORS as error:
             if error.args[:1] != (errno.EINVAL,):
                 raise
             # A pseudo-terminal keeps neither parity nor data bits, and refuses settings of which
@@ -194,11 +196,11 @@ def open_port(config: ReadoutConfig) -> SerialPort:
                 if config.stop_bits != serial.STOPBITS_ONE
                 else serial.STOPBITS_TWO
             )
-            _opened(replace(config, data_bits=8, parity="N", stop_bits=other)).close()
-            return _opened(config)
+            _opened(replace(config, data_bits=8, parity="N", stop_bits=other), waits).close()
+            return _opened(config, waits)
     except ValueError as error:
         raise DriverError(f"the serial line cannot be set so: {error}", where=config.url) from error
-    except _LINE_ERRORS as error:
+    except LINE_ERRORS as error:
         raise BusLostError(
             f"the serial line cannot be opened: {error}",
             where=config.url,
@@ -206,7 +208,7 @@ def open_port(config: ReadoutConfig) -> SerialPort:
         ) from error
 
 
-def _opened(config: ReadoutConfig) -> SerialPort:
+def _opened(config: ReadoutConfig, waits: bool) -> SerialPort:
     return serial.serial_for_url(
         config.url,
         baudrate=config.baud,
@@ -214,7 +216,7 @@ def _opened(config: ReadoutConfig) -> SerialPort:
         parity=config.parity,
         stopbits=config.stop_bits,
         xonxoff=config.xon_xoff,
-        timeout=0.01,
+        timeout=0.01 if waits else 0.0,
         write_timeout=1.0,
     )
 
@@ -277,7 +279,7 @@ class Readout:
         """Release the line; never raises because it is already gone."""
         try:
             self._port.close()
-        except _LINE_ERRORS:
+        except LINE_ERRORS:
             return
 
     # --- inside
@@ -324,7 +326,7 @@ class Readout:
         while True:
             try:
                 data = self._port.read(count)
-            except _LINE_ERRORS as error:
+            except LINE_ERRORS as error:
                 raise self._gone(error) from error
             if data:
                 return bytes(data)
@@ -362,13 +364,13 @@ class Readout:
     def _send(self, data: bytes) -> None:
         try:
             self._port.write(data)
-        except _LINE_ERRORS as error:
+        except LINE_ERRORS as error:
             raise self._gone(error) from error
 
     def _flush(self) -> None:
         try:
             self._port.reset_input_buffer()
-        except _LINE_ERRORS as error:
+        except LINE_ERRORS as error:
             raise self._gone(error) from error
 
     def _deadline(self, duration_ms: float) -> int:

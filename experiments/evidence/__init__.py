@@ -27,6 +27,9 @@ UNFINISHED = ("ABORTED", "TRIPPED", "ERROR", "INTERRUPTED")
 MARK_REPEATABILITY = 2
 """Counts by which an index mark may come back elsewhere without saying anything."""
 
+PAIRED = ("input_angle", "output_angle", "torque")
+"""Channels whose values are paired cycle by cycle."""
+
 WHOLE_CYCLE = 0.5
 """SYNC cycles of skew from which on a channel's process data are those of another cycle, not just latched later."""
 
@@ -55,6 +58,7 @@ def check_recording(
     be said otherwise.
     """
     where = recording.metadata.run_id
+    _refuse_polled(recording, purpose)
     if recording.rows < least_rows:
         raise AnalysisError(
             f"the recording is too short for {purpose}",
@@ -86,6 +90,22 @@ def check_recording(
         )
     warnings += index_remarks(recording) + skew_remark(recording)
     return Checked(cycles, missed, tuple(warnings))
+
+
+def _refuse_polled(recording: Recording, purpose: str) -> None:
+    """Values that were taken at times of their own are no half of a pair."""
+    signals = recording.signals
+    polled = [name for name in PAIRED if name in signals and signals[name].acquired == "polled"]
+    if polled:
+        raise AnalysisError(
+            f"{purpose} pairs values of one SYNC, and these were polled at times of their own",
+            where=recording.metadata.run_id,
+            value=", ".join(polled),
+            limit="latched at the SYNC",
+            remedy="Record them by a device that the SYNC latches; their own times are in "
+            + ", ".join(f"{name}_taken" for name in polled)
+            + ".",
+        )
 
 
 def cycles_of(recording: Recording) -> tuple[int, int, int]:

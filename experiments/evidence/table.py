@@ -2,7 +2,8 @@
 
 Every analysis passes it first, from one place (`experiments.catalogue.load`). Each row names what
 it looks at, for which kinds of analysis, and by which function; the functions stand in `motion`,
-`continuity`, `torque`, `sampling` and `tare`. A check that a recording lacks the channels for says "not checked".
+`continuity`, `torque`, `sampling`, `steps` and `tare`. A check that a recording lacks the channels for
+says "not checked".
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import continuity, motion, sampling, tare, torque
+from experiments.evidence import continuity, motion, sampling, steps, tare, torque
 from experiments.evidence.finding import Finding
 from experiments.evidence.holds import Recorded
 from experiments.result import Check
@@ -62,6 +63,11 @@ def _mode(recorded: Recorded) -> bool:
     return "frequency" in recorded.quantities
 
 
+def _shaped(recorded: Recorded) -> bool:
+    """Whether it rests on jumps of speed, and the run tells how its drive followed them."""
+    return _mode(recorded) and recorded.experiment.has_plan and steps.tells_mode(recorded)
+
+
 def _torque(recorded: Recorded) -> bool:
     """Whether it rests on a torque."""
     return "torque" in recorded.experiment.needs
@@ -75,6 +81,7 @@ def _tare(recorded: Recorded) -> bool:
     return recorded.evidence.tare is not None
 
 
+CYCLIC = "Use a drive with cyclic synchronous velocity, or leave steps to recordings made with one."
 RUN_AGAIN = "Run it again, to its end."
 RECORD_AGAIN = "Repair the acquisition and record again, or allow more missed cycles with --largest-missed-share."
 LOOK_AT_PORT = (
@@ -106,6 +113,7 @@ TABLE: tuple[Row, ...] = (
     Row("continuity", _set_speed, continuity.continuity, RECORD_AGAIN),
     Row("skew of the encoders", _output, motion.skew, SYNC_DEVICES, False),
     Row("sampling of the resonance", _mode, sampling.resonance, HIGHER_RATE),
+    Row("shape of the steps", _shaped, steps.shape_of_the_steps, CYCLIC, False),
     Row("count lattice", _transmission, sampling.count_lattice, OTHER_SPEED, False),
     Row("sign of the torque", _torque, torque.sign, LOOK_AT_PORT),
     Row("reach of the motor", _torque, torque.reach, LOOK_AT_PORT),

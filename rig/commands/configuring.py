@@ -25,15 +25,27 @@ File = Annotated[Path, typer.Argument(metavar="[FILE]", help="The description of
 
 @config.command("new")
 @config.command("init", hidden=True)
-def new(file: File = Path("rig.toml")) -> None:
+def new(
+    file: File = Path("rig.toml"),
+    example: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="A worked example of some devices in place of the template, such as epos4; "
+            "a name that there is not lists them.",
+        ),
+    ] = "",
+) -> None:
     """Write a description with every word explained, to be filled in, and with an identity of its own for this bench.
 
-    A file that exists is left alone.
+    A file that exists is left alone. The worked examples are made from the devices' documents and were never run.
     """
+    from rig.bench.config.examples import example_text
     from rig.bench.identity import new_bench_id
     from rig.errors import ConfigurationError
 
-    text = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
+    template = resources.files("rig.bench.config").joinpath("template.toml")
+    text = example_text(example) if example else template.read_text(encoding="utf-8")
     text = text.replace('id = ""         ', f'id = "{new_bench_id()}"', 1)
     try:
         with file.open("x", encoding="utf-8") as out:
@@ -95,6 +107,8 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
     today = datetime.now(UTC).date()
     channels = {"motor encoder": configuration.motor_encoder.calibration}
     channels |= {c.channel: c.calibration for c in configuration.counters}
+    for source in configuration.sources:
+        channels |= {} if source.certified is None else {source.channel: source.certified}
     inputs = [a for module in configuration.analog_modules for a in module.inputs]
     channels |= {a.channel: a.calibration for a in inputs}
     warnings = [

@@ -21,7 +21,9 @@ from rig.runfile.read import close_recording
 
 TARES = 8
 """Analysed tares that are kept at hand; each holds an open file."""
-FOLDERS = 64
+GEARS = 256
+"""Gears whose acceptance file is kept at hand."""
+FOLDERS = 16
 """Folders whose index is kept at hand."""
 
 
@@ -41,7 +43,9 @@ class Neighbours(Surroundings):
 
     def library(self, folder: Path) -> LibraryIndex:
         """The runs of a folder, as they were when it was first asked for."""
-        library = self._libraries.setdefault(folder, LibraryIndex(folder, once=True))
+        library = self._libraries.get(folder)
+        if library is None:
+            library = self._libraries[folder] = LibraryIndex(folder, once=True)
         self._libraries.move_to_end(folder)
         if len(self._libraries) > FOLDERS:
             self._libraries.popitem(last=False)
@@ -78,6 +82,8 @@ class Neighbours(Surroundings):
         """By what a gear is judged: the file that was named, else that of its card; and a hash of what it says."""
         key = (named, folder, serial)
         if key not in self._accepted:
+            if len(self._accepted) >= GEARS:
+                self._accepted.clear()
             found = acceptance_named(named) if named else acceptance_for(folder, serial)
             self._accepted[key] = (found, "" if found is None else digest(acceptance_text(found)))
         return self._accepted[key]

@@ -115,17 +115,19 @@ def work_for(
     reused: list[str] = []
     failed: list[tuple[str, str]] = []
     places: dict[Path, _Place] = {}
+    whole_base = base.resolve()
     for run in runs:
         if run.parent not in places:
             places[run.parent] = _Place(run.parent, job)
         place = places[run.parent]
+        whole = place.whole(run)
         kind = job.kind or place.protocol(run)
-        run_file = name_from(base, run)
+        run_file = _name(whole_base, whole)
         before = known.get((run_file, kind))
         now = place.surroundings(run, kind)
         if before is None or before.surroundings != now or _is_tried_again(before):
             key = before.key if before is not None and not before.failure else ""
-            tasks.append(RunTask(run_file, there.path(run), kind, now, key))
+            tasks.append(RunTask(run_file, there.seen(whole), kind, now, key))
         elif before.failure:
             failed.append((run_file, before.failure))
         else:
@@ -139,7 +141,10 @@ def _is_tried_again(known: Known) -> bool:
 
 def name_from(base: Path, run: Path) -> str:
     """How the table names a run: relative to the folder that holds the results where it lies within, else whole."""
-    whole, base = run.resolve(), base.resolve()
+    return _name(base.resolve(), run.resolve())
+
+
+def _name(base: Path, whole: Path) -> str:
     return (whole.relative_to(base) if whole.is_relative_to(base) else whole).as_posix()
 
 
@@ -166,7 +171,10 @@ class PathMap:
 
     def path(self, run: Path) -> str:
         """A run as the workers find it. Raises `ConfigurationError` for one that lies elsewhere."""
-        whole = run.resolve()
+        return self.seen(run.resolve())
+
+    def seen(self, whole: Path) -> str:
+        """The same for a path without links and dots."""
         if not self.here:
             return str(whole)
         if not whole.is_relative_to(self.here):
@@ -185,6 +193,7 @@ class _Place:
 
     def __init__(self, folder: Path, job: Job) -> None:
         self._folder, self._job = folder, job
+        self._whole = folder.resolve()
         listed = LibraryIndex(folder, once=True).search()
         self._runs: dict[str, IndexedRun] = {one.path.name: one for one in listed}
         self._common = digest(
@@ -203,6 +212,10 @@ class _Place:
         )
         self._listed = listed
         self._gears: dict[str, str] = {}
+
+    def whole(self, run: Path) -> Path:
+        """The path of a run without links and dots."""
+        return run.resolve() if run.is_symlink() else self._whole / run.name
 
     def protocol(self, run: Path) -> str:
         """The protocol by which a run was made; "" where it cannot be read."""

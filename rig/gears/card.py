@@ -16,7 +16,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
@@ -348,8 +348,20 @@ def card_path(folder: str | Path, serial: str) -> Path:
     own = cards_folder(folder) / name
     if own.exists():
         return own
-    above = (cards_folder(place) / name for place in Path(folder).resolve().parents)
-    return next((path for path in above if path.is_file()), own)
+    for place in _above(folder):
+        # Asked for thousands of gears: texts, not paths.
+        path = os.path.join(place, FOLDER, name)
+        if os.path.isfile(path):
+            return Path(path)
+    return own
+
+
+def _above(folder: str | Path) -> Iterator[str]:
+    """The folders above a folder, the nearest first."""
+    place = os.path.abspath(folder)
+    while (higher := os.path.dirname(place)) != place:
+        yield higher
+        place = higher
 
 
 def card_for(folder: str | Path, serial: str) -> GearCard | None:
@@ -382,7 +394,7 @@ class ListedCard:
 def list_cards(folder: str | Path) -> tuple[ListedCard, ...]:
     """The cards that count in a folder of runs, by serial number; unreadable ones with their reason."""
     nearest: dict[str, Path] = {}
-    for place in (Path(folder), *Path(folder).resolve().parents):
+    for place in (folder, *_above(folder)):
         for path in cards_folder(place).glob("*.toml"):
             nearest.setdefault(path.name, path)
     cards = []

@@ -1,7 +1,8 @@
 """Arming a run on hardware: what must be true before a rig that can hurt somebody is allowed to move.
 
     before it is connected   operator named, gear named, confirmation typed: the gear's serial number, letter for letter
-    while it is connected    guard closed (where the configuration names its input), limits written and read back
+    while it is connected    guard closed (where the configuration names its input), limits written and read back,
+                             the computer's loss watched by the drive or covered otherwise
 
 Every rule is a row here; a rule that is not met refuses the run, and nothing has moved. The limits
 are written and compared by `rig.run.session`; the drive is switched on only after all of it.
@@ -9,7 +10,7 @@ are written and compared by `rig.run.session`; the drive is switched on only aft
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.errors import DriverError
@@ -80,6 +81,30 @@ def refuse_unarmed(arming: Arming) -> None:
                 value=None if typed is None else repr(typed),
                 remedy=rule.remedy(arming),
             )
+
+
+def loss_check(unwatched: Callable[[], Sequence[str]] | None, covered_by: str) -> Check:
+    """Whether the motor stops when the computer is lost: the drive sees to it, or the rig's description says
+    what does. `unwatched` gives the reasons why the drive would not; None: nobody knows.
+    """
+    reasons = unwatched() if unwatched is not None else ("nobody knows whether it would",)
+    if not reasons:
+        return Check("loss of the computer", "ok", "the drive watches the computer's heartbeat")
+    text = f"the drive does not stop by itself: {'; '.join(reasons)}"
+    if covered_by.strip():
+        return Check(
+            "loss of the computer",
+            "warning",
+            f"{text}. Covered by: {covered_by.strip()}",
+            "Try it with the motor free, before a gear is mounted.",
+        )
+    return Check(
+        "loss of the computer",
+        "failed",
+        text,
+        "Cover it by hardware (a watchdog relay in the safe-torque-off line, the drive's own life guarding), try it "
+        "with the motor free, and say it as `computer_loss_covered_by` in [drive].",
+    )
 
 
 def guard_check(read: Callable[[], tuple[int, bool]] | None) -> Check:

@@ -100,6 +100,8 @@ def header_of(
         "motor": planned.motor.name,
         "planned_duration": planned.nominal,
     }
+    if mode := description.devices.get("servo amplifier", {}).get("speed_mode", ""):
+        process["speed_mode"] = mode.lower().replace("_", " ")
     if order.bench:
         process["bench"] = order.bench
     if order.output_bearing:

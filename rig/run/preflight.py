@@ -7,6 +7,7 @@ warning is kept in it as an event.
 
 from __future__ import annotations
 
+import math
 import shutil
 import tempfile
 from collections.abc import Sequence
@@ -39,6 +40,14 @@ LARGEST_ZERO = 0.1
 MISSED_SHARE = 0.05
 READBACK_TOLERANCE = 0.02
 """Drives hold their limits in coarse units (0.1 % of rated torque, whole r/min)."""
+
+
+_HELD_OTHERWISE = {
+    "torque": "Name the object by which it limits torque: `torque_limit` and `torque_limit_unit_n_m` in [drive].",
+    "deceleration": "A drive with one ramp for both holds it if `acceleration_rad_s2` and `deceleration_rad_s2` in "
+    "[limits] are the same.",
+}
+"""What to do where a drive lacks the usual object of a limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,6 +209,13 @@ def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:
     """The drive's limits as they read back; a drive that holds others than were written must not be armed."""
     written, read = asdict(wanted), asdict(present)
     for name, value in written.items():
+        if math.isfinite(value) and math.isinf(read[name]):
+            raise LimitError(
+                f"the drive holds no limit of its {name.replace('_', ' ')}: it is not armed",
+                where="drive limits",
+                limit=f"{value:.5g} as written",
+                remedy=_HELD_OTHERWISE.get(name, "`rig doctor` lists the objects that it lacks."),
+            )
         if not abs(read[name] - value) <= READBACK_TOLERANCE * abs(value):
             raise LimitError(
                 f"the drive's {name.replace('_', ' ')} limit reads back differently: it is not armed",
@@ -218,6 +234,10 @@ def _limit_words(name: str, value: float) -> str:
     return f"{name.replace('_', ' ')} {value / factor:.4g} {unit}"
 
 
+PAIRED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
+"""Channels that every protocol pairs: each value belongs to the same SYNC as those of the others."""
+
+
 def standing_checks(
     channels: Sequence[Channel],
     counts: NDArray[np.int64],
@@ -230,6 +250,13 @@ def standing_checks(
     column = {channel.name: i for i, channel in enumerate(channels)}
     by_name = {channel.name: channel for channel in channels}
     checks = [_completeness(flags)]
+    polled = [name for name in PAIRED if name in column and by_name[name].acquired == "polled"]
+    if polled:
+        evidence = f"{', '.join(polled)}: polled at times of their own, not latched at the SYNC"
+        remedy = (
+            "Wire the SYNC to the device's trigger line, or take the channel from another device."
+        )
+        checks.append(Check("pairs", "failed", evidence, remedy))
     if STATUSWORD in column:
         checks.append(_state(int(counts[-1, column[STATUSWORD]])))
     for name in (INPUT_ANGLE, OUTPUT_ANGLE):

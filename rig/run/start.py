@@ -27,7 +27,7 @@ from rig.bench.backends.registry import (
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.library.folder import RunPlace, claim_run
-from rig.run.arming import Arming, guard_check, refuse_unarmed
+from rig.run.arming import Arming, guard_check, loss_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run, vars_of
@@ -277,7 +277,11 @@ def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
 
 def arm(rig: AssembledRig) -> tuple[Check, ...]:
     """What is looked at last before a rig in real time may move."""
-    return (*claim_real_time(rig.priority, rig.lock_memory), guard_check(rig.guard))
+    return (
+        *claim_real_time(rig.priority, rig.lock_memory),
+        guard_check(rig.guard),
+        loss_check(rig.port.abilities.unwatched, rig.loss_covered_by),
+    )
 
 
 def watchdog_of(rig: AssembledRig, cycles: int) -> Watchdog | None:

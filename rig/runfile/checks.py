@@ -29,6 +29,7 @@ LARGEST_RATE, SMALLEST_RATE = 1e9, 1e-9
 ORIGINS_OF_BACKEND: Final[dict[str, tuple[str, ...]]] = {
     "sim": ("simulated",),
     "wire": ("simulated",),
+    "wire-box": ("simulated",),
     "hardware": ("hardware", "simulated"),
     "replay": ("replay",),
     "import": ("imported",),

@@ -147,6 +147,8 @@ def _write_instrument(file: h5py.File, header: RunHeader) -> None:
         for name in ("lines", "multiplication", "modulus"):
             layout.create_field(group, name, int(getattr(channel, name)))
         layout.create_field(group, "counts_per_revolution", channel.lines * channel.multiplication)
+        if channel.acquired != "latched":
+            layout.create_field(group, "acquired", channel.acquired)
         layout.create_field(group, "quantum", float(channel.quantum), channel.unit)
         calibration = layout.create_group(file, f"{group.name}/calibration", "NXcollection")
         layout.create_field(calibration, "scale", float(channel.gain), f"{channel.unit}/count")
@@ -308,6 +310,7 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
         serial_number=layout.read_text(device, "serial_number"),
         lines=int(layout.read_number(device, "lines", 0)),
         multiplication=int(layout.read_number(device, "multiplication", 0)),
+        acquired="polled" if layout.read_text(device, "acquired") == "polled" else "latched",
         calibration=Calibration(**calibration),
     )
     return Column(channel, cast(Any, dtype))

@@ -136,8 +136,8 @@ class Column:
 
     @classmethod
     def of(cls, channel: Channel) -> Column:
-        """The column of a rig's channel: counters of angles in int64, everything else in int32."""
-        return cls(channel, "int64" if channel.unit in _ANGLE_UNITS else "int32")
+        """The column of a rig's channel: counters of angles and times in int64, everything else in int32."""
+        return cls(channel, "int64" if channel.unit in (*_ANGLE_UNITS, "s") else "int32")
 
     @property
     def name(self) -> str:

@@ -49,6 +49,7 @@ from sim_backend.servo_drive import ServoDrive
 from sim_backend.truth import tell
 from sim_backend.wire.analog_input import AnalogInput
 from sim_backend.wire.counter import Counter
+from sim_backend.wire.counter_box import BoxLine, CounterBox
 from sim_backend.wire.drive import Drive, DriveDevice
 from sim_backend.wire.line import BenchBus, BenchSerial, Frame, WireFault
 from sim_backend.wire.readout import Readout
@@ -176,6 +177,10 @@ class WireBench:
         self.counter = Counter(COUNTER_NODE, revolution[names.OUTPUT_ANGLE], self._from_device)
         self.analog_input = AnalogInput(ANALOG_INPUT_NODE, self._from_device)
         self.slaves: tuple[Slave, ...] = (self.drive, self.counter, self.analog_input)
+        self.counter_box = CounterBox(
+            lambda: int(self._counts[self._column[names.OUTPUT_ANGLE]]),
+            revolution[names.OUTPUT_ANGLE],
+        )
         self._output_scale = by_name[names.OUTPUT_ANGLE].scale
         self.readout = Readout(
             lambda: float(self._counts[self._column[names.OUTPUT_ANGLE]]) * self._output_scale
@@ -270,6 +275,10 @@ class WireBench:
         """Open the readout's serial line."""
         return BenchSerial(self)
 
+    def box_line(self) -> BoxLine:
+        """Open the line to the counter box."""
+        return BoxLine(self)
+
     def listen(self, owner: object, listener: Listener) -> None:
         """Hand every frame on the bus to `listener`, except those that `owner` sends."""
         self._listeners.append((owner, listener))
@@ -328,6 +337,11 @@ class WireBench:
             if self._faults
             else []
         )
+
+    def line_faults(self) -> list[WireFault]:
+        """Those of the cycle whose SYNC has been, for lines that are used between two SYNCs."""
+        at = max(self._cycle - 1, 0)
+        return [f for f in self._faults if isinstance(f, WireFault) and f.active(at)]
 
     # Frames and time ----------------------------------------------------------------------------------------------
 
@@ -455,6 +469,8 @@ class WireBench:
             self._deliver(*frame, None)
         self._held = [(until, frame) for until, frame in self._held if until > self._cycle]
         self._advance_plant()
+        if reached:
+            self.counter_box.trigger()
         for slave in following:
             slave.send_synchronous()
         self._cycle += 1

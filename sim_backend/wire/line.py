@@ -70,6 +70,14 @@ class WireFault(Fault):
         """What becomes of the bytes that the readout sends."""
         return answer
 
+    def from_box(self, answer: bytes) -> bytes:
+        """What becomes of a line that the counter box on TCP sends."""
+        return answer
+
+    def cuts_box(self) -> bool:
+        """Whether its network cable is pulled."""
+        return False
+
     # The same, counted: for the bench that lets it happen.
 
     def fall_on(self, bench: Any, cycle: int) -> None:
@@ -89,6 +97,12 @@ class WireFault(Fault):
     def alter_from_readout(self, answer: bytes) -> bytes:
         """What becomes of the bytes that the readout sends."""
         altered = self.from_readout(answer)
+        self.effects.frames += altered != answer
+        return altered
+
+    def alter_from_box(self, answer: bytes) -> bytes:
+        """What becomes of a line that the counter box sends."""
+        altered = self.from_box(answer)
         self.effects.frames += altered != answer
         return altered
 

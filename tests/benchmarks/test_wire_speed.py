@@ -61,7 +61,7 @@ def rig() -> Any:
 def frames(rig: CanRig) -> Frames:
     """Process data of three nodes in motion, as they came over the bus: per cycle, per slot."""
     store, kept = CycleStore(rig.nodes.layout), []
-    bus = rig._live_bus()
+    bus = rig.segment._live_bus()
     taken = [bus._handlers[pdo.cob_id] for pdo in rig.nodes.layout.pdos]
     row = [b""] * len(taken)
 

@@ -11,12 +11,12 @@ import can
 import numpy as np
 
 from drivers.bus.cia401 import AnalogModuleConfig, torque_input
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.network import Event
 from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
+from drivers.event import Event
 from drivers.port import Command, DriveLimits, Guard, Mode
 from tests.drivers.canopen_peer import Bench, CounterPeer, DrivePeer, Peer, analog_eds
 

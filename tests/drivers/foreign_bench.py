@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.network import Event
 from drivers.bus.rig_nodes import MotorEncoder
 from drivers.clock import VirtualClock
+from drivers.event import Event
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.samples import SampleBlock
 from tests.drivers.foreign_drive import ForeignDrive

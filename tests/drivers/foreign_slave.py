@@ -45,6 +45,8 @@ class Traits:
     tpdo_type: int = 255
     is_type_locked: bool = False
     """A transmission type changes only while the PDO does not exist."""
+    most_objects: int = 4
+    """Objects that one PDO takes, whatever their length."""
     unsized: bool = False
     segmented: bool = False
     wrong_toggle: bool = False
@@ -329,9 +331,13 @@ class Slave:
         if not is_mapping:
             if sub == 1 and exists and not value >> 31 and (value ^ self.value(index, 1)) & 0x7FF:
                 return BAD_VALUE
-            return NOT_NOW if sub == 2 and exists and self.traits.is_type_locked else 0
+            # CiA 301: an inhibit time does not change while the PDO exists.
+            is_locked = sub == 3 or (sub == 2 and self.traits.is_type_locked)
+            return NOT_NOW if exists and is_locked else 0
         if exists or (sub and self.value(index)):
             return NOT_NOW
+        if (sub or value) > self.traits.most_objects:
+            return NO_SUB if sub else 0x06040042
         words = [value] if sub else [self.value(index, i) for i in range(1, value + 1)]
         for word in words:
             mapped = (word >> 16, word >> 8 & 0xFF)

@@ -8,7 +8,7 @@ import can
 import numpy as np
 import pytest
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRigConfig
 from drivers.bus.rig_nodes import MotorEncoder
@@ -189,7 +189,8 @@ def test_torque_mode_needs_a_speed_limit_that_was_read_back(bench: Setup) -> Non
 
 
 def test_a_drive_without_torque_and_limits_says_what_is_missing() -> None:
-    made = setup(eds_text=drive_eds(torque=False, limits=False))
+    told = DriveConfig(rated_torque=0.637, acceleration_unit=RPM)
+    made = setup(eds_text=drive_eds(torque=False, limits=False), drive=told)
     made.rig.open()
     names = [c.name for c in made.rig.channels]
     assert DRIVE_TORQUE not in names
@@ -197,7 +198,7 @@ def test_a_drive_without_torque_and_limits_says_what_is_missing() -> None:
     back = made.rig.write_limits(LIMITS)
     assert all(np.isinf(getattr(back, n)) for n in ("torque", "speed", "acceleration"))
     missing = {m.index for m in made.rig.missing()[1]}
-    assert {0x6072, 0x6076, 0x6080, 0x6083} <= missing
+    assert {0x6072, 0x6077, 0x6080, 0x6083} <= missing
     assert len(made.speed(100, 3)) == 3
     with pytest.raises(DriverError):
         made.rig.exchange(Command(Mode.TORQUE, np.zeros(3)), 3, Guard())

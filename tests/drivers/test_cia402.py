@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
-from drivers.bus.cia402.units import unit_si
+from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia402.drive import ServoAmplifier
+from drivers.bus.cia402.plausible import unit_si
 from drivers.bus.device import RemoteDevice
 from drivers.bus.network import PumpedBus
 from drivers.bus.pdo import map_objects

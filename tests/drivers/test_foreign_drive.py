@@ -234,9 +234,7 @@ def test_a_fault_is_not_acknowledged_by_closing() -> None:
 @pytest.mark.parametrize(
     ("absent", "mode", "words"),
     [
-        ({0x6076}, Mode.TORQUE, "no set-points for cyclic torque"),
         ({0x6071}, Mode.TORQUE, "no set-points for cyclic torque"),
-        ({0x60A9}, Mode.SPEED, "no set-points for cyclic velocity"),
         ({0x60FF}, Mode.SPEED, "no set-points for cyclic velocity"),
         ({0x6080}, Mode.TORQUE, "needs a speed limit that the drive holds itself"),
         ({0x6060}, Mode.SPEED, "0x6060:0"),
@@ -303,12 +301,12 @@ def test_a_drive_that_answers_no_more_is_let_go_by_process_data() -> None:
 )
 def test_a_restart_while_the_rig_is_being_opened_is_an_error(absent: set[int], words: str) -> None:
     with bench(Traits(absent=frozenset(absent))) as made:
-        prepare = made.rig._prepare
+        prepare = made.rig.segment._prepare
 
         def interrupted(*arguments: object) -> None:
             prepare(*arguments)  # type: ignore[arg-type]
             made.drive.reboot()
 
-        made.rig._prepare = interrupted  # type: ignore[method-assign]
+        made.rig.segment._prepare = interrupted  # type: ignore[method-assign]
         with pytest.raises(DriverError, match=words):
             made.rig.open()

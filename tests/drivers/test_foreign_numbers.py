@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.dictionary.eds import parse_eds
 from drivers.channel import INPUT_ANGLE
 from drivers.clock import VirtualClock

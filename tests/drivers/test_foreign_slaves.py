@@ -12,7 +12,8 @@ import pytest
 from canopen import SdoAbortedError
 
 from drivers.bus.cia301 import I32, U16, ObjectRef
-from drivers.bus.cia402.drive import DriveConfig, ServoAmplifier
+from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.bus.device import RemoteDevice
 from drivers.bus.network import PumpedBus
 from drivers.bus.pdo import map_objects, read_pdo

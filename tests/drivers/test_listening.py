@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import can
 import pytest
 
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.listening import listening_time_ns
 from drivers.bus.rig_nodes import MotorEncoder

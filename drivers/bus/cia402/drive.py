@@ -11,17 +11,17 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Final
 
-from drivers.bus.cia301 import NmtState, ObjectRef, error_code_text
+from drivers.bus.cia301 import NmtState, error_code_text
 from drivers.bus.cia402 import tables as obj
-from drivers.bus.cia402 import units
+from drivers.bus.cia402.config import DriveConfig, DriveReadings
 from drivers.bus.cia402.limits import write_limits
 from drivers.bus.cia402.settings import read_settings, write_interpolation_time
 from drivers.bus.cia402.tables import OperationMode
-from drivers.bus.device import Identity, Missing, RemoteDevice
-from drivers.bus.dictionary.eds import DeviceDescription
+from drivers.bus.cia402.units import read_units
+from drivers.bus.device import RemoteDevice
 from drivers.bus.network import PumpedBus
 from drivers.bus.sdo import SdoAbortError
 from drivers.drive_state import DriveState, drive_state
@@ -36,56 +36,6 @@ _RESET_MS: Final = 3000
 """How long a drive may take to come out of a fault: some restart their power stage or their encoder for it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriveConfig:
-    """What has to be known of a servo amplifier beforehand. Zero or None: ask the drive.
-
-    `counts_per_revolution` of 0x6064 per motor revolution; `velocity_unit` [rad/s per count of
-    0x60FF]; `acceleration_unit` [rad/s2 per count of 0x6083]; `rated_torque` [N m]; modes in order
-    of preference; heartbeats and time-outs [ms]; option codes of CiA 402: 0x6007 = 3 quick stop
-    when the computer's heartbeat is lost, 0x605A = 2 quick stop ramp then power off, 0x605E = 2
-    quick stop ramp in a fault; `gains` further objects to read back.
-    """
-
-    node_id: int = 1
-    description: DeviceDescription | None = None
-    counts_per_revolution: float = 0.0
-    velocity_unit: float | None = None
-    acceleration_unit: float | None = None
-    rated_torque: float | None = None
-    speed_modes: tuple[int, ...] = (OperationMode.CYCLIC_VELOCITY, OperationMode.PROFILE_VELOCITY)
-    torque_modes: tuple[int, ...] = (OperationMode.CYCLIC_TORQUE, OperationMode.PROFILE_TORQUE)
-    heartbeat_ms: int = 100
-    computer_heartbeat_ms: int = 50
-    computer_lost_ms: int = 250
-    abort_connection_option: int = 3
-    quick_stop_option: int = 2
-    fault_reaction_option: int = 2
-    state_timeout_ms: int = 5000
-    sdo_timeout_ms: int = 300
-    gains: tuple[ObjectRef, ...] = ()
-    latch_index: bool = True
-    """Use touch probe 1 to latch the position at the motor encoder's index mark, where the drive has it."""
-    actual_torque: ObjectRef = obj.TORQUE
-    torque_unit: float | None = None
-    """Torque of one count of `actual_torque` [N m]; None: a thousandth of the rated torque, as 0x6077 has it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriveReadings:
-    """What the drive said of itself when it was brought up: identity, units, gains, options, and what it lacks."""
-
-    identity: Identity
-    rated_torque: float
-    counts_per_revolution: float
-    velocity_unit: float
-    acceleration_unit: float
-    speed_mode: OperationMode | None
-    torque_mode: OperationMode | None
-    settings: dict[str, float] = field(default_factory=dict)
-    missing: list[Missing] = field(default_factory=list)
-
-
 class ServoAmplifier:
     """A drive on the bus. `bring_up` first; PDOs are the acquisition's business, this class speaks SDO."""
 
@@ -95,6 +45,8 @@ class ServoAmplifier:
             bus, config.node_id, config.description, config.sdo_timeout_ms * _MS
         )
         self._readings: DriveReadings | None = None
+        self._unwatched: tuple[str, ...] = ("nothing has been agreed yet",)
+        self._unstopped: tuple[str, ...] = ()
         self._mode_now: OperationMode | None = None
         self._is_mode_unknown = False
         self.limits: DriveLimits | None = None
@@ -137,8 +89,7 @@ class ServoAmplifier:
                 device.where,
                 "a heartbeat was configured, but none was heard",
             )
-        counts = units.counts_per_revolution(device, config.counts_per_revolution)
-        velocity_unit = units.velocity_unit(device, config.velocity_unit, counts)
+        found = read_units(device, config.units, identity.vendor_id)
         settings = self._write_options() | read_settings(device, config.gains)
         write_interpolation_time(device, cycle_ns)
         supported = device.read_optional(
@@ -147,12 +98,12 @@ class ServoAmplifier:
         self._is_mode_unknown = supported is None
         self._readings = DriveReadings(
             identity=identity,
-            rated_torque=units.rated_torque(device, config.rated_torque),
-            counts_per_revolution=counts,
-            velocity_unit=velocity_unit,
-            acceleration_unit=units.acceleration_unit(
-                device, config.acceleration_unit, velocity_unit, counts
-            ),
+            rated_torque=found.rated_torque,
+            torque_limit_unit=found.torque_limit_unit,
+            counts_per_revolution=found.counts_per_revolution,
+            velocity_unit=found.velocity_unit,
+            acceleration_unit=found.acceleration_unit,
+            questions=found.questions,
             speed_mode=self._choose(config.speed_modes, supported),
             torque_mode=self._choose(config.torque_modes, supported),
             settings=settings,
@@ -182,7 +133,16 @@ class ServoAmplifier:
     def arm_heartbeat(self) -> bool:
         """Start the computer's heartbeat and let the drive watch it; False if the drive cannot."""
         self.bus.start_heartbeat(self.config.computer_heartbeat_ms * _MS)
-        return self.device.consume_heartbeat(self.config.computer_lost_ms)
+        is_watching = self.device.consume_heartbeat(self.config.computer_lost_ms)
+        self._unwatched = (
+            () if is_watching else ("it does not hear the computer's heartbeat (0x1016)",)
+        )
+        return is_watching
+
+    @property
+    def unwatched(self) -> tuple[str, ...]:
+        """Why the drive would not stop by itself when the computer is lost, in words; empty: it would."""
+        return (*self._unwatched, *self._unstopped)
 
     def _write_options(self) -> dict[str, float]:
         config, written = self.config, {}
@@ -210,6 +170,10 @@ class ServoAmplifier:
                 done = False
             if done:
                 written[entry.name] = float(value)
+            elif entry is obj.ABORT_OPTION:
+                self._unstopped = (
+                    f"it cannot be told to stop then (0x6007 = {config.abort_connection_option})",
+                )
         return written
 
     def _choose(
@@ -281,22 +245,15 @@ class ServoAmplifier:
 
     def enable(self, mode: Mode) -> None:
         """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
-        readings, config = self.readings, self.config
-        operation, preferred = (
-            (readings.speed_mode, config.speed_modes)
-            if mode is Mode.SPEED
-            else (readings.torque_mode, config.torque_modes)
-        )
-        if operation is None:
+        candidates = self.modes_for(mode)
+        if not candidates:
+            preferred = self.config.speed_modes if mode is Mode.SPEED else self.config.torque_modes
             raise DriverError(
                 f"the drive supports none of the modes for {mode.value}",
                 where=f"{self.device.where}, 0x6502:0",
                 limit=", ".join(str(m) for m in preferred),
             )
-        if mode is Mode.SPEED and not readings.velocity_unit > 0.0:
-            raise _unknown_unit(self.device.where, "velocity_unit", "rad/s per count of 0x60FF")
-        if mode is Mode.TORQUE and not readings.rated_torque > 0.0:
-            raise _unknown_unit(self.device.where, "rated_torque", "N m")
+        self._require("velocity_unit_rad_s" if mode is Mode.SPEED else "rated_torque_n_m")
         if mode is Mode.TORQUE and (self.limits is None or not math.isfinite(self.limits.speed)):
             raise DriverError(
                 "torque mode needs a speed limit that the drive holds itself",
@@ -309,13 +266,37 @@ class ServoAmplifier:
         elif self.state() is not DriveState.ENABLED:
             self.device.write(obj.TARGET_VELOCITY, 0)
         try:
-            self._choose_one(
-                [OperationMode(m) for m in preferred] if self._is_mode_unknown else [operation]
-            )
+            self._choose_one(candidates)
             self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
         except DriverError:
             self._give_up()
             raise
+
+    def modes_for(self, mode: Mode) -> tuple[OperationMode, ...]:
+        """The modes of operation that it turns in by speed or by torque: one, unless only choosing them shows which
+        of the preferred ones it has.
+        """
+        readings, config = self.readings, self.config
+        chosen, preferred = (
+            (readings.speed_mode, config.speed_modes)
+            if mode is Mode.SPEED
+            else (readings.torque_mode, config.torque_modes)
+        )
+        if chosen is None:
+            return ()
+        if self._is_mode_unknown:
+            return tuple(OperationMode(m) for m in preferred)
+        return (chosen,)
+
+    def _require(self, *entries: str) -> None:
+        """Raise `DriverError` where a unit is not known that is needed now, with the question that is open."""
+        for question in self.readings.questions:
+            if question.entry in entries:
+                raise DriverError(
+                    question.why,
+                    where=self.device.where,
+                    remedy=f"Give `{question.entry}` in [drive] of the rig's description. {question.hint}",
+                )
 
     def _give_up(self) -> None:
         """Enabling has failed, and nothing may come of it later: an enabled drive is quick-stopped,
@@ -480,11 +461,12 @@ class ServoAmplifier:
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write torque, speed and ramp limits, rounded to the safe side, and return what reads back; inf: not held."""
         readings = self.readings
-        torque_unit = units.torque_limit_unit(self.device, readings.rated_torque)
+        self._require("rated_torque_n_m", "velocity_unit_rad_s", "acceleration_unit_rad_s2")
         self.limits, profile = write_limits(
             self.device,
             limits,
-            torque_unit=torque_unit,
+            torque_unit=self.config.torque_limit_unit or readings.torque_limit_unit,
+            torque_entry=self.config.torque_limit,
             velocity_unit=readings.velocity_unit,
             acceleration_unit=readings.acceleration_unit,
         )
@@ -492,12 +474,3 @@ class ServoAmplifier:
         if math.isfinite(self.limits.speed):
             return self.limits
         return replace(self.limits, speed=math.inf if readings.speed_mode is None else profile)
-
-
-def _unknown_unit(where: str, entry: str, unit: str) -> DriverError:
-    return DriverError(
-        "the drive does not tell its unit",
-        where=where,
-        value=entry,
-        remedy=f"Give `{entry}` [{unit}] from the drive's manual or nameplate in the rig's configuration.",
-    )

@@ -20,18 +20,21 @@ def write_limits(
     limits: DriveLimits,
     *,
     torque_unit: float,
+    torque_entry: ObjectRef = obj.MAX_TORQUE,
     velocity_unit: float,
     acceleration_unit: float,
 ) -> tuple[DriveLimits, float]:
     """Write `limits` [SI] in the drive's units [N m, rad/s, rad/s2 per count]; what it holds, and
     its profile velocity's limit.
 
-    The speed is that of 0x6080, which holds in every mode; 0x607F, the second value, holds for profiles. inf: not held.
+    `torque_entry` is the object that limits torque, where it is another than 0x6072. A drive without
+    0x6084 slows down by 0x6083 (CiA 402), which holds both ramps if they are to be the same. The speed
+    is that of 0x6080, which holds in every mode; 0x607F, the second value, holds for profiles. inf: not held.
     Raises `DriverError` for a limit that cannot be expressed, `ReadbackError` for one that reads back differently.
     """
     no_torque_limit = "the drive does not limit torque"
-    torque = _limit(device, obj.MAX_TORQUE, limits.torque, torque_unit, no_torque_limit)
-    if not math.isfinite(torque):
+    torque = _limit(device, torque_entry, limits.torque, torque_unit, no_torque_limit)
+    if not math.isfinite(torque) and torque_entry.key == obj.MAX_TORQUE.key:
         either = (obj.POSITIVE_TORQUE_LIMIT, obj.NEGATIVE_TORQUE_LIMIT)
         torque = max(
             _limit(device, entry, limits.torque, torque_unit, no_torque_limit) for entry in either
@@ -60,6 +63,8 @@ def write_limits(
             (obj.QUICK_STOP_DECELERATION, limits.quick_stop_deceleration),
         )
     ]
+    if math.isinf(ramps[1]) and limits.deceleration == limits.acceleration:
+        ramps[1] = ramps[0]
     return DriveLimits(torque, speed, *ramps), profile
 
 

@@ -1,151 +1,212 @@
 """What a CiA 402 drive's numbers are in SI: rated torque, counts per revolution, units of velocity and acceleration.
 
-The configuration holds; the drive is asked for what it leaves open, and contradictions are events.
-What neither says is NaN and stands among the missing objects; using it is an error that names the
-entry of the configuration.
+The configuration holds; the drive is asked for what it leaves open, its answer is judged
+(`plausible`), and contradictions are events. What neither says is NaN, its `Question` is kept, and
+using it is an error that says the question.
 """
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Final
 
+from drivers.bus.cia301 import ObjectRef
+from drivers.bus.cia402 import plausible
 from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402.plausible import Question
 from drivers.bus.device import RemoteDevice
+from drivers.bus.sdo import SdoAbortError
 
-_NUMERATORS: Final[Mapping[int, float]] = {
-    0x10: 1.0,
-    0x41: math.pi / 180.0,
-    0xB4: 2.0 * math.pi,
-    0xC0: math.pi / 30.0,
+_SAME: Final = 0.02
+"""Two per cent: a rated torque is rounded on nameplates and in objects."""
+_MICRO: Final = 1000.0
+"""uN m where the standard has mN m."""
+_CONSEQUENCES: Final[Mapping[tuple[int, int], str]] = {
+    obj.RATED_TORQUE.key: "the rated torque must stand in the configuration",
+    obj.FEED.key: "counts per revolution must stand in the configuration",
+    obj.FEED_REVOLUTIONS.key: "counts per revolution must stand in the configuration",
+    obj.ENCODER_INCREMENTS.key: "counts per revolution must stand in the configuration",
+    obj.ENCODER_REVOLUTIONS.key: "counts per revolution must stand in the configuration",
+    obj.GEAR_MOTOR.key: "no electronic gear",
+    obj.GEAR_SHAFT.key: "no electronic gear",
+    obj.VELOCITY_UNIT.key: "the velocity unit must stand in the configuration",
+    obj.VELOCITY_ENCODER_FACTOR.key: "the velocity unit must stand in the configuration",
+    obj.VELOCITY_ENCODER_DIVISOR.key: "the velocity unit must stand in the configuration",
+    obj.ACCELERATION_UNIT.key: "the unit of its ramps must stand in the configuration",
 }
-"""Radian, degree, revolution; 0xC0 is the revolution per minute, as drives write it over a second for accelerations."""
-_DENOMINATORS: Final[Mapping[int, float]] = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0, 0x57: 1.0}
-"""Second, minute, hour, square second."""
-_INCREMENTS: Final = 0xB5
+"""What the rig loses where the drive lacks the object; others are asked for evidence only."""
 
 
-def unit_si(word: int, counts: float) -> float | None:
-    """The SI value of one count by a unit word as 0x60A9 and 0x60AA have it (prefix, numerator,
-    denominator), or None.
+@dataclass(frozen=True, kw_only=True)
+class Configured:
+    """What the configuration says of the drive's units; None or 0: the drive is asked.
+
+    `motor_torque` [N m] is the rated torque of the motor that the rig's description names.
     """
-    prefix = int.from_bytes(bytes([word >> 24 & 0xFF]), "little", signed=True)
-    numerator, denominator = word >> 16 & 0xFF, word >> 8 & 0xFF
-    angle = _NUMERATORS.get(numerator)
-    if numerator == _INCREMENTS and counts > 0:
-        angle = 2.0 * math.pi / counts
-    duration = _DENOMINATORS.get(denominator)
-    if angle is None or duration is None or not -24 <= prefix <= 24:
+
+    rated_torque: float | None = None
+    counts_per_revolution: float = 0.0
+    velocity_unit: float | None = None
+    acceleration_unit: float | None = None
+    motor_torque: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """A drive's numbers in SI, NaN (counts: 0) where nobody says, and the questions that are open then.
+
+    `torque_limit_unit` [N m] is that of one count of 0x6072: of the rated torque and of 0x6076 the
+    larger, so that the limit holds whichever is right.
+    """
+
+    rated_torque: float
+    counts_per_revolution: float
+    velocity_unit: float
+    acceleration_unit: float
+    torque_limit_unit: float
+    questions: tuple[Question, ...]
+
+    def question(self, entry: str) -> Question | None:
+        """The open question that a word of the description answers."""
+        return next((asked for asked in self.questions if asked.entry == entry), None)
+
+
+def read_units(device: RemoteDevice, configured: Configured, vendor_id: int = 0) -> Units:
+    """Ask the drive for its units, judge its answers, and hold the configuration against them."""
+    given = _given_keys(configured)
+
+    def read(entry: ObjectRef) -> float | None:
+        consequence = _CONSEQUENCES.get(entry.key)
+        if consequence is not None and entry.key not in given:
+            return device.read_optional(entry, consequence)
+        with contextlib.suppress(SdoAbortError):
+            return device.read(entry)
         return None
-    return 10.0**prefix * angle / duration
 
-
-def rated_torque(device: RemoteDevice, configured: float | None) -> float:
-    """Rated torque [N m]: the configuration's, else 0x6076, which is in mN m, else NaN."""
-    reported = device.read_optional(
-        obj.RATED_TORQUE, "the rated torque must stand in the configuration"
+    stated = plausible.read_statement(read, vendor_id=vendor_id)
+    questions: list[Question] = []
+    own_torque = plausible.rated_torque(stated, configured.motor_torque)
+    _compare_torque(device, stated.rated_torque, own_torque, configured.rated_torque)
+    torque = _settled(configured.rated_torque, own_torque, questions)
+    counts = _counts(device, stated, configured.counts_per_revolution, questions)
+    own_velocity = plausible.velocity_unit(stated, counts)
+    own_acceleration = plausible.acceleration_unit(stated, counts)
+    for name, own, said in (
+        ("velocity-unit", own_velocity, configured.velocity_unit),
+        ("acceleration-unit", own_acceleration, configured.acceleration_unit),
+    ):
+        _compare_unit(device, name, own, said)
+    velocity = _settled(configured.velocity_unit, own_velocity, questions)
+    acceleration = _settled(configured.acceleration_unit, own_acceleration, questions)
+    for question in questions:
+        code = question.entry.removesuffix("_n_m").removesuffix("_rad_s").removesuffix("_rad_s2")
+        if question.entry != "counts_per_revolution":
+            device.bus.emit("warning", code.replace("_", "-"), device.where, str(question))
+    return Units(
+        rated_torque=torque,
+        counts_per_revolution=counts,
+        velocity_unit=velocity,
+        acceleration_unit=acceleration,
+        torque_limit_unit=_torque_limit_unit(torque, own_torque),
+        questions=tuple(questions),
     )
-    if reported and configured and abs(reported * 1e-3 - configured) > 0.02 * configured:
-        device.bus.emit(
-            "warning",
-            "rated-torque",
-            device.where,
-            f"0x6076 says {reported * 1e-3:g} N m, the configuration {configured:g} N m; torque is read by the "
-            "configuration, and the torque limit is written so that it holds by either",
-        )
+
+
+def _given_keys(configured: Configured) -> set[tuple[int, int]]:
+    """The objects that the configuration makes needless: that they are not there costs nothing."""
+    given: set[tuple[int, int]] = set()
+    if configured.rated_torque:
+        given.add(obj.RATED_TORQUE.key)
+    if configured.velocity_unit:
+        given |= {
+            obj.VELOCITY_UNIT.key,
+            obj.VELOCITY_ENCODER_FACTOR.key,
+            obj.VELOCITY_ENCODER_DIVISOR.key,
+        }
+    if configured.acceleration_unit:
+        given.add(obj.ACCELERATION_UNIT.key)
+    return given
+
+
+def _settled(configured: float | None, own: float | Question, questions: list[Question]) -> float:
+    """The configuration's value, else the drive's; NaN and its question where neither says."""
     if configured:
         return configured
-    if reported:
-        return float(reported) * 1e-3
-    device.note_missing(
-        obj.RATED_TORQUE,
-        "torque is not known in N m: give `rated_torque` from the motor's nameplate",
-    )
-    return math.nan
+    if isinstance(own, Question):
+        questions.append(own)
+        return math.nan
+    return own
 
 
-def torque_limit_unit(device: RemoteDevice, rated: float) -> float:
-    """N m per count of 0x6072: of the rated torque and of 0x6076 the larger, so that the limit
-    holds whichever is right.
-    """
-    reported = (
-        float(
-            device.read_optional(
-                obj.RATED_TORQUE, "the rated torque must stand in the configuration"
-            )
-            or 0
-        )
-        * 1e-3
-    )
-    return max(rated, reported) / 1000.0 if rated > 0.0 else rated
-
-
-def counts_per_revolution(device: RemoteDevice, configured: float) -> float:
-    """Counts of 0x6064 per motor revolution: the configuration's, else 0x6092 over the gear 0x6091,
-    else 0x608F; 0: unknown.
-    """
-    read, why = device.read_optional, "counts per revolution must stand in the configuration"
-    feed, shaft = read(obj.FEED, why), read(obj.FEED_REVOLUTIONS, why)
-    motor, driven = (
-        read(obj.GEAR_MOTOR, "no electronic gear"),
-        read(obj.GEAR_SHAFT, "no electronic gear"),
-    )
-    increments, turns = read(obj.ENCODER_INCREMENTS, why), read(obj.ENCODER_REVOLUTIONS, why)
-    reported = 0.0
-    if feed and shaft:
-        reported = feed / shaft * ((driven / motor) if motor and driven else 1.0)
-    if reported <= 1.0 and increments:
-        # A feed constant that nobody has set is one unit per revolution: the drive counts increments.
-        reported = increments / (turns or 1)
-    if configured and reported > 1.0 and abs(reported - configured) > 1e-9 * configured:
+def _counts(
+    device: RemoteDevice,
+    stated: plausible.Statement,
+    configured: float,
+    questions: list[Question],
+) -> float:
+    """Counts of 0x6064 per motor revolution; 0: unknown."""
+    own = plausible.counts_per_revolution(stated)
+    if isinstance(own, Question):
+        if not configured:
+            questions.append(own)
+        return configured
+    if configured and abs(own - configured) > 1e-9 * configured:
         device.bus.emit(
             "warning",
             "counts-per-revolution",
             device.where,
-            f"the drive says {reported:g} counts per revolution, the configuration {configured:g}; "
+            f"the drive says {own:g} counts per revolution, the configuration {configured:g}; "
             "the configuration holds",
         )
-    return configured or reported
+    return configured or own
 
 
-def velocity_unit(device: RemoteDevice, configured: float | None, counts: float) -> float:
-    """rad/s per count of 0x60FF: the configuration's, else 0x60A9, else 0x6094 (counts per second
-    and unit), else NaN.
-    """
-    if configured:
-        return configured
-    read, why = device.read_optional, "the velocity unit must stand in the configuration"
-    word = read(obj.VELOCITY_UNIT, why)
-    if word is not None and (unit := unit_si(int(word), counts)) is not None:
-        return unit
-    factor, divisor = (
-        read(obj.VELOCITY_ENCODER_FACTOR, why),
-        read(obj.VELOCITY_ENCODER_DIVISOR, why),
-    )
-    if factor and divisor and counts > 0:
-        return factor / divisor * 2.0 * math.pi / counts
-    return math.nan
+def _compare_torque(
+    device: RemoteDevice, raw: int | None, own: float | Question, configured: float | None
+) -> None:
+    """Say where 0x6076 and the configuration differ, and what follows."""
+    if not raw or not configured or abs(raw * 1e-3 - configured) <= _SAME * configured:
+        return
+    says = f"0x6076 says {raw * 1e-3:g} N m, the configuration {configured:g} N m; "
+    if isinstance(own, Question) or _is_micro(own, configured):
+        why = (
+            "that is the same in uN m, a thousandth of the standard's unit"
+            if _is_micro(raw * 1e-3, configured)
+            else "no motor of this rig has what the drive says"
+        )
+        text = f"{says}{why}: the configuration holds, for the torque limit as well"
+    else:
+        text = (
+            f"{says}torque is read by the configuration, and the torque limit is written so that "
+            "it holds by either"
+        )
+    device.bus.emit("warning", "rated-torque", device.where, text)
 
 
-def acceleration_unit(
-    device: RemoteDevice, configured: float | None, velocity: float, counts: float = 0.0
-) -> float:
-    """rad/s2 per count of 0x6083: the configuration's, else 0x60AA, else the velocity unit per
-    second, with a warning.
-    """
-    if configured:
-        return configured
-    word = device.read_optional(
-        obj.ACCELERATION_UNIT, "ramps are taken in velocity units per second"
-    )
-    if word is not None and (unit := unit_si(int(word), counts)) is not None:
-        return unit
+def _compare_unit(
+    device: RemoteDevice, code: str, own: float | Question, configured: float | None
+) -> None:
+    if not configured or isinstance(own, Question) or abs(own - configured) <= 1e-3 * configured:
+        return
     device.bus.emit(
         "warning",
-        "acceleration-unit",
+        code,
         device.where,
-        f"the drive does not tell the unit of its ramps; {velocity:g} rad/s2 per count is taken: "
-        "check against its manual and give `acceleration_unit`",
+        f"the drive states {own:.6g} per count for its {code.replace('-', ' ')} (SI), the configuration "
+        f"{configured:.6g}; the configuration holds",
     )
-    return velocity
+
+
+def _torque_limit_unit(torque: float, own: float | Question) -> float:
+    """N m per count of 0x6072: the drive may reckon by another rated torque than the configuration's."""
+    if not torque > 0.0 or isinstance(own, Question) or _is_micro(own, torque):
+        return torque / 1000.0
+    return max(torque, own) / 1000.0
+
+
+def _is_micro(stated: float, configured: float) -> bool:
+    """Whether the drive's rated torque is the configuration's in a thousandth of the standard's unit."""
+    return abs(stated / _MICRO - configured) <= _SAME * configured

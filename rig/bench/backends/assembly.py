@@ -89,6 +89,7 @@ class AssembledRig:
 
     Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
     reads the input of the guard's contact (value, whether that means closed) once the rig is open,
+    `loss_covered_by` says what stops the motor when the computer is lost and the drive does not see to it,
     `reaction` [s] is how long an exchange may take, `priority` and `lock_memory` are what the loop
     asks of the computer.
 
@@ -103,6 +104,7 @@ class AssembledRig:
     nodes: Callable[[], RigNodes] | None = None
     second_bus: Callable[[], RawBus] | None = None
     guard: Callable[[], tuple[int, bool]] | None = None
+    loss_covered_by: str = ""
     reaction: float = 0.02
     priority: int = 0
     lock_memory: bool = False

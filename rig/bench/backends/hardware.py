@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
@@ -23,6 +23,7 @@ from drivers.errors import DriverError
 from drivers.readout.nd287 import ReadoutConfig
 from model.motor import ServoMotor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.sources import Shafts, sources_of
 from rig.bench.config import schema as described
 from rig.bench.config.load import DEFAULT_PATH, load_configuration
 from rig.bench.config.schema import RigConfiguration
@@ -42,15 +43,18 @@ def hardware(request: RigRequest) -> AssembledRig:
     """The rig that the request's configuration describes. Raises `ConfigurationError`; nothing is connected yet."""
     path = request.configuration or DEFAULT_PATH
     configuration = load_configuration(path)
-    config = can_rig_config(
-        configuration,
-        request.motor,
-        path.parent,
-        round(1e9 / request.sample_rate),
-        request.gear.mounted_ratio(request.mounting) if request.gear_mounted else 1.0,
-    )
+    ratio = request.gear.mounted_ratio(request.mounting) if request.gear_mounted else 1.0
+    cycle_ns = round(1e9 / request.sample_rate)
+    config = can_rig_config(configuration, request.motor, path.parent, cycle_ns, ratio)
     bus, clock = bus_config(configuration), WallClock()
-    port = CanRig(config, clock, lambda: open_raw_bus(bus), time_base=bus.time_base)
+    fastest = SPEED_ROOM * request.motor.maximum_speed
+    port = CanRig(
+        config,
+        clock,
+        lambda: open_raw_bus(bus),
+        sources=sources_of(configuration, Shafts(fastest, fastest / ratio), clock),
+        time_base=bus.time_base,
+    )
     real_time, guard = configuration.real_time, configuration.guard
     return AssembledRig(
         name="hardware",
@@ -60,6 +64,7 @@ def hardware(request: RigRequest) -> AssembledRig:
         nodes=lambda: port.nodes,
         second_bus=lambda: open_raw_bus(bus),
         guard=None if guard is None else lambda: _read_guard(port, guard),
+        loss_covered_by=configuration.drive.computer_loss_covered_by,
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,
         lock_memory=real_time.lock_memory,
@@ -97,7 +102,7 @@ def can_rig_config(
     rated_torque = configuration.drive.rated_torque or motor.rated_torque
     return CanRigConfig(
         cycle_ns=cycle_ns,
-        drive=_drive(configuration.drive, folder),
+        drive=_drive(configuration.drive, motor, folder),
         motor_encoder=MotorEncoder(
             **encoder.settings(),
             largest_speed=fastest,
@@ -144,11 +149,13 @@ def _counter(
     return CounterConfig(**values)
 
 
-def _drive(drive: described.Drive, folder: Path) -> DriveConfig:
+def _drive(drive: described.Drive, motor: ServoMotor, folder: Path) -> DriveConfig:
     values = _node(drive, folder)
     for name in ("speed_modes", "torque_modes"):
         values[name] = tuple(_MODES[mode] for mode in values[name])
-    return DriveConfig(**values)
+    # What covers the loss of the computer is for whoever arms, not for the drive.
+    del values["computer_loss_covered_by"]
+    return DriveConfig(**values, motor_torque=motor.rated_torque)
 
 
 def _module(

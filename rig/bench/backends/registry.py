@@ -67,6 +67,12 @@ def _on_the_wire(request: RigRequest) -> AssembledRig:
     return on_the_wire(request)
 
 
+def _on_the_wire_with_box(request: RigRequest) -> AssembledRig:
+    from rig.bench.backends.simulated import on_the_wire_with_box
+
+    return on_the_wire_with_box(request)
+
+
 def _hardware(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.hardware import hardware
 
@@ -85,6 +91,7 @@ HARDWARE = "hardware"
 BACKENDS: dict[str, Callable[[RigRequest], AssembledRig]] = {
     "sim": _simulated,
     "wire": _on_the_wire,
+    "wire-box": _on_the_wire_with_box,
     HARDWARE: _hardware,
 }
 """Every rig there is, by the name given to --backend; a replay is named by its file."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 import zlib
-from collections.abc import Callable
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from drivers import channel as names
@@ -22,6 +22,7 @@ from sim_backend.world import ThermalState, World
 if TYPE_CHECKING:
     from drivers.bus.cyclic import CanRig, CanRigConfig
     from drivers.bus.rig_nodes import RigNodes
+    from drivers.source import Source
     from sim_backend.direct import SimulatedRig
     from sim_backend.wire.bench import WireBench
 
@@ -129,9 +130,46 @@ def on_the_wire(request: RigRequest) -> AssembledRig:
     return assembled("wire", port, bench.clock, bench, request, lambda: port.nodes)
 
 
-def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None = None) -> CanRig:
+def on_the_wire_with_box(request: RigRequest) -> AssembledRig:
+    """The same bench with the output encoder's counter on TCP instead of on the bus."""
+    from sim_backend.wire.bench import WireBench
+
+    parts = parts_of(request)
+    bench = WireBench(**parts, clock=clock_of(request))
+    port = box_port(bench, parts["motor"])
+    return assembled("wire-box", port, bench.clock, bench, request, lambda: port.nodes)
+
+
+def box_port(
+    bench: WireBench,
+    motor: ServoMotor,
+    *,
+    latched_by: Literal["trigger", "request"] = "trigger",
+    has_guard: bool = False,
+) -> CanRig:
+    """The drivers in front of a bench whose output encoder is counted by a box on TCP."""
+    from drivers.readout.counter_box import CounterBox, CounterBoxConfig
+
+    outer = {channel.name: channel for channel in bench.channels}[names.OUTPUT_ANGLE]
+    box = CounterBoxConfig(
+        channel=names.OUTPUT_ANGLE,
+        lines=outer.lines,
+        multiplication=outer.multiplication,
+        latched_by=latched_by,
+        largest_speed=0.1 * motor.maximum_speed,
+    )
+    config = replace(wire_config(bench, motor, has_guard=has_guard), counters=())
+    return wire_port(bench, motor, config, [CounterBox(box, bench.clock, bench.box_line)])
+
+
+def wire_port(
+    bench: WireBench,
+    motor: ServoMotor,
+    config: CanRigConfig | None = None,
+    sources: Sequence[Source] = (),
+) -> CanRig:
     """The real drivers in front of a simulated bench, on its pumped bus in virtual time; `config`
-    where it is not the usual.
+    where it is not the usual, `sources` beside the bus.
     """
     from drivers.bus.cyclic import CanRig
 
@@ -139,6 +177,7 @@ def wire_port(bench: WireBench, motor: ServoMotor, config: CanRigConfig | None =
         config or wire_config(bench, motor),
         bench.clock,
         bench.bus,
+        sources=sources,
         pump=bench.pump,
         time_base="hardware",
         origin="simulated",
@@ -150,7 +189,7 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
     """What the drivers are told of a simulated bench; `has_guard`: its guard's contact is watched in every cycle."""
     from drivers.bus.cia301 import I16, I32, U8, U32, ObjectRef
     from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
-    from drivers.bus.cia402.drive import DriveConfig
+    from drivers.bus.cia402.config import DriveConfig
     from drivers.bus.cia406 import CounterConfig
     from drivers.bus.cyclic import CanRigConfig
     from drivers.bus.rig_nodes import GuardContact, MotorEncoder

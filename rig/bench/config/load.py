@@ -15,7 +15,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from rig.bench.config.schema import FOLDER, FORMAT, Laboratory, RigConfiguration
+from rig.bench.config.parts import FOLDER
+from rig.bench.config.schema import FORMAT, Laboratory, RigConfiguration
 from rig.errors import ConfigurationError
 
 DEFAULT_PATH = Path("rig.toml")

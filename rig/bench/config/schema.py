@@ -10,138 +10,37 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
     Field,
-    PlainSerializer,
-    PlainValidator,
-    ValidationInfo,
     model_validator,
 )
 
 from drivers import channel as names
 from experiments.evidence.tare import AGE_LIMIT
 from model.units import RPM
-from rig.bench.config.certificate_file import CertificateFile, read_certificate
 from rig.bench.config.objects import read_object
+from rig.bench.config.parts import (
+    Direction,
+    Encoder,
+    Instrument,
+    Milliseconds,
+    NodeId,
+    NotNegative,
+    ObjectText,
+    Part,
+    Positive,
+    Word,
+)
+from rig.bench.config.sources import AnySource
 
-FOLDER = "folder"
-"""What a description is validated with: where the files lie that it names."""
 FORMAT = "harmonic-rig-1"
 """The value of `format` in the files that this program reads."""
 
 
-def _object_text(text: str) -> str:
-    read_object(text)
-    return text
-
-
-def _certificate(name: object, info: ValidationInfo) -> CertificateFile | None:
-    """The certificate that a word names, in the folder of the description."""
-    if name is None or isinstance(name, CertificateFile):
-        return name
-    if not isinstance(name, str):
-        raise ValueError("is not the name of a file")
-    folder = (info.context or {}).get(FOLDER, Path())
-    return read_certificate(folder, name) if name else None
-
-
-NodeId = Annotated[int, Field(strict=True, ge=1, le=127)]
-ObjectText = Annotated[str, AfterValidator(_object_text)]
-"""An entry of an object dictionary as text: "0x6004:0 I32"."""
-Direction = Literal[-1, 1]
-Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
-Milliseconds = Annotated[int, Field(strict=True, ge=1, le=60_000)]
-Word = Annotated[int, Field(strict=True, ge=0, le=0xFFFF_FFFF)]
-Curve = Annotated[
-    CertificateFile | None,
-    PlainValidator(_certificate),
-    PlainSerializer(lambda file: "" if file is None else file.path, return_type=str),
-]
-"""The file of an encoder's certificate, beside the file that names it; "" for none."""
 SpeedMode = Literal["cyclic velocity", "profile velocity"]
 TorqueMode = Literal["cyclic torque", "profile torque"]
-
-
-class Part(BaseModel):
-    """A table of the file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=False, str_strip_whitespace=True)
-    objects: ClassVar[Mapping[str, str]] = {}
-    """Fields that name entries of an object dictionary, and what to call the entry in a message."""
-
-    def settings(self) -> dict[str, Any]:
-        """Every value by the name that the driver has for it, in SI, with the entries of object dictionaries read."""
-        values = {name: getattr(self, name) for name in type(self).model_fields}
-        for name, what in self.objects.items():
-            if values[name] is not None:
-                values[name] = read_object(values[name], what)
-        return values
-
-
-class Calibration(Part):
-    """Why a channel's scale can be believed: certificate, day, day on which it is due again, standard uncertainties.
-
-    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC). `curve` names the file of an
-    encoder's certificate, beside this one; what it says of number and days need not be said again.
-    """
-
-    certificate: str = ""
-    date: datetime.date | None = None
-    due: datetime.date | None = None
-    scale_relative_uncertainty: NotNegative = 0.0
-    offset_uncertainty: NotNegative = 0.0
-    accuracy: NotNegative = 0.0
-    curve: Curve = None
-
-    @model_validator(mode="after")
-    def _as_certified(self) -> Calibration:
-        """With number and days of the certificate's file; what is said twice is the same."""
-        if self.curve is None:
-            return self
-        stated = {name: getattr(self.curve.header, name) for name in ("certificate", "date", "due")}
-        for name, value in stated.items():
-            if name in self.model_fields_set and getattr(self, name) != value:
-                raise ValueError(
-                    f"{name} = {getattr(self, name)} stands here and {value} in {self.curve.path}: leave it away here"
-                )
-        return self.model_copy(update=stated)
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Calibration:
-        if self.date is not None and self.due is not None and self.due < self.date:
-            raise ValueError(f"it is due on {self.due}, before its date {self.date}")
-        if (self.date is not None or self.due is not None) and not self.certificate:
-            raise ValueError(
-                "a date without a certificate: name the certificate, or the record of the check"
-            )
-        return self
-
-    def settings(self) -> dict[str, Any]:
-        """As the channel has it: days as text."""
-        curve = None if self.curve is None else self.curve.curve
-        days = {"date": str(self.date or ""), "due": str(self.due or "")}
-        return super().settings() | days | {"curve": curve}
-
-
-class Instrument(Part):
-    """What every channel may tell of its instrument."""
-
-    model: str = ""
-    serial_number: str = ""
-    calibration: Calibration = Calibration()
-
-    def settings(self) -> dict[str, Any]:
-        """As a driver has it, with the calibration of its channel."""
-        return super().settings() | {
-            "calibration": names.Calibration(**self.calibration.settings())
-        }
 
 
 class General(Part):
@@ -188,9 +87,17 @@ class Bus(Part):
 
 
 class Drive(Part):
-    """The servo amplifier (CiA 402). What is left away is asked of the drive."""
+    """The servo amplifier (CiA 402). What is left away is asked of the drive.
 
-    objects: ClassVar[Mapping[str, str]] = {"actual_torque": "torque actual value"}
+    `torque_limit` names the object that limits torque, where it is another than 0x6072 with its unit.
+    `computer_loss_covered_by` says in words what stops the motor when the computer is lost, for a
+    drive that does not watch it itself: such a drive is not armed without.
+    """
+
+    objects: ClassVar[Mapping[str, str]] = {
+        "actual_torque": "torque actual value",
+        "torque_limit": "torque limit",
+    }
 
     node_id: NodeId
     eds: str = ""
@@ -200,12 +107,13 @@ class Drive(Part):
     acceleration_unit: Positive | None = Field(default=None, alias="acceleration_unit_rad_s2")
     torque_unit: Positive | None = Field(default=None, alias="torque_unit_n_m")
     actual_torque: ObjectText = "0x6077:0 I16"
+    torque_limit: ObjectText = "0x6072:0 U16"
+    torque_limit_unit: Positive | None = Field(default=None, alias="torque_limit_unit_n_m")
+    computer_loss_covered_by: str = ""
     speed_modes: tuple[SpeedMode, ...] = Field(
         default=("cyclic velocity", "profile velocity"), min_length=1
     )
-    torque_modes: tuple[TorqueMode, ...] = Field(
-        default=("cyclic torque", "profile torque"), min_length=1
-    )
+    torque_modes: tuple[TorqueMode, ...] = ("cyclic torque", "profile torque")
     heartbeat_ms: Milliseconds = 100
     computer_heartbeat_ms: Milliseconds = 50
     computer_lost_ms: Milliseconds = 250
@@ -228,40 +136,16 @@ class Drive(Part):
             raise ValueError(
                 "abort_connection_option = 0 lets the drive turn on when the computer is gone; 3 is quick stop"
             )
+        if read_object(self.torque_limit).index != 0x6072 and self.torque_limit_unit is None:
+            raise ValueError(
+                f"torque_limit = {self.torque_limit!r} needs torque_limit_unit_n_m: the torque of one count of it"
+            )
         return self
 
     def settings(self) -> dict[str, Any]:
         """As the driver has it, with the entries of the gains read."""
         gains = tuple(read_object(text, "servo gain") for text in self.gains)
         return super().settings() | {"gains": gains}
-
-
-class Encoder(Instrument):
-    """An incremental encoder: lines and multiplication apart, sense, and the latch of its index
-    mark where there is one.
-    """
-
-    objects: ClassVar[Mapping[str, str]] = {
-        "index_position": "index position",
-        "index_status": "index status",
-    }
-
-    lines: Annotated[int, Field(strict=True, ge=1, le=100_000_000)]
-    multiplication: Annotated[int, Field(strict=True, ge=1, le=1_000_000)]
-    direction: Direction = 1
-    index_position: ObjectText | None = None
-    index_status: ObjectText | None = None
-    index_mask: Word = 0x0001
-
-    @model_validator(mode="after")
-    def _own_certificate(self) -> Encoder:
-        file = self.calibration.curve
-        if file is not None and file.header.serial_number not in ("", self.serial_number):
-            raise ValueError(
-                f"the certificate {file.path} is of serial number {file.header.serial_number!r}, "
-                f"the encoder's is {self.serial_number!r}"
-            )
-        return self
 
 
 class MotorEncoder(Encoder):
@@ -318,6 +202,7 @@ class AnalogInput(Instrument):
     open_level: Annotated[float, Field(strict=True, allow_inf_nan=False)] | None = Field(
         default=None, alias="open_level_volts"
     )
+    status_bits: Annotated[int, Field(strict=True, ge=0, le=15)] = 0
     direction: Direction = 1
 
     @model_validator(mode="after")
@@ -480,6 +365,7 @@ class RigConfiguration(Part):
     motor_encoder: MotorEncoder
     counters: tuple[Counter, ...] = Field(default=(), alias="counter")
     analog_modules: tuple[AnalogModule, ...] = Field(default=(), alias="analog_module")
+    sources: tuple[AnySource, ...] = Field(default=(), alias="source")
     readout: Readout | None = None
     guard: GuardInput | None = None
     output_bearing: OutputBearing | None = None
@@ -490,16 +376,14 @@ class RigConfiguration(Part):
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfiguration:
-        nodes = [("drive", self.drive.node_id), ("bus.own_node_id", self.bus.own_node_id)]
-        nodes += [(f"counter {c.channel}", c.node_id) for c in self.counters]
-        nodes += [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(self.analog_modules)]
-        _each_once(nodes, "node-ID")
+        _each_once(_nodes_of(self), "node-ID")
         channels = [(f"counter on node {c.node_id}", c.channel) for c in self.counters]
         channels += [
             (f"input {a.source} of node {m.node_id}", a.channel)
             for m in self.analog_modules
             for a in m.inputs
         ]
+        channels += [(f"source {s.kind} at {s.place}", s.channel) for s in self.sources]
         _each_once(channels, "channel")
         node_ids = {
             self.drive.node_id,
@@ -511,6 +395,27 @@ class RigConfiguration(Part):
                 f"guard.node_id = {self.guard.node_id} is no node of this rig: {sorted(node_ids)}"
             )
         return self
+
+
+def _nodes_of(rig: RigConfiguration) -> list[tuple[str, int]]:
+    """Who claims which node-ID. A coupler may hold several counters and inputs, and claims its own once: its counters
+    are objects of terminals, not the position of an encoder.
+    """
+    at = {counter.node_id: f"counter {counter.channel}" for counter in rig.counters}
+    terminals = {c.node_id for c in rig.counters if read_object(c.position).index != 0x6004}
+    modules = [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(rig.analog_modules)]
+    _each_once(modules, "node-ID")
+    return [
+        ("drive", rig.drive.node_id),
+        ("bus.own_node_id", rig.bus.own_node_id),
+        *(
+            (f"counter {c.channel}", c.node_id)
+            for c in rig.counters
+            if read_object(c.position).index == 0x6004
+        ),
+        *((at[node_id], node_id) for node_id in sorted(terminals)),
+        *((name, node_id) for name, node_id in modules if node_id not in terminals),
+    ]
 
 
 def _each_once(

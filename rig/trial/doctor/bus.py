@@ -57,18 +57,19 @@ def heartbeat_period_ns(watch: NodeWatch) -> int:
 
 
 def _identity(group: str, name: str, identity: Identity) -> Finding:
-    kind = next((kind for kind in PROFILES if name.startswith(kind)), "")
+    kinds = [kind for kind in PROFILES if kind in name]
     text = (
         f"{identity.name or 'no name'}, profile {identity.profile}, vendor 0x{identity.vendor_id:08X}, product "
         f"0x{identity.product_code:08X}, serial number {identity.serial_number or 'not told'}"
     )
-    wanted = PROFILES.get(kind, identity.profile)
+    # A coupler's terminals count under its own profile.
+    wanted = {PROFILES[kind] for kind in kinds} or {identity.profile}
     return judged(
         group,
         "identity",
-        identity.profile == wanted,
+        identity.profile in wanted,
         text,
-        limit=f"profile {wanted}",
+        limit=f"profile {' or '.join(str(profile) for profile in sorted(wanted))}",
         otherwise="warning",
         remedy="Is this the node that the configuration means? Check its node-ID.",
     )

@@ -131,12 +131,19 @@ def _units(drive: ServoAmplifier) -> Finding:
     counts = (
         f"{readings.counts_per_revolution:g} counts per revolution"
         if readings.counts_per_revolution
-        else "counts not told"
+        else "counts per revolution not told: those of [motor_encoder] hold unchecked"
     )
     text = f"rated torque {readings.rated_torque:g} N m, speed unit {readings.velocity_unit:.4g} rad/s, {counts}"
-    is_complete = readings.rated_torque > 0.0 and readings.velocity_unit > 0.0
+    answers = [q for q in readings.questions if q.entry != "counts_per_revolution"]
     return judged(
-        GROUP, "units", is_complete, text, remedy="Give them in [drive] of the configuration."
+        GROUP,
+        "units",
+        not answers,
+        "; ".join([text, *(question.why for question in answers)]),
+        remedy=" ".join(
+            f"Give `{question.entry}` in [drive] of the configuration. {question.hint}"
+            for question in answers
+        ),
     )
 
 

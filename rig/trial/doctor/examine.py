@@ -21,7 +21,7 @@ from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
-from rig.run.arming import guard_check
+from rig.run.arming import guard_check, loss_check
 from rig.run.dry_run import PlannedRun
 from rig.run.order import RunReport
 from rig.run.start import RunRequest, bench_for, plan_request, run_on
@@ -33,12 +33,12 @@ from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_event
 from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
 from rig.trial.doctor.surroundings import (
+    armed,
     bench_lines,
     calendar,
     calibrations,
     disk,
     drive_limits,
-    guard,
     readout,
 )
 
@@ -189,7 +189,10 @@ def _limits(looked: Looked) -> Iterable[Finding]:
 
 def _guard(looked: Looked) -> Iterable[Finding]:
     if looked.rig.real_time:
-        return (guard(guard_check(looked.rig.guard)),)
+        return (
+            armed(guard_check(looked.rig.guard)),
+            armed(loss_check(looked.rig.port.abilities.unwatched, looked.rig.loss_covered_by)),
+        )
     return (
         Finding(
             group="safety",

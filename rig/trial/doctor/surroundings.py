@@ -177,11 +177,11 @@ def _date(text: str) -> date | None:
         return None
 
 
-def guard(check: Check) -> Finding:
-    """The guard's contact, as arming sees it."""
+def armed(check: Check) -> Finding:
+    """A check as arming makes it."""
     return Finding(
         group="safety",
-        name="guard",
+        name=check.name,
         result=check.result,
         evidence=check.evidence,
         remedy=check.remedy,

@@ -26,6 +26,7 @@ from rig.trial.drill.cause import (
 from rig.trial.drill.rigs import Carrier
 from sim_backend import faults as plain
 from sim_backend.faults import Fault
+from sim_backend.wire import box_faults as box
 from sim_backend.wire import faults as wire
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
 
@@ -48,9 +49,13 @@ before the rig is opened.
 Recording = Literal["", "disk full", "disk nearly full", "writer stalled"]
 Readout = Literal["", "garbage", "half lines", "silent", "encoder fault"]
 
-BOTH: tuple[Carrier, ...] = ("sim", "wire")
+BOTH: tuple[Carrier, ...] = ("sim", "wire", "wire-box")
 SIM: tuple[Carrier, ...] = ("sim",)
-WIRE: tuple[Carrier, ...] = ("wire",)
+WIRE: tuple[Carrier, ...] = ("wire", "wire-box")
+WIRE_OR_SIM: tuple[Carrier, ...] = ("wire", "sim", "wire-box")
+BUS_COUNTER: tuple[Carrier, ...] = ("wire",)
+"""What goes wrong with the counter on the bus, which the rig with a box does not have."""
+BOX: tuple[Carrier, ...] = ("wire-box",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +90,9 @@ class Drill:
 
     def cause_on(self, carrier: Carrier) -> str:
         """The cause that must be detected on this rig."""
-        return self.cause if isinstance(self.cause, str) else self.cause[carrier]
+        if isinstance(self.cause, str):
+            return self.cause
+        return self.cause.get(carrier) or self.cause["wire"]
 
     def taken_out(self) -> Drill:
         """The same run with a fault that does nothing. A press that only gives it its occasion stays."""
@@ -108,8 +115,8 @@ class LateNowAndThen(wire.TpdoLate):
 
 
 def _narrow_counter(bench: WireBench) -> None:
-    """A counter whose declared measuring range is 1024 counts: it wraps about every 5 degrees of the output."""
-    bench.counter.dictionary.store(0x6002, 0, 1024)
+    """A counter whose declared measuring range is 2048 counts: it wraps about every 10 degrees of the output."""
+    bench.counter.dictionary.store(0x6002, 0, 2048)
 
 
 def _abort(stop: StopRequest) -> None:
@@ -129,6 +136,7 @@ _DEVICES = (
         cause=trips.HEARTBEAT_LOST,
         what="the counter's heartbeat stays away",
         fault=lambda at: wire.HeartbeatLost(at, COUNTER_NODE),
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="node reset in motion, drive",
@@ -141,6 +149,7 @@ _DEVICES = (
         cause=trips.BOOT_UP,
         what="the counter restarts",
         fault=lambda at: wire.NodeReset(at, COUNTER_NODE),
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="node dead, analog input",
@@ -162,7 +171,7 @@ _DEVICES = (
     ),
     Drill(
         name="statusword fault, motor coasts",
-        cause=trips.DRIVE_FAULT,
+        cause={"sim": trips.DRIVE_FAULT, "wire": trips.EMERGENCY},
         what="the power stage trips",
         fault=plain.DriveFault,
         carriers=BOTH,
@@ -172,7 +181,7 @@ _DEVICES = (
         cause=trips.OVER_SPEED,
         what="the drive goes to 250 rad/s by itself",
         fault=lambda at: plain.RunAway(at, speed=250.0, cycles=400),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="quick stop not obeyed",
@@ -186,7 +195,7 @@ _DEVICES = (
         cause=not_obeyed(Stage.QUICK_STOP),
         what="for half a second the drive obeys nothing, after an ABORT",
         fault=lambda at: plain.QuickStopIgnored(at, cycles=500),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
         press=_abort,
     ),
     Drill(
@@ -194,7 +203,7 @@ _DEVICES = (
         cause=trips.DISAGREEMENT,
         what="200 N m on the output for 60 ms",
         fault=lambda at: plain.OutputLoad(at, torque=200.0, cycles=60),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="guard opened in motion",
@@ -223,12 +232,14 @@ _FRAMES = (
         cause=STALE_DATA,
         what="the counter's process data stay away for 300 ms",
         fault=lambda at: wire.TpdoLost(at, cycles=300),
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="TPDO lost for good",
         cause=STALE_DATA,
         what="the counter's process data stay away",
         fault=wire.TpdoLost,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="TPDO lost, one",
@@ -236,6 +247,7 @@ _FRAMES = (
         what="one cycle of the counter's process data is lost",
         fault=lambda at: wire.TpdoLost(at, cycles=1),
         is_harmless=True,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="TPDO late, one",
@@ -243,12 +255,14 @@ _FRAMES = (
         what="one cycle of the counter's process data comes a cycle late",
         fault=lambda at: wire.TpdoLate(at, cycles=1),
         is_harmless=True,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="TPDO late",
         cause=trips.MISSED_CYCLES,
         what="every tenth of the counter's process data comes a cycle late for 200 ms",
         fault=lambda at: LateNowAndThen(at, cycles=200),
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="answers held back",
@@ -262,12 +276,14 @@ _FRAMES = (
         what="the counter's process data come twice",
         fault=wire.TpdoDoubled,
         is_harmless=True,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="TPDO short",
         cause=STALE_DATA,
         what="the counter's process data lack a byte for 200 ms",
         fault=lambda at: wire.TpdoShort(at, cycles=200),
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="SYNC loss",
@@ -301,7 +317,7 @@ _FRAMES = (
         cause=STALE_DATA,
         what="nothing arrives, then it does again",
         fault=lambda at: plain.Stall(at, cycles=400),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="SDO abort",
@@ -341,34 +357,35 @@ _SIGNALS = (
         cause=trips.DISAGREEMENT,
         what="the output count jumps by 1000",
         fault=plain.CountJump,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="encoder count jump, input",
         cause=trips.DISAGREEMENT,
         what="the input count jumps by 3000",
         fault=lambda at: plain.CountJump(at, channel=names.INPUT_ANGLE, counts=3000),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="encoder stuck, output",
         cause=trips.DISAGREEMENT,
         what="the output count stands still",
         fault=plain.StuckEncoder,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="encoder stuck, input",
         cause=trips.DISAGREEMENT,
         what="the input count stands still",
         fault=lambda at: plain.StuckEncoder(at, channel=names.INPUT_ANGLE),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="encoder reversed, output",
         cause=trips.DISAGREEMENT,
         what="the output counts the other way",
         fault=wire.EncoderReversed,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="encoder reversed, input",
@@ -379,18 +396,19 @@ _SIGNALS = (
     Drill(
         name="encoder wrapped, as declared",
         cause=NOTHING,
-        what="the counter wraps every 1024 counts and says so",
+        what="the counter wraps every 2048 counts and says so",
         fault=None,
-        carriers=WIRE,
         moment="start",
         is_harmless=True,
         prepare=_narrow_counter,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="encoder wrapped, undeclared",
         cause=trips.DISAGREEMENT,
         what="the counter wraps at 2^16 and says 2^32",
         fault=wire.EncoderWrapped,
+        carriers=BUS_COUNTER,
     ),
     Drill(
         name="signal-error flag",
@@ -404,21 +422,21 @@ _SIGNALS = (
         cause=trips.DISAGREEMENT,
         what="the output slips by 3 counts per cycle for 200 ms",
         fault=lambda at: wire.OutputSlips(at, cycles=200),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="torque port saturated",
         cause=trips.OVER_TORQUE,
         what="the monitor stands at the end of its range",
         fault=plain.TorquePortSaturated,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="torque port open",
         cause={"wire": trips.TORQUE_DISAGREEMENT, "sim": trips.TORQUE_PORT},
         what="the monitor's line is open and hums",
         fault=plain.TorquePortOpen,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="clock jump forward",
@@ -605,35 +623,35 @@ _SLOW_LIES = (
         what="the monitor sends one value again and again",
         cause=trips.TORQUE_FROZEN,
         fault=plain.ChannelFrozen,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="torque port's zero drifts",
         what="the monitor's zero runs away by 0.1 mN m per cycle",
         cause=trips.TORQUE_ZERO,
         fault=plain.TorqueZeroDrifts,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="slip, output",
         what="the output slips once by 20 counts",
         cause=trips.SLIP,
         fault=plain.CountsLost,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="slip, input",
         what="the input encoder loses 30 counts",
         cause=trips.LOST_COUNTS,
         fault=lambda at: plain.CountsLost(at, channel=names.INPUT_ANGLE, counts=-30),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
     ),
     Drill(
         name="creep",
         what="the drive turns at 29 r/min while it is commanded to stand",
         cause=trips.CREEP,
         fault=lambda at: plain.RunAway(at, speed=3.04, cycles=400),
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
         moment="stand",
     ),
     Drill(
@@ -641,7 +659,60 @@ _SLOW_LIES = (
         what="the housing's thermometer reads -40 degC",
         cause=trips.THERMOMETER,
         fault=plain.ThermometerOpen,
-        carriers=("wire", "sim"),
+        carriers=WIRE_OR_SIM,
+    ),
+)
+
+_SOURCES = (
+    Drill(
+        name="counter box unplugged",
+        what="the network cable of the output's counter box is pulled",
+        cause=STALE_DATA,
+        fault=box.BoxUnplugged,
+        carriers=BOX,
+    ),
+    Drill(
+        name="counter box silent",
+        what="the output's counter box answers nothing",
+        cause=STALE_DATA,
+        fault=box.BoxSilent,
+        carriers=BOX,
+    ),
+    Drill(
+        name="counter box late",
+        what="the counter box answers after the next SYNC",
+        cause=STALE_DATA,
+        fault=box.BoxSlow,
+        carriers=BOX,
+    ),
+    Drill(
+        name="counter box garbled",
+        what="the counter box answers what nobody understands",
+        cause=STALE_DATA,
+        fault=box.BoxGarbled,
+        carriers=BOX,
+    ),
+    Drill(
+        name="trigger line broken",
+        what="the SYNC does not reach the counter box any more, which shows what it latched last",
+        cause=STALE_DATA,
+        fault=box.BoxDeaf,
+        carriers=BOX,
+    ),
+    Drill(
+        name="counter box, encoder invalid",
+        what="the counter box says that its encoder's signal is not valid",
+        cause=trips.SIGNAL_ERROR,
+        fault=box.BoxInvalid,
+        carriers=BOX,
+    ),
+    Drill(
+        name="counter box, three answers lost",
+        what="three answers of the counter box are lost",
+        cause=marked(CycleFlag.STALE_OUTPUT),
+        fault=lambda at: box.BoxSilent(at, cycles=3),
+        carriers=BOX,
+        is_harmless=True,
     ),
 )
 
@@ -655,6 +726,7 @@ DRILLS: Mapping[str, Drill] = {
         *_OPERATOR,
         *_BUS,
         *_SLOW_LIES,
+        *_SOURCES,
     )
 }
 """Every drill by name, in the order of the table."""

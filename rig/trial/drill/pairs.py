@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rig.trial.drill.catalogue import DRILLS, Drill
-from rig.trial.drill.rigs import CARRIERS, Carrier, refuse_hardware
+from rig.trial.drill.rigs import CARRIERS, IN_PAIRS, Carrier, refuse_hardware
 from rig.trial.drill.staging import Ending, Placed
 from rig.trial.drill.suite import stage
 
@@ -106,7 +106,8 @@ def candidates(backend: str | None = None) -> list[Drill]:
         refuse_hardware(backend)
     apart: dict[tuple[object, ...], Drill] = {}
     for drill in DRILLS.values():
-        if drill.moment != "start" and (backend is None or backend in drill.carriers):
+        carried = set(IN_PAIRS if backend is None else (backend,)).intersection(drill.carriers)
+        if drill.moment != "start" and carried:
             apart.setdefault((drill.fault, drill.press, drill.recording), drill)
     return list(apart.values())
 
@@ -119,7 +120,7 @@ def drawn(number: int, seed: int, rows: int, backend: str | None = None) -> Pair
         first, second = (of[i] for i in generator.integers(0, len(of), 2).tolist())
         carriers: list[Carrier] = [
             carrier
-            for carrier in CARRIERS
+            for carrier in IN_PAIRS
             if carrier in first.carriers
             and carrier in second.carriers
             and backend in (None, carrier)

@@ -12,7 +12,7 @@ from drivers.port import Abilities, Command, DirectLine, DriveLimits, Guard, Rig
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
-from rig.bench.backends.simulated import wire_config, wire_port
+from rig.bench.backends.simulated import box_port, wire_config, wire_port
 from rig.errors import ConfigurationError, RigError
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
@@ -21,8 +21,10 @@ from sim_backend.imperfections import individual_gear
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
 
-Carrier = Literal["sim", "wire"]
-CARRIERS: tuple[Carrier, ...] = ("sim", "wire")
+Carrier = Literal["sim", "wire", "wire-box"]
+CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box")
+IN_PAIRS: tuple[Carrier, ...] = ("sim", "wire")
+"""On which of them faults happen two at a time."""
 
 START_NS = 1_800_000_000_000_000_000
 """The calendar of a drill: the same every time, so that its files are the same."""
@@ -239,9 +241,12 @@ def drilled_rig(
     refuse_hardware(carrier)
     clock = VirtualClock(START_NS)
     individual = individual_gear(gear, seed)
-    if carrier == "wire":
+    if carrier in ("wire", "wire-box"):
         bench = WireBench(individual, motor, world=World.of(seed), clock=clock)
-        port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
+        if carrier == "wire-box":
+            port = box_port(bench, motor, has_guard=True)
+        else:
+            port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
         return DrilledRig(
             port=port, plant=bench, clock=clock, happenings=happenings, stop=stop, bench=bench
         )

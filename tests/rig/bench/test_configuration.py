@@ -103,6 +103,7 @@ def test_what_stands_behind_a_hash_is_the_default(tmp_path: Path) -> None:
         "velocity_unit_rad_s",
         "acceleration_unit_rad_s2",
         "torque_unit_n_m",
+        "torque_limit_unit_n_m",
         "index_position",
         "index_status",
         "operating_parameters",
@@ -214,6 +215,25 @@ def test_any_text_is_an_object_or_a_value_error(text: str) -> None:
 def test_objects_are_read_long_and_short() -> None:
     assert read_object("0x6004:0 I32") == read_object("0x6004:0 INTEGER32")
     assert read_object("0x6403:2 R32").data_type.is_float
+
+
+def test_only_the_terminals_of_a_coupler_share_a_node(tmp_path: Path) -> None:
+    shared = TEMPLATE.replace("node_id = 3", "node_id = 2")
+    assert any("node-ID 2 is given twice" in p.reason for p in problems(tmp_path, shared))
+    terminal = shared.replace(
+        '# position = "0x6004:0 U32" ', 'position = "0x2C00:1 U16 at byte 1 of 6" '
+    )
+    assert terminal != shared
+    assert isinstance(inspect_configuration(written(tmp_path, terminal)), RigConfiguration)
+    with_drive = terminal.replace("node_id = 2", "node_id = 1", 1)
+    assert any("node-ID 1 is given twice" in p.reason for p in problems(tmp_path, with_drive))
+
+
+def test_another_torque_limit_needs_its_unit(tmp_path: Path) -> None:
+    other = everything().replace('torque_limit = "0x6072:0 U16"', 'torque_limit = "0x3001:2 U32"')
+    told = re.sub(r"torque_limit_unit_n_m = .*", "", other)
+    assert any("needs torque_limit_unit_n_m" in p.reason for p in problems(tmp_path, told))
+    assert isinstance(inspect_configuration(written(tmp_path, other)), RigConfiguration)
 
 
 def test_a_guard_that_can_never_be_closed_is_refused(tmp_path: Path) -> None:

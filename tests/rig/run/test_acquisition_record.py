@@ -78,6 +78,8 @@ def test_the_wire_tells_its_own_figures(tmp_path: Path) -> None:
     assert found["index_marks"]["input_angle"]["marks"] > 1
     assert found["index_marks"]["input_angle"]["worst_excess"] == 0
     assert {"encoder_skew", "torque_skew"} == set(found["skew"])
+    process = read_run_header(next(tmp_path.glob("*.h5"))).metadata.process
+    assert process["speed_mode"] == "cyclic velocity"
 
 
 def test_the_share_of_missed_cycles_is_asked_for(tmp_path: Path) -> None:

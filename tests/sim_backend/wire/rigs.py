@@ -11,7 +11,7 @@ import numpy as np
 from drivers import channel as names
 from drivers.bus.cia301 import I16, I32, U8, ObjectRef
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
-from drivers.bus.cia402.drive import DriveConfig
+from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.rig_nodes import MotorEncoder

@@ -1,0 +1,647 @@
+"""The segment of a CAN bus with the drive on it: the actuator of a cycled rig, and what is latched on its bus.
+
+Every cycle: set-points (RPDO), SYNC, one TPDO of every kind. The frames are kept raw and decoded for the whole block at
+once; cycle k holds what was latched at SYNC k. The next SYNC goes out when it is due and the cycle is complete, or when
+the patience with a missing frame is over: a slow computer lowers the achieved rate, which is reported, and never shifts
+a sample to another cycle. Enabling the servo and choosing a mode go by SDO, while the SYNC goes on.
+
+The time of a cycle is the stamp of its own SYNC where the bus hands it back, else that of its first
+frame; with a host's stamps, or with none, the cycle says `HOST_TIME`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Generator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
+from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
+from drivers.bus.cia401 import AnalogModuleConfig
+from drivers.bus.cia402 import tables as obj
+from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia406 import CounterConfig
+from drivers.bus.columns import ColumnDecoder
+from drivers.bus.frames import CycleStore
+from drivers.bus.listening import listen_for_masters, listening_time_ns
+from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
+from drivers.bus.request_line import RequestLine
+from drivers.bus.rig_nodes import GuardContact, MotorEncoder, RigNodes
+from drivers.bus.set_points import command_frames, set_point_counts
+from drivers.bus.sync_time import SyncTime
+from drivers.channel import Channel
+from drivers.clock import Clock
+from drivers.cycled import Cycle
+from drivers.drive_state import DriveState, drive_state
+from drivers.errors import BusLostError, DriverError, StaleDataError
+from drivers.event import Event
+from drivers.port import (
+    LATE_ANSWERS,
+    Abilities,
+    Command,
+    DriveLimits,
+    Mode,
+    Origin,
+    RigDescription,
+)
+from drivers.samples import Break, CycleFlag
+
+_CONTROLWORD: Final = {
+    Mode.OFF: obj.DISABLE_VOLTAGE,
+    Mode.QUICK_STOP: obj.QUICK_STOP,
+    Mode.SPEED: obj.ENABLE,
+    Mode.TORQUE: obj.ENABLE,
+}
+_ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
+_MODE_CYCLES: Final = 3
+"""Cycles in a row in which another mode is somebody's work, and no display that lags."""
+_LONG_SILENCE: Final = 3
+"""Incomplete cycles in a row of whose end is told whether their answers were late or lost."""
+_LATEST_ANSWER: Final = 50
+"""Complete cycles after a silence in which its answers are still waited for."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CanRigConfig:
+    """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules, the guard's contact.
+
+    `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete;
+    `first_patience_ns`: the same for the very first cycle; `settle_factor`: how much longer is
+    waited, once, after a lost frame for its late arrival; `stale_cycles`: incomplete cycles in a
+    row after which an active drive raises; `stamp_wrap_ns`: range of an adapter's clock that wraps
+    (a 32-bit microsecond counter: 4294967296000), 0 if it does not.
+    """
+
+    cycle_ns: int = 1_000_000
+    drive: DriveConfig = field(default_factory=DriveConfig)
+    motor_encoder: MotorEncoder
+    counters: tuple[CounterConfig, ...] = ()
+    modules: tuple[AnalogModuleConfig, ...] = ()
+    guard: GuardContact | None = None
+    patience_cycles: float = 5.0
+    settle_factor: float = 4.0
+    first_patience_ns: int = 500_000_000
+    stale_cycles: int = 50
+    stamp_wrap_ns: int = 0
+    own_node_id: int = 127
+    title: str = "CANopen rig"
+
+    def __post_init__(self) -> None:
+        if not 100_000 <= self.cycle_ns <= 1_000_000_000:
+            raise DriverError(
+                "the SYNC period is out of range",
+                where="rig",
+                value=self.cycle_ns,
+                limit="0.1 ms to 1 s",
+            )
+        if not self.patience_cycles >= 1.0 or not self.settle_factor >= 1.0:
+            raise DriverError(
+                "patience and settle factor must be at least one",
+                where="rig",
+                value=f"{self.patience_cycles}, {self.settle_factor}",
+            )
+
+    @property
+    def node_ids(self) -> tuple[int, ...]:
+        """The nodes that are this rig's, the drive first."""
+        devices = (self.drive, *self.counters, *self.modules)
+        return tuple(device.node_id for device in devices)
+
+
+class CanSegment:
+    """A rig on a CAN bus. `connect` opens the raw bus; `pump` lets devices of the same process run;
+    see `drivers.bus.network`.
+    """
+
+    def __init__(
+        self,
+        config: CanRigConfig,
+        clock: Clock,
+        connect: Callable[[], RawBus],
+        *,
+        pump: Pump | None = None,
+        time_base: TimeBase = "host",
+        origin: Origin = "hardware",
+        truth: Mapping[str, object] | None = None,
+    ) -> None:
+        self._config, self._clock, self._connect, self._pump = config, clock, connect, pump
+        self._wanted_base: TimeBase = time_base
+        self._origin: Origin = origin
+        self._truth = truth
+        self._bus: PumpedBus | None = None
+        self._nodes: RigNodes | None = None
+        self._line: RequestLine | None = None
+        self._left_events: list[Event] = []
+        self._lost: BusLostError | None = None
+        self.on_sync: Callable[[], None] | None = None
+        self._frames: Sequence[Sequence[bytes]] = ()
+        self._speeds = self._torques = np.empty(0, dtype=np.int64)
+        self._commanded = Mode.OFF
+
+    # --- RigPort
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """The channels in the order of the columns; known once the rig is open, because the drive tells its units."""
+        return [column.channel for column in self._opened().columns]
+
+    @property
+    def title(self) -> str:
+        """What the rig is called."""
+        return self._config.title
+
+    @property
+    def cycle_ns(self) -> int:
+        """The nominal SYNC period [ns]."""
+        return self._config.cycle_ns
+
+    @property
+    def time_base(self) -> TimeBase:
+        """What the time stamps are: the bus's base, or the host's where neither SYNC nor frames carry a stamp."""
+        return self._wanted_base
+
+    @property
+    def line(self) -> RequestLine | None:
+        """The line to each device beside the cyclic data, once the rig is open."""
+        return self._line
+
+    @property
+    def abilities(self) -> Abilities:
+        """Devices on a bus tell events, and the drive can be stopped from another handle on it."""
+        return Abilities(
+            events=self.events,
+            acquisition=self.acquisition,
+            quick_stop_frames=self.quick_stop_frames,
+            unwatched=lambda: self.nodes.drive.unwatched,
+        )
+
+    def open(self) -> RigDescription:
+        """Bring every node from any state to OPERATIONAL with the servo off, mapped and watched.
+        Raises `DriverError`.
+        """
+        raw = self._connect()
+        bus = PumpedBus(
+            raw,
+            self._clock,
+            pump=self._pump,
+            time_base=self._wanted_base,
+            own_node_id=self._config.own_node_id,
+        )
+        self._bus = bus
+        config = self._config
+        try:
+            self._left_events += listen_for_masters(
+                raw,
+                self._clock,
+                self._pump,
+                node_ids=config.node_ids,
+                own_node_id=config.own_node_id,
+                duration_ns=listening_time_ns(config.drive.computer_heartbeat_ms),
+            )
+            nodes = RigNodes(
+                bus=bus,
+                cycle_ns=config.cycle_ns,
+                drive=config.drive,
+                motor_encoder=config.motor_encoder,
+                counters=config.counters,
+                modules=config.modules,
+                guard=config.guard,
+            )
+            nodes.bring_up()
+            self._nodes = nodes
+            self._prepare(bus, nodes)
+            nodes.start()
+            nodes.require_unbroken()
+            nodes.drive.to_off()
+        except DriverError:
+            self._nodes = None
+            self._left_events += bus.events()
+            bus.close()
+            self._bus = None
+            raise
+        self._errors_seen = bus.errors_seen
+        return RigDescription(self._origin_of(nodes), config.title, nodes.describe(), self._truth)
+
+    def write_limits(self, limits: DriveLimits) -> DriveLimits:
+        """Write the limits into the drive and return what reads back; infinite where the drive holds none."""
+        self._pause()
+        return self._opened().drive.write_limits(limits)
+
+    def begin(self, command: Command, cycles: int) -> None:
+        """Enter the mode and build the frames of so many cycles. Raises `DriverError`."""
+        nodes, line = self._opened(), self._line
+        self._live_bus()
+        if self._lost is not None or line is None:
+            raise self._lost or BusLostError("the rig has been closed", where=self._config.title)
+        speeds, torques = set_point_counts(command, cycles, self.channels)
+        self._enter(command.mode)
+        # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
+        # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
+        if self._held_is_old and (command.mode in _ACTIVE or not self._silent):
+            self._held, self._held_is_old = nodes.held_values(), False
+        self._frames = command_frames(
+            nodes.commands,
+            _CONTROLWORD[command.mode],
+            speeds=speeds,
+            torques=torques,
+            held=self._held,
+        )
+        self._speeds, self._torques, self._commanded = speeds, torques, command.mode
+        self._store.begin_block(cycles)
+
+    def cycle(self, row: int) -> Cycle:
+        """One SYNC cycle with the set-points of a row. Raises `BusLostError`."""
+        return self._cycle([frames[row] for frames in self._frames], row)
+
+    def row(self, row: int, flags: int) -> list[int]:
+        """The counts of the cycle that has just been."""
+        speed, torque = int(self._speeds[row]), int(self._torques[row])
+        return self._decoder.row(self._store.last_record, speed, torque, flags)
+
+    def lose(self, error: BusLostError) -> None:
+        """What was measured until now is kept; the loss itself is raised by the next block."""
+        self._store.drop_open()
+        if self._store.rows:
+            self._lost = error
+            self._live_bus().emit("error", "bus-lost", "bus", str(error))
+
+    def reset_fault(self) -> None:
+        """Acknowledge a drive fault; the servo stays off."""
+        self._pause()
+        self._opened().drive.reset_fault()
+        self._mode = Mode.OFF
+
+    def close(self) -> None:
+        """Servo off, the drive's watch over the computer off, bus released. Never raises."""
+        bus, nodes = self._bus, self._nodes
+        if bus is None:
+            return
+        try:
+            if nodes is not None and self._lost is None:
+                nodes.drive.to_off(resets_fault=False)
+                nodes.drive.device.release_consumer()
+                bus.start_heartbeat(0)
+                for device in nodes.devices:
+                    bus.nmt(NmtCommand.PRE_OPERATIONAL, device.node_id)
+        except DriverError as error:
+            bus.emit("warning", "close", "rig", f"while closing: {error}")
+            self._let_go(bus, nodes)
+        bus.close()
+        self._left_events += bus.events()
+        self._bus = None
+
+    def _let_go(self, bus: PumpedBus, nodes: RigNodes | None) -> None:
+        """The drive does not answer: servo off by process data all the same, then NMT STOP, to
+        which it reacts by 0x6007.
+        """
+        with contextlib.suppress(DriverError):
+            if nodes is not None:
+                for cob_id, data in self._command_once(obj.DISABLE_VOLTAGE):
+                    bus.send(cob_id, data)
+                bus.send(SYNC_COB_ID, b"")
+                bus.nmt(NmtCommand.STOP, nodes.drive.device.node_id)
+
+    def _command_once(self, controlword: int) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of every RPDO with a controlword and set-points of zero."""
+        pdos, none = self._opened().commands, np.zeros(1, dtype=np.int64)
+        frames = command_frames(pdos, controlword, speeds=none, torques=none, held=self._held)
+        return [(pdo.cob_id, data) for pdo, (data,) in zip(pdos, frames, strict=True)]
+
+    # --- beyond the port
+
+    def events(self) -> list[Event]:
+        """What happened since the last call: emergencies, losses, transitions, warnings; oldest first."""
+        drained, self._left_events = self._left_events, []
+        return drained + (self._bus.events() if self._bus is not None else [])
+
+    def acquisition(self) -> AcquisitionReport:
+        """Achieved rate, jitter, missed cycles and latency since the rig was opened."""
+        self._opened()
+        return self._statistics.report()
+
+    def read_integer(self, node_id: int, entry: ObjectRef) -> int:
+        """An object of a node by SDO, between two cycles. Raises `DriverError`."""
+        self._pause()
+        for device in self._opened().devices:
+            if device.node_id == node_id:
+                return device.read_integer(entry)
+        node_ids = [device.node_id for device in self._opened().devices]
+        raise DriverError(
+            "no such node", where=self._config.title, value=node_id, limit=str(node_ids)
+        )
+
+    @property
+    def nodes(self) -> RigNodes:
+        """The devices, for checks that go beyond running: doctor, drills."""
+        return self._opened()
+
+    def quick_stop_frames(self) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog
+        with a bus of its own.
+
+        Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
+        """
+        return [*self._command_once(obj.QUICK_STOP), (SYNC_COB_ID, b"")]
+
+    # --- inside
+
+    def _origin_of(self, nodes: RigNodes) -> Origin:
+        """Devices that call themselves simulated make the rig simulated, however it is reached."""
+        return (
+            "simulated"
+            if any(identity.is_simulated for identity in nodes.identities.values())
+            else self._origin
+        )
+
+    def _opened(self) -> RigNodes:
+        if self._nodes is None:
+            raise DriverError(
+                "the rig is not open", where=self._config.title, remedy="Open it first."
+            )
+        return self._nodes
+
+    def _live_bus(self) -> PumpedBus:
+        if self._bus is None:
+            raise BusLostError("the rig has been closed", where=self._config.title)
+        return self._bus
+
+    def _prepare(self, bus: PumpedBus, nodes: RigNodes) -> None:
+        """Everything that one opening of the rig needs anew."""
+        self._store = CycleStore(nodes.layout)
+        self._decoder = ColumnDecoder(
+            nodes.layout, nodes.columns, nodes.validities, self._config.cycle_ns
+        )
+        self._statistics = AcquisitionStatistics(self._config.cycle_ns)
+        self._mode = Mode.OFF
+        self._first_cycle = 0
+        self._due_ns: int | None = None
+        self._echo_stamp = self._errors_seen = self._silent = 0
+        self._open_silence = self._cycles_open = 0
+        self._surplus_before = list(self._store.surplus)
+        self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
+        self._was_enabled = False
+        at = nodes.byte_of(obj.STATUSWORD) or 0
+        self._statusword = slice(at, at + 2)
+        self._mode_at = nodes.byte_of(obj.MODE_DISPLAY)
+        self._strange_cycles = 0
+        self._pause_pending = False
+        self._line = RequestLine(bus, nodes.places(self._store.is_absent))
+        self._held: dict[tuple[int, int], int] = {}
+        self._held_is_old = True
+        self._lost = None
+        bus.sample_time_ns = self._event_time
+        bus.subscribe(SYNC_COB_ID, self._on_sync)
+        for slot, pdo in enumerate(nodes.layout.pdos):
+            bus.subscribe(pdo.cob_id, self._receiver(slot))
+
+    def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
+        put = self._store.put
+        return lambda data, stamp_ns: put(slot, data, stamp_ns)
+
+    def _on_sync(self, data: bytes, stamp_ns: int) -> None:
+        self._echo_stamp = stamp_ns
+        if self._bus is not None:
+            self._bus.echoes = True
+        self._store.echo()
+
+    def _event_time(self) -> int:
+        """Now, in the base of the samples: the latest stamp and what has passed since."""
+        return self._sync_time.now(self._clock.monotonic_ns(), self._clock.calendar_ns())
+
+    def _enter(self, mode: Mode) -> None:
+        """Bring the drive into the mode, or make sure that it is still in it. No automatic restart."""
+        if mode not in _ACTIVE:
+            self._mode = mode
+            return
+        self._opened().require_unbroken()
+        drive = self._opened().drive
+        if self._mode is not mode:
+            self._pause()
+            self._mode, self._was_enabled = Mode.OFF, False
+            # An `enable` that raises half-way leaves OFF behind: the next call begins anew and never trusts the drive.
+            with self._sync_goes_on(self._live_bus()):
+                drive.enable(mode)
+            self._mode, self._was_enabled = mode, True
+        elif not self._was_enabled:
+            state = drive.state()
+            raise DriverError(
+                f"the drive is no longer enabled: {drive.error_text()}",
+                where=drive.device.where,
+                value=state.value,
+                remedy="Command OFF, find and remove the cause, acknowledge the fault; there is no automatic restart.",
+            )
+        if self._silent >= self._config.stale_cycles:
+            raise StaleDataError(
+                "no complete cycle came back",
+                where=self._silent_text(),
+                value=f"{self._silent} cycles",
+                limit=f"< {self._config.stale_cycles}",
+                remedy="Stop the drive; is the node powered and on the bus?",
+            )
+
+    @contextlib.contextmanager
+    def _sync_goes_on(self, bus: PumpedBus) -> Generator[None]:
+        """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
+
+        def turn() -> int:
+            if self._due_ns is None or self._clock.monotonic_ns() < self._due_ns:
+                return self._due_ns or 1 << 62
+            bus.while_waiting = None
+            try:
+                self._store.begin_block(1)
+                self._cycle([], 0)
+            finally:
+                bus.while_waiting = turn
+            return 0
+
+        cycles, bus.while_waiting = self._sync_time.cycles, turn
+        try:
+            yield
+        finally:
+            bus.while_waiting = None
+            if self._sync_time.cycles > cycles:
+                self._statistics.pause()
+                self._decoder.pause()
+
+    def _silent_text(self) -> str:
+        layout = self._opened().layout
+        slots = self._store.missing_slots()
+        return (
+            ", ".join(
+                f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots
+            )
+            or "bus"
+        )
+
+    def _pause(self) -> None:
+        """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
+        self._pause_pending = self._held_is_old = True
+
+    def _cycle(self, commands: list[bytes], row: int) -> Cycle:
+        """One SYNC cycle with these frames before it."""
+        bus, line = self._live_bus(), self._line
+        self._wait_for_turn(bus, row)
+        # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
+        for pdo, data in zip(self._opened().commands, commands, strict=bool(commands)):
+            bus.send(pdo.cob_id, data)
+        is_first = not self._first_cycle and not row
+        patience = self._patience(is_first)
+        self._echo_stamp = 0
+        self._store.begin_cycle(bus.echoes)
+        sent = self._clock.monotonic_ns()
+        calendar = self._clock.calendar_ns()
+        bus.send(SYNC_COB_ID, b"")
+        if self.on_sync is not None:
+            self.on_sync()
+        if line is not None and line.is_busy:
+            line.turn(self._first_cycle + row)
+        self._collect(bus, sent, patience)
+        latency = self._clock.monotonic_ns() - sent
+        flags = self._store.end_cycle()
+        stamp, is_host = self._sync_time.of_cycle(
+            self._echo_stamp, self._store.stamps(), sent, calendar
+        )
+        if is_host:
+            self._host_rows.append(row)
+        self._count_silence(bus, bool(flags & CycleFlag.INCOMPLETE))
+        bus.check_heartbeats()
+        times = self._sync_time
+        return Cycle(stamp, latency, flags, times.sync_ns, times.doubt(latency))
+
+    def _count_silence(self, bus: PumpedBus, is_incomplete: bool) -> None:
+        """Incomplete cycles in a row. What comes after them tells a slow computer from a cable: what was delayed comes
+        in the end, what was lost does not (a controller repeats one frame at most).
+        """
+        if is_incomplete:
+            if not self._silent and not self._open_silence:
+                self._surplus_before = list(self._store.surplus)
+            self._silent += 1
+            return
+        if self._silent >= _LONG_SILENCE:
+            self._open_silence, self._cycles_open = self._silent, 0
+        self._silent = 0
+        if not self._open_silence:
+            return
+        self._cycles_open += 1
+        late = zip(self._store.surplus, self._surplus_before, strict=True)
+        # Of one COB-ID: nodes with many would make up a silence by the one frame that each controller repeats.
+        if 2 * max(now - before for now, before in late) >= self._open_silence:
+            text = f"the answers of {self._open_silence} cycles came after all, too late for their cycles"
+            bus.emit("warning", LATE_ANSWERS, "bus", text)
+        elif self._cycles_open < _LATEST_ANSWER:
+            return
+        self._open_silence = 0
+
+    def _wait_for_turn(self, bus: PumpedBus, row: int) -> None:
+        if row == 0:
+            self._host_rows: list[int] = []
+        now = self._clock.monotonic_ns()
+        if self._due_ns is None:
+            self._due_ns = now
+        late = now - self._due_ns
+        if late > self._config.cycle_ns // 2:
+            stands = self._mode not in _ACTIVE and late > self._config.cycle_ns
+            if row == 0 and (self._pause_pending or stands):
+                self._statistics.pause()
+                self._decoder.pause()
+            else:
+                # A block that is begun late is late like any other cycle.
+                self._statistics.overruns += 1
+            # No catching up: two SYNCs in quick succession would be a jump of the set-point to the drive.
+            self._due_ns = now
+        self._pause_pending = False
+        while self._clock.monotonic_ns() < self._due_ns:
+            bus.receive(self._due_ns)
+        # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
+        bus.drain()
+        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
+        bus.send_heartbeat()
+        self._due_ns += self._config.cycle_ns
+
+    def _patience(self, is_first: bool) -> int:
+        if is_first:
+            return max(self._config.first_patience_ns, self._config.cycle_ns)
+        if self._store.is_silent:
+            # It has been waited for in full twice: do not slow everybody else down any more.
+            return self._config.cycle_ns
+        return round(self._config.patience_cycles * self._config.cycle_ns)
+
+    def _collect(self, bus: PumpedBus, sent: int, patience: int) -> None:
+        """Pump until the cycle is complete or the patience is over."""
+        store, clock = self._store, self._clock
+        while not store.has_all and clock.monotonic_ns() < sent + patience:
+            bus.receive(sent + patience)
+        if store.has_all and store.is_owed:
+            settled = sent + round(patience * self._config.settle_factor)
+            while store.is_owed and clock.monotonic_ns() < settled:
+                bus.receive(settled)
+            store.forgive()
+
+    def trouble(self, row: int, flags: int) -> Break | None:
+        """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""
+        bus, mode = self._live_bus(), self._commanded
+        if bus.errors_seen != self._errors_seen:
+            self._errors_seen = bus.errors_seen
+            event = bus.last_error
+            return Break(
+                row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
+            )
+        if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
+            record, drive = self._store.last_record, self._opened().drive
+            word = int.from_bytes(record[self._statusword], "little")
+            if drive_state(word) is not DriveState.ENABLED:
+                return self._left("drive-state", _dropped_out(word), float(word), row)
+            shown = drive.mode if self._mode_at is None else record[self._mode_at]
+            self._strange_cycles = self._strange_cycles + 1 if shown != drive.mode else 0
+            if self._strange_cycles >= _MODE_CYCLES:
+                text = (
+                    f"the drive shows mode of operation {shown} (0x6061), it was given {drive.mode}"
+                )
+                return self._left("drive-mode", text, float(shown or 0), row)
+        return None
+
+    def _left(self, code: str, text: str, value: float, row: int) -> Break:
+        """The drive is not any more as it was enabled."""
+        self._was_enabled = False
+        bus = self._live_bus()
+        bus.emit("error", code, f"node {self._config.drive.node_id}", text)
+        self._errors_seen = bus.errors_seen
+        return Break(row, code.replace("-", "_"), value, 0.0, True)
+
+    def finish(
+        self, cycles: Sequence[Cycle], marks: NDArray[np.uint16] | None
+    ) -> tuple[int, NDArray[np.int64], NDArray[np.uint16]]:
+        """First cycle, counts (n, channels) and flags (n,): the block decoded, marked and counted. `marks` (n,) are
+        added to the flags.
+        """
+        rows = len(cycles)
+        raw, bad = self._store.decoded()
+        flags = self._store.flags()
+        counts = self._decoder.block(
+            raw,
+            bad,
+            flags,
+            speeds=self._speeds[:rows],
+            torques=self._torques[:rows],
+            absent=self._store.absent(),
+            sent=np.array([cycle.sync_ns for cycle in cycles], dtype=np.int64),
+            doubt=np.array([cycle.doubt_ns for cycle in cycles], dtype=np.int64),
+        )
+        host_rows = [row for row in self._host_rows if row < rows]
+        flags[host_rows] |= np.uint16(CycleFlag.HOST_TIME)
+        if marks is not None:
+            flags |= marks
+        stamps = np.array([cycle.stamp_ns for cycle in cycles], dtype=np.int64)
+        latencies = np.array([cycle.latency_ns for cycle in cycles], dtype=np.int64)
+        self._statistics.add(stamps, latencies, flags)
+        first, self._first_cycle = self._first_cycle, self._first_cycle + rows
+        return first, counts, flags
+
+
+def _dropped_out(word: int) -> str:
+    state: DriveState = drive_state(word)
+    return f"the drive left operation enabled: {state.value} (statusword 0x{word:04X})"

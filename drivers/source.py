@@ -1,0 +1,122 @@
+"""A source: channels that reach the rig beside the bus of its drive, asked at every SYNC, waited for by nobody.
+
+The cycled rig calls `request(k)` right after SYNC k went out and `collect(k, until)` before the cycle is judged.
+Neither may raise, and `collect` returns by `until` [ns of the clock]: no source can delay the next SYNC, the guard or
+the way to standstill. A channel says how its values are taken:
+
+- `latched`: at the SYNC itself, by a trigger line or the like. What is not there by `until` makes its cycle INCOMPLETE.
+- `polled`: when the source came to it. Its latest value stands in every cycle, and a channel of its own, named by
+  `taken_channel`, says how long after the SYNC (before it: negative) it was taken. It marks no cycle, stands in no
+  trip, and is no half of a pair.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+from drivers.channel import Channel
+from drivers.event import Event
+from drivers.samples import STALE_OF, CycleFlag
+
+NANOSECOND: Final = 1e-9
+AGE_ENDING: Final = "_taken"
+
+
+def taken_channel(channel: Channel) -> Channel:
+    """The channel that says when a polled channel's value was taken: seconds after the SYNC of its cycle."""
+    return Channel(
+        name=channel.name + AGE_ENDING,
+        unit="s",
+        scale=NANOSECOND,
+        long_name=f"when {channel.name} was taken, after the SYNC",
+        acquired="polled",
+    )
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a source holds for a cycle: counts in the order of its channels, marks of the cycle (`CycleFlag`)."""
+
+    counts: tuple[int, ...]
+    flags: int = 0
+
+
+class Source(Protocol):
+    """Channels beside the bus. Whatever goes wrong on its line it tells as an event, and gives None."""
+
+    @property
+    def name(self) -> str:
+        """What it is called in events and in the run file."""
+        ...
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Its channels; for a polled one its `taken_channel` as well."""
+        ...
+
+    @property
+    def largest_steps(self) -> Sequence[int]:
+        """For each channel: counts that it can move within one cycle; 0: it is not looked at."""
+        ...
+
+    def open(self, cycle_ns: int) -> Mapping[str, str]:
+        """Connect, and say who is there, in words. Raises `DriverError`."""
+        ...
+
+    def request(self, cycle: int) -> None:
+        """The SYNC of this number is out: ask, and do not wait."""
+        ...
+
+    def collect(self, cycle: int, until_ns: int) -> Reading | None:
+        """What belongs to this SYNC, None where it is not there by `until_ns`."""
+        ...
+
+    def events(self) -> list[Event]:
+        """What happened since the last call, oldest first."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the line. Never raises."""
+        ...
+
+
+class Follower:
+    """The rows of one source: what is missing holds its last value and is marked, what jumps is marked.
+
+    A row is `counts` in the order of the source's channels and the marks of its cycle.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._last = [0] * len(source.channels)
+        self._steps = tuple(source.largest_steps)
+        self._is_known = False
+        self._gap = 0
+        latched = [one.name for one in source.channels if one.acquired == "latched"]
+        self._missing = int(CycleFlag.INCOMPLETE) if latched else 0
+        for name in latched:
+            self._missing |= int(STALE_OF.get(name, CycleFlag.STALE_OTHER))
+
+    def row(self, cycle: int, until_ns: int) -> tuple[list[int], int]:
+        """What the source has for this SYNC."""
+        reading = self._source.collect(cycle, until_ns)
+        self._gap += 1
+        if reading is None:
+            return self._last, self._missing
+        flags = reading.flags
+        if self._is_known and self._has_jumped(reading.counts):
+            flags |= CycleFlag.JUMPED
+        self._last, self._gap, self._is_known = list(reading.counts), 0, True
+        return self._last, flags
+
+    def pause(self) -> None:
+        """The SYNC has stood while the shaft did not have to: the next value is compared with nothing."""
+        self._is_known = False
+
+    def _has_jumped(self, counts: Sequence[int]) -> bool:
+        moved = (abs(now - before) for now, before in zip(counts, self._last, strict=True))
+        return any(
+            step and far > step * self._gap for step, far in zip(self._steps, moved, strict=True)
+        )
