@@ -12,8 +12,7 @@ from rig.commands.terminal import console, print_json, table
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from drivers.bus.discover import FoundNode
-    from rig.bench.discover.proposal import Bus, Proposal
+    from rig.trial.doctor.discover.proposal import Bus, FoundNode, Proposal
 
 
 def discover(
@@ -57,28 +56,16 @@ def discover(
     a drive with power is heard, and while another process has the bench. Exit code 0 when nodes were found, 6 when
     none answers.
     """
-    from drivers.bus.discover import discover as ask
-    from drivers.bus.network import BusConfig, open_raw_bus
-    from drivers.clock import WallClock
     from rig import exits
-    from rig.bench.discover.description import description
-    from rig.bench.discover.proposal import Bus, propose
-    from rig.bench.identity import bench_on_bus, new_bench_id
-    from rig.run.bench_lock import bench_lock
+    from rig.bench.identity import new_bench_id
+    from rig.trial.doctor.discover.ask import ask_bus
+    from rig.trial.doctor.discover.description import description
+    from rig.trial.doctor.discover.proposal import propose
 
     arguments = dict(map(_argument, argument or []))
     if write is not None:
         _refuse_existing(write)
-    tell = _progress(silent=json)
-    clock = WallClock()
-    with bench_lock(bench_on_bus(interface, channel, arguments), "rig config discover"):
-        rate = bit_rate or _rate_of(interface, channel, arguments, clock, tell)
-        raw = open_raw_bus(BusConfig(interface, channel, rate, arguments))
-        try:
-            nodes = ask(raw, clock, on_stage=tell)
-        finally:
-            raw.shutdown()
-    bus = Bus(interface, channel, rate, tuple(arguments.items()))
+    bus, nodes = ask_bus(interface, channel, arguments, bit_rate, _progress(silent=json))
     proposal = propose(nodes, bus, new_bench_id())
     if write is not None and nodes:
         with write.open("x", encoding="utf-8") as out:
@@ -110,25 +97,6 @@ def _refuse_existing(path: Path) -> None:
         )
 
 
-def _rate_of(
-    interface: str, channel: str, arguments: dict[str, str | int], clock: Any, tell: Any
-) -> int:
-    """The bit rate: the interface's own, or found by listening."""
-    from drivers.bus.discover import BIT_RATES, find_bit_rate
-    from drivers.bus.network import BusConfig, open_raw_bus
-
-    if interface in ("socketcan", "socketcand", "virtual", "udp_multicast"):
-        return 1_000_000
-    return find_bit_rate(
-        lambda rate, passive: open_raw_bus(
-            BusConfig(interface, channel, rate, {**arguments, **passive})
-        ),
-        interface,
-        clock,
-        on_rate=lambda rate: tell("bit rates tried", BIT_RATES.index(rate) + 1, len(BIT_RATES)),
-    )
-
-
 def _progress(*, silent: bool) -> Any:
     """Tells stages on standard error, each once, and the node-IDs in quarters with the time left."""
     import time
@@ -152,7 +120,7 @@ def _as_json(
 ) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from rig.bench.discover.proposal import role_of
+    from rig.trial.doctor.discover.proposal import role_of
 
     return {
         "bus": asdict(bus) | {"arguments": dict(bus.arguments)},
@@ -167,7 +135,7 @@ def _as_json(
 
 
 def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path | None) -> None:
-    from rig.bench.discover.proposal import role_of
+    from rig.trial.doctor.discover.proposal import role_of
 
     out = console()
     if not nodes:
@@ -198,21 +166,11 @@ def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path
 
 def _rates(nodes: int) -> Any:
     """Which SYNC rate a bus carries: nodes by bit rate."""
-    from drivers.bus.load import load_of
+    from rig.trial.doctor.discover.ask import RATES_SHOWN, rates_of
 
-    rates = (125_000, 250_000, 500_000, 1_000_000)
-    grid = table(
-        "nodes",
-        *(f"{rate // 1000} kbit/s" for rate in rates),
-        title="SYNC rate that the bus carries [Hz]",
-    )
+    headings = (f"{rate // 1000} kbit/s" for rate in RATES_SHOWN)
+    grid = table("nodes", *headings, title="SYNC rate that the bus carries [Hz]")
     for count in sorted({1, 2, 3, 4, nodes}):
-        load = load_of(count)
-        grid.add_row(
-            str(count),
-            *(
-                f"{load.largest_rate(rate):g}" if load.largest_rate(rate) else "none"
-                for rate in rates
-            ),
-        )
+        found = rates_of(count)
+        grid.add_row(str(count), *(f"{rate:g}" if rate else "none" for rate in found.values()))
     return grid

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rig.bench.config.load import FORMAT, TO_BE_SAID
-from rig.bench.discover.proposal import Proposal, Table, Word
+from rig.trial.doctor.discover.proposal import Proposal, Table, Word
 
 _HEAD = f"""# A description of this rig, proposed from what its nodes tell of themselves. Nothing of it was measured.
 # What only you know begins with "{TO_BE_SAID.strip()}": `rig config check` names each until it is said. Check every

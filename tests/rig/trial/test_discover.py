@@ -13,8 +13,8 @@ from drivers.bus.device import Identity
 from drivers.bus.discover import FoundNode
 from rig.bench.config.load import inspect_configuration, load_configuration
 from rig.bench.config.schema import RigConfiguration
-from rig.bench.discover.description import description
-from rig.bench.discover.proposal import Bus, Proposal, propose
+from rig.trial.doctor.discover.description import description
+from rig.trial.doctor.discover.proposal import Bus, Proposal, propose
 
 BUS = Bus("socketcan", "can0", 1_000_000)
 GOOD = Statement(
