@@ -31,6 +31,7 @@ from drivers.bus.listening import listen_for_masters, listening_time_ns
 from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
 from drivers.bus.request_line import RequestLine
 from drivers.bus.rig_nodes import GuardContact, MotorEncoder, RigNodes
+from drivers.bus.sdo import SdoTimeoutError
 from drivers.bus.set_points import command_frames, set_point_counts
 from drivers.bus.sync_time import SyncTime
 from drivers.channel import Channel
@@ -282,7 +283,7 @@ class CanSegment:
             return
         try:
             if nodes is not None and self._lost is None:
-                nodes.drive.to_off(resets_fault=False)
+                self._switch_off(bus, nodes)
                 nodes.drive.device.release_consumer()
                 bus.start_heartbeat(0)
                 for device in nodes.devices:
@@ -293,6 +294,14 @@ class CanSegment:
         bus.close()
         self._left_events += bus.events()
         self._bus = None
+
+    def _switch_off(self, bus: PumpedBus, nodes: RigNodes) -> None:
+        """Servo off by SDO. A node that was STOPPED by somebody takes none, and may be turning: it is woken for it."""
+        try:
+            nodes.drive.to_off(resets_fault=False)
+        except SdoTimeoutError:
+            bus.nmt(NmtCommand.PRE_OPERATIONAL, nodes.drive.device.node_id)
+            nodes.drive.to_off(resets_fault=False)
 
     def _let_go(self, bus: PumpedBus, nodes: RigNodes | None) -> None:
         """The drive does not answer: servo off by process data all the same, then NMT STOP, to
