@@ -58,6 +58,7 @@ class ListeningBus(PumpedBus):
     def __init__(self, raw: RawBus, clock: Clock, pump: Pump | None) -> None:
         super().__init__(raw, clock, pump=pump)
         self.heard: Counter[tuple[int, bool]] = Counter()
+        self.errors_heard = 0
 
     def listen(self, duration_ns: int) -> None:
         """Count afresh for `duration_ns` of the clock. Sends nothing."""
@@ -65,6 +66,7 @@ class ListeningBus(PumpedBus):
         self.idle(duration_ns)
 
     def _dispatch(self, message: can.Message) -> None:
+        self.errors_heard += message.is_error_frame
         if not message.is_error_frame and not message.is_extended_id:
             self.heard[message.arbitration_id, message.is_remote_frame] += 1
         super()._dispatch(message)
@@ -91,10 +93,10 @@ def listen_for_masters(
     bus = ListeningBus(raw, clock, pump)
     bus.listen(duration_ns)
     syncs = bus.heard[SYNC_COB_ID, False]
-    masters = _masters_heard(bus.heard, node_ids, own_node_id)
+    masters = masters_heard(bus.heard, node_ids, own_node_id)
     if masters:
         masters += [_often("SYNC", SYNC_COB_ID, syncs)] if syncs else []
-        raise _refusal(masters, duration_ns)
+        raise refusal(masters, duration_ns)
     strangers = {
         node_id: count
         for (cob_id, _), count in bus.heard.items()
@@ -107,7 +109,7 @@ def listen_for_masters(
     return bus.events()
 
 
-def _masters_heard(
+def masters_heard(
     heard: Counter[tuple[int, bool]], node_ids: Sequence[int], own_node_id: int
 ) -> list[str]:
     """What was heard that only a master sends, in words; the SYNC aside, which a node of ours may produce."""
@@ -144,7 +146,8 @@ def _often(what: str, cob_id: int, count: int) -> str:
     return f"{what} (COB-ID 0x{cob_id:03X}) {count} times"
 
 
-def _refusal(heard: Sequence[str], duration_ns: int) -> OtherMasterError:
+def refusal(heard: Sequence[str], duration_ns: int) -> OtherMasterError:
+    """What is raised where a master was heard, in words."""
     return OtherMasterError(
         "another master is on this bus",
         where="bus",
@@ -166,7 +169,7 @@ def _silence_producers(
         whose = (
             f"nodes {producers} were switched off" if producers else "none of our nodes sends it"
         )
-        raise _refusal([f"{_often('SYNC', SYNC_COB_ID, syncs)}, and {whose}"], duration_ns)
+        raise refusal([f"{_often('SYNC', SYNC_COB_ID, syncs)}, and {whose}"], duration_ns)
 
 
 def _stops_producing(bus: ListeningBus, node_id: int) -> bool:
@@ -206,9 +209,9 @@ def _ask_who_it_is(bus: ListeningBus, node_id: int, count: int, duration_ns: int
         device.read(DEVICE_TYPE)
         is_master = bool(int(device.read_optional(NMT_STARTUP) or 0) & 1)
     except DriverError:
-        raise _refusal([f"{beats}, which does not say what it is"], duration_ns) from None
+        raise refusal([f"{beats}, which does not say what it is"], duration_ns) from None
     if is_master:
-        raise _refusal([f"{beats}, which calls itself NMT master (0x1F80)"], duration_ns)
+        raise refusal([f"{beats}, which calls itself NMT master (0x1F80)"], duration_ns)
     bus.emit(
         "warning", "stranger", device.where, f"{beats}: it is not configured and is left alone"
     )

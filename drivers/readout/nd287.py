@@ -29,7 +29,11 @@ from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataErro
 STX, ACK, NAK, ESC = b"\x02", b"\x06", b"\x15", b"\x1b"
 LINE_LENGTH: Final = 17
 _MS: Final = 1_000_000
-LINE_ERRORS: Final = (serial.SerialException, OSError, _termios_error)
+LINE_ERRORS: Final[tuple[type[Exception], ...]] = (
+    serial.SerialException,
+    OSError,
+    _termios_error,
+)
 _LONGEST_ANSWER: Final = 256
 _MOST_EMPTY_LINES: Final = 200
 """The output tail can be set to 99 empty lines."""

@@ -16,6 +16,7 @@ from experiments.contract import Evidence, Experiment
 from experiments.evidence import BAD_CYCLE, SATURATED
 from experiments.recording import Recording, Segment
 from model.arrays import FloatArray, IntArray
+from model.units import REVOLUTION
 
 TURNING = ("traverse", "hold", "bracket", "step", "warm-up", "home-input", "home-output")
 """Labels of segments that turn at the constant speed that they are set to."""
@@ -28,6 +29,10 @@ SETTLED_SHARE = 0.25
 """Share at the start of a servo-off segment that is left out."""
 STILL = 0.1
 """rad of the input within which a segment without a set-point has not turned."""
+LEAST_TURNS = 1.25
+"""Input revolutions of a hold from which on the means over its first and its last one lie apart."""
+USABLE_SHARE = 0.9
+"""Share of the rows of a revolution without which its mean is none."""
 LARGEST = 1_000_000
 """Rows of one segment that are looked at; of a longer one the last."""
 
@@ -141,6 +146,32 @@ class Recorded:
         inner = recording.si("input_angle")[ends]
         outer = recording.output_angle()[ends]
         return [(float(inner[1] - inner[0]), float(outer[1] - outer[0]))]
+
+    def travel_of_means(self, hold: Hold) -> tuple[float, float] | None:
+        """Travel of input and output [rad] from the mean over the first input revolution to that over the last.
+
+        What comes again each revolution, kinematic error and the ringing that it drives, is in no mean: it changes a
+        travel from row to row by far more than its share of a tooth pair. None for a hold that is not longer than
+        `LEAST_TURNS`, and where too much of a revolution was not recorded.
+        """
+        turns = abs(hold.input_travel) / REVOLUTION
+        if not (turns >= LEAST_TURNS and self.recording.has("output_angle")):
+            return None
+        rows = part_of(hold.segment, self.recording.rows)
+        one = round((rows.stop - rows.start) / turns)
+        ends = [slice(rows.start, rows.start + one), slice(rows.stop - one, rows.stop)]
+        first, last = (self._mean_angles(end) for end in ends)
+        if first is None or last is None:
+            return None
+        return last[0] - first[0], last[1] - first[1]
+
+    def _mean_angles(self, rows: slice) -> tuple[float, float] | None:
+        """Mean angles of input and output [rad] over the usable rows, where nearly all of them are."""
+        good = (self.recording.flags(rows) & BAD_CYCLE) == 0
+        if np.count_nonzero(good) < USABLE_SHARE * len(good):
+            return None
+        inner, outer = self.recording.si("input_angle", rows), self.recording.output_angle(rows)
+        return float(inner[good].mean()), float(outer[good].mean())
 
     def _hold(self, segment: Segment) -> Hold | None:
         recording = self.recording

@@ -22,9 +22,11 @@ RATIO_TOLERANCE = 0.25
 RATIO_NEEDED = 0.75
 """Tooth pairs of doubt from which on the travel is too short to tell."""
 ANGLE_AT_AN_END = 1e-4
-"""rad of the output by which kinematic error and wind-up change the travel of one segment."""
+"""rad of the output by which errors of the encoder and wind-up change the travel of one segment between the means
+over its first and its last revolution."""
 ANGLE_AT_AN_END_OF_ALL = 5e-4
-"""The same where anything may have happened in between: wound up one way at one end, the other way at the other."""
+"""The same from row to row, with all of the kinematic error, and where anything may have happened in between: wound
+up one way at one end, the other way at the other."""
 LARGEST_SKEW = 1.25
 """SYNC periods: what is latched at the same SYNC is not a cycle apart; a quarter for what is not told from wind-up."""
 
@@ -56,11 +58,14 @@ def _excess(hold: Hold, recorded: Recorded) -> float:
 
 
 def encoders_against_ratio(recorded: Recorded) -> Finding:
-    """Travel of the output times the ratio against travel of the input, over all that turns."""
+    """Travel of the output times the ratio against travel of the input, over all that turns.
+
+    Where whole revolutions were turned these tell it: a part of one holds the kinematic error of its ends.
+    """
     recording = recorded.recording
-    steady = [(h.input_travel, h.output_travel) for h in recorded.turning]
-    pairs = steady or recorded.farthest
-    turning = [(i, o) for i, o in pairs if i and math.isfinite(o)]
+    whole = [travel for h in recorded.turning if (travel := recorded.travel_of_means(h))]
+    rows = [(h.input_travel, h.output_travel) for h in recorded.turning] or recorded.farthest
+    turning = [(i, o) for i, o in whole or rows if i and math.isfinite(o)]
     if not turning:
         return not_checked("both encoders over a way that was turned are needed")
     ratio = rotary_ratio(
@@ -69,7 +74,7 @@ def encoders_against_ratio(recorded: Recorded) -> Finding:
     inner = sum(abs(i) for i, _ in turning)
     outer = sum(math.copysign(1.0, i) * o for i, o in turning)
     # In tooth pairs: one is the difference between the two mountings.
-    at_an_end = ANGLE_AT_AN_END if steady else ANGLE_AT_AN_END_OF_ALL
+    at_an_end = ANGLE_AT_AN_END if whole else ANGLE_AT_AN_END_OF_ALL
     doubt = at_an_end * len(turning) * ratio / (inner / ratio)
     if doubt > RATIO_NEEDED:
         return not_checked(f"the output turned only {inner / ratio:.2g} rad")

@@ -8,8 +8,9 @@ sim, wire, replay     the seed of the simulated instruments; the folder of the r
 
 from __future__ import annotations
 
+import re
 import secrets
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -81,6 +82,25 @@ def bench_of(backend: str, runs: Path, description: Path | None = None, seed: in
     # Version 0.1.0 latched in the folder of the runs.
     elsewhere = (*(path for _, path in others), runs)
     return Bench(id=identity, state=state, scope=scope, elsewhere=elsewhere, option=option)
+
+
+def bench_on_bus(interface: str, channel: str, arguments: Mapping[str, str | int]) -> Bench:
+    """The bench behind a bus that no description names yet: a hub by its address, another bus by this computer's name
+    for it.
+
+    Raises `ConfigurationError` where no state folder can be written.
+    """
+    hub = hub_of(interface, channel, arguments)
+    identity = hub or "bus-" + re.sub(r"[^a-z0-9]+", "-", f"{interface}-{channel}".lower()).strip(
+        "-"
+    )
+    (scope, state), *others = state_places(identity, site=not hub)
+    if hub and scope == "user":
+        scope = "hub"
+    elsewhere = tuple(path for _, path in others)
+    return Bench(
+        id=identity, state=state, scope=scope, elsewhere=elsewhere, option="--interface, --channel"
+    )
 
 
 def option_of(backend: str, runs: Path, description: Path | None = None) -> str:

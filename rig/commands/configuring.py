@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.discovering import discover
 from rig.commands.terminal import console, print_json
 
 if TYPE_CHECKING:
@@ -19,6 +20,8 @@ config = typer.Typer(
     no_args_is_help=True,
     help="Describe the rig: write a description to start from, check the one there is.",
 )
+
+config.command("discover")(discover)
 
 File = Annotated[Path, typer.Argument(metavar="[FILE]", help="The description of the rig.")]
 

@@ -323,6 +323,13 @@ def stopped(honest: Honest) -> Honest:
     return _about(honest, outcome="ABORTED")
 
 
+def by_the_drives_ramps(honest: Honest) -> Honest:
+    """The drive had no cyclic speed mode."""
+    return _about(
+        honest, process={**honest.recording.metadata.process, "speed_mode": "profile velocity"}
+    )
+
+
 # The tare.
 
 

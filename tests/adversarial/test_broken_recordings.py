@@ -11,7 +11,8 @@ import pytest
 
 from experiments import catalogue
 from experiments.errors import AnalysisError
-from experiments.evidence.table import TABLE
+from experiments.evidence.holds import Recorded
+from experiments.evidence.table import TABLE, checks_of
 from experiments.result import Result
 from tests.adversarial import acts
 from tests.adversarial.acts import Honest
@@ -152,6 +153,15 @@ def test_what_is_widened_is_wider_and_not_wrong(
             assert apart <= estimate.expanded_uncertainty, name
 
 
+def test_steps_that_the_drives_ramps_shaped_are_said(honest: Callable[[str], Honest]) -> None:
+    shaped = acts.by_the_drives_ramps(honest("velocity-steps"))
+    recorded = Recorded(shaped.recording, catalogue.load("velocity-steps"), shaped.evidence)
+    (check,) = [c for c in checks_of(recorded).checks if c.name == "shape of the steps"]
+    assert check.outcome == "widened"
+    assert "its own ramps shaped the steps" in check.words
+    assert not check.is_evidence
+
+
 def test_a_run_that_was_stopped_is_not_judged(
     honest: Callable[[str], Honest], result: Callable[[str], Result]
 ) -> None:
@@ -175,4 +185,8 @@ def test_the_documentation_lists_the_checks_in_their_order() -> None:
 
 def test_every_check_has_a_recording_that_it_refuses_or_widens() -> None:
     tried = {check for _, _, check in REFUSED} | {check for _, _, check, _ in WIDENED}
-    assert {row.name for row in TABLE} - tried == {"count lattice", "end of the run"}
+    assert {row.name for row in TABLE} - tried == {
+        "count lattice",
+        "end of the run",
+        "shape of the steps",
+    }

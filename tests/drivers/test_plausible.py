@@ -58,6 +58,7 @@ def test_a_rated_torque_that_no_motor_has_is_asked_for(
         # A torque motor, a spindle, a limit of speed that nobody has set.
         (Statement(rated_torque=90_000, rated_current=8000, largest_speed=300), None, 90.0),
         (Statement(rated_torque=120_000, rated_current=60_000, largest_speed=6000), None, 120.0),
+        (Statement(rated_torque=500_000, rated_current=15_000, largest_speed=100), None, 500.0),
         (Statement(rated_torque=2390, largest_speed=0xFFFF_FFFF), None, 2.39),
         (Statement(rated_torque=1270, largest_speed=50_000), None, 1.27),
     ],

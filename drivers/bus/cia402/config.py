@@ -76,7 +76,7 @@ class DriveReadings:
     acceleration_unit: float
     speed_mode: OperationMode | None
     torque_mode: OperationMode | None
-    settings: dict[str, float] = field(default_factory=dict)
-    missing: list[Missing] = field(default_factory=list)
+    settings: dict[str, float] = field(default_factory=dict[str, float])
+    missing: list[Missing] = field(default_factory=list[Missing])
     questions: tuple[Question, ...] = ()
     """What a person must say of the drive's units, because its own word is missing or cannot be right."""

@@ -26,7 +26,7 @@ LARGEST_VOLTAGE: Final = 3000.0
 the motor's own speed.
 """
 LARGEST_TORQUE_CONSTANT: Final = 20.0
-"""N m/A: beyond direct-drive motors."""
+"""N m/A, where the drive tells no speed: beyond most direct-drive motors."""
 LARGEST_POWER: Final = 1e5
 """W, where the drive tells no current."""
 LARGEST_TORQUE: Final = 100.0
@@ -149,7 +149,7 @@ def _doubt(torque: float, stated: Statement, motor: float | None) -> str:
     if current and speed and torque * speed / current > LARGEST_VOLTAGE:
         volts = torque * speed / current
         return f"with {current:g} A and {rpm} r/min that would be a motor of {volts * 1e-3:.3g} kV"
-    if current and torque / current > LARGEST_TORQUE_CONSTANT:
+    if current and not speed and torque / current > LARGEST_TORQUE_CONSTANT:
         return f"with {current:g} A that would be {torque / current:.3g} N m/A, which no motor has"
     if speed and not current and torque * speed > LARGEST_POWER:
         return f"with {rpm} r/min that would be a motor of {torque * speed * 1e-3:.3g} kW"

@@ -8,7 +8,7 @@ import difflib
 import tomllib
 import types
 import typing
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,10 @@ from rig.errors import ConfigurationError
 
 DEFAULT_PATH = Path("rig.toml")
 """Where a configuration is looked for when none is named."""
+
+
+TO_BE_SAID = "SAY: "
+"""What a word begins with that a person must still say; what is asked stands behind it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +58,26 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
     """The configuration of a file, or all its problems. Raises `ConfigurationError` for a file that cannot be read."""
     path = Path(path)
     content = _content(path)
+    open_words = tuple(_unsaid(content))
+    if open_words:
+        return open_words
     try:
         return RigConfiguration.model_validate(content, context={FOLDER: path.parent})
     except ValidationError as error:
         return tuple(_problem(entry) for entry in error.errors())
+
+
+def _unsaid(content: object, place: tuple[str | int, ...] = ()) -> Iterator[Problem]:
+    """Every word that is marked as still to be said."""
+    if isinstance(content, str) and content.startswith(TO_BE_SAID):
+        asked = content.removeprefix(TO_BE_SAID)
+        yield Problem(path_text(place), "", f"must still be said: {asked}")
+    elif isinstance(content, Mapping):
+        for name, one in content.items():
+            yield from _unsaid(one, (*place, name))
+    elif isinstance(content, list):
+        for k, one in enumerate(content):
+            yield from _unsaid(one, (*place, k))
 
 
 def load_laboratory(path: str | Path) -> Laboratory | None:

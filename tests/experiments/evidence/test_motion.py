@@ -1,4 +1,4 @@
-"""Speed against set-point: ripple over a part of a turn is no wrong scale; a wrong scale shows in a part of a turn."""
+"""Speed against set-point and encoders against ratio: what a part of a turn leaves open is told from what is wrong."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from experiments import catalogue
 from experiments.contract import Evidence
 from experiments.evidence.holds import Recorded
-from experiments.evidence.motion import speed_against_set_point
+from experiments.evidence.motion import encoders_against_ratio, speed_against_set_point
 from experiments.protocols import home
 from experiments.recording import ArraySource, Recording
 from model.gear import HarmonicDrive
@@ -54,3 +54,43 @@ def test_ripple_over_half_a_turn_is_told_from_a_wrong_scale(
         # More than the loop's own part in fifty.
         assert max(abs(np.array(speeds) - 1.0)) > 0.025
     assert speed_against_set_point(recorded).outcome == outcome
+
+
+def part_of_a_pass(bench: Bench, gear: HarmonicDrive, error: float, turns: float) -> Recording:
+    """So many turns of an output pass, with an error of the output twice per input revolution that has its least value
+    where they begin, and its largest where a quarter of a turn is left over.
+    """
+    run = record(home.plan(home.Parameters(output_speed_rpm=120.0), gear), bench, "home")
+    source = run.source
+    assert isinstance(source, ArraySource)
+    (segment,) = run.labelled("home-output")
+    angle = source.arrays["input_angle"] * run.signals["input_angle"].quantum
+    begin = segment.start + 200
+    turned = angle - angle[begin]
+    waves = -error * np.cos(2.0 * turned) / run.signals["output_angle"].quantum
+    counts = source.arrays["output_angle"]
+    arrays = {**source.arrays, "output_angle": counts + np.rint(waves).astype(counts.dtype)}
+    stop = begin + int(np.searchsorted(turned[begin : segment.stop], turns * REVOLUTION))
+    part = dataclasses.replace(segment, label="hold", start=begin, stop=stop)
+    return dataclasses.replace(
+        run, source=dataclasses.replace(source, arrays=arrays), segments=(part,)
+    )
+
+
+@pytest.mark.parametrize(
+    ("turns", "off", "outcome"),
+    [(1.75, 0.0, "ok"), (1.75, 1.0, "refused"), (0.75, 0.0, "not checked")],
+)
+def test_the_kinematic_error_of_a_short_turn_is_no_other_ratio(
+    turns: float, off: float, outcome: str, bench: Bench, gear: HarmonicDrive
+) -> None:
+    run = part_of_a_pass(bench, gear, 6e-4, turns)
+    stated = dataclasses.replace(run.metadata, ratio=gear.ratio + off)
+    recorded = Recorded(
+        dataclasses.replace(run, metadata=stated), catalogue.load("home"), Evidence(gear)
+    )
+    (hold,) = recorded.turning
+    if outcome == "ok":
+        # From row to row it would be a tooth pair and more.
+        assert abs(hold.input_travel / hold.output_travel - gear.ratio) > 1.0
+    assert encoders_against_ratio(recorded).outcome == outcome

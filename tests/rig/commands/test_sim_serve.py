@@ -196,3 +196,36 @@ def test_a_port_that_is_taken_is_said(
         main.run(["sim", "serve", "--port", str(served["port"]), "--lifetime", "0"])
     assert refused.value.code == 6
     assert str(served["port"]) in capsys.readouterr().err
+
+
+def test_a_stranger_finds_the_devices_and_a_description_that_reaches_them(
+    served: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "found.toml"
+    words = [
+        "config",
+        "discover",
+        "--interface",
+        "socketcand",
+        "--channel",
+        served["channel"],
+        "--json",
+    ]
+    words += [
+        "--argument",
+        f"host={served['host']}",
+        "--argument",
+        f"port={served['port']}",
+        "--write",
+        str(path),
+    ]
+    with pytest.raises(SystemExit) as ended:
+        main.run(words)
+    told = json.loads(capsys.readouterr().out)
+    assert ended.value.code == 0
+    assert {node["node_id"] for node in told["nodes"]} == set(served["nodes"].values())
+    assert told["written"] == str(path)
+    assert len(told["questions"]) == path.read_text(encoding="utf-8").count('"SAY: ')
+    with pytest.raises(SystemExit) as again:
+        main.run(words)
+    assert again.value.code == 2, "a file that exists is left alone"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import NUMBERS_FOLDER
 from rig.run.repeat import repetition
 from rig.run.start import RunRequest, plan_request, rig_for, run_request
+from rig.run.world import start_state
 from rig.runfile.read import close_recording, open_run
 
 SHORT = {"positions": 2, "zero_time": 0.5}
@@ -268,3 +270,16 @@ def test_a_start_state_that_is_given_is_not_looked_for(tmp_path: Path) -> None:
         "housing": 30.0,
         "motor": 33.0,
     }
+
+
+def test_a_run_that_another_has_replaced_is_read_again(
+    warm_folder: tuple[Path, Recording], tmp_path: Path
+) -> None:
+    _, warmed = warm_folder
+    known = world(warmed)
+    place = tmp_path / path_of(warmed).name
+    shutil.copy(path_of(warmed), place)
+    assert start_state(tmp_path, "auto", known).temperatures == ended(warmed)
+    place.chmod(0o644)
+    place.write_bytes(b"no run any more")
+    assert start_state(tmp_path, "auto", known) == StartState()

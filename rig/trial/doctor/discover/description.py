@@ -1,0 +1,52 @@
+"""A proposal as the text of a description: every word with its reason beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from rig.bench.config.load import FORMAT, TO_BE_SAID
+from rig.trial.doctor.discover.proposal import Proposal, Table, Word
+
+_HEAD = f"""# A description of this rig, proposed from what its nodes tell of themselves. Nothing of it was measured.
+# What only you know begins with "{TO_BE_SAID.strip()}": `rig config check` names each until it is said. Check every
+# other number against the nameplate; `rig config new` writes a file with every word that may stand here.
+"""
+
+
+def description(proposal: Proposal) -> str:
+    """The text of the file."""
+    parts = [_HEAD + f'format = "{FORMAT}"\n']
+    if proposal.refused:
+        refused = "\n".join(f"# - {what}" for what in proposal.refused)
+        parts.append(
+            "# Not done by this program, and to be set otherwise in the devices first:\n"
+            + refused
+            + "\n"
+        )
+    parts += [_table(table) for table in proposal.tables]
+    return "\n".join(parts)
+
+
+def _table(table: Table) -> str:
+    remark = f"# {table.remark}\n" if table.remark else ""
+    return remark + table.heading + "\n" + "".join(map(_line, table.words))
+
+
+def _line(word: Word) -> str:
+    if word.value is None:
+        return f"# {word.name}: {word.why}\n"
+    why = "" if word.is_open else f"  # {word.why}"
+    return f"{word.name} = {_toml(word.value)}{why}\n"
+
+
+def _toml(value: Any) -> str:
+    """A value as TOML has it."""
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    if isinstance(value, Mapping):
+        return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    return repr(value)
