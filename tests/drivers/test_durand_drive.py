@@ -13,8 +13,10 @@ import pytest
 from durand.services.nmt import StateEnum
 
 from drivers.bus.cia301 import U8, U32
+from drivers.bus.cia402.plausible import counts_per_revolution, velocity_unit
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.device_file import read_device_file
+from drivers.bus.discover import discover
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE
 from drivers.errors import DriverError, OtherMasterError
 from drivers.event import Event
@@ -24,6 +26,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import REVOLUTION, RPM
 from rig.bench.backends.simulated import wire_config
+from rig.trial.doctor.discover.proposal import Bus, propose
 from rig.trial.drill import rigs
 from rig.trial.drill.catalogue import DRILLS
 from rig.trial.drill.staging import Placed
@@ -348,6 +351,35 @@ def test_runs_with_it_end_as_they_must(monkeypatch: pytest.MonkeyPatch) -> None:
             row = row_of(drill, "wire", staged.run(drill.name, "wire", (at,)), sound.outcome)
             assert row.passed, row
             assert (row.outcome, row.verified) == ("TRIPPED", True)
+
+
+# An unknown bus -----------------------------------------------------------------------------------------------------
+
+
+def test_it_is_discovered_by_asking_and_nothing_is_asked_that_it_states() -> None:
+    with rig() as made:
+        drive, bench = made.drive, made.bench
+        before = {key: drive.od.read(*key) for key, variable in drive._variables()}
+        nodes = discover(bench.bus(), bench.clock, bench.pump)
+        assert {key: drive.od.read(*key) for key in before} == before
+        assert drive.nmt is StateEnum.PRE_OPERATIONAL
+        assert [node.profile for node in nodes] == [402, 406, 401]
+        proposal = propose(nodes, Bus("socketcan", "can0", 1_000_000), "bcdf-2345")
+        assert not [word for word, _ in proposal.questions if word.startswith("[drive]")]
+        told, counts = nodes[0].statement, drive.device.counts_per_revolution
+        assert counts_per_revolution(told) == counts
+        assert velocity_unit(told, counts) == pytest.approx(REVOLUTION / counts)
+        made.open()
+        assert made.port.nodes.drive.readings.velocity_unit == pytest.approx(REVOLUTION / counts)
+
+
+def test_it_is_not_discovered_while_it_has_power() -> None:
+    with rig() as made:
+        made.drive.put(Power.ENABLED)
+        with pytest.raises(OtherMasterError, match="this drive has power"):
+            discover(made.bench.bus(), made.bench.clock, made.bench.pump)
+        assert made.drive.power is Power.ENABLED
+        made.drive.put(Power.DISABLED)
 
 
 # What the stack tells of itself --------------------------------------------------------------------------------------
