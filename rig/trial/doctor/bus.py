@@ -9,8 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from drivers.bus.cia301 import NmtState
+from drivers.bus.cia301 import NmtState, ObjectRef
 from drivers.bus.device import Identity, Missing, RemoteDevice
+from drivers.bus.discover import GUARD_TIME, LIFE_FACTOR
 from drivers.bus.network import NodeWatch, PumpedBus
 from drivers.bus.rig_nodes import RigNodes
 from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
@@ -39,6 +40,7 @@ def inspect_bus(nodes: RigNodes, heard: Mapping[int, Sequence[int]]) -> Iterable
         yield _firmware(group, identity)
         yield _state(group, device)
         yield _heartbeat(group, device.watch, heard.get(device.node_id, ()))
+        yield from _guarding(group, device)
         yield _missing(group, device.missing)
     with read_again(nodes.drive.device):
         yield from inspect_drive(nodes.drive, nodes.drive.device.bus.own_node_id)
@@ -164,6 +166,32 @@ def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
         otherwise="warning",
         remedy="The node beats more slowly than it was asked to.",
     )
+
+
+def _guarding(group: str, device: RemoteDevice) -> Iterable[Finding]:
+    """Node guarding, which this program does not do: said where a node is set to it."""
+    period, factor = (_optional(device, entry) for entry in (GUARD_TIME, LIFE_FACTOR))
+    if not (period and factor):
+        return
+    beats = bool(device.watch.timeout_ns)
+    yield Finding(
+        group=group,
+        name="node guarding",
+        result="warning" if beats else "failed",
+        evidence=f"it waits to be guarded every {period} ms (0x100C), {factor} times (0x100D): nobody does that here",
+        value=float(period),
+        unit="ms",
+        limit="0",
+        remedy="Set 0x100C to 0; this program watches nodes by their heartbeat (0x1017).",
+    )
+
+
+def _optional(device: RemoteDevice, entry: ObjectRef) -> int:
+    """A number of a device; 0 where it has none."""
+    try:
+        return device.read_integer(entry)
+    except (SdoAbortError, SdoTimeoutError):
+        return 0
 
 
 def _missing(group: str, missing: Sequence[Missing]) -> Finding:
