@@ -22,6 +22,7 @@ from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TARGET_SPEED, TORQUE
 from drivers.clock import VirtualClock
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.samples import CycleFlag
+from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.hardware import can_rig_config
 from rig.bench.config.load import load_configuration, missing_files
@@ -30,6 +31,7 @@ from rig.bench.config.schema import RigConfiguration
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.run.preflight import limits_check
+from sim_backend.wire.bench import WireBench
 from tests.drivers.foreign_drive import ForeignCounter, ForeignDrive, ForeignInputs
 from tests.drivers.foreign_slave import NOT_MAPPABLE, READ_ONLY, Slave, Traits, Wire
 from tests.rig.bench import device_facts as facts
@@ -139,6 +141,35 @@ def test_what_the_examples_compute_is_what_they_say() -> None:
     )
     ahm = example("sick-ahm36").counters[0]
     assert ahm.lines * ahm.multiplication == facts.AHM36.objects[0x6001, 0].default
+
+
+def test_the_papers_rig_is_brought_up_limited_and_turned_as_its_page_says() -> None:
+    """On the simulated devices, whose torque monitor has an offset and noise as the maker states them."""
+    configuration = example("paper-sgdv")
+    assert missing_files(configuration, FOLDER) == ()
+    bench = WireBench(shipped_gear(), shipped_motor(), cycle_ns=2_000_000)
+    config = can_rig_config(configuration, shipped_motor(), FOLDER, 2_000_000, ratio=120.0)
+    port = CanRig(
+        config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
+    )
+    port.open()
+    assert port.nodes.drive.readings.questions == ()
+    assert "read back" in limits_check(LIMITS, port.write_limits(LIMITS)).evidence
+    by_name = {channel.name: (k, channel) for k, channel in enumerate(port.channels)}
+    standing = port.exchange(Command(Mode.OFF), 100, Guard())
+    at, torque = by_name[TORQUE]
+    zero = torque.to_si(standing.counts[:, at]).mean()
+    assert abs(zero) < 0.0127, "20 mV of the monitor's 1 V per rated torque"
+    assert torque.scale == pytest.approx(0.3125e-3 * 0.637)
+    turning = port.exchange(Command(Mode.SPEED, np.full(500, 100.0 * RPM)), 500, Guard())
+    assert turning.broken is None
+    assert not turning.flags.any()
+    for name, ratio in ((INPUT_ANGLE, 1.0), (OUTPUT_ANGLE, 120.0)):
+        k, channel = by_name[name]
+        angle = channel.to_si(turning.counts[250:, k])
+        speed = (angle[-1] - angle[0]) / (249 * 0.002) * ratio
+        assert abs(speed) == pytest.approx(100.0 * RPM, rel=0.03)
+    port.close()
 
 
 # Devices of those objects -------------------------------------------------------------------------
