@@ -114,7 +114,7 @@ def test_it_is_brought_up_from_whatever_state_another_master_left_it_in(
         drive = made.drive
         drive.stack.nmt.set_state(nmt)
         drive.put(power, speed=SPEED)
-        made.let_time_pass(0.3)
+        made.let_time_pass(0.1)
         turned = made.bench.input_speed
         assert (turned > 0.9 * SPEED) == (power is Power.ENABLED)
         made.open()
