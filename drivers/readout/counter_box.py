@@ -172,6 +172,7 @@ class CounterBox:
         self._answers: dict[int, _Answer] = {}
         self._asked: dict[int, int] = {}
         self._unanswered = 0
+        self._missed: set[int] = set()
         self._ahead: int | None = None
         self._is_paired = True
         self._latest: tuple[_Answer, int] | None = None
@@ -247,15 +248,20 @@ class CounterBox:
             self._listen(until_ns)
         came, self._answers = self._answers, {}
         answer = came.pop(cycle, None)
-        self._count_silence(answer is not None)
+        # Of SYNCs between two blocks nobody collects the answers: those are not late.
+        late = self._missed.intersection(came)
+        self._missed -= late
+        self._count_silence(cycle, answer is not None)
         if not self._config.is_triggered:
             return self._polled(cycle, answer or next(iter(came.values()), None))
         if answer is None or not self._is_of_this_sync(answer):
             return None
-        return Reading((answer.count,), _flags(answer) | (CycleFlag.LATE if came else 0))
+        return Reading((answer.count,), _flags(answer) | (CycleFlag.LATE if late else 0))
 
-    def _count_silence(self, is_answered: bool) -> None:
+    def _count_silence(self, cycle: int, is_answered: bool) -> None:
         self._unanswered = 0 if is_answered else self._unanswered + 1
+        if not is_answered:
+            self._missed = {one for one in self._missed if one > cycle - LONGEST_SILENCE} | {cycle}
         if self._unanswered == TOLD_AFTER:
             self._tell("warning", "source-silent", f"{TOLD_AFTER} cycles without an answer in time")
 

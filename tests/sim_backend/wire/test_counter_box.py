@@ -107,6 +107,8 @@ def test_what_goes_wrong_with_it_is_marked_and_told_and_delays_nobody(
     assert not block.flags[:100].any()
     assert (block.flags[100:104] & expected == expected).all()
     assert bool(fault.effects)
+    if isinstance(fault, faults.BoxSlow):
+        assert block.flags[105] & CycleFlag.LATE, "an answer that comes after its cycle is told"
     codes = [event.code for event in port.events()]
     assert code in codes if code else not any(one.startswith("source") for one in codes)
     assert np.array_equal(block.interval_ns, sound.interval_ns), "no SYNC waited"
@@ -179,6 +181,24 @@ def test_over_a_real_socket_lines_come_in_pieces_and_a_closed_one_is_lost() -> N
     assert [event.code for event in box.events()] == ["source-lost"]
     box.request(8)
     box.close()
+
+
+def test_answers_that_nobody_collected_are_not_late() -> None:
+    made = bench()
+    box = CounterBox(
+        CounterBoxConfig(channel="output_angle", lines=18000, multiplication=4, largest_speed=10.0),
+        made.clock,
+        made.box_line,
+    )
+    box.open(made.cycle_ns)
+    # SYNCs go on while the drive is enabled between two blocks.
+    for cycle in range(4):
+        made.counter_box.trigger()
+        box.request(cycle)
+        made.clock.wait_until_ns(made.clock.monotonic_ns() + made.cycle_ns)
+    reading = box.collect(3, made.clock.monotonic_ns())
+    assert reading is not None
+    assert reading.flags == 0
 
 
 def test_nobody_at_the_address_is_told_with_what_to_do() -> None:
