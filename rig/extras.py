@@ -11,15 +11,21 @@ from rig.errors import RigError
 
 def optional(package: str, purpose: str, extra: str = "python") -> ModuleType:
     """A package that is not installed with the base. Raises `RigError` that says how to install it."""
-    require(purpose, extra, package.partition(".")[0])
-    return import_module(package)
+    try:
+        return import_module(package)
+    except ImportError:
+        raise _missing(package.partition(".")[0], purpose, extra) from None
 
 
 def require(purpose: str, extra: str, *packages: str) -> None:
     """Raise `RigError` that says how to install the first of the packages that is missing; nothing is imported."""
-    missing = next((name for name in packages if find_spec(name) is None), None)
-    if missing is not None:
-        raise RigError(
-            f"{purpose} needs the package {missing}, which is not installed",
-            remedy=f"Install it: pip install 'harmonic-rig[{extra}]'.",
-        )
+    for name in packages:
+        if find_spec(name) is None:
+            raise _missing(name, purpose, extra)
+
+
+def _missing(package: str, purpose: str, extra: str) -> RigError:
+    return RigError(
+        f"{purpose} needs the package {package}, which is not installed",
+        remedy=f"Install it: pip install 'harmonic-rig[{extra}]'.",
+    )
