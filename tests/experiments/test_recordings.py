@@ -105,6 +105,16 @@ def test_stamps_of_device_and_sync_are_times(time_base: str) -> None:
     )
 
 
+def test_what_was_polled_is_no_half_of_a_pair() -> None:
+    recording = of_angle(np.linspace(0.0, 1.0, 200))
+    name, channel = next(iter(recording.signals.items()))
+    assert name in ("input_angle", "output_angle")
+    check_recording(recording, "a test", 0.1)
+    polled = {**recording.signals, name: dataclasses.replace(channel, acquired="polled")}
+    with pytest.raises(AnalysisError, match="polled at times of their own"):
+        check_recording(dataclasses.replace(recording, signals=polled), "a test", 0.1)
+
+
 def test_a_channel_without_calibration_gets_the_assumed_scale() -> None:
     recording = of_angle(np.linspace(0.0, 1.0, 200))
     bare = dataclasses.replace(

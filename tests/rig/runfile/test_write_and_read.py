@@ -162,6 +162,14 @@ def test_channels_come_back_for_replay(tmp_path: Path) -> None:
     )
 
 
+def test_a_polled_channel_comes_back_as_one(tmp_path: Path) -> None:
+    columns = (Column.of(CHANNELS[0]), Column.of(replace(CHANNELS[1], acquired="polled")))
+    with h5py.File(tmp_path / "header.h5", "w") as file:
+        write_header(file, replace(header(), columns=columns))
+        create_data(file, columns, 64, compress=False)
+        assert [one.channel.acquired for one in read_columns(file)] == ["latched", "polled"]
+
+
 def test_segments_and_events_come_back(tmp_path: Path) -> None:
     recording = open_run(write_run(tmp_path))
     assert recording.segments == (
