@@ -26,6 +26,7 @@ from drivers.port import (
     DirectLine,
     DriveLimits,
     Guard,
+    Machine,
     RigDescription,
 )
 from drivers.samples import Break, SampleBlock
@@ -47,7 +48,7 @@ class Cycle(NamedTuple):
     doubt_ns: int
 
 
-class Actuator(Protocol):
+class Actuator(Machine, Protocol):
     """What turns the motor and carries the SYNC: a drive, with what is latched on its own bus.
 
     A block is exchanged as `begin`, then `cycle`, `row` and `trouble` for each of its cycles, then `finish`.
@@ -59,39 +60,6 @@ class Actuator(Protocol):
     @property
     def title(self) -> str:
         """What it is called."""
-        ...
-
-    @property
-    def channels(self) -> Sequence[Channel]:
-        """Its channels, once it is open."""
-        ...
-
-    @property
-    def cycle_ns(self) -> int:
-        """The nominal SYNC period [ns]."""
-        ...
-
-    @property
-    def time_base(self) -> Literal["hardware", "device", "host", "virtual"]:
-        """What the time stamps are."""
-        ...
-
-    @property
-    def line(self) -> DirectLine | None:
-        """The line to each device beside the cyclic data."""
-        ...
-
-    @property
-    def abilities(self) -> Abilities:
-        """What it can do beyond exchanging cycles."""
-        ...
-
-    def open(self) -> RigDescription:
-        """Connect and bring it to operation with the servo off."""
-        ...
-
-    def write_limits(self, limits: DriveLimits) -> DriveLimits:
-        """Write the limits and return what reads back."""
         ...
 
     def begin(self, command: Command, cycles: int) -> None:
@@ -118,14 +86,6 @@ class Actuator(Protocol):
 
     def lose(self, error: BusLostError) -> None:
         """The line was lost in the middle of a block: what was measured until then is kept."""
-        ...
-
-    def reset_fault(self) -> None:
-        """Acknowledge a fault; the servo stays off."""
-        ...
-
-    def close(self) -> None:
-        """Servo off, line released. Never raises."""
         ...
 
 

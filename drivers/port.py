@@ -243,8 +243,8 @@ class Abilities:
     reads_limits_back: bool = True
 
 
-class RigPort(Protocol):
-    """A rig: servo amplifier, torque port, both encoders and their acquisition by SYNC."""
+class Machine(Protocol):
+    """What a rig and the actuator under a cycled rig have in common: channels, clock, limits, and a way off."""
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -279,16 +279,20 @@ class RigPort(Protocol):
         """Write the limits into the drive and return what reads back."""
         ...
 
-    def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
-        """Run `cycles` SYNC cycles (fewer if the guard breaks) and return what was latched. Raises `DriverError`."""
-        ...
-
     def reset_fault(self) -> None:
         """Acknowledge a drive fault after an operator has acknowledged it by name."""
         ...
 
     def close(self) -> None:
         """Servo off, release the bus. Never raises because something is already gone."""
+        ...
+
+
+class RigPort(Machine, Protocol):
+    """A rig: servo amplifier, torque port, both encoders and their acquisition by SYNC."""
+
+    def exchange(self, command: Command, cycles: int, guard: Guard) -> SampleBlock:
+        """Run `cycles` SYNC cycles (fewer if the guard breaks) and return what was latched. Raises `DriverError`."""
         ...
 
 
