@@ -14,11 +14,14 @@ from numpy.typing import NDArray
 
 from drivers.bus.cia401 import AnalogInput
 from drivers.bus.frames import FrameLayout
+from drivers.bus.status_lines import StatusLines
 from drivers.channel import Channel
 from drivers.counting import Unwrapper, wrapped_difference
 from drivers.samples import STALE_OF, CycleFlag
 
-Kind = Literal["count", "plain", "target_speed", "target_torque", "latch", "seen", "contact"]
+Kind = Literal[
+    "count", "plain", "target_speed", "target_torque", "latch", "seen", "contact", "lines"
+]
 _FAR: Final = 2**62
 _DOUBTFUL: Final = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
 """Marks of the pairing: such a value may belong to another cycle, or to nobody."""
@@ -31,7 +34,7 @@ class Column:
     `field` its own field (-1: none); `of` the column of the counter that a latch belongs to;
     `seen_fields` (field, mask) of latch states, one bit each, or of a contact, which is 1 when the
     masked field equals `closed`; `largest_step` counts per cycle; `analog` its input, for
-    saturation.
+    saturation; `lines` of a statusword that is made of a word of contacts.
     """
 
     channel: Channel
@@ -42,6 +45,7 @@ class Column:
     largest_step: int = 0
     closed: int = 0
     analog: AnalogInput | None = None
+    lines: StatusLines | None = None
 
 
 @dataclass(frozen=True)
@@ -115,6 +119,8 @@ class ColumnDecoder:
                 )
             elif column.kind == "latch":
                 counts[:, i] = self._latch(raw, counts, column)
+            elif column.lines is not None:
+                counts[:, i] = column.lines.of_all(raw[:, column.field])
             else:
                 counts[:, i] = raw[:, column.field]
                 if column.analog is not None:
@@ -154,6 +160,8 @@ class ColumnDecoder:
             elif column.kind == "contact":
                 field, mask = column.seen_fields[0]
                 counts[i] = int(raw[field] & mask == column.closed)
+            elif column.lines is not None:
+                counts[i] = column.lines.of(raw[column.field])
             else:
                 counts[i] = self._row_latch(raw, counts, column)
         return counts

@@ -12,15 +12,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
+from drivers.bus.amplifier import Amplifier
 from drivers.bus.cia301 import NmtCommand, NmtState, ObjectRef
-from drivers.bus.cia402 import tables as obj
 from drivers.bus.device import RemoteDevice
 from drivers.bus.network import PumpedBus
 from drivers.bus.sdo import PostedTransfer, SdoTimeoutError
 from drivers.errors import DriverError
 from drivers.port import Answer, Ask, Reach, Request
 
-_CONTROLWORD: Final = {Ask.QUICK_STOP: obj.QUICK_STOP, Ask.SERVO_OFF: obj.DISABLE_VOLTAGE}
+_STOPS: Final = (Ask.QUICK_STOP, Ask.SERVO_OFF)
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ class Place:
     device: RemoteDevice
     entry: ObjectRef
     arrives: Callable[[], bool]
+    count_of: Callable[[int], int] = int
+    """The count of the channel that a number of the object stands for."""
 
 
 @dataclass(kw_only=True)
@@ -42,10 +44,10 @@ class _Conversation:
 
 
 class RequestLine:
-    """The `DirectLine` of a rig on a bus; `places` of its channels."""
+    """The `DirectLine` of a rig on a bus; `places` of its channels, `amplifier` that can be stopped."""
 
-    def __init__(self, bus: PumpedBus, places: dict[str, Place]) -> None:
-        self._bus, self._places = bus, places
+    def __init__(self, bus: PumpedBus, places: dict[str, Place], amplifier: Amplifier) -> None:
+        self._bus, self._places, self._amplifier = bus, places, amplifier
         self._conversations: dict[int, _Conversation] = {}
         self._answers: list[Answer] = []
         self._unanswered: set[int] = set()
@@ -128,8 +130,8 @@ class RequestLine:
         place = self._places[request.channel]
         if request.ask is Ask.READ:
             return place.device.sdo.post_upload(*place.entry.key)
-        word = place.device.typed(obj.CONTROLWORD).data_type.encode(_CONTROLWORD[request.ask])
-        return place.device.sdo.post_download(*obj.CONTROLWORD.key, word)
+        entry, value = self._amplifier.stops[request.ask]
+        return place.device.sdo.post_download(*entry.key, entry.data_type.encode(value))
 
     def _settle(self, conversation: _Conversation, posted: PostedTransfer, cycle: int) -> None:
         """Note what came of the first request; a node that said nothing is not asked the rest."""
@@ -140,12 +142,13 @@ class RequestLine:
             conversation.waiting.clear()
         else:
             self._unanswered.discard(conversation.device.node_id)
-        if request.ask in _CONTROLWORD:
+        if request.ask in _STOPS:
             # Some take no SDO for an object that an RPDO carries, but for when they are PRE-OPERATIONAL.
             mark = self._refusing.discard if posted.error is None else self._refusing.add
             mark(conversation.device.node_id)
         if posted.error is None and request.ask is Ask.READ:
             with contextlib.suppress(DriverError):
-                entry = self._places[request.channel].entry
-                count = int(conversation.device.number_of(entry, posted.data))
+                place = self._places[request.channel]
+                number = conversation.device.number_of(place.entry, posted.data)
+                count = place.count_of(int(number))
         self._answers.append(Answer(request, cycle, count))

@@ -20,24 +20,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
+from drivers.bus.amplifier import Left
+from drivers.bus.amplifiers import AmplifierConfig
 from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
 from drivers.bus.cia401 import AnalogModuleConfig
-from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.columns import ColumnDecoder
 from drivers.bus.frames import CycleStore
 from drivers.bus.listening import listen_for_masters, listening_time_ns
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
 from drivers.bus.request_line import RequestLine
-from drivers.bus.rig_nodes import GuardContact, MotorEncoder, RigNodes
+from drivers.bus.rig_nodes import GuardContact, RigNodes
 from drivers.bus.sdo import SdoTimeoutError
-from drivers.bus.set_points import command_frames, set_point_counts
+from drivers.bus.set_points import set_point_counts
 from drivers.bus.sync_time import SyncTime
 from drivers.channel import Channel
 from drivers.clock import Clock
 from drivers.cycled import Cycle
-from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.event import Event
 from drivers.port import (
@@ -51,15 +52,7 @@ from drivers.port import (
 )
 from drivers.samples import Break, CycleFlag
 
-_CONTROLWORD: Final = {
-    Mode.OFF: obj.DISABLE_VOLTAGE,
-    Mode.QUICK_STOP: obj.QUICK_STOP,
-    Mode.SPEED: obj.ENABLE,
-    Mode.TORQUE: obj.ENABLE,
-}
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
-_MODE_CYCLES: Final = 3
-"""Cycles in a row in which another mode is somebody's work, and no display that lags."""
 _LONG_SILENCE: Final = 3
 """Incomplete cycles in a row of whose end is told whether their answers were late or lost."""
 _LATEST_ANSWER: Final = 50
@@ -78,7 +71,7 @@ class CanRigConfig:
     """
 
     cycle_ns: int = 1_000_000
-    drive: DriveConfig = field(default_factory=DriveConfig)
+    drive: AmplifierConfig = field(default_factory=DriveConfig)
     motor_encoder: MotorEncoder
     counters: tuple[CounterConfig, ...] = ()
     modules: tuple[AnalogModuleConfig, ...] = ()
@@ -240,17 +233,9 @@ class CanSegment:
             raise self._lost or BusLostError("the rig has been closed", where=self._config.title)
         speeds, torques = set_point_counts(command, cycles, self.channels)
         self._enter(command.mode)
-        # Before the frames are built: enabling may have gone by SDO, and a fixed RPDO must carry what now holds.
         # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
-        if self._held_is_old and (command.mode in _ACTIVE or not self._silent):
-            self._held, self._held_is_old = nodes.held_values(), False
-        self._frames = command_frames(
-            nodes.commands,
-            _CONTROLWORD[command.mode],
-            speeds=speeds,
-            torques=torques,
-            held=self._held,
-        )
+        may_ask = command.mode in _ACTIVE or not self._silent
+        self._frames = nodes.drive.frames(command.mode, speeds, torques, may_ask=may_ask)
         self._speeds, self._torques, self._commanded = speeds, torques, command.mode
         self._store.begin_block(cycles)
 
@@ -306,7 +291,7 @@ class CanSegment:
             if nodes is None:
                 return
             drive = nodes.drive
-            for cob_id, data in self._command_once(obj.DISABLE_VOLTAGE):
+            for cob_id, data in self._command_once(Mode.OFF):
                 bus.send(cob_id, data)
             bus.send(SYNC_COB_ID, b"")
             if is_silent:
@@ -317,11 +302,11 @@ class CanSegment:
                     return
             bus.nmt(NmtCommand.STOP, drive.device.node_id)
 
-    def _command_once(self, controlword: int) -> list[tuple[int, bytes]]:
-        """(COB-ID, data) of every RPDO with a controlword and set-points of zero."""
-        pdos, none = self._opened().commands, np.zeros(1, dtype=np.int64)
-        frames = command_frames(pdos, controlword, speeds=none, torques=none, held=self._held)
-        return [(pdo.cob_id, data) for pdo, (data,) in zip(pdos, frames, strict=True)]
+    def _command_once(self, mode: Mode) -> list[tuple[int, bytes]]:
+        """(COB-ID, data) of every RPDO in a mode with set-points of zero."""
+        drive, none = self._opened().drive, np.zeros(1, dtype=np.int64)
+        frames = drive.frames(mode, none, none)
+        return [(pdo.cob_id, data) for pdo, (data,) in zip(drive.commands, frames, strict=True)]
 
     # --- beyond the port
 
@@ -357,7 +342,7 @@ class CanSegment:
 
         Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
         """
-        return [*self._command_once(obj.QUICK_STOP), (SYNC_COB_ID, b"")]
+        return [*self._command_once(Mode.QUICK_STOP), (SYNC_COB_ID, b"")]
 
     # --- inside
 
@@ -396,14 +381,9 @@ class CanSegment:
         self._surplus_before = list(self._store.surplus)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
-        at = nodes.byte_of(obj.STATUSWORD) or 0
-        self._statusword = slice(at, at + 2)
-        self._mode_at = nodes.byte_of(obj.MODE_DISPLAY)
-        self._strange_cycles = 0
+        nodes.drive.find(nodes.layout)
         self._pause_pending = False
-        self._line = RequestLine(bus, nodes.places(self._store.is_absent))
-        self._held: dict[tuple[int, int], int] = {}
-        self._held_is_old = True
+        self._line = RequestLine(bus, nodes.places(self._store.is_absent), nodes.drive)
         self._lost = None
         bus.sample_time_ns = self._event_time
         bus.subscribe(SYNC_COB_ID, self._on_sync)
@@ -491,14 +471,15 @@ class CanSegment:
 
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
-        self._pause_pending = self._held_is_old = True
+        self._pause_pending = True
+        self._opened().drive.paused()
 
     def _cycle(self, commands: list[bytes], row: int) -> Cycle:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
-        for pdo, data in zip(self._opened().commands, commands, strict=bool(commands)):
+        for pdo, data in zip(self._opened().drive.commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
         is_first = not self._first_cycle and not row
         patience = self._patience(is_first)
@@ -603,26 +584,18 @@ class CanSegment:
                 row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
             )
         if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
-            record, drive = self._store.last_record, self._opened().drive
-            word = int.from_bytes(record[self._statusword], "little")
-            if drive_state(word) is not DriveState.ENABLED:
-                return self._left("drive-state", _dropped_out(word), float(word), row)
-            shown = drive.mode if self._mode_at is None else record[self._mode_at]
-            self._strange_cycles = self._strange_cycles + 1 if shown != drive.mode else 0
-            if self._strange_cycles >= _MODE_CYCLES:
-                text = (
-                    f"the drive shows mode of operation {shown} (0x6061), it was given {drive.mode}"
-                )
-                return self._left("drive-mode", text, float(shown or 0), row)
+            left = self._opened().drive.left(self._store.last_record)
+            if left is not None:
+                return self._left(left, row)
         return None
 
-    def _left(self, code: str, text: str, value: float, row: int) -> Break:
+    def _left(self, left: Left, row: int) -> Break:
         """The drive is not any more as it was enabled."""
         self._was_enabled = False
         bus = self._live_bus()
-        bus.emit("error", code, f"node {self._config.drive.node_id}", text)
+        bus.emit("error", left.code, f"node {self._config.drive.node_id}", left.text)
         self._errors_seen = bus.errors_seen
-        return Break(row, code.replace("-", "_"), value, 0.0, True)
+        return Break(row, left.code.replace("-", "_"), left.value, 0.0, True)
 
     def finish(
         self, cycles: Sequence[Cycle], marks: NDArray[np.uint16] | None
@@ -652,8 +625,3 @@ class CanSegment:
         self._statistics.add(stamps, latencies, flags)
         first, self._first_cycle = self._first_cycle, self._first_cycle + rows
         return first, counts, flags
-
-
-def _dropped_out(word: int) -> str:
-    state: DriveState = drive_state(word)
-    return f"the drive left operation enabled: {state.value} (statusword 0x{word:04X})"

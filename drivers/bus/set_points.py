@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers import channel as names
-from drivers.bus.cia402 import tables as obj
 from drivers.bus.pdo import MappedPdo
 from drivers.channel import Channel
 from drivers.errors import DriverError
 from drivers.port import Command, Mode
 
+Key = tuple[int, int]
+"""Index and sub-index of an object."""
 LONGEST_BLOCK: Final = 10_000_000
 _TARGETS: Final = {Mode.SPEED: (names.TARGET_SPEED, 32), Mode.TORQUE: (names.TARGET_TORQUE, 16)}
 """Channel of the set-point and the width of its object in bits."""
@@ -23,7 +24,7 @@ _TARGETS: Final = {Mode.SPEED: (names.TARGET_SPEED, 32), Mode.TORQUE: (names.TAR
 def set_point_counts(
     command: Command, cycles: int, channels: Sequence[Channel]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Speed and torque set-points (cycles,) in counts of 0x60FF and 0x6071, as the drive will receive them.
+    """Speed and torque set-points (cycles,) in counts of their channels, as the drive will receive them.
 
     Raises `DriverError` when there is not one finite set-point per cycle, or one does not fit the
     object: none is clipped.
@@ -68,33 +69,14 @@ def set_point_counts(
     return (whole, none) if command.mode is Mode.SPEED else (none, whole)
 
 
-COMMANDED: Final = frozenset({obj.CONTROLWORD.key, obj.TARGET_VELOCITY.key, obj.TARGET_TORQUE.key})
-"""Entries of the RPDOs that every cycle sets."""
-
-
-def command_frames(
-    pdos: Sequence[MappedPdo],
-    controlword: int,
-    speeds: NDArray[np.int64],
-    torques: NDArray[np.int64],
-    held: Mapping[tuple[int, int], int] | None = None,
+def packed_frames(
+    pdos: Sequence[MappedPdo], values: Mapping[Key, NDArray[np.int64]], cycles: int
 ) -> list[list[bytes]]:
-    """The bytes of every RPDO (outer) for every cycle (inner); `held` are the values of a fixed
-    mapping's other entries.
-    """
-    words = np.full(len(speeds), controlword)
-    values = {key: np.full(len(speeds), value) for key, value in (held or {}).items()}
-    values |= {
-        obj.CONTROLWORD.key: words,
-        obj.TARGET_VELOCITY.key: speeds,
-        obj.TARGET_TORQUE.key: torques,
-    }
-    return [_pack(pdo, values, len(speeds)) for pdo in pdos]
+    """The bytes of every RPDO (outer) for every cycle (inner) of values (cycles,) by the key of their object."""
+    return [_pack(pdo, values, cycles) for pdo in pdos]
 
 
-def _pack(
-    pdo: MappedPdo, values: Mapping[tuple[int, int], NDArray[np.int64]], rows: int
-) -> list[bytes]:
+def _pack(pdo: MappedPdo, values: Mapping[Key, NDArray[np.int64]], rows: int) -> list[bytes]:
     """One RPDO's bytes for every cycle: little-endian fields side by side; entries without a value are 0."""
     table = np.zeros((rows, pdo.length), dtype=np.uint8)
     offset = 0

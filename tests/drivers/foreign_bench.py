@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.clock import VirtualClock
 from drivers.event import Event
 from drivers.port import Command, DriveLimits, Guard, Mode

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode

@@ -11,7 +11,7 @@ import pytest
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRigConfig
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.channel import (
     DRIVE_TORQUE,
     INDEX_SEEN,

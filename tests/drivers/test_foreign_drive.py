@@ -11,7 +11,7 @@ import contextlib
 import pytest
 
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError

@@ -13,7 +13,7 @@ from drivers.bus.cia301 import I16, I32, REAL32, U16, U32, ObjectRef
 from drivers.bus.cia401 import AnalogModuleConfig, torque_input
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError

@@ -11,7 +11,7 @@ import pytest
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.listening import listening_time_ns
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.clock import VirtualClock
 from drivers.errors import BusLostError, OtherMasterError
 from tests.drivers.foreign_drive import ForeignDrive

@@ -11,7 +11,8 @@ from drivers.bus.cia301 import I16, U8, U16, ObjectRef, Part
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.rig_nodes import GuardContact, MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
+from drivers.bus.rig_nodes import GuardContact
 from drivers.channel import (
     GUARD_CLOSED,
     INDEX_SEEN,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.bus.cia401 import torque_input
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.counting import largest_step
 from drivers.errors import DriverError
 from tests.drivers.can_bench import close, setup

@@ -16,7 +16,7 @@ from drivers.bus.cia301 import I16, U32, ObjectRef
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.eds import parse_eds
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, TARGET_SPEED
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError

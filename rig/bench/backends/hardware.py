@@ -15,8 +15,9 @@ from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.device_file import load_device_file
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import BusConfig, open_raw_bus
-from drivers.bus.rig_nodes import GuardContact, MotorEncoder
+from drivers.bus.rig_nodes import GuardContact
 from drivers.channel import OUTPUT_ANGLE
 from drivers.clock import WallClock
 from drivers.errors import DriverError

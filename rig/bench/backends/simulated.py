@@ -192,7 +192,8 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
     from drivers.bus.cia402.config import DriveConfig
     from drivers.bus.cia406 import CounterConfig
     from drivers.bus.cyclic import CanRigConfig
-    from drivers.bus.rig_nodes import GuardContact, MotorEncoder
+    from drivers.bus.motor_encoder import MotorEncoder
+    from drivers.bus.rig_nodes import GuardContact
     from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
     from sim_backend.wire.drive import INTERLOCK
 

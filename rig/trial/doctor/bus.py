@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from drivers.bus.cia301 import NmtState, ObjectRef
+from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.bus.device import Identity, Missing, RemoteDevice
 from drivers.bus.discover import GUARD_TIME, LIFE_FACTOR
 from drivers.bus.network import NodeWatch, PumpedBus
@@ -42,8 +43,10 @@ def inspect_bus(nodes: RigNodes, heard: Mapping[int, Sequence[int]]) -> Iterable
         yield _heartbeat(group, device.watch, heard.get(device.node_id, ()))
         yield from _guarding(group, device)
         yield _missing(group, device.missing)
-    with read_again(nodes.drive.device):
-        yield from inspect_drive(nodes.drive, nodes.drive.device.bus.own_node_id)
+    drive = nodes.drive
+    with read_again(drive.device):
+        if isinstance(drive, ServoAmplifier):
+            yield from inspect_drive(drive, drive.device.bus.own_node_id)
 
 
 def _told_again(device: RemoteDevice, identity: Identity) -> Identity:

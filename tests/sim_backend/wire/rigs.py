@@ -14,7 +14,7 @@ from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
-from drivers.bus.rig_nodes import MotorEncoder
+from drivers.bus.motor_encoder import MotorEncoder
 from drivers.clock import VirtualClock
 from drivers.port import Command, Guard, Mode
 from drivers.samples import SampleBlock
