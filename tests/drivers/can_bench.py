@@ -12,9 +12,11 @@ import numpy as np
 
 from drivers.bus.cia401 import AnalogModuleConfig, torque_input
 from drivers.bus.cia402.config import DriveConfig
+from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.motor_encoder import MotorEncoder
+from drivers.bus.rig_nodes import RigNodes
 from drivers.clock import VirtualClock
 from drivers.event import Event
 from drivers.port import Command, DriveLimits, Guard, Mode
@@ -23,6 +25,12 @@ from tests.drivers.canopen_peer import Bench, CounterPeer, DrivePeer, Peer, anal
 RPM = 2 * np.pi / 60
 LIMITS = DriveLimits(0.5, 300.0, 1000.0, 1000.0, 2000.0)
 CHANNELS = (f"rig-{n}" for n in itertools.count())
+
+
+def servo(nodes: RigNodes) -> ServoAmplifier:
+    """The CiA 402 drive of a rig that has one."""
+    assert isinstance(nodes.drive, ServoAmplifier)
+    return nodes.drive
 
 
 class Losable:

@@ -25,7 +25,7 @@ from drivers.channel import (
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Command, Guard, Mode
 from drivers.samples import CycleFlag
-from tests.drivers.can_bench import LIMITS, RPM, Setup, close, setup
+from tests.drivers.can_bench import LIMITS, RPM, Setup, close, servo, setup
 from tests.drivers.canopen_peer import Bench, drive_eds
 
 
@@ -138,7 +138,7 @@ def test_a_watchdog_of_its_own_sends_process_data_only(bench: Setup) -> None:
     for cob_id, data in bench.rig.quick_stop_frames():
         assert cob_id < 0x580
         bench.raw.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
-    bench.rig.nodes.drive.bus.receive(0)
+    servo(bench.rig.nodes).bus.receive(0)
     assert bench.drive.get(0x6040) == 0x02
     assert bench.drive.state != "ENABLED"
 

@@ -32,6 +32,7 @@ from rig.trial.drill.catalogue import DRILLS
 from rig.trial.drill.staging import Placed
 from rig.trial.drill.suite import row_of, stage
 from sim_backend.wire import faults as wire
+from tests.drivers.can_bench import servo
 from tests.drivers.durand_drive import CYCLIC_TORQUE, DurandBench, DurandDrive, Power
 from tests.drivers.durand_node import COMMUNICATION_ERROR, HEARTBEAT_ERROR
 
@@ -370,7 +371,7 @@ def test_it_is_discovered_by_asking_and_nothing_is_asked_that_it_states() -> Non
         assert counts_per_revolution(told) == counts
         assert velocity_unit(told, counts) == pytest.approx(REVOLUTION / counts)
         made.open()
-        assert made.port.nodes.drive.readings.velocity_unit == pytest.approx(REVOLUTION / counts)
+        assert servo(made.port.nodes).readings.velocity_unit == pytest.approx(REVOLUTION / counts)
 
 
 def test_it_is_not_discovered_while_it_has_power() -> None:

@@ -13,6 +13,7 @@ from drivers.channel import INPUT_ANGLE
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Mode
+from tests.drivers.can_bench import servo
 from tests.drivers.foreign_bench import LIMITS, RPM, bench
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import (
@@ -46,7 +47,7 @@ def test_ramps_in_increments_are_increments() -> None:
 def test_counts_per_motor_revolution(values: dict[tuple[int, int], int], counts: float) -> None:
     with bench(Traits(values=values)) as made:
         made.rig.open()
-        assert made.rig.nodes.drive.readings.counts_per_revolution == counts
+        assert servo(made.rig.nodes).readings.counts_per_revolution == counts
 
 
 @pytest.mark.parametrize(
@@ -62,7 +63,7 @@ def test_the_slope_of_profile_torque_is_read(
 ) -> None:
     with bench(Traits(values=values)) as made:
         made.rig.open()
-        assert made.rig.nodes.drive.readings.settings.get("0x6087:0 torque slope") == slope
+        assert servo(made.rig.nodes).readings.settings.get("0x6087:0 torque slope") == slope
         assert any(event.code == "torque-slope" for event in made.events()) == warned
 
 

@@ -19,6 +19,7 @@ from drivers.bus.cia402.plausible import (
     velocity_unit,
 )
 from drivers.errors import DriverError
+from tests.drivers.can_bench import servo
 from tests.drivers.foreign_bench import LIMITS, bench
 from tests.drivers.foreign_slave import Traits
 
@@ -151,7 +152,7 @@ def test_a_drive_whose_word_cannot_be_used_is_asked_about_and_not_armed(
 ) -> None:
     with bench(traits) as made:
         made.rig.open()
-        assert [q.entry for q in made.rig.nodes.drive.readings.questions] == [entry]
+        assert [q.entry for q in servo(made.rig.nodes).readings.questions] == [entry]
         code = entry.removesuffix("_n_m").removesuffix("_rad_s2").removesuffix("_rad_s")
         assert code.replace("_", "-") in {event.code for event in made.events()}
         with pytest.raises(DriverError, match=f"Give `{entry}`"):
@@ -170,7 +171,7 @@ def test_what_the_configuration_says_answers_the_question() -> None:
     )
     with bench(Traits(values=values, absent=frozenset({0x60A9, 0x60AA})), told) as made:
         made.open()
-        assert made.rig.nodes.drive.readings.questions == ()
+        assert servo(made.rig.nodes).readings.questions == ()
         assert made.drive.value(0x6072) == 784  # 0.5 N m of 0.637, in thousandths
         (said,) = [event.text for event in made.events() if event.code == "rated-torque"]
         assert "the same in uN m" in said
@@ -182,13 +183,13 @@ def test_a_unit_in_the_configuration_that_the_drive_contradicts_is_told() -> Non
         made.open()
         (said,) = [event.text for event in made.events() if event.code == "velocity-unit"]
         assert "the configuration holds" in said
-        assert made.rig.nodes.drive.readings.velocity_unit == 0.1 * RPM
+        assert servo(made.rig.nodes).readings.velocity_unit == 0.1 * RPM
 
 
 def test_factory_factors_leave_the_counts_to_the_encoders_description() -> None:
     with bench(Traits(values={(0x608F, 1): 1, (0x6092, 1): 1, (0x6092, 2): 1})) as made:
         made.open()
-        readings = made.rig.nodes.drive.readings
+        readings = servo(made.rig.nodes).readings
         assert readings.counts_per_revolution == 0.0
         assert [q.entry for q in readings.questions] == ["counts_per_revolution"]
         assert not any(event.code == "counts-per-revolution" for event in made.events())

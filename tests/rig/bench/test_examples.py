@@ -32,6 +32,7 @@ from rig.errors import ConfigurationError
 from rig.main import app
 from rig.run.preflight import limits_check
 from sim_backend.wire.bench import WireBench
+from tests.drivers.can_bench import servo
 from tests.drivers.foreign_drive import ForeignCounter, ForeignDrive, ForeignInputs
 from tests.drivers.foreign_slave import NOT_MAPPABLE, READ_ONLY, Slave, Traits, Wire
 from tests.rig.bench import device_facts as facts
@@ -153,7 +154,7 @@ def test_the_papers_rig_is_brought_up_limited_and_turned_as_its_page_says() -> N
         config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
     )
     port.open()
-    assert port.nodes.drive.readings.questions == ()
+    assert servo(port.nodes).readings.questions == ()
     assert "read back" in limits_check(LIMITS, port.write_limits(LIMITS)).evidence
     by_name = {channel.name: (k, channel) for k, channel in enumerate(port.channels)}
     standing = port.exchange(Command(Mode.OFF), 100, Guard())
@@ -239,7 +240,7 @@ def rig_of(name: str, **drive_changes: object) -> tuple[CanRig, ForeignDrive]:
 def test_a_device_of_those_objects_is_brought_up_limited_and_turned(name: str, raw: int) -> None:
     port, drive = rig_of(name)
     port.open()
-    assert port.nodes.drive.readings.questions == ()
+    assert servo(port.nodes).readings.questions == ()
     assert "read back" in limits_check(LIMITS, port.write_limits(LIMITS)).evidence
     assert port.nodes.drive.unwatched == ()
     block = port.exchange(Command(Mode.SPEED, np.full(5, 100.0 * RPM)), 5, Guard())
@@ -269,7 +270,7 @@ def test_an_epos4_left_to_itself_is_asked_about_its_torque() -> None:
     """Its 0x6076 is in uN m: 228 231 is 0.228 N m, and would be read as 228."""
     port, _ = rig_of("epos4", rated_torque=None)
     port.open()
-    (question,) = port.nodes.drive.readings.questions
+    (question,) = servo(port.nodes).readings.questions
     assert question.entry == "rated_torque_n_m"
     assert "0.228231 N m" in question.hint
     port.close()

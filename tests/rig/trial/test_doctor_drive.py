@@ -14,6 +14,7 @@ from rig.run.dry_run import PlannedRun
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.examine import PARTS, Looked
 from rig.trial.doctor.finding import Finding
+from tests.drivers.can_bench import servo
 from tests.drivers.foreign_bench import bench
 from tests.drivers.foreign_slave import READ_ONLY, Traits
 from tests.rig.fake_rig import FakeRig
@@ -22,7 +23,7 @@ from tests.rig.fake_rig import FakeRig
 def lines(traits: Traits, config: DriveConfig | None = None) -> dict[str, Finding]:
     with bench(traits, config) as made:
         made.rig.open()
-        return {f.name: f for f in inspect_drive(made.rig.nodes.drive, 127)}
+        return {f.name: f for f in inspect_drive(servo(made.rig.nodes), 127)}
 
 
 @pytest.mark.parametrize(
