@@ -27,7 +27,9 @@ Rows = TypeVar("Rows", bound=np.generic)
 
 
 class Mode(Enum):
-    """What the drive is told to do."""
+    """What the drive is told to do. QUICK_STOP switches nothing on: a rig without a quick stop (`Abilities`) takes it
+    as a set-point of zero with the power stage as it is.
+    """
 
     OFF = "servo off"
     SPEED = "cyclic velocity"
@@ -229,8 +231,8 @@ class Abilities:
       bus: what a watchdog sends when the loop is dead;
     - `unwatched`: why the motor would go on when the computer is lost, in words, empty where the drive stops by
       itself; known once the rig is open. Without it nobody knows, which is as bad;
-    - `has_quick_stop`: QUICK_STOP brings the motor to rest by the drive's own ramp; without it that mode is refused and
-      making safe goes by a set-point of zero;
+    - `has_quick_stop`: QUICK_STOP brings the motor to rest by the drive's own ramp; without it that mode is a set-point
+      of zero;
     - `reads_limits_back`: the limits are in the drive, and `write_limits` returns what it holds; without it somebody
       has set them by the maker's tool and says so when the rig is armed.
     """

@@ -42,10 +42,6 @@ class Amplifier(Protocol):
 
     kind: str
     """What it is called among the devices of a rig."""
-    has_quick_stop: bool
-    """False: `Mode.QUICK_STOP` is a set-point of zero, with the power stage as it is."""
-    reads_limits_back: bool
-    """False: `write_limits` returns what a person has set by the maker's tool and has said."""
     stands_alone: bool
     """Whether its node is all its own; False: it is terminals of a coupler that may hold other inputs."""
 
@@ -98,6 +94,11 @@ class Amplifier(Protocol):
         """Whether, by the record of a cycle, it is not any more as it was enabled."""
         ...
 
+    @property
+    def largest_counts(self) -> Mapping[str, int]:
+        """The largest set-point, either way, that each of its channels can carry."""
+        ...
+
     def frames(
         self,
         mode: Mode,
@@ -144,7 +145,9 @@ class Amplifier(Protocol):
         ...
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
-        """Write the limits and return what it holds; infinite where it holds none. Raises `DriverError`."""
+        """Write the limits and return what it holds; infinite where it holds none. What cannot be written is what
+        somebody has set by the maker's tool (`Abilities.reads_limits_back`). Raises `DriverError`.
+        """
         ...
 
     @property

@@ -262,7 +262,7 @@ class RigNodes:
                         place[key] = len(fields)
                         kind = mapped.data_type if entry.part is None else entry.value_type
                         at = offset + entry.offset
-                        fields.append(Field(str(entry), slot, at, kind, quantum))
+                        fields.append(Field(f"node {node_id} {entry}", slot, at, kind, quantum))
                         break
             return place.get(key, -1)
 

@@ -171,6 +171,8 @@ class CanSegment:
             acquisition=self.acquisition,
             quick_stop_frames=self.quick_stop_frames,
             unwatched=lambda: self.nodes.drive.unwatched,
+            has_quick_stop=self._config.drive.has_quick_stop,
+            reads_limits_back=self._config.drive.reads_limits_back,
         )
 
     def open(self) -> RigDescription:
@@ -231,7 +233,9 @@ class CanSegment:
         self._live_bus()
         if self._lost is not None or line is None:
             raise self._lost or BusLostError("the rig has been closed", where=self._config.title)
-        speeds, torques = set_point_counts(command, cycles, self.channels)
+        speeds, torques = set_point_counts(
+            command, cycles, self.channels, nodes.drive.largest_counts
+        )
         self._enter(command.mode)
         # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
         may_ask = command.mode in _ACTIVE or not self._silent

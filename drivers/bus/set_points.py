@@ -17,17 +17,18 @@ from drivers.port import Command, Mode
 Key = tuple[int, int]
 """Index and sub-index of an object."""
 LONGEST_BLOCK: Final = 10_000_000
-_TARGETS: Final = {Mode.SPEED: (names.TARGET_SPEED, 32), Mode.TORQUE: (names.TARGET_TORQUE, 16)}
-"""Channel of the set-point and the width of its object in bits."""
+_TARGETS: Final = {Mode.SPEED: names.TARGET_SPEED, Mode.TORQUE: names.TARGET_TORQUE}
+"""Channel of the set-point."""
 
 
 def set_point_counts(
-    command: Command, cycles: int, channels: Sequence[Channel]
+    command: Command, cycles: int, channels: Sequence[Channel], largest: Mapping[str, int]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Speed and torque set-points (cycles,) in counts of their channels, as the drive will receive them.
+    """Speed and torque set-points (cycles,) in counts of their channels, as the drive will receive them; where none is
+    commanded, those of standstill.
 
-    Raises `DriverError` when there is not one finite set-point per cycle, or one does not fit the
-    object: none is clipped.
+    Raises `DriverError` when there is not one finite set-point per cycle, or one is beyond the `largest` count of its
+    channel: none is clipped.
     """
     if not 1 <= cycles <= LONGEST_BLOCK:
         raise DriverError(
@@ -36,10 +37,31 @@ def set_point_counts(
             value=cycles,
             limit=f"1 to {LONGEST_BLOCK}",
         )
-    none = np.zeros(cycles, dtype=np.int64)
-    if command.mode not in _TARGETS:
-        return none, none
-    name, bits = _TARGETS[command.mode]
+    by_name = {channel.name: channel for channel in channels}
+    rest = {
+        mode: np.full(cycles, _rest(by_name.get(name)), dtype=np.int64)
+        for mode, name in _TARGETS.items()
+    }
+    if command.mode in _TARGETS:
+        name = _TARGETS[command.mode]
+        channel = by_name.get(name)
+        if channel is None:
+            raise DriverError(
+                f"this drive takes no set-points for {command.mode.value}",
+                where=name,
+                remedy="See the list of missing objects; a unit may have to be given in the rig's configuration.",
+            )
+        rest[command.mode] = _counts(command, cycles, channel, largest[name])
+    return rest[Mode.SPEED], rest[Mode.TORQUE]
+
+
+def _rest(channel: Channel | None) -> int:
+    """The count of standstill; 0 where there is no such set-point."""
+    return 0 if channel is None else round(-channel.offset / (channel.direction * channel.scale))
+
+
+def _counts(command: Command, cycles: int, channel: Channel, largest: int) -> NDArray[np.int64]:
+    """The set-points (cycles,) of a command in counts."""
     target = np.asarray(command.target, dtype=np.float64)
     if target.shape != (cycles,) or not np.isfinite(target).all():
         raise DriverError(
@@ -48,25 +70,16 @@ def set_point_counts(
             value=target.shape,
             limit=f"({cycles},)",
         )
-    channel = next((c for c in channels if c.name == name), None)
-    if channel is None:
-        raise DriverError(
-            f"this drive takes no set-points for {command.mode.value}",
-            where=name,
-            remedy="See the list of missing objects; a unit may have to be given in the rig's configuration.",
-        )
     counts = np.rint((target - channel.offset) / (channel.direction * channel.scale))
-    largest = 2 ** (bits - 1) - 1
     if np.abs(counts).max() > largest:
         worst = float(target[np.argmax(np.abs(counts))])
         raise DriverError(
             "a set-point does not fit the drive's object",
-            where=name,
+            where=channel.name,
             value=f"{worst:g} {channel.unit}",
             limit=f"+-{largest * channel.scale:g} {channel.unit}",
         )
-    whole = counts.astype(np.int64)
-    return (whole, none) if command.mode is Mode.SPEED else (none, whole)
+    return counts.astype(np.int64)
 
 
 def packed_frames(

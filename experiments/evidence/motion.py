@@ -38,13 +38,14 @@ def speed_against_set_point(recorded: Recorded) -> Finding:
         return not_checked("the recording has no segments with a set-point of speed")
     worst = max(set_to_speed, key=lambda h: _excess(h, recorded))
     setpoint = worst.segment.setpoint
+    doubt = _doubt_of_set_point(setpoint, recorded)
     found = (
         f"{worst.speed:.5g} rad/s at {setpoint:.5g} ({worst.segment.label} {worst.segment.index})"
     )
     return refused_beyond(
         _excess(worst, recorded) > 0.0,
         found,
-        f"set-point ± {100.0 * SPEED_TOLERANCE:g} %",
+        f"set-point ± {100.0 * SPEED_TOLERANCE:g} %" + (f" ± {doubt:.2g} rad/s" if doubt else ""),
         "the measured speed is not the one that was commanded: counts per revolution, time or set-points are wrong",
     )
 
@@ -54,7 +55,19 @@ def _excess(hold: Hold, recorded: Recorded) -> float:
     setpoint = hold.segment.setpoint
     counts = COUNTS_AT_AN_END * recorded.recording.signals["input_angle"].quantum
     doubt = (counts + 2.0 * RIPPLE_AT_AN_END) / abs(setpoint * hold.duration)
+    doubt += _doubt_of_set_point(setpoint, recorded) / abs(setpoint)
     return abs(hold.speed / setpoint - 1.0) - SPEED_TOLERANCE - doubt
+
+
+def _doubt_of_set_point(setpoint: float, recorded: Recorded) -> float:
+    """How far a set-point may be from the number that was written [rad/s], expanded by 2: a voltage has a zero and a
+    scale that somebody measured; a number on a bus has neither.
+    """
+    channel = recorded.recording.signals.get("target_speed")
+    if channel is None:
+        return 0.0
+    own = channel.calibration
+    return 2.0 * math.hypot(own.offset_uncertainty, own.scale_relative_uncertainty * setpoint)
 
 
 def encoders_against_ratio(recorded: Recorded) -> Finding:

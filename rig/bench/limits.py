@@ -110,6 +110,11 @@ class Limits:
         limit = self.tightest(quantity)
         return limit.value if limit else math.inf
 
+    @property
+    def of_the_rig(self) -> Limits:
+        """Those that hold whatever the protocol: of drive, rig and gear."""
+        return Limits(tuple(entry for entry in self.entries if entry.tier != "protocol"))
+
     def drive_limits(self) -> DriveLimits:
         """What is written into the drive and read back before it is armed."""
         return DriveLimits(

@@ -1,6 +1,7 @@
 """Arming a run on hardware: what must be true before a rig that can hurt somebody is allowed to move.
 
-    before it is connected   operator named, gear named, confirmation typed: the gear's serial number, letter for letter
+    before it is connected   operator named, gear named, confirmation typed: the gear's serial number, letter for
+                             letter, and after it the limits of a drive that does not tell them
     while it is connected    guard closed (where the configuration names its input), limits written and read back,
                              the computer's loss watched by the drive or covered otherwise
 
@@ -24,17 +25,21 @@ _UNNAMED = frozenset({"", "unknown", "none", "nobody", "?"})
 
 @dataclass(frozen=True)
 class Arming:
-    """Who arms which run: operator, serial number of the gear, what was typed, and whether a gear is mounted at all."""
+    """Who arms which run: operator, serial number of the gear, what was typed, whether a gear is mounted at all, and
+    the limits that somebody has set in a drive that does not tell them.
+    """
 
     operator: str
     gear_serial: str
     confirmation: str
     gear_mounted: bool = True
+    limits_by_hand: str = ""
 
     @property
     def expected(self) -> str:
-        """What has to be typed."""
-        return self.gear_serial.strip() if self.gear_mounted else WITHOUT_GEAR
+        """What has to be typed: the gear, and the limits that were set by hand, in one line."""
+        gear = self.gear_serial.strip() if self.gear_mounted else WITHOUT_GEAR
+        return f"{gear} {self.limits_by_hand}".strip()
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,13 @@ RULES: tuple[Rule, ...] = (
         lambda a: a.confirmation.strip() == a.expected,
         "the run was not confirmed",
         "--confirm",
-        lambda a: f"Look at the rig, then type {a.expected} letter for letter.",
+        lambda a: (
+            f"Look at the rig, then type {a.expected} letter for letter."
+            + (
+                " Its limits were set by hand: look them up in the amplifier."
+                * bool(a.limits_by_hand)
+            )
+        ),
     ),
 )
 """What must be true before the rig is connected."""

@@ -9,6 +9,8 @@ one, and every list ends with the servo off.
     zero torque       servo off        -> quick stop -> servo off
     drive is deaf     quick stop       -> servo off       by SDO as well, from the first cycle on
 
+A rig without a quick stop (`Abilities.has_quick_stop`) has the reference of zero in its place, and is called so.
+
 A drive is deaf while it hears no process data: it is not OPERATIONAL, or there is no SYNC. What it and
 the other silent devices are asked beside the cyclic data is the table of `rig.run.direct_line`; nobody
 waits for their answers, the cycles go on meanwhile.
@@ -43,6 +45,7 @@ class Stage(Enum):
 
     RAMP_DOWN = "ramp down"
     QUICK_STOP = "quick stop"
+    ZERO_REFERENCE = "zero reference"
     SERVO_OFF = "servo off"
 
 
@@ -54,6 +57,8 @@ STAGES: dict[Action, tuple[Stage, ...]] = {
 """The stages of each action, each taken when the one before was not obeyed; the servo is off at the
 end of all of them.
 """
+WITHOUT_QUICK_STOP: dict[Stage, Stage] = {Stage.QUICK_STOP: Stage.ZERO_REFERENCE}
+"""What stands in the place of a stage on a rig that has no quick stop."""
 DEAF: tuple[Stage, ...] = (Stage.QUICK_STOP, Stage.SERVO_OFF)
 """The stages of a drive that hears no process data, whatever the action: a ramp would not be heard, and power is taken
 away only once it stands or its ramp is over.
@@ -119,7 +124,11 @@ class MakeSafe:
         block_cycles: int = 100,
         patience: Patience | None = None,
         line: DirectLine | None = None,
+        *,
+        has_quick_stop: bool = True,
     ) -> None:
+        self._instead = {} if has_quick_stop else WITHOUT_QUICK_STOP
+        self._stage = Stage.SERVO_OFF
         self.report = MakeSafeReport(action=action)
         self._machine = machine
         self._journal = journal
@@ -144,7 +153,8 @@ class MakeSafe:
         self._finish(False, problem)
 
     def _walk(self) -> Phases:
-        stages = list(DEAF if self._is_deaf() else STAGES[self.report.action])
+        named = DEAF if self._is_deaf() else STAGES[self.report.action]
+        stages = [self._instead.get(stage, stage) for stage in named]
         while stages:
             stage = stages.pop(0)
             yield from self._take(stage)
@@ -183,6 +193,7 @@ class MakeSafe:
     def _take(self, stage: Stage) -> Phases:
         """One stage; the report says whether the drive is told by SDO as well."""
         by_sdo = self._insists() or self._is_deaf()
+        self._stage = stage
         self.report.stages.append(f"{stage.value} by SDO" if by_sdo else stage.value)
         yield from _STAGES[stage](self)
 
@@ -252,7 +263,7 @@ class MakeSafe:
 
     def _look(self, mode: Mode, cycles: int) -> Phases:
         """Some cycles in `mode`; devices that are silent are asked meanwhile."""
-        line, stage = self._line, f"{mode.value} by SDO"
+        line, stage = self._line, f"{self._stage.value} by SDO"
         if line is not None:
             if mode is not self._asked_in:
                 self._asked_in = mode
@@ -276,5 +287,6 @@ class MakeSafe:
 _STAGES = {
     Stage.RAMP_DOWN: MakeSafe._ramp_down,
     Stage.QUICK_STOP: MakeSafe._quick_stop,
+    Stage.ZERO_REFERENCE: MakeSafe._quick_stop,
     Stage.SERVO_OFF: MakeSafe._servo_off,
 }

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
-from drivers.port import DriveLimits
+from drivers.port import DriveLimits, RigPort
 from drivers.samples import CycleFlag
 from model.units import RPM
+from rig.bench.limits import Limits
 from rig.errors import LimitError, RigError
 from rig.run.dry_run import PlannedRun
 
@@ -203,6 +204,42 @@ def _calibration(name: str, due: str, today: date) -> Check:
             "Have it calibrated; results will say so.",
         )
     return Check("calibration", "ok", f"{name} due on {due}")
+
+
+def drive_limits_check(port: RigPort, limits: Limits) -> Check:
+    """Write the limits into the drive and compare what reads back; where it takes none, look at what somebody has set
+    by hand. Raises `LimitError` where it holds others.
+    """
+    wanted = limits.drive_limits()
+    held = port.write_limits(wanted)
+    if port.abilities.reads_limits_back:
+        return limits_check(wanted, held)
+    return limits_by_hand_check(limits.of_the_rig.drive_limits(), held)
+
+
+def limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Check:
+    """Limits that somebody has set by the maker's tool: torque and speed must be said, and be no wider than what gear
+    and motor bear. Ramps are the set-points' own there.
+    """
+    for name in ("torque", "speed"):
+        value, most = getattr(held, name), getattr(allowed, name)
+        if not value <= (1.0 + READBACK_TOLERANCE) * most:
+            raise LimitError(
+                f"the drive's {name} limit, set by hand, is wider than gear and motor bear"
+                if math.isfinite(value)
+                else f"nobody has said which {name} limit was set in the drive",
+                where="drive limits",
+                value=_limit_words(name, value) if math.isfinite(value) else None,
+                limit=f"<= {_limit_words(name, most)}",
+                remedy="Set it by the maker's tool, then say it in [drive.limits_by_hand].",
+            )
+    words = ", ".join(_limit_words(name, getattr(held, name)) for name in ("torque", "speed"))
+    return Check(
+        "drive limits",
+        "warning",
+        f"set by hand and not read back: {words}; the drive holds no ramps",
+        "Look them up in the amplifier when something else was mounted meanwhile.",
+    )
 
 
 def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:

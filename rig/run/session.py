@@ -45,7 +45,7 @@ from rig.run.preflight import (
     STANDING_TIME,
     Check,
     channel_checks,
-    limits_check,
+    drive_limits_check,
     refuse_failed,
     standing_checks,
     static_checks,
@@ -358,6 +358,7 @@ class Session:
             block_cycles=cycles,
             patience=self._order.patience,
             line=self._port.line,
+            has_quick_stop=self._port.abilities.has_quick_stop,
         )
 
     def _emergency(self) -> None:
@@ -479,10 +480,9 @@ class Session:
 
 
 def _write_limits(order: RunOrder) -> Check:
-    """Write the limits into the drive and compare what reads back; a drive that holds others is not armed."""
-    written = order.planned.limits.drive_limits()
+    """What the drive holds of the limits; a drive that holds others is not armed."""
     try:
-        return limits_check(written, order.port.write_limits(written))
+        return drive_limits_check(order.port, order.planned.limits)
     except (LimitError, DriverError) as error:
         return Check("drive limits", "failed", str(error))
 

@@ -24,6 +24,7 @@ from rig.bench.backends.registry import (
     nameplates,
     world_record,
 )
+from rig.bench.config.apply import limits_by_hand
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.library.folder import RunPlace, claim_run
@@ -269,9 +270,13 @@ def run_on(
 
 
 def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
-    """What a request says of who arms it."""
+    """What a request says of who arms it, and what its rig wants to be confirmed."""
     return Arming(
-        request.operator, request.gear_serial, request.confirmation, planned.experiment.gear_mounted
+        request.operator,
+        request.gear_serial,
+        request.confirmation,
+        planned.experiment.gear_mounted,
+        limits_by_hand(request.configuration),
     )
 
 

@@ -47,6 +47,7 @@ from sim_backend.plant import Plant
 from sim_backend.sensors import TEMPERATURE_COUNT, Instruments
 from sim_backend.servo_drive import ServoDrive
 from sim_backend.truth import tell
+from sim_backend.wire.analog_amplifier import AnalogAmplifier, ReferenceDevice
 from sim_backend.wire.analog_input import AnalogInput
 from sim_backend.wire.counter import Counter
 from sim_backend.wire.counter_box import BoxLine, CounterBox
@@ -60,7 +61,7 @@ Counts = NDArray[np.int64]
 Listener = Callable[[int, bytes, int], None]
 """Takes a frame from the bus: COB-ID, data, time stamp [ns]."""
 
-DRIVE_NODE, COUNTER_NODE, ANALOG_INPUT_NODE = 1, 2, 3
+DRIVE_NODE, COUNTER_NODE, ANALOG_INPUT_NODE, MOTOR_COUNTER_NODE = 1, 2, 3, 4
 SYNC = 0x080
 SILENCE_CYCLES = 20
 """Periods without SYNC after which the plant goes on alone."""
@@ -106,8 +107,10 @@ class WireBench:
     """A rig on a simulated CAN bus and a simulated serial line; parameters as of `SimulatedRig`.
 
     `bus()` opens the bus for a client in this process, `pump` lets the devices run until an instant
-    of the clock, `serial()` opens the readout's line. `faults` are those of `sim_backend.faults`
-    and `sim_backend.wire.faults`; cycles count the SYNCs.
+    of the clock, `serial()` opens the readout's line. With a `reference` the motor is turned by an
+    amplifier by analog reference behind a coupler, and its divided pulses go to a counter of their
+    own. `faults` are those of `sim_backend.faults` and `sim_backend.wire.faults`; cycles count the
+    SYNCs.
     """
 
     def __init__(
@@ -125,6 +128,7 @@ class WireBench:
         faults: Sequence[Fault] = (),
         start: ThermalState | None = None,
         silence_cycles: int | None = SILENCE_CYCLES,
+        reference: ReferenceDevice | None = None,
         start_ns: int = FIRST_STAMP_NS,
     ) -> None:
         on = imperfections or Imperfections()
@@ -157,26 +161,32 @@ class WireBench:
         self._silence_cycles = silence_cycles
         what = f"{gear.name} on {motor.name}" if gear_mounted else f"bare {motor.name}"
         self.title = f"simulated rig on the wire: {what}"
-        self._make_devices(motor)
+        self._make_devices(motor, reference)
         self._begin(faults)
 
-    def _make_devices(self, motor: ServoMotor) -> None:
+    def _make_devices(self, motor: ServoMotor, reference: ReferenceDevice | None) -> None:
         by_name = {c.name: c for c in self.channels}
         revolution = {
             name: round(REVOLUTION / by_name[name].scale)
             for name in (names.INPUT_ANGLE, names.OUTPUT_ANGLE)
         }
-        device = DriveDevice(
-            counts_per_revolution=revolution[names.INPUT_ANGLE],
-            rated_torque=motor.rated_torque,
-            peak_torque=motor.peak_torque,
-            maximum_speed=motor.maximum_speed,
-            serial_number=self._world.bench_seed & 0xFFFF_FFFF,
-        )
-        self.drive = Drive(DRIVE_NODE, device, self._from_device)
+        self.drive: Drive | AnalogAmplifier
+        self.motor_counter: Counter | None = None
+        if reference is None:
+            self.drive = Drive(
+                DRIVE_NODE,
+                self._drive_device(motor, revolution[names.INPUT_ANGLE]),
+                self._from_device,
+            )
+        else:
+            self.drive = AnalogAmplifier(DRIVE_NODE, reference, self.cycle_ns, self._from_device)
+            self.motor_counter = Counter(
+                MOTOR_COUNTER_NODE, revolution[names.INPUT_ANGLE], self._from_device
+            )
         self.counter = Counter(COUNTER_NODE, revolution[names.OUTPUT_ANGLE], self._from_device)
         self.analog_input = AnalogInput(ANALOG_INPUT_NODE, self._from_device)
-        self.slaves: tuple[Slave, ...] = (self.drive, self.counter, self.analog_input)
+        pulses = () if self.motor_counter is None else (self.motor_counter,)
+        self.slaves: tuple[Slave, ...] = (self.drive, self.counter, self.analog_input, *pulses)
         self.counter_box = CounterBox(
             lambda: int(self._counts[self._column[names.OUTPUT_ANGLE]]),
             revolution[names.OUTPUT_ANGLE],
@@ -187,6 +197,15 @@ class WireBench:
         )
         self._fault_drive = _TrippedDrive(
             motor, lambda: self.drive.fault(POWER_STAGE_ERROR, coasts=True)
+        )
+
+    def _drive_device(self, motor: ServoMotor, counts_per_revolution: int) -> DriveDevice:
+        return DriveDevice(
+            counts_per_revolution=counts_per_revolution,
+            rated_torque=motor.rated_torque,
+            peak_torque=motor.peak_torque,
+            maximum_speed=motor.maximum_speed,
+            serial_number=self._world.bench_seed & 0xFFFF_FFFF,
         )
 
     def _begin(self, faults: Sequence[Fault]) -> None:
@@ -248,6 +267,14 @@ class WireBench:
     def mean_temperatures(self) -> ThermalState:
         """How warm the rig was on average since it started."""
         return self.plant.mean_temperatures
+
+    @property
+    def input_encoder(self) -> Drive | Counter:
+        """The device that counts the motor's encoder."""
+        if self.motor_counter is not None:
+            return self.motor_counter
+        assert isinstance(self.drive, Drive)
+        return self.drive
 
     @property
     def is_powered(self) -> bool:
@@ -538,13 +565,15 @@ class WireBench:
     def _take(self, counts: list[int], speed: float) -> None:
         put = self._column
         seen = counts[put[names.INDEX_SEEN]]
-        self.drive.take(
-            counts[put[names.INPUT_ANGLE]],
-            counts[put[names.DRIVE_TORQUE]],
-            counts[put[names.INPUT_INDEX]],
-            seen & 1,
-            speed,
-        )
+        input_angle, input_index = counts[put[names.INPUT_ANGLE]], counts[put[names.INPUT_INDEX]]
+        if isinstance(self.drive, Drive):
+            self.drive.take(
+                input_angle, counts[put[names.DRIVE_TORQUE]], input_index, seen & 1, speed
+            )
+        else:
+            self.drive.take(speed)
+        if self.motor_counter is not None:
+            self.motor_counter.take(input_angle, input_index, seen & 1)
         self.counter.take(
             counts[put[names.OUTPUT_ANGLE]], counts[put[names.OUTPUT_INDEX]], seen >> 1 & 1
         )

@@ -156,7 +156,7 @@ class EncoderReversed(WireFault):
         self._turn(bench)
 
     def _turn(self, bench: WireBench) -> None:
-        (bench.counter if self.node_id == COUNTER_NODE else bench.drive).reverse()
+        (bench.counter if self.node_id == COUNTER_NODE else bench.input_encoder).reverse()
 
 
 # Signals ------------------------------------------------------------------------------------------------------------

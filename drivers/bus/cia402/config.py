@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from drivers.bus.cia301 import ObjectRef
 from drivers.bus.cia402 import tables as obj
@@ -23,6 +24,9 @@ class DriveConfig:
     when the computer's heartbeat is lost, 0x605A = 2 quick stop ramp then power off, 0x605E = 2
     quick stop ramp in a fault; `gains` further objects to read back.
     """
+
+    has_quick_stop: ClassVar[bool] = True
+    reads_limits_back: ClassVar[bool] = True
 
     node_id: int = 1
     description: DeviceDescription | None = None

@@ -38,6 +38,8 @@ _CONTROLWORD: Final = {
 }
 _COMMANDED: Final = frozenset({obj.CONTROLWORD.key, obj.TARGET_VELOCITY.key, obj.TARGET_TORQUE.key})
 """Entries of the RPDOs that every cycle sets."""
+_LARGEST: Final = {names.TARGET_SPEED: 2**31 - 1, names.TARGET_TORQUE: 2**15 - 1}
+"""The largest count of 0x60FF (32 bits) and of 0x6071 (16 bits)."""
 _MODE_CYCLES: Final = 3
 """Cycles in a row in which another mode is somebody's work, and no display that lags."""
 _PROBE_LATCHED: Final = 0x0002
@@ -48,8 +50,6 @@ class CyclicDrive(ServoAmplifier):
     """A CiA 402 drive as the amplifier of a segment."""
 
     kind = "servo amplifier"
-    has_quick_stop = True
-    reads_limits_back = True
     stands_alone = True
 
     def __init__(self, bus: PumpedBus, config: DriveConfig) -> None:
@@ -247,6 +247,11 @@ class CyclicDrive(ServoAmplifier):
             return None
         text = f"the drive shows mode of operation {shown} (0x6061), it was given {given}"
         return Left("drive-mode", text, float(shown or 0))
+
+    @property
+    def largest_counts(self) -> Mapping[str, int]:
+        """What the objects of the set-points can hold."""
+        return _LARGEST
 
     def frames(
         self,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from drivers.bus.analog.config import ReferenceConfig
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.tables import OperationMode
@@ -18,6 +19,7 @@ from drivers.bus.dictionary.device_file import load_device_file
 from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import BusConfig, open_raw_bus
 from drivers.bus.rig_nodes import GuardContact
+from drivers.bus.status_lines import Line, StatusLines
 from drivers.channel import OUTPUT_ANGLE
 from drivers.clock import WallClock
 from drivers.errors import DriverError
@@ -26,6 +28,7 @@ from model.motor import ServoMotor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.sources import Shafts, sources_of
 from rig.bench.config import schema as described
+from rig.bench.config.drives import Drive, ReferenceDrive
 from rig.bench.config.load import DEFAULT_PATH, load_configuration
 from rig.bench.config.schema import RigConfiguration
 from rig.errors import ConfigurationError
@@ -127,7 +130,7 @@ def readout_config(configuration: RigConfiguration) -> ReadoutConfig | None:
 
 
 def _node(
-    node: described.Drive | described.Counter | described.AnalogModule, folder: Path
+    node: Drive | ReferenceDrive | described.Counter | described.AnalogModule, folder: Path
 ) -> dict[str, Any]:
     """The settings of a node with the description of its EDS, where it has one, in place of the file's name."""
     values = node.settings()
@@ -150,12 +153,19 @@ def _counter(
     return CounterConfig(**values)
 
 
-def _drive(drive: described.Drive, motor: ServoMotor, folder: Path) -> DriveConfig:
+def _drive(
+    drive: Drive | ReferenceDrive, motor: ServoMotor, folder: Path
+) -> DriveConfig | ReferenceConfig:
     values = _node(drive, folder)
+    if isinstance(drive, ReferenceDrive):
+        bits: dict[str, Any] = values.pop("lines").settings()
+        lines: dict[str, Any] = {
+            name: None if bit is None else Line(**bit.settings()) for name, bit in bits.items()
+        }
+        own = {name: lines.pop(name) for name in ("servo_on", "alarm_reset", "turning")}
+        return ReferenceConfig(**values, **own, lines=StatusLines(**lines))
     for name in ("speed_modes", "torque_modes"):
         values[name] = tuple(_MODES[mode] for mode in values[name])
-    # What covers the loss of the computer is for whoever arms, not for the drive.
-    del values["computer_loss_covered_by"]
     return DriveConfig(**values, motor_torque=motor.rated_torque)
 
 

@@ -73,6 +73,12 @@ def _on_the_wire_with_box(request: RigRequest) -> AssembledRig:
     return on_the_wire_with_box(request)
 
 
+def _on_the_wire_by_reference(request: RigRequest) -> AssembledRig:
+    from rig.bench.backends.simulated import on_the_wire_by_reference
+
+    return on_the_wire_by_reference(request)
+
+
 def _hardware(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.hardware import hardware
 
@@ -92,6 +98,7 @@ BACKENDS: dict[str, Callable[[RigRequest], AssembledRig]] = {
     "sim": _simulated,
     "wire": _on_the_wire,
     "wire-box": _on_the_wire_with_box,
+    "wire-analog": _on_the_wire_by_reference,
     HARDWARE: _hardware,
 }
 """Every rig there is, by the name given to --backend; a replay is named by its file."""

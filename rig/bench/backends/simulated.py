@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 import zlib
 from collections.abc import Callable, Sequence
@@ -10,12 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from drivers import channel as names
 from drivers.clock import Clock, VirtualClock
-from drivers.port import RigPort
+from drivers.port import DriveLimits, RigPort
 from model.angle_certificate import AngleCertificate
 from model.gear import HarmonicDrive
 from model.gear_file import gear_to_mapping
 from model.motor import ServoMotor
+from model.units import RPM
 from rig.bench.backends.assembly import AssembledRig, RigRequest, StartState
+from rig.bench.limits import derive_limits
 from sim_backend.population import drawn
 from sim_backend.world import ThermalState, World
 
@@ -24,8 +27,13 @@ if TYPE_CHECKING:
     from drivers.bus.rig_nodes import RigNodes
     from drivers.source import Source
     from sim_backend.direct import SimulatedRig
+    from sim_backend.wire.analog_amplifier import ReferenceDevice
     from sim_backend.wire.bench import WireBench
 
+FASTEST_RAMP = 1e5
+"""A ramp that is none [rad/s2]: a set-point by voltage may jump."""
+ADJUSTED_VOLTS, ADJUSTED_SCALE = 2e-4, 2e-3
+"""How well zero [V] and scale of a reference by voltage are known after it was adjusted: standard uncertainties."""
 VOLTS_PER_INCREMENT = 0.3125e-3
 """Volts per increment of the simulated analogue input."""
 
@@ -138,6 +146,104 @@ def on_the_wire_with_box(request: RigRequest) -> AssembledRig:
     bench = WireBench(**parts, clock=clock_of(request))
     port = box_port(bench, parts["motor"])
     return assembled("wire-box", port, bench.clock, bench, request, lambda: port.nodes)
+
+
+def on_the_wire_by_reference(request: RigRequest) -> AssembledRig:
+    """The same bench turned by an amplifier by analog reference, with the motor's pulses on a counter."""
+    from sim_backend.wire.bench import WireBench
+
+    parts = parts_of(request)
+    bench = WireBench(
+        **parts, clock=clock_of(request), reference=reference_device(request, parts["motor"])
+    )
+    port = wire_port(bench, parts["motor"], reference_config(bench, parts["motor"]))
+    return assembled("wire-analog", port, bench.clock, bench, request, lambda: port.nodes)
+
+
+def reference_device(request: RigRequest, motor: ServoMotor) -> ReferenceDevice:
+    """The simulated amplifier as somebody has set it by its tool for this gear: torque in whole per cent of the rated,
+    speed in whole r/min, both rounded down.
+    """
+    from sim_backend.wire.analog_amplifier import ReferenceDevice
+
+    allowed = derive_limits(
+        request.gear,
+        motor,
+        request.mounting,
+        gear_mounted=request.gear_mounted,
+        disc_inertia=request.disc_inertia,
+    ).drive_limits()
+    per_cent = 0.01 * motor.rated_torque
+    held = DriveLimits(
+        torque=per_cent * math.floor(allowed.torque / per_cent),
+        speed=RPM * math.floor(allowed.speed / RPM),
+        acceleration=FASTEST_RAMP,
+        deceleration=FASTEST_RAMP,
+        quick_stop_deceleration=FASTEST_RAMP,
+    )
+    return ReferenceDevice(limits=held)
+
+
+def reference_config(
+    bench: WireBench, motor: ServoMotor, *, has_guard: bool = False
+) -> CanRigConfig:
+    """What the drivers are told of a simulated bench that is turned by analog reference."""
+    from drivers.bus.analog.config import ReferenceConfig
+    from drivers.bus.cia301 import I32, U8, U32, ObjectRef
+    from drivers.bus.cia406 import CounterConfig
+    from drivers.bus.rig_nodes import GuardContact
+    from drivers.bus.status_lines import Line, StatusLines
+    from sim_backend.wire import analog_amplifier as simulated
+    from sim_backend.wire.bench import DRIVE_NODE, MOTOR_COUNTER_NODE
+
+    amplifier = bench.drive
+    assert isinstance(amplifier, simulated.AnalogAmplifier)
+    device, usual = amplifier.device, wire_config(bench, motor)
+    drive = ReferenceConfig(
+        node_id=DRIVE_NODE,
+        speed_per_volt=device.speed_per_volt,
+        volts_per_count=simulated.VOLTS_PER_COUNT,
+        zero_uncertainty_volts=ADJUSTED_VOLTS,
+        scale_relative_uncertainty=ADJUSTED_SCALE,
+        servo_on=Line(simulated.SERVO_ON),
+        alarm_reset=Line(simulated.ALARM_RESET),
+        turning=Line(simulated.ROTATION),
+        lines=StatusLines(
+            alarm=Line(simulated.NO_ALARM, active_high=False),
+            power=Line(simulated.POWER),
+            ready=Line(simulated.READY),
+            reached=Line(simulated.COINCIDENCE),
+        ),
+        limits_by_hand=replace(
+            device.limits,
+            acceleration=math.inf,
+            deceleration=math.inf,
+            quick_stop_deceleration=math.inf,
+        ),
+    )
+    pulses = CounterConfig(
+        node_id=MOTOR_COUNTER_NODE,
+        channel=names.INPUT_ANGLE,
+        index_channel=names.INPUT_INDEX,
+        lines=usual.motor_encoder.lines,
+        multiplication=usual.motor_encoder.multiplication,
+        position=ObjectRef(0x6004, 0, I32, "position value"),
+        index_position=ObjectRef(0x2000, 1, U32, "index position"),
+        index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),
+        largest_speed=usual.motor_encoder.largest_speed,
+    )
+    guard = GuardContact(
+        node_id=DRIVE_NODE,
+        entry=ObjectRef(0x6000, 1, U8, "digital inputs"),
+        mask=simulated.GUARD,
+        closed=simulated.GUARD,
+    )
+    return replace(
+        usual,
+        drive=drive,
+        counters=(pulses, *usual.counters),
+        guard=guard if has_guard else None,
+    )
 
 
 def box_port(

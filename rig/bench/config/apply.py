@@ -15,8 +15,9 @@ from model.gear_file import load_gear, shipped_gear
 from model.motor import ServoMotor, load_motor, shipped_motor
 from model.units import RPM
 from rig.bench import limits as lim
+from rig.bench.config.drives import ReferenceDrive
 from rig.bench.config.load import load_configuration
-from rig.bench.config.schema import Limits, Ratings, RigConfiguration
+from rig.bench.config.schema import Ratings, RigConfiguration
 from rig.errors import ConfigurationError
 
 LIMITED: Mapping[str, tuple[str, float]] = {
@@ -87,16 +88,32 @@ def configured_rig(path: str | Path) -> ConfiguredRig:
         raise ConfigurationError(
             f"the parameter sets that it names cannot be used: {error}", where=str(path)
         ) from error
-    return ConfiguredRig(path, configuration, gear, motor, configured_limits(configuration.limits))
+    return ConfiguredRig(path, configuration, gear, motor, configured_limits(configuration))
 
 
-def configured_limits(limits: Limits) -> dict[str, float]:
-    """Limits by quantity in SI."""
-    return {
+def limits_by_hand(path: Path | None) -> str:
+    """The limits that somebody has set in a drive that does not tell them, in the words in which they are confirmed
+    when the rig is armed; empty where the drive tells them, and where no file describes the rig.
+    """
+    if path is None:
+        return ""
+    drive = load_configuration(path).drive
+    return drive.limits_by_hand.words if isinstance(drive, ReferenceDrive) else ""
+
+
+def configured_limits(configuration: RigConfiguration) -> dict[str, float]:
+    """Limits by quantity in SI; those that were set in the amplifier by hand are among them."""
+    limits = {
         quantity: factor * value
         for word, (quantity, factor) in LIMITED.items()
-        if (value := getattr(limits, word)) is not None
+        if (value := getattr(configuration.limits, word)) is not None
     }
+    drive = configuration.drive
+    if isinstance(drive, ReferenceDrive):
+        held = drive.limits_by_hand.drive_limits
+        for quantity, value in ((lim.MOTOR_TORQUE, held.torque), (lim.INPUT_SPEED, held.speed)):
+            limits[quantity] = min(value, limits.get(quantity, value))
+    return limits
 
 
 def with_ratings(gear: HarmonicDrive, ratings: Ratings) -> HarmonicDrive:

@@ -5,6 +5,7 @@ keys with the nearest known.
 from __future__ import annotations
 
 import difflib
+import itertools
 import tomllib
 import types
 import typing
@@ -173,9 +174,9 @@ def _shown(value: object) -> str:
 def _nearest(place: Sequence[str | int]) -> str:
     """What may have been meant by an unknown key, among the words of its table."""
     model: type[BaseModel] = RigConfiguration
-    for part in place[:-1]:
+    for part, after in itertools.pairwise(place):
         if isinstance(part, str):
-            model = _table_of(model, part) or model
+            model = _table_of(model, part, after) or model
     words = sorted(words_of(model))
     near = difflib.get_close_matches(str(place[-1]), words, n=2, cutoff=0.5)
     return f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(words)}."
@@ -186,16 +187,22 @@ def words_of(model: type[BaseModel]) -> Iterable[str]:
     return (field.alias or name for name, field in model.model_fields.items())
 
 
-def _table_of(model: type[BaseModel], key: str) -> type[BaseModel] | None:
-    """The model of a sub-table."""
+def _table_of(model: type[BaseModel], key: str, kind: str | int) -> type[BaseModel] | None:
+    """The model of a sub-table; where there are several, that of this kind."""
     for name, field in model.model_fields.items():
         if (field.alias or name) == key:
-            tables = (
-                kind
-                for kind in _kinds(field.annotation)
-                if isinstance(kind, type) and issubclass(kind, BaseModel)
+            tables = [
+                table
+                for table in _kinds(field.annotation)
+                if isinstance(table, type) and issubclass(table, BaseModel)
+            ]
+            own = (
+                table
+                for table in tables
+                if "kind" in table.model_fields
+                and kind in typing.get_args(table.model_fields["kind"].annotation)
             )
-            return next(tables, None)
+            return next(own, tables[0] if tables else None)
     return None
 
 

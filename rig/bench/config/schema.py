@@ -20,6 +20,7 @@ from pydantic import (
 from drivers import channel as names
 from experiments.evidence.tare import AGE_LIMIT
 from model.units import RPM
+from rig.bench.config.drives import AnyDrive, ReferenceDrive
 from rig.bench.config.objects import read_object
 from rig.bench.config.parts import (
     Direction,
@@ -37,10 +38,6 @@ from rig.bench.config.sources import AnySource
 
 FORMAT = "harmonic-rig-1"
 """The value of `format` in the files that this program reads."""
-
-
-SpeedMode = Literal["cyclic velocity", "profile velocity"]
-TorqueMode = Literal["cyclic torque", "profile torque"]
 
 
 class General(Part):
@@ -84,68 +81,6 @@ class Bus(Part):
     stamp_wrap_s: NotNegative = 0.0
     own_node_id: NodeId = 127
     arguments: dict[str, str | int | float | bool] = {}
-
-
-class Drive(Part):
-    """The servo amplifier (CiA 402). What is left away is asked of the drive.
-
-    `torque_limit` names the object that limits torque, where it is another than 0x6072 with its unit.
-    `computer_loss_covered_by` says in words what stops the motor when the computer is lost, for a
-    drive that does not watch it itself: such a drive is not armed without.
-    """
-
-    objects: ClassVar[Mapping[str, str]] = {
-        "actual_torque": "torque actual value",
-        "torque_limit": "torque limit",
-    }
-
-    node_id: NodeId
-    eds: str = ""
-    rated_torque: Positive | None = Field(default=None, alias="rated_torque_n_m")
-    counts_per_revolution: NotNegative = 0.0
-    velocity_unit: Positive | None = Field(default=None, alias="velocity_unit_rad_s")
-    acceleration_unit: Positive | None = Field(default=None, alias="acceleration_unit_rad_s2")
-    torque_unit: Positive | None = Field(default=None, alias="torque_unit_n_m")
-    actual_torque: ObjectText = "0x6077:0 I16"
-    torque_limit: ObjectText = "0x6072:0 U16"
-    torque_limit_unit: Positive | None = Field(default=None, alias="torque_limit_unit_n_m")
-    computer_loss_covered_by: str = ""
-    speed_modes: tuple[SpeedMode, ...] = Field(
-        default=("cyclic velocity", "profile velocity"), min_length=1
-    )
-    torque_modes: tuple[TorqueMode, ...] = ("cyclic torque", "profile torque")
-    heartbeat_ms: Milliseconds = 100
-    computer_heartbeat_ms: Milliseconds = 50
-    computer_lost_ms: Milliseconds = 250
-    abort_connection_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 3
-    quick_stop_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 2
-    fault_reaction_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 2
-    state_timeout_ms: Milliseconds = 5000
-    sdo_timeout_ms: Milliseconds = 300
-    latch_index: bool = True
-    gains: tuple[ObjectText, ...] = ()
-
-    @model_validator(mode="after")
-    def _heard_in_time(self) -> Drive:
-        if self.computer_lost_ms < 2 * self.computer_heartbeat_ms:
-            raise ValueError(
-                f"computer_lost_ms = {self.computer_lost_ms} must be at least twice computer_heartbeat_ms = "
-                f"{self.computer_heartbeat_ms}, or the drive stops at every late beat"
-            )
-        if self.abort_connection_option == 0:
-            raise ValueError(
-                "abort_connection_option = 0 lets the drive turn on when the computer is gone; 3 is quick stop"
-            )
-        if read_object(self.torque_limit).index != 0x6072 and self.torque_limit_unit is None:
-            raise ValueError(
-                f"torque_limit = {self.torque_limit!r} needs torque_limit_unit_n_m: the torque of one count of it"
-            )
-        return self
-
-    def settings(self) -> dict[str, Any]:
-        """As the driver has it, with the entries of the gains read."""
-        gains = tuple(read_object(text, "servo gain") for text in self.gains)
-        return super().settings() | {"gains": gains}
 
 
 class MotorEncoder(Encoder):
@@ -361,7 +296,7 @@ class RigConfiguration(Part):
     rig: General
     bench: BenchName = BenchName()
     bus: Bus
-    drive: Drive
+    drive: AnyDrive
     motor_encoder: MotorEncoder
     counters: tuple[Counter, ...] = Field(default=(), alias="counter")
     analog_modules: tuple[AnalogModule, ...] = Field(default=(), alias="analog_module")
@@ -385,6 +320,13 @@ class RigConfiguration(Part):
         ]
         channels += [(f"source {s.kind} at {s.place}", s.channel) for s in self.sources]
         _each_once(channels, "channel")
+        if isinstance(self.drive, ReferenceDrive) and names.INPUT_ANGLE not in dict(
+            (channel, who) for who, channel in channels
+        ):
+            raise ValueError(
+                f"a drive by analog reference counts nothing itself: a counter or source of {names.INPUT_ANGLE} is "
+                "needed for the motor encoder's divided pulses"
+            )
         node_ids = {
             self.drive.node_id,
             *(c.node_id for c in self.counters),
@@ -405,8 +347,13 @@ def _nodes_of(rig: RigConfiguration) -> list[tuple[str, int]]:
     terminals = {c.node_id for c in rig.counters if read_object(c.position).index != 0x6004}
     modules = [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(rig.analog_modules)]
     _each_once(modules, "node-ID")
+    own = rig.drive.node_id
+    is_terminal = isinstance(rig.drive, ReferenceDrive)
+    if is_terminal and own in (*at, *(node_id for _, node_id in modules)):
+        terminals.add(own)
+        at.setdefault(own, "drive")
     return [
-        ("drive", rig.drive.node_id),
+        *([] if own in terminals else [("drive", own)]),
         ("bus.own_node_id", rig.bus.own_node_id),
         *(
             (f"counter {c.channel}", c.node_id)

@@ -184,7 +184,7 @@ def _note_beats(nodes: RigNodes, heard: dict[int, list[int]]) -> None:
 
 
 def _limits(looked: Looked) -> Iterable[Finding]:
-    return (drive_limits(looked.rig.port, looked.planned.limits.drive_limits()),)
+    return (drive_limits(looked.rig.port, looked.planned.limits),)
 
 
 def _guard(looked: Looked) -> Iterable[Finding]:

@@ -13,12 +13,13 @@ from pathlib import Path
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.port import DriveLimits, RigPort
+from drivers.port import RigPort
 from drivers.readout.nd287 import Readout, ReadoutConfig, open_port
+from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
 from rig.run.latch import latch_of
-from rig.run.preflight import Check, limits_check
+from rig.run.preflight import Check, drive_limits_check
 from rig.run.start import RunRequest, bench_for
 from rig.trial.doctor.finding import Finding, judged
 
@@ -188,14 +189,12 @@ def armed(check: Check) -> Finding:
     )
 
 
-def drive_limits(port: RigPort, wanted: DriveLimits) -> Finding:
+def drive_limits(port: RigPort, limits: Limits) -> Finding:
     """Write the limits that a run would write, and compare what reads back."""
     try:
+        check = drive_limits_check(port, limits)
         return Finding(
-            group="safety",
-            name="drive limits",
-            result="ok",
-            evidence=limits_check(wanted, port.write_limits(wanted)).evidence,
+            group="safety", name="drive limits", result=check.result, evidence=check.evidence
         )
     except (LimitError, DriverError) as error:
         return Finding(

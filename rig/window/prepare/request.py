@@ -125,15 +125,20 @@ def request_for(intent: Intent) -> RunRequest:
     )
 
 
+def described_by(rig: RigChoice) -> Path | None:
+    """The file that describes a rig, where one does."""
+    if rig.configuration is not None or not rig.is_hardware:
+        return rig.configuration
+    from rig.bench.config.load import DEFAULT_PATH
+
+    return DEFAULT_PATH
+
+
 def _described(
     rig: RigChoice,
 ) -> tuple[HarmonicDrive, ServoMotor, Mapping[str, float], float, Path | None]:
     """Gear, motor, limits, SYNC rate and the file that describes the rig."""
-    path = rig.configuration
-    if path is None and rig.is_hardware:
-        from rig.bench.config.load import DEFAULT_PATH
-
-        path = DEFAULT_PATH
+    path = described_by(rig)
     if path is None:
         return shipped_gear(), shipped_motor(), {}, DEFAULT_SAMPLE_RATE, None
     from rig.bench.config.apply import configured_rig
@@ -259,12 +264,10 @@ def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
     if not intent.operator.strip():
         reasons.append("no operator is named")
     if intent.rig.is_hardware:
-        mounted = catalogue.load(intent.protocol).gear_mounted
-        serial = intent.facts.serial if intent.facts is not None else ""
         # A campaign is armed run by run, each when it begins.
-        typed = serial if intent.campaign else intent.confirmation
+        typed = arming(intent, "").expected if intent.campaign else intent.confirmation
         try:
-            refuse_unarmed(Arming(intent.operator, serial, typed, mounted))
+            refuse_unarmed(arming(intent, typed))
         except ConfigurationError as error:
             reasons.append(short(error))
     return reasons
@@ -353,12 +356,28 @@ def doctor_arguments(
     return words
 
 
+def arming(intent: Intent, typed: str) -> Arming:
+    """What an intent says of who arms it, with what was typed."""
+    return Arming(
+        intent.operator,
+        intent.facts.serial if intent.facts is not None else "",
+        typed,
+        catalogue.load(intent.protocol).gear_mounted,
+        _limits_by_hand(intent.rig),
+    )
+
+
+def _limits_by_hand(rig: RigChoice) -> str:
+    """The limits of a drive that does not tell them."""
+    from rig.bench.config.apply import limits_by_hand
+
+    return limits_by_hand(described_by(rig))
+
+
 def is_armed(intent: Intent) -> bool:
     """Whether operator, gear and typed confirmation would arm this rig."""
-    mounted = catalogue.load(intent.protocol).gear_mounted
-    serial = intent.facts.serial if intent.facts is not None else ""
     try:
-        refuse_unarmed(Arming(intent.operator, serial, intent.confirmation, mounted))
+        refuse_unarmed(arming(intent, intent.confirmation))
     except ConfigurationError:
         return False
     return True
