@@ -19,7 +19,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
+from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.port import DriveLimits, RigPort
 from drivers.samples import CycleFlag
@@ -179,6 +179,9 @@ def channel_checks(
             "no output encoder: torsion, disagreement and standstill of the output are not watched"
         )
         checks.append(Check("output encoder", "warning", text))
+    if DRIVE_TORQUE not in names and TORQUE in names:
+        text = "the drive does not tell its own: a monitor that is open, frozen or drifting in motion is not noticed"
+        checks.append(Check("torque port", "warning", text))
     for channel in channels:
         due = channel.calibration.due
         if due:

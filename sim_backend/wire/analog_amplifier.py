@@ -79,7 +79,7 @@ class AnalogAmplifier(Slave):
     """The coupler as a node, with the amplifier behind it: what the plant is told follows from volts and contacts.
 
     `ignores_quick_stop`: the reference hangs at what it was when it is taken back; `ignores_stop`: it stays on and goes
-    on whatever it is told.
+    on whatever it is told. `added_volts` and `is_cut`: what becomes of the reference on its way.
     """
 
     def __init__(self, node_id: int, device: ReferenceDevice, cycle_ns: int, send: Send) -> None:
@@ -92,6 +92,8 @@ class AnalogAmplifier(Slave):
         self._alarm = 0
         self._speed = self._reference = 0.0
         self._shown: int | None = None
+        self.added_volts, self.is_cut = 0.0, False
+        self._stuck: dict[int, bool] = {}
         entries = coupler_entries(node_id, device.serial_number)
         super().__init__(node_id, entries, COUPLER_PDOS, send)
         self.dictionary.on_read(0x6000, 1, self._inputs)
@@ -124,6 +126,7 @@ class AnalogAmplifier(Slave):
     def _wanted(self) -> float:
         """The speed that stands at its terminals [rad/s]."""
         volts = self.dictionary.number(0x6411, 1) * VOLTS_PER_COUNT + self.device.offset_volts
+        volts = self.device.offset_volts if self.is_cut else volts + self.added_volts
         return volts * self.device.speed_per_volt * (1.0 + self.device.gain_error)
 
     def limits(self) -> DriveLimits:
@@ -167,6 +170,18 @@ class AnalogAmplifier(Slave):
         """The contact of the guard, seen in the inputs."""
         self._is_guard_open = is_open
         self.value_changed(0x6000, 1)
+
+    def stick(self, bit: int, says: bool | None) -> None:
+        """A contact says the same for ever, or (None) what is true again."""
+        if says is None:
+            self._stuck.pop(bit, None)
+        else:
+            self._stuck[bit] = says
+
+    def ignore_lost_master(self) -> None:
+        """Its outputs stay as they are when the communication fails."""
+        for index in (0x6206, 0x6443):
+            self.dictionary.store(index, 1, 0)
 
     def on_heartbeat_lost(self, producer: int) -> None:
         self._to_error_values()
@@ -224,4 +239,7 @@ class AnalogAmplifier(Slave):
         reached = self._is_powered and abs(self._speed - self._wanted()) < device.coincidence
         word |= COINCIDENCE if reached else 0
         word |= ROTATION if abs(self._speed) > device.rotation else 0
-        return word | (0 if self._is_guard_open else GUARD)
+        word |= 0 if self._is_guard_open else GUARD
+        for bit, says in self._stuck.items():
+            word = word | bit if says else word & ~bit
+        return word

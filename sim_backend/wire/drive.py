@@ -268,6 +268,10 @@ class Drive(Slave):
         """The contact of the guard, seen in the digital inputs; the drive itself does nothing about it."""
         self.dictionary.store(0x60FD, 0, 0 if is_open else INTERLOCK)
 
+    def ignore_lost_master(self) -> None:
+        """It does nothing by itself when the communication fails (0x6007)."""
+        self.dictionary.store(0x6007, 0, 0)
+
     def on_heartbeat_lost(self, producer: int) -> None:
         self._connection_lost()
 

@@ -418,7 +418,7 @@ class NmtFromOutside(WireFault):
 
     def act(self, bench: WireBench, cycle: int) -> None:
         if not self.reacts:
-            bench.drive.dictionary.store(0x6007, 0, 0)
+            bench.drive.ignore_lost_master()
         for after, command in self.commands:
             if cycle == self.at_cycle + after:
                 frame = bytes([command, self.node_id])

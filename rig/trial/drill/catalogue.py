@@ -17,6 +17,7 @@ from rig.trial.drill.cause import (
     NO_VALUE,
     NOTHING,
     RECORDER,
+    STEP_FAILED,
     STOP,
     marked,
     not_obeyed,
@@ -26,8 +27,10 @@ from rig.trial.drill.cause import (
 from rig.trial.drill.rigs import Carrier
 from sim_backend import faults as plain
 from sim_backend.faults import Fault
+from sim_backend.wire import analog_faults as analog
 from sim_backend.wire import box_faults as box
 from sim_backend.wire import faults as wire
+from sim_backend.wire.analog_amplifier import NO_ALARM
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
 
 Moment = Literal[
@@ -49,13 +52,20 @@ before the rig is opened.
 Recording = Literal["", "disk full", "disk nearly full", "writer stalled"]
 Readout = Literal["", "garbage", "half lines", "silent", "encoder fault"]
 
-BOTH: tuple[Carrier, ...] = ("sim", "wire", "wire-box")
+BOTH: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-analog")
 SIM: tuple[Carrier, ...] = ("sim",)
-WIRE: tuple[Carrier, ...] = ("wire", "wire-box")
-WIRE_OR_SIM: tuple[Carrier, ...] = ("wire", "sim", "wire-box")
-BUS_COUNTER: tuple[Carrier, ...] = ("wire",)
+WIRE: tuple[Carrier, ...] = ("wire", "wire-box", "wire-analog")
+WIRE_OR_SIM: tuple[Carrier, ...] = ("wire", "sim", "wire-box", "wire-analog")
+BUS_COUNTER: tuple[Carrier, ...] = ("wire", "wire-analog")
 """What goes wrong with the counter on the bus, which the rig with a box does not have."""
 BOX: tuple[Carrier, ...] = ("wire-box",)
+CIA_402: tuple[Carrier, ...] = ("wire", "wire-box")
+"""What goes wrong with a drive on the bus: modes, limits and options that it holds itself."""
+TWO_TORQUES: tuple[Carrier, ...] = ("wire", "sim", "wire-box")
+"""Where the drive tells its own torque: nobody else knows that the torque port says something else."""
+TORQUE: tuple[Carrier, ...] = ("sim", "wire", "wire-box")
+"""What goes wrong while torque is commanded."""
+REFERENCE: tuple[Carrier, ...] = ("wire-analog",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +77,7 @@ class Drill:
     order of preference. `press` is what the operator does; `fault` is what the rig does, made for
     a cycle; `recording` and `readout` are faults of the computer's disk and of the readout's line.
     Where it `is_unheard`, nobody can be heard any more and software cannot verify standstill.
+    `outcome`: how the run must end, where that does not follow from the rest.
     """
 
     name: str
@@ -82,6 +93,7 @@ class Drill:
     recording: Recording = ""
     readout: Readout = ""
     is_unheard: bool = False
+    outcome: str = ""
 
     @property
     def claims_detection(self) -> bool:
@@ -171,7 +183,11 @@ _DEVICES = (
     ),
     Drill(
         name="statusword fault, motor coasts",
-        cause={"sim": trips.DRIVE_FAULT, "wire": trips.EMERGENCY},
+        cause={
+            "sim": trips.DRIVE_FAULT,
+            "wire": trips.EMERGENCY,
+            "wire-analog": trips.DRIVE_FAULT,
+        },
         what="the power stage trips",
         fault=plain.DriveFault,
         carriers=BOTH,
@@ -185,14 +201,20 @@ _DEVICES = (
     ),
     Drill(
         name="quick stop not obeyed",
-        cause=not_obeyed(Stage.QUICK_STOP),
+        cause={
+            "wire": not_obeyed(Stage.QUICK_STOP),
+            "wire-analog": not_obeyed(Stage.ZERO_REFERENCE),
+        },
         what="the drive faults its quick stop and turns on, after an ABORT",
         fault=wire.QuickStopNotObeyed,
         press=_abort,
     ),
     Drill(
         name="quick stop and servo off not obeyed",
-        cause=not_obeyed(Stage.QUICK_STOP),
+        cause={
+            "wire": not_obeyed(Stage.QUICK_STOP),
+            "wire-analog": not_obeyed(Stage.ZERO_REFERENCE),
+        },
         what="for half a second the drive obeys nothing, after an ABORT",
         fault=lambda at: plain.QuickStopIgnored(at, cycles=500),
         carriers=WIRE_OR_SIM,
@@ -325,6 +347,7 @@ _FRAMES = (
         what="the drive refuses its mode of operation",
         fault=lambda at: wire.SdoAborted(at, DRIVE_NODE, 0x6060),
         moment="zero-before",
+        carriers=CIA_402,
     ),
     Drill(
         name="SDO time-out",
@@ -339,6 +362,7 @@ _FRAMES = (
         what="0x6072 reads back as half of what was written",
         fault=wire.ReadsBackDifferently,
         moment="start",
+        carriers=CIA_402,
     ),
     Drill(
         name="drive limits read back differently, sim",
@@ -415,7 +439,7 @@ _SIGNALS = (
         cause={"wire": trips.EMERGENCY, "sim": trips.SIGNAL_ERROR},
         what="the counter says that its value is not valid",
         fault=lambda at: plain.MarkedCycles(at, flag=CycleFlag.SIGNAL_ERROR),
-        carriers=("wire", "sim"),
+        carriers=("wire", "sim", "wire-analog"),
     ),
     Drill(
         name="output and input disagree",
@@ -436,7 +460,7 @@ _SIGNALS = (
         cause={"wire": trips.TORQUE_DISAGREEMENT, "sim": trips.TORQUE_PORT},
         what="the monitor's line is open and hums",
         fault=plain.TorquePortOpen,
-        carriers=WIRE_OR_SIM,
+        carriers=TWO_TORQUES,
     ),
     Drill(
         name="clock jump forward",
@@ -534,7 +558,7 @@ _OPERATOR = tuple(
         cause=NOTHING if moment == "making-safe" else STOP,
         what=f"the operator's STOP {where}",
         fault=None,
-        carriers=BOTH,
+        carriers=TORQUE if moment == "torque-ramp" else BOTH,
         moment=moment,
         press=StopRequest.press,
     )
@@ -545,7 +569,7 @@ _OPERATOR = tuple(
         cause=ABORT,
         what=f"the operator's ABORT {where}",
         fault=None,
-        carriers=BOTH,
+        carriers=TORQUE if moment == "torque-ramp" else BOTH,
         moment=moment,
         press=_abort,
     )
@@ -614,6 +638,7 @@ _BUS = (
         what="another master puts the drive into profile torque",
         cause=trips.DRIVE_MODE,
         fault=wire.ModeFromOutside,
+        carriers=CIA_402,
     ),
 )
 
@@ -623,14 +648,14 @@ _SLOW_LIES = (
         what="the monitor sends one value again and again",
         cause=trips.TORQUE_FROZEN,
         fault=plain.ChannelFrozen,
-        carriers=WIRE_OR_SIM,
+        carriers=TWO_TORQUES,
     ),
     Drill(
         name="torque port's zero drifts",
         what="the monitor's zero runs away by 0.1 mN m per cycle",
         cause=trips.TORQUE_ZERO,
         fault=plain.TorqueZeroDrifts,
-        carriers=WIRE_OR_SIM,
+        carriers=TWO_TORQUES,
     ),
     Drill(
         name="slip, output",
@@ -716,6 +741,55 @@ _SOURCES = (
     ),
 )
 
+_REFERENCE = (
+    Drill(
+        name="reference runs away",
+        what="2 V are added to the speed reference on its way",
+        cause=trips.OVER_SPEED,
+        fault=lambda at: analog.ReferenceOffset(at, volts=2.0),
+        carriers=REFERENCE,
+    ),
+    Drill(
+        name="reference's zero drifts",
+        what="60 mV are added to the speed reference while it is commanded to stand",
+        cause=trips.CREEP,
+        fault=analog.ReferenceOffset,
+        carriers=REFERENCE,
+        moment="stand",
+    ),
+    Drill(
+        name="reference's wire broken",
+        what="the amplifier sees no voltage whatever is sent",
+        cause=trips.FOLLOWING_ERROR,
+        fault=analog.ReferenceBroken,
+        carriers=REFERENCE,
+    ),
+    Drill(
+        name="power contact stuck on",
+        what="the contact says that the motor has power for ever",
+        cause=STEP_FAILED,
+        fault=analog.ContactStuck,
+        carriers=REFERENCE,
+        is_unheard=True,
+        outcome="ERROR",
+    ),
+    Drill(
+        name="alarm contact broken",
+        what="the wire of the alarm contact breaks",
+        cause=trips.DRIVE_FAULT,
+        fault=lambda at: analog.ContactStuck(at, bit=NO_ALARM, says=False),
+        carriers=REFERENCE,
+    ),
+    Drill(
+        name="coupler refuses servo-on",
+        what="the coupler refuses to write its outputs",
+        cause=trips.DEVICE_ERROR,
+        fault=lambda at: wire.SdoAborted(at, DRIVE_NODE, 0x6200),
+        carriers=REFERENCE,
+        moment="zero-before",
+    ),
+)
+
 DRILLS: Mapping[str, Drill] = {
     drill.name: drill
     for drill in (
@@ -727,6 +801,7 @@ DRILLS: Mapping[str, Drill] = {
         *_BUS,
         *_SLOW_LIES,
         *_SOURCES,
+        *_REFERENCE,
     )
 }
 """Every drill by name, in the order of the table."""

@@ -39,7 +39,9 @@ of the input (3 deg).
 
 @dataclass(frozen=True)
 class DrillParameters:
-    """A drill has nothing to choose."""
+    """Whether the rig takes set-points of torque."""
+
+    has_torque: bool = True
 
 
 def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
@@ -53,7 +55,8 @@ def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     yield s.Ramp(0.0, ACCELERATION)
     # Long enough for a creep that begins in the middle to be told from a drive that brakes.
     yield s.HoldTime(0.9, s.SegmentLabel("stand"))
-    yield s.TorqueRamp(0.2, 0.02, 0.05, s.SegmentLabel("torque-ramp"))
+    if parameters.has_torque:
+        yield s.TorqueRamp(0.2, 0.02, 0.05, s.SegmentLabel("torque-ramp"))
     yield s.ServoOff(0.08, s.SegmentLabel("zero-after"))
 
 

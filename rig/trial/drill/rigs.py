@@ -12,7 +12,14 @@ from drivers.port import Abilities, Command, DirectLine, DriveLimits, Guard, Rig
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
-from rig.bench.backends.simulated import box_port, wire_config, wire_port
+from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.simulated import (
+    box_port,
+    reference_config,
+    reference_device,
+    wire_config,
+    wire_port,
+)
 from rig.errors import ConfigurationError, RigError
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
@@ -21,8 +28,10 @@ from sim_backend.imperfections import individual_gear
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
 
-Carrier = Literal["sim", "wire", "wire-box"]
-CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box")
+Carrier = Literal["sim", "wire", "wire-box", "wire-analog"]
+CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-analog")
+SPEED_ONLY: tuple[Carrier, ...] = ("wire-analog",)
+"""Which of them take no set-points of torque."""
 IN_PAIRS: tuple[Carrier, ...] = ("sim", "wire")
 """On which of them faults happen two at a time."""
 
@@ -241,10 +250,15 @@ def drilled_rig(
     refuse_hardware(carrier)
     clock = VirtualClock(START_NS)
     individual = individual_gear(gear, seed)
-    if carrier in ("wire", "wire-box"):
-        bench = WireBench(individual, motor, world=World.of(seed), clock=clock)
+    if carrier != "sim":
+        reference = None
+        if carrier == "wire-analog":
+            reference = reference_device(RigRequest(gear=gear, motor=motor), motor)
+        bench = WireBench(individual, motor, world=World.of(seed), clock=clock, reference=reference)
         if carrier == "wire-box":
             port = box_port(bench, motor, has_guard=True)
+        elif reference is not None:
+            port = wire_port(bench, motor, reference_config(bench, motor, has_guard=True))
         else:
             port = wire_port(bench, motor, wire_config(bench, motor, has_guard=True))
         return DrilledRig(

@@ -19,7 +19,7 @@ from rig.errors import ConfigurationError
 from rig.run.dry_run import PlannedRun, plan_run
 from rig.trial.drill.catalogue import DRILLS, Drill
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
-from rig.trial.drill.rigs import CARRIERS, Carrier, refuse_hardware
+from rig.trial.drill.rigs import CARRIERS, SPEED_ONLY, Carrier, refuse_hardware
 from rig.trial.drill.staging import BLOCK_CYCLES, Ending, Placed, Reference, Staged, reference_run
 
 
@@ -127,19 +127,28 @@ def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
 
 @dataclass(kw_only=True)
 class Stage:
-    """Where runs are staged: the plan, a folder, and the run of each rig with nothing going wrong."""
+    """Where runs are staged: a folder, and plan and run of each rig with nothing going wrong."""
 
     root: Path
     seed: int
-    planned: PlannedRun
     references: dict[Carrier, Reference] = field(default_factory=dict)
+    plans: dict[Carrier, PlannedRun] = field(default_factory=dict)
     staged: int = 0
+
+    def planned(self, carrier: Carrier) -> PlannedRun:
+        """The drill's run as this rig can do it; planned once."""
+        if carrier not in self.plans:
+            parameters = DrillParameters(has_torque=carrier not in SPEED_ONLY)
+            self.plans[carrier] = plan_run(EXPERIMENT, parameters, shipped_gear(), shipped_motor())
+        return self.plans[carrier]
 
     def reference(self, carrier: Carrier) -> Reference:
         """The run with nothing going wrong on this rig; made once."""
         if carrier not in self.references:
             folder = self.root / f"reference-{carrier}"
-            self.references[carrier] = reference_run(self.planned, carrier, self.seed, folder)
+            self.references[carrier] = reference_run(
+                self.planned(carrier), carrier, self.seed, folder
+            )
         return self.references[carrier]
 
     def run(
@@ -149,7 +158,7 @@ class Stage:
         self.staged += 1
         return Staged(
             parts=parts,
-            planned=self.planned,
+            planned=self.planned(carrier),
             carrier=carrier,
             seed=self.seed,
             folder=self.root / f"{self.staged:03d}-{_in_path(name)}",
@@ -161,9 +170,8 @@ class Stage:
 @contextmanager
 def stage(seed: int, output: Path | None = None) -> Iterator[Stage]:
     """Where runs are staged; their files stay in `output`, or nowhere."""
-    planned = plan_run(EXPERIMENT, DrillParameters(), shipped_gear(), shipped_motor())
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-drill-") as scratch:
-        yield Stage(root=output or Path(scratch), seed=seed, planned=planned)
+        yield Stage(root=output or Path(scratch), seed=seed)
 
 
 def run_drills(
@@ -220,6 +228,8 @@ def row_of(drill: Drill, carrier: Carrier, ending: Ending, sound_outcome: str) -
 
 
 def _expected(drill: Drill, sound_outcome: str) -> str:
+    if drill.outcome:
+        return drill.outcome
     if drill.is_harmless or (drill.press is not None and drill.moment == "making-safe"):
         return sound_outcome
     if drill.press is not None:
