@@ -181,6 +181,10 @@ class ObjectDictionary:
         """Set a value from inside the device: no access check, no hook."""
         self._values[index, sub] = value
 
+    def take_out(self, index: int) -> None:
+        """The device has no such object."""
+        self._entries = {key: e for key, e in self._entries.items() if key[0] != index}
+
     def reset(self, indices: Callable[[int], bool]) -> None:
         """Back to the default for every object whose index the predicate names."""
         for key, entry in self._entries.items():

@@ -17,7 +17,6 @@ from rig.trial.drill.cause import (
     NO_VALUE,
     NOTHING,
     RECORDER,
-    STEP_FAILED,
     STOP,
     marked,
     not_obeyed,
@@ -77,7 +76,6 @@ class Drill:
     order of preference. `press` is what the operator does; `fault` is what the rig does, made for
     a cycle; `recording` and `readout` are faults of the computer's disk and of the readout's line.
     Where it `is_unheard`, nobody can be heard any more and software cannot verify standstill.
-    `outcome`: how the run must end, where that does not follow from the rest.
     """
 
     name: str
@@ -93,7 +91,6 @@ class Drill:
     recording: Recording = ""
     readout: Readout = ""
     is_unheard: bool = False
-    outcome: str = ""
 
     @property
     def claims_detection(self) -> bool:
@@ -767,11 +764,11 @@ _REFERENCE = (
     Drill(
         name="power contact stuck on",
         what="the contact says that the motor has power for ever",
-        cause=STEP_FAILED,
+        cause=not_obeyed(Stage.SERVO_OFF),
         fault=analog.ContactStuck,
         carriers=REFERENCE,
         is_unheard=True,
-        outcome="ERROR",
+        moment="zero-after",
     ),
     Drill(
         name="alarm contact broken",

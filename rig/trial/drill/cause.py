@@ -19,7 +19,6 @@ NOTHING = ""
 STOP = "STOP"
 ABORT = "ABORT"
 RECORDER = "recorder"
-STEP_FAILED = "step-failed"
 NO_VALUE = "the readout says that its value is none (?)"
 
 _REFUSED = "preflight"

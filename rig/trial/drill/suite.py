@@ -228,8 +228,6 @@ def row_of(drill: Drill, carrier: Carrier, ending: Ending, sound_outcome: str) -
 
 
 def _expected(drill: Drill, sound_outcome: str) -> str:
-    if drill.outcome:
-        return drill.outcome
     if drill.is_harmless or (drill.press is not None and drill.moment == "making-safe"):
         return sound_outcome
     if drill.press is not None:
