@@ -61,6 +61,7 @@ def doctor(
         bool | None,
         typer.Option(
             "--move/--no-move",
+            "--motion/--no-motion",
             help="Whether the rig may turn; without it only a simulated one does.",
         ),
     ] = None,

@@ -254,7 +254,7 @@ class ReferenceAmplifier:
 
     # --- switching
 
-    def _word(self) -> int:
+    def word(self) -> int:
         """The contacts by SDO."""
         return self.device.read_integer(self.config.inputs)
 
@@ -264,14 +264,14 @@ class ReferenceAmplifier:
 
     def state(self) -> DriveState:
         """The state by SDO."""
-        return drive_state(self.status_of(self._word()))
+        return drive_state(self.status_of(self.word()))
 
     def error_text(self) -> str:
         """Contacts have no code."""
         state = self.state()
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
             return "its alarm line is active; the code stands on its panel"
-        return f"its contacts say {state.value} (0x{self._word():02X})"
+        return f"its contacts say {state.value} (0x{self.word():02X})"
 
     def enable(self, mode: Mode) -> None:
         """Servo on with the reference of standstill. Raises `DriverError`."""
@@ -291,7 +291,7 @@ class ReferenceAmplifier:
             raise
 
     def _switch_on(self) -> None:
-        word = self._word()
+        word = self.word()
         status = self.status_of(word)
         ready = drive_state(status) in (DriveState.SWITCH_ON_DISABLED, DriveState.ENABLED)
         if not ready or not (self.config.lines.ready.is_active(word) or self._is_on):
@@ -334,7 +334,7 @@ class ReferenceAmplifier:
         turning, clock = self.config.turning, self.bus.clock
         deadline = clock.monotonic_ns() + self.config.standstill_ms * _MS
         while clock.monotonic_ns() < deadline:
-            if turning is not None and not turning.is_active(self._word()):
+            if turning is not None and not turning.is_active(self.word()):
                 return
             self.bus.idle(_POLL_NS)
         if turning is not None:

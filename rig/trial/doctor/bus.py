@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from drivers.bus.analog.amplifier import ReferenceAmplifier
 from drivers.bus.cia301 import NmtState, ObjectRef
 from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.bus.device import Identity, Missing, RemoteDevice
@@ -19,9 +20,15 @@ from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from drivers.port import DeviceEvent
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.finding import Finding, Verdict, judged
+from rig.trial.doctor.reference import inspect_reference
 from rig.trial.doctor.second_client import SecondClient, read_again
 
-PROFILES = {"servo amplifier": 402, "counter": 406, "analog module": 401}
+PROFILES = {
+    "servo amplifier": 402,
+    "amplifier by analog reference": 401,
+    "counter": 406,
+    "analog module": 401,
+}
 """The device profile that belongs to each kind of node."""
 LOST_AFTER = 3
 """Heartbeats that may stay away before a node counts as lost: the drivers arm that much."""
@@ -47,6 +54,8 @@ def inspect_bus(nodes: RigNodes, heard: Mapping[int, Sequence[int]]) -> Iterable
     with read_again(drive.device):
         if isinstance(drive, ServoAmplifier):
             yield from inspect_drive(drive, drive.device.bus.own_node_id)
+        if isinstance(drive, ReferenceAmplifier):
+            yield from inspect_reference(drive)
 
 
 def _told_again(device: RemoteDevice, identity: Identity) -> Identity:

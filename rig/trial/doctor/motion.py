@@ -1,13 +1,16 @@
-"""What only motion can tell: which way the encoders count, and whether the ratio is the one that was described.
+"""What only motion can tell: which way the encoders count, whether the ratio is the one that was described, what the
+torque port makes of it, whether index marks are seen, and how far apart the two angles are latched.
 
-The input creeps by one degree, turns once, then as often as the output takes to turn once. It is a
-protocol like any other: planned, limited, supervised and made safe by the session that runs them
-all. Creeping by a degree moves the output by half a minute of arc, less than two counts of the
-encoder: its sense is read from the whole turn of the input.
+The input creeps by one degree, turns once, then as often as the output takes to turn once, and at
+last some turns at two speeds both ways, which show the skew. It is a protocol like any other:
+planned, limited, supervised and made safe by the session that runs them all. Creeping by a degree
+moves the output by half a minute of arc, less than two counts of the encoder: its sense is read
+from the whole turn of the input.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -16,6 +19,8 @@ import numpy as np
 from drivers.channel import INDEX_SEEN, OUTPUT_INDEX
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import BAD_CYCLE, usable
+from experiments.evidence.motion import LARGEST_SKEW
+from experiments.evidence.skew import skew_of_encoders
 from experiments.recording import Recording, Segment
 from experiments.result import Result
 from experiments.steps import vocabulary as s
@@ -29,6 +34,9 @@ CREEP = DEGREE
 CREEP_SPEED = 1.0 * RPM
 TURN_SPEED = 30.0 * RPM
 RATIO_SPEED = 300.0 * RPM
+SKEW_SPEEDS = (900.0 * RPM, -300.0 * RPM, -900.0 * RPM)
+"""Beside +300 r/min of the output's turn: both ways at two speeds, which tells skew from wind-up."""
+SKEW_TURNS = 20.0
 ACCELERATION = 50.0
 CREEP_TOLERANCE = 0.25
 """Share by which the creep may differ from a degree: the speed loop rings a little on so short a way."""
@@ -48,7 +56,7 @@ class DoctorParameters:
 
 
 def plan(parameters: DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
-    """Servo off, a degree, a turn of the input, a turn of the output, servo off."""
+    """Servo off, a degree, a turn of the input, a turn of the output, some turns at two speeds both ways, servo off."""
     yield s.ServoOff(0.5, s.SegmentLabel("zero-before"))
     yield s.MoveRevolutions(
         CREEP / REVOLUTION, CREEP_SPEED, ACCELERATION, 5.0, s.SegmentLabel("creep", CREEP, 1)
@@ -61,6 +69,11 @@ def plan(parameters: DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     turns = gear.ratio + 1.0
     longest = 2.0 * turns * REVOLUTION / RATIO_SPEED
     yield s.HoldRevolutions(turns, longest, s.SegmentLabel("output-turn", RATIO_SPEED, 1))
+    for speed in SKEW_SPEEDS:
+        yield s.Ramp(speed, ACCELERATION)
+        seconds = SKEW_TURNS * REVOLUTION / abs(speed)
+        direction = 1 if speed > 0.0 else -1
+        yield s.HoldTime(seconds, s.SegmentLabel("skew", speed, direction))
     yield s.Ramp(0.0, ACCELERATION)
     yield s.ServoOff(0.5, s.SegmentLabel("zero-after"))
 
@@ -96,6 +109,7 @@ def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Findin
         # Of a motion that was tripped on the way, what there is of it.
         yield _output_sense(recording, turn or outward, gear)
         yield _ratio(recording, whole or outward, gear)
+        yield _skew(recording, gear)
     else:
         text = "no output encoder: which way the output turns and the ratio cannot be told"
         yield Finding(
@@ -248,26 +262,41 @@ def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
     )
 
 
+def _skew(recording: Recording, gear: HarmonicDrive) -> Finding:
+    """How much later the output is latched than the input."""
+    estimate = skew_of_encoders(recording, gear)
+    name, rate = "skew of the encoders", recording.metadata.sample_rate
+    if estimate is None or not math.isfinite(estimate.value):
+        why = "the motion ended before it, or there is no stamp of each cycle"
+        return Finding(group="motion", name=name, result="skipped", evidence=why)
+    certain = max(abs(estimate.value) - estimate.expanded_uncertainty, 0.0) * rate
+    text = (
+        f"{1e6 * estimate.value:+.0f} +- {1e6 * estimate.expanded_uncertainty:.0f} us, "
+        f"output after input; a cycle has {1e6 / rate:.0f} us"
+    )
+    return judged(
+        "motion",
+        name,
+        certain <= LARGEST_SKEW,
+        text,
+        value=1e6 * estimate.value,
+        unit="us",
+        limit=f"{LARGEST_SKEW:g} cycles",
+        remedy="Both angles must be latched by the same SYNC: look at the transmission types of their PDOs.",
+    )
+
+
 def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
     """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
-    if not recording.has("torque", "drive_torque"):
-        yield Finding(
-            group="motion",
-            name="torque direction",
-            result="skipped",
-            evidence="port and drive cannot be compared: one of them is not there",
-        )
+    if not recording.has("torque"):
+        text = "there is no torque port"
+        yield Finding(group="motion", name="torque direction", result="skipped", evidence=text)
         return
-    zero, good = _last(recording, "zero-before"), usable(recording, segment)
-    means = []
-    for name in ("torque", "drive_torque"):
-        moving = recording.si(name, segment)[good]
-        at_rest = recording.si(name, zero) if zero is not None else moving[:0]
-        means.append(
-            (float(moving.mean()) if len(moving) else 0.0)
-            - (float(at_rest.mean()) if len(at_rest) else 0.0)
-        )
-    port, drive = means
+    port = _cost(recording, segment, "torque")
+    if not recording.has("drive_torque"):
+        yield _against_friction(recording, segment, port)
+        return
+    drive = _cost(recording, segment, "drive_torque")
     text = (
         f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
     )
@@ -312,6 +341,35 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
         limit=f"1 +- {TORQUE_SCALE:g}",
         otherwise="warning",
         remedy="Check volts per rated torque of the port and the rated torque (0x6076).",
+    )
+
+
+def _cost(recording: Recording, segment: Segment, name: str) -> float:
+    """Mean torque of a motion over that at rest before it [N m]."""
+    zero, moving = _last(recording, "zero-before"), recording.si(name, segment)
+    moving = moving[usable(recording, segment)]
+    at_rest = recording.si(name, zero) if zero is not None else moving[:0]
+    return (float(moving.mean()) if len(moving) else 0.0) - (
+        float(at_rest.mean()) if len(at_rest) else 0.0
+    )
+
+
+def _against_friction(recording: Recording, segment: Segment, port: float) -> Finding:
+    """The port alone: friction costs torque in the sense of the motion. How much it should be nobody says here."""
+    moved = _moved(recording, segment, output=False)
+    text = f"the motion of {moved / DEGREE:+.0f} deg costs {1e3 * port:+.1f} mN m by the port; the drive tells none"
+    if abs(port) < LEAST_TORQUE:
+        text = f"too little to tell it: {text}"
+        return Finding(group="motion", name="torque direction", result="skipped", evidence=text)
+    return judged(
+        "motion",
+        "torque direction",
+        port * moved > 0.0,
+        text,
+        value=port,
+        unit="N m",
+        limit="the sense of the motion",
+        remedy="Turn `direction` of the torque input or of the motor encoder; check that the port is connected.",
     )
 
 
