@@ -19,10 +19,21 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, OUTPUT_ANGLE, STATUSWORD, TORQUE, Channel
+from drivers.channel import (
+    DRIVE_TORQUE,
+    INPUT_ANGLE,
+    OUTPUT_ANGLE,
+    STATUSWORD,
+    TARGET_SPEED,
+    TARGET_TORQUE,
+    TORQUE,
+    Channel,
+)
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.port import DriveLimits, RigPort
 from drivers.samples import CycleFlag
+from experiments.steps.kind import Motion, Servo
+from experiments.steps.vocabulary import Step
 from model.units import RPM
 from rig.bench.limits import Limits
 from rig.errors import LimitError, RigError
@@ -189,6 +200,21 @@ def channel_checks(
     return tuple(checks)
 
 
+def set_point_checks(channels: Sequence[Channel], plan: Sequence[Step]) -> tuple[Check, ...]:
+    """Whether the rig takes every kind of set-point that the plan commands; what cannot be ended is not begun."""
+    names = {channel.name for channel in channels}
+    servos = {step.servo for step in plan if isinstance(step, Motion)}
+    wanted = {SET_POINTS[servo] for servo in servos & SET_POINTS.keys()}
+    missing = sorted(wanted - names)
+    if not missing:
+        return ()
+    text = f"the plan commands what this rig takes no set-points for: {', '.join(missing)}"
+    remedy = (
+        "Choose another protocol; or see what `rig doctor` says of the drive's modes and units."
+    )
+    return (Check("set-points", "failed", text, remedy),)
+
+
 def _calibration(name: str, due: str, today: date) -> Check:
     try:
         overdue = date.fromisoformat(due[:10]) < today
@@ -274,6 +300,8 @@ def _limit_words(name: str, value: float) -> str:
     return f"{name.replace('_', ' ')} {value / factor:.4g} {unit}"
 
 
+SET_POINTS = {Servo.SPEED: TARGET_SPEED, Servo.TORQUE: TARGET_TORQUE}
+"""The channel that carries the set-point of a step."""
 PAIRED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
 """Channels that every protocol pairs: each value belongs to the same SYNC as those of the others."""
 

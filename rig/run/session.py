@@ -47,6 +47,7 @@ from rig.run.preflight import (
     channel_checks,
     drive_limits_check,
     refuse_failed,
+    set_point_checks,
     standing_checks,
     static_checks,
 )
@@ -88,6 +89,7 @@ def execute(
         description = port.open()
         today = datetime.fromtimestamp(order.clock.calendar_ns() * 1e-9, UTC).date()
         checks = (*checks, *channel_checks(port.channels, planned.experiment.needs, today))
+        checks = (*checks, *set_point_checks(port.channels, planned.plan))
         refuse_failed(checks)
         checks = (*checks, _write_limits(order), *(order.arm() if order.arm is not None else ()))
         # One cycle with the servo off ties the rig's time stamps to the calendar.

@@ -110,6 +110,7 @@ class FakeRig:
             encoder_channel("input_index", lines=8192, multiplication=4),
             encoder_channel("output_index", lines=18000, multiplication=4),
             Channel(name="index_seen", unit="1", scale=1.0),
+            Channel(name="target_torque", unit="N m", scale=1e-4),
         )
 
     def open(self) -> RigDescription:
@@ -233,6 +234,7 @@ class FakeRig:
             p.index_input,
             p.index_output,
             p.index_seen,
+            round(target * 1e4) if mode is Mode.TORQUE else 0,
         ]
 
 

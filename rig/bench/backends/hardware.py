@@ -67,7 +67,7 @@ def hardware(request: RigRequest) -> AssembledRig:
         real_time=True,
         nodes=lambda: port.nodes,
         second_bus=lambda: open_raw_bus(bus),
-        guard=None if guard is None else lambda: _read_guard(port, guard),
+        guard=None if guard is None else lambda: read_guard(port, guard),
         loss_covered_by=configuration.drive.computer_loss_covered_by,
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,
@@ -75,7 +75,8 @@ def hardware(request: RigRequest) -> AssembledRig:
     )
 
 
-def _read_guard(port: CanRig, guard: described.GuardInput) -> tuple[int, bool]:
+def read_guard(port: CanRig, guard: described.GuardInput) -> tuple[int, bool]:
+    """The input of the guard's contact, and whether that means closed. Raises `DriverError`."""
     value = port.read_integer(guard.node_id, guard.settings()["entry"])
     return value, value & guard.mask == guard.closed
 

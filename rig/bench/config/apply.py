@@ -93,9 +93,9 @@ def configured_rig(path: str | Path) -> ConfiguredRig:
 
 def limits_by_hand(path: Path | None) -> str:
     """The limits that somebody has set in a drive that does not tell them, in the words in which they are confirmed
-    when the rig is armed; empty where the drive tells them, and where no file describes the rig.
+    when the rig is armed; empty where the drive tells them, and where no file describes a rig: none can be armed then.
     """
-    if path is None:
+    if path is None or not path.is_file():
         return ""
     drive = load_configuration(path).drive
     return drive.limits_by_hand.words if isinstance(drive, ReferenceDrive) else ""

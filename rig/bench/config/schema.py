@@ -348,12 +348,13 @@ def _nodes_of(rig: RigConfiguration) -> list[tuple[str, int]]:
     modules = [(f"analog_module {i + 1}", m.node_id) for i, m in enumerate(rig.analog_modules)]
     _each_once(modules, "node-ID")
     own = rig.drive.node_id
-    is_terminal = isinstance(rig.drive, ReferenceDrive)
-    if is_terminal and own in (*at, *(node_id for _, node_id in modules)):
+    beside = (*terminals, *(node_id for _, node_id in modules))
+    is_terminal = isinstance(rig.drive, ReferenceDrive) and own in beside
+    if is_terminal:
         terminals.add(own)
         at.setdefault(own, "drive")
     return [
-        *([] if own in terminals else [("drive", own)]),
+        *([] if is_terminal else [("drive", own)]),
         ("bus.own_node_id", rig.bus.own_node_id),
         *(
             (f"counter {c.channel}", c.node_id)

@@ -188,7 +188,7 @@ def _limits(looked: Looked) -> Iterable[Finding]:
 
 
 def _guard(looked: Looked) -> Iterable[Finding]:
-    if looked.rig.real_time:
+    if looked.rig.real_time or looked.rig.guard is not None:
         return (
             armed(guard_check(looked.rig.guard)),
             armed(loss_check(looked.rig.port.abilities.unwatched, looked.rig.loss_covered_by)),

@@ -267,7 +267,7 @@ def _skew(recording: Recording, gear: HarmonicDrive) -> Finding:
     estimate = skew_of_encoders(recording, gear)
     name, rate = "skew of the encoders", recording.metadata.sample_rate
     if estimate is None or not math.isfinite(estimate.value):
-        why = "the motion ended before it, or there is no stamp of each cycle"
+        why = estimate.note if estimate is not None else "there is no stamp of each cycle"
         return Finding(group="motion", name=name, result="skipped", evidence=why)
     certain = max(abs(estimate.value) - estimate.expanded_uncertainty, 0.0) * rate
     text = (

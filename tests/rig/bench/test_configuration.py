@@ -16,7 +16,7 @@ from model.motor import shipped_motor
 from model.units import RPM
 from rig.bench import limits as lim
 from rig.bench.backends.hardware import bus_config, can_rig_config, readout_config
-from rig.bench.config.apply import LIMITED, RATED, configured_rig
+from rig.bench.config.apply import LIMITED, RATED, configured_rig, limits_by_hand
 from rig.bench.config.load import (
     Problem,
     inspect_configuration,
@@ -29,12 +29,16 @@ from rig.bench.config.schema import Limits, Ratings, RigConfiguration
 from rig.errors import ConfigurationError
 
 TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml").read_text(encoding="utf-8")
+BY_REFERENCE = (
+    resources.files("rig.bench.config.examples")
+    .joinpath("paper-sgdv-vref.toml")
+    .read_text(encoding="utf-8")
+)
 
 
-def everything() -> str:
-    """The template with every optional word in force."""
-    lines = [re.sub(r"^# (?=\[|[a-z_0-9]+ = )", "", line) for line in TEMPLATE.splitlines()]
-    return "\n".join(lines)
+def everything(text: str = TEMPLATE) -> str:
+    """A description with every optional word in force."""
+    return "\n".join(re.sub(r"^# (?=\[|[a-z_0-9]+ = )", "", line) for line in text.splitlines())
 
 
 def written(folder: Path, text: str) -> Path:
@@ -76,7 +80,8 @@ def test_the_template_explains_every_word_there_is() -> None:
                     found |= tables(sub)
         return found
 
-    content = tomllib.loads(everything())
+    # What only an amplifier by analog reference has is shown by the example of one.
+    contents = [tomllib.loads(everything()), tomllib.loads(everything(BY_REFERENCE))]
     shown: set[str] = set()
 
     def collect(value: object) -> None:
@@ -88,7 +93,7 @@ def test_the_template_explains_every_word_there_is() -> None:
             for entry in value:
                 collect(entry)
 
-    collect(content)
+    collect(contents)
     words = {word for model in tables(RigConfiguration) for word in words_of(model)}
     assert words - shown == set()
 
@@ -340,3 +345,73 @@ def test_every_limit_and_rating_of_the_file_is_used() -> None:
     assert set(LIMITED) == set(Limits.model_fields)
     assert set(RATED) == set(Ratings.model_fields) - {"source"}
     assert {quantity for quantity, _ in LIMITED.values()} == set(lim.UNITS)
+
+
+# An amplifier by analog reference -------------------------------------------------------------------
+
+
+def by_reference(old: str = "", new: str = "") -> str:
+    assert old in BY_REFERENCE
+    return BY_REFERENCE.replace(old, new)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "reason"),
+    [
+        (
+            "volts_per_count = 0.00030517578125",
+            "volts_per_count = 0.0",
+            "drive.volts_per_count",
+            "greater than 0",
+        ),
+        ('kind = "analog-reference"', 'kind = "pulse-train"', "drive", "analog-reference"),
+        (
+            "speed_per_volt_rpm",
+            "speed_per_volt",
+            "drive.speed_per_volt",
+            "Did you mean speed_per_volt_rpm or",
+        ),
+        ("power = { mask = 0x02 } ", "# ", "drive.lines.power", "is missing"),
+        (
+            "power = { mask = 0x02 }",
+            "power = { bit = 2 }",
+            "drive.lines.power.bit",
+            "Known: active_high, mask",
+        ),
+        (
+            'set_by = "who set them"',
+            'set_by = ""',
+            "drive.limits_by_hand.set_by",
+            "at least 1 character",
+        ),
+        ('channel = "input_angle"\n', 'channel = "other"\n', "", "counts nothing itself"),
+    ],
+)
+def test_what_is_wrong_with_a_drive_by_reference_is_named(
+    tmp_path: Path, old: str, new: str, path: str, reason: str
+) -> None:
+    found = problems(tmp_path, by_reference(old, new))
+    assert any(path in problem.path and reason in problem.reason for problem in found), found
+
+
+def test_limits_set_by_hand_are_limits_of_the_plan_and_words_of_the_confirmation(
+    tmp_path: Path,
+) -> None:
+    path = written(tmp_path, by_reference("torque_n_m = 0.637  ", "torque_n_m = 0.45  "))
+    configured = configured_rig(path)
+    assert configured.limits[lim.MOTOR_TORQUE] == 0.45
+    assert configured.limits[lim.INPUT_SPEED] == pytest.approx(3000.0 * RPM)
+    assert limits_by_hand(path) == "0.45 N m 3000 r/min"
+    tighter = written(tmp_path, path.read_text() + "[limits]\nmotor_torque_n_m = 0.3\n")
+    assert configured_rig(tighter).limits[lim.MOTOR_TORQUE] == 0.3
+    assert limits_by_hand(written(tmp_path, TEMPLATE)) == ""
+    assert limits_by_hand(None) == ""
+
+
+def test_a_coupler_that_holds_the_amplifier_may_hold_other_inputs(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, by_reference("[[analog_module]]\nnode_id = 3", "[[analog_module]]\nnode_id = 1")
+    )
+    assert load_configuration(path).analog_modules[0].node_id == 1
+    twice = problems(tmp_path, by_reference("node_id = 4", "node_id = 2"))
+    assert any("given twice" in problem.reason for problem in twice)

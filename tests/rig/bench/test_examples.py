@@ -20,17 +20,28 @@ from drivers.bus.cia402 import tables as obj
 from drivers.bus.cyclic import CanRig
 from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TARGET_SPEED, TORQUE
 from drivers.clock import VirtualClock
+from drivers.drive_state import DriveState, drive_state
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.samples import CycleFlag
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.hardware import can_rig_config
+from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.hardware import can_rig_config, read_guard
+from rig.bench.backends.simulated import reference_device
+from rig.bench.config.apply import configured_limits
 from rig.bench.config.load import load_configuration, missing_files
 from rig.bench.config.objects import read_object
 from rig.bench.config.schema import RigConfiguration
 from rig.errors import ConfigurationError
 from rig.main import app
+from rig.run.dry_run import plan_run
 from rig.run.preflight import limits_check
+from rig.run.start import RunRequest, run_on
+from rig.runfile.read import close_recording, open_run
+from rig.trial.doctor.examine import examine
+from rig.trial.drill.protocol import EXPERIMENT as DRILL
+from rig.trial.drill.protocol import DrillParameters
+from sim_backend.imperfections import Imperfections, Sizes
 from sim_backend.wire.bench import WireBench
 from tests.drivers.can_bench import servo
 from tests.drivers.foreign_drive import ForeignCounter, ForeignDrive, ForeignInputs
@@ -144,34 +155,105 @@ def test_what_the_examples_compute_is_what_they_say() -> None:
     assert ahm.lines * ahm.multiplication == facts.AHM36.objects[0x6001, 0].default
 
 
-def test_the_papers_rig_is_brought_up_limited_and_turned_as_its_page_says() -> None:
-    """On the simulated devices, whose torque monitor has an offset and noise as the maker states them."""
-    configuration = example("paper-sgdv")
+SGDV_MONITOR = Sizes(torque_offset=0.0127, torque_lag=0.26e-3, torque_noise=0.0015)
+"""A monitor as the maker states it: 20 mV of 1 V per rated torque, settled to 1 % in 1.2 ms."""
+
+
+def papers_rig(name: str) -> tuple[AssembledRig, RunRequest]:
+    """The rig that one of the two descriptions has, in front of simulated devices that behave as the documents say."""
+    configuration, gear, motor = example(name), shipped_gear(), shipped_motor()
     assert missing_files(configuration, FOLDER) == ()
-    bench = WireBench(shipped_gear(), shipped_motor(), cycle_ns=2_000_000)
-    config = can_rig_config(configuration, shipped_motor(), FOLDER, 2_000_000, ratio=120.0)
+    reference = None
+    if name.endswith("vref"):
+        reference = reference_device(RigRequest(gear=gear, motor=motor), motor)
+    bench = WireBench(
+        gear,
+        motor,
+        imperfections=Imperfections(sizes=SGDV_MONITOR),
+        cycle_ns=2_000_000,
+        clock=VirtualClock(1_790_000_000_000_000_000),
+        reference=reference,
+    )
+    config = can_rig_config(configuration, motor, FOLDER, 2_000_000, ratio=120.0)
     port = CanRig(
         config, bench.clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
     )
-    port.open()
-    assert servo(port.nodes).readings.questions == ()
-    assert "read back" in limits_check(LIMITS, port.write_limits(LIMITS)).evidence
-    by_name = {channel.name: (k, channel) for k, channel in enumerate(port.channels)}
-    standing = port.exchange(Command(Mode.OFF), 100, Guard())
-    at, torque = by_name[TORQUE]
-    zero = torque.to_si(standing.counts[:, at]).mean()
-    assert 0.0 < abs(zero) < 0.0127, "20 mV of the monitor's 1 V per rated torque"
-    assert torque.scale == pytest.approx(0.3125e-3 * 0.637)
-    turning = port.exchange(Command(Mode.SPEED, np.full(500, 100.0 * RPM)), 500, Guard())
-    assert turning.broken is None
-    assert not turning.flags.any()
-    # With the circular spline fixed the output turns against the input.
-    for name, ratio, sense in ((INPUT_ANGLE, 1.0, 1.0), (OUTPUT_ANGLE, 120.0, -1.0)):
-        k, channel = by_name[name]
-        angle = channel.to_si(turning.counts[250:, k])
-        speed = (angle[-1] - angle[0]) / (249 * 0.002) * ratio
-        assert speed == pytest.approx(sense * 100.0 * RPM, rel=0.03)
-    port.close()
+    guard = configuration.guard
+    assert guard is not None
+    rig = AssembledRig(
+        name="wire",
+        port=port,
+        clock=bench.clock,
+        nodes=lambda: port.nodes,
+        guard=lambda: read_guard(port, guard),
+    )
+    request = RunRequest(
+        protocol="doctor",
+        gear=gear,
+        motor=motor,
+        output=Path(),
+        backend="wire",
+        sample_rate=configuration.rig.sample_rate_hz,
+        limits=configured_limits(configuration),
+    )
+    return rig, request
+
+
+@pytest.mark.parametrize("name", ["paper-sgdv", "paper-sgdv-vref"])
+def test_the_papers_rig_is_looked_over_and_walked_as_its_page_says(
+    name: str, tmp_path: Path
+) -> None:
+    """`rig doctor --motion` on either form: directions, ratio, index marks, torque, skew, limits, guard."""
+    _, request = papers_rig(name)
+    request = replace(request, output=tmp_path, gear_serial="SN-1", operator="A. Example")
+    found = examine(lambda: papers_rig(name)[0], request, moves=True)
+    lines = {(f.group, f.name): f for f in found.findings}
+    assert [key for key, f in lines.items() if f.result == "failed"] == []
+    motion = {name: f.result for (group, name), f in lines.items() if group == "motion"}
+    for walked in ("input direction", "output direction", "ratio", "torque direction"):
+        assert motion[walked] == "ok", lines["motion", walked].evidence
+    skew = lines["motion", "skew of the encoders"]
+    assert skew.result == "ok", skew.evidence
+    assert motion["index marks"] == "warning", "CiA 406 has no object for them"
+    assert lines["safety", "guard"].result == "ok"
+    zero = lines["torque", "zero"]
+    assert 0.0 < abs(zero.value) < 25.4, zero.evidence
+    limits = lines["safety", "drive limits"]
+    by_hand = name.endswith("vref")
+    assert limits.result == ("warning" if by_hand else "ok"), limits.evidence
+    assert ("set by hand" in limits.evidence) is by_hand
+
+
+@pytest.mark.parametrize("name", ["paper-sgdv", "paper-sgdv-vref"])
+def test_a_run_of_the_papers_rig_is_recorded_with_every_channel_in_si(
+    name: str, tmp_path: Path
+) -> None:
+    rig, request = papers_rig(name)
+    parameters = DrillParameters(has_torque=not name.endswith("vref"))
+    planned = plan_run(
+        DRILL,
+        parameters,
+        request.gear,
+        request.motor,
+        sample_rate=request.sample_rate,
+        configured=request.limits,
+    )
+    request = replace(request, protocol="drill", output=tmp_path, operator="A. Example")
+    report = run_on(rig, request, planned)
+    assert report.outcome == "COMPLETED", report.message
+    assert report.make_safe is not None
+    assert report.make_safe.safe
+    recording = open_run(report.path)
+    (hold, *_) = recording.labelled("hold")
+    angle, zero = recording.si("input_angle", hold), recording.labelled("zero-before")[0]
+    speed = (angle[-1] - angle[0]) / (len(angle) - 1) * 500.0
+    assert speed == pytest.approx(60.0, rel=0.01)
+    torque = recording.si("torque", hold).mean() - recording.si("torque", zero).mean()
+    assert 0.02 < torque < 0.3
+    assert recording.signals["torque"].scale == pytest.approx(0.3125e-3 * 0.637)
+    words = set(recording.stored("statusword", hold).tolist())
+    assert {drive_state(word) for word in words} == {DriveState.ENABLED}
+    close_recording(recording)
 
 
 # Devices of those objects -------------------------------------------------------------------------

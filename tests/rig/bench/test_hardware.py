@@ -9,6 +9,7 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,7 @@ from rig.errors import ConfigurationError
 from rig.exits import ERROR, explain
 from rig.run.arming import RULES, WITHOUT_GEAR, Arming, guard_check, refuse_unarmed
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.start import RunRequest, run_request
+from rig.run.start import RunRequest, arming_of, plan_request, run_request
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
@@ -213,3 +214,30 @@ def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) 
     )
     assert report.outcome == "ABORTED" or was_too_slow(report), report.message
     assert report.safe
+
+
+def test_limits_set_by_hand_are_typed_again_to_arm() -> None:
+    arming = Arming("A. Example", "SN-1", "SN-1", limits_by_hand="0.45 N m 3000 r/min")
+    with pytest.raises(ConfigurationError, match=r"SN-1 0\.45 N m 3000 r/min letter for letter"):
+        refuse_unarmed(arming)
+    refuse_unarmed(replace(arming, confirmation="SN-1 0.45 N m 3000 r/min"))
+    bare = replace(arming, gear_mounted=False, confirmation=WITHOUT_GEAR)
+    with pytest.raises(ConfigurationError, match=r"NO GEAR 0\.45 N m"):
+        refuse_unarmed(bare)
+
+
+def test_arming_asks_the_rigs_description_for_limits_set_by_hand(tmp_path: Path) -> None:
+    text = resources.files("rig.bench.config.examples").joinpath("paper-sgdv-vref.toml").read_text()
+    path = tmp_path / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    request = RunRequest(
+        protocol="friction",
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        output=tmp_path,
+        backend="hardware",
+        gear_serial="SN-1",
+        configuration=path,
+    )
+    planned = plan_request(request)
+    assert arming_of(request, planned).expected == "SN-1 0.637 N m 3000 r/min"

@@ -13,13 +13,20 @@ import pytest
 from drivers.drive_state import DriveState
 from drivers.port import DriveLimits, Mode
 from experiments.recording import Event
-from experiments.steps.vocabulary import FindIndex, HoldTime, Ramp, SegmentLabel, Step
+from experiments.steps.vocabulary import (
+    FindIndex,
+    HoldTime,
+    Ramp,
+    SegmentLabel,
+    Step,
+    TorqueRamp,
+)
 from rig.errors import RigError
 from rig.run.engine import CUT
 from rig.run.make_safe import Action
 from rig.run.opening import begin_inline_run
 from rig.run.order import Progress, RunReport
-from rig.run.preflight import channel_checks, static_checks
+from rig.run.preflight import channel_checks, set_point_checks, static_checks
 from rig.run.session import execute, output_sense
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
@@ -181,6 +188,16 @@ def test_a_missing_channel_is_refused_by_name() -> None:
     assert "torque" in failed[0].evidence
     checks = channel_checks(FakeRig().channels[:1], ("input_angle",), _today())
     assert "not watched" in str(checks[1])
+
+
+def test_a_plan_whose_set_points_the_rig_does_not_take_is_refused_before_anything_moves() -> None:
+    channels = FakeRig().channels
+    plan = (Ramp(10.0, 100.0), TorqueRamp(0.2, 0.02, 0.05))
+    assert set_point_checks(channels, plan) == ()
+    (check,) = set_point_checks([c for c in channels if c.name != "target_torque"], plan)
+    assert check.result == "failed"
+    assert "target_torque" in check.evidence
+    assert set_point_checks([c for c in channels if c.name != "target_torque"], plan[:1]) == ()
 
 
 def test_a_calibration_that_is_overdue_is_a_warning() -> None:
