@@ -26,14 +26,17 @@ from drivers.drive_state import POWERED_STATES, DriveState
 from drivers.errors import DriverError
 from drivers.port import Abilities, Command, DriveLimits, Guard, GuardWatch, Mode, RigDescription
 from drivers.samples import CycleFlag, SampleBlock
+from model import closed_loop
 from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
 from model.kinematic_error import output_sign
 from model.motor import ServoMotor
+from model.units import REVOLUTION
 from sim_backend.clock import SyncTimer
 from sim_backend.faults import DeviceFault, Devices, Fault, PortFault, Sensed, SignalFault
 from sim_backend.imperfections import Imperfections, draw
 from sim_backend.plant import Plant
+from sim_backend.position_loop import PositionLead
 from sim_backend.sensors import Instruments, Latches
 from sim_backend.servo_drive import SPEED_COUNT, ServoDrive
 from sim_backend.truth import tell
@@ -69,7 +72,8 @@ class SimulatedRig:
 
     `gear` and `motor` are the individuals that are mounted, `world` draws everything else, `start` is
     how warm they are, if not as the room. `faults` are what will go wrong. With a `WallClock` it turns
-    in real time. Raises `DriverError` for commands that a drive cannot take.
+    in real time. `by_position`: its drive is led by target positions (cyclic synchronous position).
+    Raises `DriverError` for commands that a drive cannot take.
     """
 
     def __init__(
@@ -86,6 +90,7 @@ class SimulatedRig:
         clock: Clock | None = None,
         faults: Sequence[Fault] = (),
         start: ThermalState | None = None,
+        by_position: bool = False,
     ) -> None:
         if cycle_ns < 100_000:
             raise DriverError(
@@ -113,6 +118,7 @@ class SimulatedRig:
         self._instruments = Instruments(
             self._on, self._condition, motor, world.run_seed, self._sense, self._plant.output_angle
         )
+        self._lead = PositionLead(self._input_resolution, cycle_ns) if by_position else None
         self._clock: Clock = VirtualClock() if clock is None else clock
         self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, world.run_seed)
         self._faults = tuple(faults)
@@ -128,7 +134,19 @@ class SimulatedRig:
     @property
     def channels(self) -> Sequence[Channel]:
         """The channels in the order of the columns of every block."""
-        return self._instruments.channels
+        lead = self._lead
+        if lead is None:
+            return self._instruments.channels
+        return [
+            replace(channel, scale=lead.scale) if channel.name == names.TARGET_SPEED else channel
+            for channel in self._instruments.channels
+        ]
+
+    @property
+    def _input_resolution(self) -> int:
+        """Counts per revolution of the motor's encoder."""
+        by_name = {channel.name: channel for channel in self._instruments.channels}
+        return round(REVOLUTION / by_name[names.INPUT_ANGLE].scale)
 
     @property
     def cycle_ns(self) -> int:
@@ -210,7 +228,9 @@ class SimulatedRig:
         blocks: list[SampleBlock] = []
         done = 0
         while done < available:
-            count = min(PIECE, available - done)
+            # Led by positions, each cycle rests on what was latched in the one before.
+            most = 1 if self._lead is not None and command.mode is Mode.SPEED else PIECE
+            count = min(most, available - done)
             block = self._guarded(command.mode, targets[done : done + count], guard)
             blocks.append(block)
             done += len(block)
@@ -253,7 +273,11 @@ class SimulatedRig:
                 value=len(command.target),
                 limit=str(cycles),
             )
-        return self._drive.quantised(command.mode, np.asarray(command.target, dtype=np.float64))
+        target = np.asarray(command.target, dtype=np.float64)
+        counts = self._drive.quantised(command.mode, target)
+        if self._lead is not None and command.mode is Mode.SPEED:
+            return np.rint(target / self._lead.scale).astype(np.int64)
+        return counts
 
     def _before_stall(self, cycles: int) -> int:
         """How many of the next cycles come back; raises if none does."""
@@ -303,8 +327,7 @@ class SimulatedRig:
 
     def _piece(self, mode: Mode, targets: Counts) -> tuple[Counts, NDArray[np.uint16], Counts]:
         """Simulate, sense, and let the signal faults fall: counts, flags, stamps."""
-        count = self._drive.torque_count if mode is Mode.TORQUE else SPEED_COUNT
-        rows, statuswords = self._simulate(mode, targets.astype(np.float64) * count)
+        rows, statuswords = self._simulate(mode, self._set_points(mode, targets))
         late = self._sync.lateness_ns(self._cycle, len(targets))
         none = np.zeros(len(targets), dtype=np.int64)
         shown = (targets if mode is Mode.SPEED else none, targets if mode is Mode.TORQUE else none)
@@ -316,6 +339,32 @@ class SimulatedRig:
         self._flag_jumps(sensed)
         self._previous = counts[-1].copy()
         return counts, flags, self._sync.stamps_ns(self._cycle, late)
+
+    def _set_points(self, mode: Mode, targets: Counts) -> NDArray[np.float64]:
+        """Set-points (n,) in counts as the loop of the drive takes them [SI]."""
+        lead = self._lead
+        if lead is None or mode is not Mode.SPEED:
+            if lead is not None:
+                lead.leads = False
+            count = self._drive.torque_count if mode is Mode.TORQUE else SPEED_COUNT
+            return targets.astype(np.float64) * count
+        position = self._position_now()
+        if not lead.leads:
+            lead.begin(position)
+        return np.array([lead.demand(int(targets[0]), position)])
+
+    def _position_now(self) -> int:
+        """The input's count at the latest SYNC; before the first one, as it stands."""
+        column = self._instruments.column[names.INPUT_ANGLE]
+        if self._previous is not None:
+            return int(self._previous[column])
+        before, latches = self._plant.snapshot(), self._instruments.latches()
+        none = np.zeros(1, dtype=np.int64)
+        rows = self._plant.advance(closed_loop.OFF, np.zeros(1))
+        counts, _ = self._instruments.read(rows, 0, none, none, (none, none))
+        self._plant.restore(before)
+        self._instruments.restore(latches)
+        return int(counts[0, column])
 
     def _simulate(
         self, mode: Mode, targets: NDArray[np.float64]

@@ -112,6 +112,10 @@ class Amplifier(Protocol):
         """
         ...
 
+    def sent(self, cycles: int) -> None:
+        """So many of the cycles went out whose frames were made last."""
+        ...
+
     def paused(self) -> None:
         """Something went by SDO: what a frame holds beside its set-points may be another value now."""
         ...

@@ -608,6 +608,7 @@ class CanSegment:
         added to the flags.
         """
         rows = len(cycles)
+        self._opened().drive.sent(rows)
         raw, bad = self._store.decoded()
         flags = self._store.flags()
         counts = self._decoder.block(

@@ -40,6 +40,7 @@ BOOT_UP = "boot_up"
 NOT_OPERATIONAL = "not_operational"
 DRIVE_STATE = "drive_state"
 DRIVE_MODE = "drive_mode"
+DRIVE_FOLLOWING = "drive_following"
 FAULT = "fault"
 LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
@@ -55,6 +56,7 @@ DEVICE_CAUSES = frozenset(
         NOT_OPERATIONAL,
         DRIVE_STATE,
         DRIVE_MODE,
+        DRIVE_FOLLOWING,
         FAULT,
         BUS_LOST,
     }
@@ -129,6 +131,11 @@ TRIPS: dict[str, TripRule] = {
         "somebody else has changed the drive's mode of operation",
         Action.QUICK_STOP,
         "Find the other master or the tool on the bus and take it off.",
+    ),
+    DRIVE_FOLLOWING: TripRule(
+        "the shaft is further behind its target position than the drive allows (0x6065)",
+        Action.QUICK_STOP,
+        "Something blocks, a limit in the drive is too low, or the position loop is badly tuned.",
     ),
     FOLLOWING_ERROR: TripRule(
         "the speed does not follow its set-point",

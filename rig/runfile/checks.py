@@ -30,6 +30,7 @@ ORIGINS_OF_BACKEND: Final[dict[str, tuple[str, ...]]] = {
     "sim": ("simulated",),
     "wire": ("simulated",),
     "wire-box": ("simulated",),
+    "wire-csp": ("simulated",),
     "wire-analog": ("simulated",),
     "hardware": ("hardware", "simulated"),
     "replay": ("replay",),

@@ -205,6 +205,7 @@ class WireBench:
             rated_torque=motor.rated_torque,
             peak_torque=motor.peak_torque,
             maximum_speed=motor.maximum_speed,
+            cycle_ns=self.cycle_ns,
             serial_number=self._world.bench_seed & 0xFFFF_FFFF,
         )
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from drivers.drive_state import STATUSWORD_OF, DriveState
 from drivers.port import DriveLimits, Mode
 from model.units import RPM
+from sim_backend.position_loop import PositionLoop
 from sim_backend.servo_drive import SPEED_COUNT, TORQUE_COUNT_OF_RATED
 from sim_backend.wire.dictionary import (
     I8,
@@ -52,9 +53,10 @@ SI_UNIT_MILLI_RPM = 0xFDB44700
 """0x60A9: prefix 10^-3, revolutions, per minute."""
 SI_UNIT_RPM_PER_SECOND = 0x00C00300
 """0x60AA: revolutions per minute, per second."""
-PROFILE_VELOCITY, PROFILE_TORQUE, CYCLIC_VELOCITY, CYCLIC_TORQUE = 3, 4, 9, 10
+PROFILE_VELOCITY, PROFILE_TORQUE, CYCLIC_POSITION, CYCLIC_VELOCITY, CYCLIC_TORQUE = 3, 4, 8, 9, 10
 MODES = {
     PROFILE_VELOCITY: Mode.SPEED,
+    CYCLIC_POSITION: Mode.SPEED,
     CYCLIC_VELOCITY: Mode.SPEED,
     PROFILE_TORQUE: Mode.TORQUE,
     CYCLIC_TORQUE: Mode.TORQUE,
@@ -71,8 +73,12 @@ PROBE_ON, PROBE_CONTINUOUS, PROBE_ZERO_IMPULSE, PROBE_POSITIVE = 0x0001, 0x0002,
 PROBE_STORED = 0x0002
 INTERLOCK = 0x0000_0008
 """Bit 3 of the digital inputs: the guard is closed."""
+FOLLOWING_ERROR = 0x8611
+"""Error code of a drive whose shaft stays further behind its target position than 0x6065 for longer than 0x6066."""
 SYNC_CONTROLLER = 0x8700
 """Error code of a drive that faults because its SYNC stayed away."""
+FOLLOWING_BIT = 0x2000
+"""Bit 13 of the statusword in cyclic position."""
 DRIVE_ERROR = 0x20
 """Bit 5 of the error register: device profile specific."""
 
@@ -88,6 +94,7 @@ class DriveDevice:
     ramp: float = 1e5
     speed_gain: float = 40.0
     integral_time: float = 0.020
+    cycle_ns: int = 1_000_000
     serial_number: int = 1
 
 
@@ -110,10 +117,14 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
         entry(0x6061, 0, "Modes of operation display", I8, "ro", 0, mappable="t"),
         entry(0x6064, 0, "Position actual value", I32, "ro", 0, mappable="t"),
         entry(0x606C, 0, "Velocity actual value", I32, "ro", 0, mappable="t"),
+        entry(0x6065, 0, "Following error window", U32, "rw", device.counts_per_revolution // 4),
+        entry(0x6066, 0, "Following error time out", U16, "rw", 50),
         entry(0x6071, 0, "Target torque", I16, "rw", 0, mappable="r"),
         entry(0x6072, 0, "Max torque", U16, "rw", peak, mappable="r"),
         entry(0x6076, 0, "Motor rated torque", U32, "ro", round(1000.0 * device.rated_torque)),
         entry(0x6077, 0, "Torque actual value", I16, "ro", 0, mappable="t"),
+        entry(0x607A, 0, "Target position", I32, "rw", 0, mappable="r"),
+        *array(0x607D, "Software position limit", (("min", I32, "rw", 0), ("max", I32, "rw", 0))),
         entry(0x6080, 0, "Max motor speed", U32, "rw", fastest),
         entry(0x6083, 0, "Profile acceleration", U32, "rw", ramp, low=1),
         entry(0x6084, 0, "Profile deceleration", U32, "rw", ramp, low=1),
@@ -126,10 +137,14 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
         )),
         entry(0x60A9, 0, "SI unit velocity", U32, "ro", SI_UNIT_MILLI_RPM),
         entry(0x60AA, 0, "SI unit acceleration", U32, "ro", SI_UNIT_RPM_PER_SECOND),
+        entry(0x60B0, 0, "Position offset", I32, "rw", 0, mappable="r"),
+        entry(0x60B1, 0, "Velocity offset", I32, "rw", 0, mappable="r"),
+        entry(0x60B2, 0, "Torque offset", I16, "rw", 0, mappable="r"),
         entry(0x60B8, 0, "Touch probe function", U16, "rw", 0, mappable="r"),
         entry(0x60B9, 0, "Touch probe status", U16, "ro", 0, mappable="t"),
         entry(0x60BA, 0, "Touch probe 1 positive edge", I32, "ro", 0, mappable="t"),
         *array(0x60C2, "Interpolation time period", (("value", U8, "rw", 1), ("index", I8, "rw", -3))),
+        entry(0x60F4, 0, "Following error actual value", I32, "ro", 0, mappable="t"),
         *array(0x60F9, "Velocity control parameter set", (
             ("gain in 0.1 Hz", U16, "ro", round(10.0 * device.speed_gain)),
             ("integral time in 0.01 ms", U16, "ro", round(1e5 * device.integral_time)),
@@ -171,6 +186,8 @@ class Drive(Slave):
         self._stored: tuple[int, int] | None = None
         self._position = self._true = 0
         self._mirror = (1, 0)
+        self._position_loop = PositionLoop(device.counts_per_revolution, device.cycle_ns)
+        self._cycles_behind = 0
         self._torque_count = TORQUE_COUNT_OF_RATED * device.rated_torque
         super().__init__(node_id, drive_entries(node_id, device), DRIVE_PDOS, send)
         d = self.dictionary
@@ -315,9 +332,29 @@ class Drive(Slave):
         halts = self._controlword & HALT_BIT
         if mode is Mode.TORQUE:
             return mode, 0.0 if halts else self.dictionary.number(0x6071) * self._torque_count
+        if mode is Mode.SPEED and self._is_by_position:
+            return mode, self._follow_position()
         if mode is Mode.SPEED and not halts:
             return mode, self.dictionary.number(0x60FF) * SPEED_COUNT
         return Mode.SPEED, 0.0
+
+    @property
+    def _is_by_position(self) -> bool:
+        return self.dictionary.number(0x6060) == CYCLIC_POSITION
+
+    def _follow_position(self) -> float:
+        """The speed by which it goes after its target position, offset included; too far behind it is a fault."""
+        number = self.dictionary.number
+        speed = self._position_loop.demand(
+            number(0x607A) + number(0x60B0), wrap_i32(self._position)
+        )
+        error, window = self._position_loop.error, number(0x6065)
+        self.dictionary.store(0x60F4, 0, error)
+        self._cycles_behind = self._cycles_behind + 1 if abs(error) > window else 0
+        if self._cycles_behind * self.device.cycle_ns > number(0x6066) * 1_000_000:
+            self._cycles_behind = 0
+            self.fault(FOLLOWING_ERROR)
+        return speed + number(0x60B1) * SPEED_COUNT
 
     def _control(self, controlword: int) -> None:
         rises = controlword & FAULT_RESET_BIT and not self._controlword & FAULT_RESET_BIT
@@ -349,6 +386,8 @@ class Drive(Slave):
 
     def _go(self, state: DriveState) -> None:
         if state is not self.drive_state:
+            if state is DriveState.ENABLED:
+                self._position_loop.begin(self.dictionary.number(0x607A))
             self.drive_state = state
             self.value_changed(0x6041)
 
@@ -368,6 +407,8 @@ class Drive(Slave):
         if self._shown is not None:
             return self._shown
         word = STATUSWORD_OF[self.drive_state]
+        if self._cycles_behind:
+            word |= FOLLOWING_BIT
         return word & ~0x0010 if self._is_torque_off else word
 
     # The latch of the encoder's index mark ------------------------------------------------------------------------

@@ -110,6 +110,16 @@ class DriveTrip(WireFault):
 
 
 @dataclass(frozen=True)
+class FollowingWindowLeft(WireFault):
+    """The shaft is further behind its target position than the drive allows: its window (0x6065) has become narrow."""
+
+    window: int = 20
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        bench.drive.dictionary.store(0x6065, 0, self.window)
+
+
+@dataclass(frozen=True)
 class QuickStopNotObeyed(WireFault):
     """The drive says QUICK STOP ACTIVE and goes on turning; servo off still works."""
 

@@ -240,6 +240,9 @@ class ReferenceAmplifier:
         values = {config.outputs.key: np.full(cycles, word), config.reference.key: reference}
         return packed_frames(self.commands, values, cycles)
 
+    def sent(self, cycles: int) -> None:
+        """A voltage does not go on from the one before."""
+
     def paused(self) -> None:
         """Nothing in the frames is older than the cycle."""
 

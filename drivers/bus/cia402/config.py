@@ -36,7 +36,11 @@ class DriveConfig:
     rated_torque: float | None = None
     motor_torque: float | None = None
     """Rated torque [N m] of the motor that the rig's description names: the drive's own is held against it."""
-    speed_modes: tuple[int, ...] = (OperationMode.CYCLIC_VELOCITY, OperationMode.PROFILE_VELOCITY)
+    speed_modes: tuple[int, ...] = (
+        OperationMode.CYCLIC_VELOCITY,
+        OperationMode.CYCLIC_POSITION,
+        OperationMode.PROFILE_VELOCITY,
+    )
     torque_modes: tuple[int, ...] = (OperationMode.CYCLIC_TORQUE, OperationMode.PROFILE_TORQUE)
     heartbeat_ms: int = 100
     computer_heartbeat_ms: int = 50
@@ -82,5 +86,7 @@ class DriveReadings:
     torque_mode: OperationMode | None
     settings: dict[str, float] = field(default_factory=dict[str, float])
     missing: list[Missing] = field(default_factory=list[Missing])
+    is_interpolating: bool = False
+    """It reads back the SYNC period as its interpolation time (0x60C2)."""
     questions: tuple[Question, ...] = ()
     """What a person must say of the drive's units, because its own word is missing or cannot be right."""

@@ -18,6 +18,8 @@ from drivers.bus.cia301 import ObjectRef
 from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.drive import ServoAmplifier
+from drivers.bus.cia402.positions import PositionTargets, speed_scale
+from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.device import Identity
 from drivers.bus.frames import SLOT_BYTES, FrameLayout
 from drivers.bus.motor_encoder import MotorEncoder
@@ -28,6 +30,7 @@ from drivers.bus.set_points import Key, packed_frames
 from drivers.channel import Channel
 from drivers.counting import largest_step, require_range
 from drivers.drive_state import DriveState, drive_state
+from drivers.errors import DriverError
 from drivers.port import Ask, Mode
 
 _CONTROLWORD: Final = {
@@ -36,10 +39,17 @@ _CONTROLWORD: Final = {
     Mode.SPEED: obj.ENABLE,
     Mode.TORQUE: obj.ENABLE,
 }
-_COMMANDED: Final = frozenset({obj.CONTROLWORD.key, obj.TARGET_VELOCITY.key, obj.TARGET_TORQUE.key})
+_COMMANDED: Final = frozenset(
+    {
+        obj.CONTROLWORD.key,
+        obj.TARGET_VELOCITY.key,
+        obj.TARGET_POSITION.key,
+        obj.TARGET_TORQUE.key,
+    }
+)
 """Entries of the RPDOs that every cycle sets."""
 _LARGEST: Final = {names.TARGET_SPEED: 2**31 - 1, names.TARGET_TORQUE: 2**15 - 1}
-"""The largest count of 0x60FF (32 bits) and of 0x6071 (16 bits)."""
+"""The largest count of 0x60FF (32 bits; in cyclic position 1/65536 count per cycle) and of 0x6071 (16 bits)."""
 _MODE_CYCLES: Final = 3
 """Cycles in a row in which another mode is somebody's work, and no display that lags."""
 _PROBE_LATCHED: Final = 0x0002
@@ -60,6 +70,10 @@ class CyclicDrive(ServoAmplifier):
         self._status = slice(0, 2)
         self._mode_at: int | None = None
         self._strange_cycles = 0
+        self._targets = PositionTargets()
+        self._cycle_ns = self._resolution = 0
+        self._largest_speed = math.inf
+        self._offsets: tuple[ObjectRef, ...] = ()
 
     @property
     def identity(self) -> Identity:
@@ -78,6 +92,10 @@ class CyclicDrive(ServoAmplifier):
     ) -> Plan:
         """Statusword, position, torque, the latch of the index mark, and the mode where it rides along."""
         self._compare(encoder)
+        self._cycle_ns, self._resolution = cycle_ns, encoder.lines * encoder.multiplication
+        self._largest_speed = encoder.largest_speed
+        if self.is_by_position:
+            self._require_endless()
         status = Channel(name=names.STATUSWORD, unit="1", scale=1.0, long_name="CiA 402 statusword")
         channels = [self._planned(status, "plain", obj.STATUSWORD)]
         wanted: list[ObjectRef] = [obj.STATUSWORD]
@@ -180,7 +198,17 @@ class CyclicDrive(ServoAmplifier):
         readings, sense = self.readings, encoder.direction
         channels: list[Planned] = []
         entries = [obj.CONTROLWORD]
-        if readings.speed_mode is not None and self._is_offered(
+        if self.is_by_position and self._is_offered(obj.TARGET_POSITION, "no speed mode"):
+            entries.append(obj.TARGET_POSITION)
+            channel = Channel(
+                name=names.TARGET_SPEED,
+                unit="rad/s",
+                scale=speed_scale(self._resolution, self._cycle_ns),
+                direction=sense,
+                long_name="speed of the target position (0x607A)",
+            )
+            channels.append(Planned(channel=channel, kind="target_speed"))
+        elif readings.speed_mode is not None and self._is_offered(
             obj.TARGET_VELOCITY, "no speed mode"
         ):
             entries.append(obj.TARGET_VELOCITY)
@@ -211,6 +239,97 @@ class CyclicDrive(ServoAmplifier):
             channels = [planned for planned in channels if planned.kind != "target_torque"]
         return channels
 
+    # --- cyclic synchronous position
+
+    @property
+    def is_by_position(self) -> bool:
+        """Whether it turns by target positions."""
+        return self.readings.speed_mode is OperationMode.CYCLIC_POSITION
+
+    def _require_endless(self) -> None:
+        """Raise `DriverError` where the drive cannot be led by positions: without the SYNC period as its
+        interpolation time, or with software limits in the way of a shaft that turns on and on. Offsets are zeroed.
+        """
+        device = self.device
+        if not self.readings.is_interpolating:
+            raise DriverError(
+                "cyclic position needs the SYNC period as the drive's interpolation time",
+                where=f"{device.where}, {obj.INTERPOLATION_TIME}",
+                value=f"{self._cycle_ns * 1e-6:g} ms not taken",
+                remedy="Choose a SYNC rate whose period it takes, or another of `speed_modes`.",
+            )
+        ends = [
+            device.read_optional(entry, "no software limit is in the way")
+            for entry in (obj.POSITION_LIMIT_LOW, obj.POSITION_LIMIT_HIGH)
+        ]
+        low, high = (int(end or 0) for end in ends)
+        if low < high and high - low < 2**32 - 1:
+            raise DriverError(
+                "software position limits would stop a shaft that turns on and on",
+                where=f"{device.where}, {obj.POSITION_LIMIT_LOW}",
+                value=f"{low} to {high} counts",
+                limit="0 and 0, or the whole range",
+                remedy="Switch them off by the drive's own tool.",
+            )
+        self._offsets = tuple(
+            entry
+            for entry in obj.OFFSETS
+            if device.write_wished(entry, 0, "nothing is added to the targets")
+        )
+
+    def _rest(self, mode: Mode) -> None:
+        """In cyclic position the target is set once nothing can follow it any more: in `_switch_on`."""
+        if not (mode is Mode.SPEED and self.is_by_position):
+            super()._rest(mode)
+
+    def _switch_on(self, candidates: Sequence[OperationMode]) -> None:
+        """In cyclic position by way of switched on: there the first target is the position that was latched."""
+        if OperationMode.CYCLIC_POSITION not in candidates:
+            super()._switch_on(candidates)
+            return
+        if self.state() is DriveState.ENABLED:
+            # An old target must not act for a moment: another mode is left before this one is chosen.
+            self._walk(obj.TO_SWITCHED_ON, DriveState.SWITCHED_ON, "switched on")
+        self._choose_one(candidates)
+        self._walk(obj.TO_SWITCHED_ON, DriveState.SWITCHED_ON, "switched on")
+        position = self.device.read_integer(obj.POSITION)
+        if not self.device.write_checked(obj.TARGET_POSITION, position, "no speed mode"):
+            raise DriverError(
+                "the drive does not take a target position",
+                where=f"{self.device.where}, {obj.TARGET_POSITION}",
+                remedy="Choose another of `speed_modes`.",
+            )
+        self._targets.begin(position)
+        self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+
+    def to_off(self, *, resets_fault: bool = True) -> None:
+        """Servo off from any state; what is added to the set-points is zero when it is left."""
+        super().to_off(resets_fault=resets_fault)
+        for entry in self._offsets:
+            self.device.write_wished(entry, 0)
+
+    def _greatest_travel(self) -> int:
+        """Counts that the shaft turns at most in one cycle, by the limit that the drive holds."""
+        held = math.inf if self.limits is None else self.limits.speed
+        speed = min(held, self._largest_speed)
+        return math.ceil(speed * self._cycle_ns * 1e-9 * self._resolution / (2.0 * math.pi))
+
+    def _target_positions(
+        self, mode: Mode, speeds: NDArray[np.int64]
+    ) -> Mapping[Key, NDArray[np.int64]]:
+        """What goes as 0x607A; a drive that is not led by positions is sent none."""
+        if not self.is_by_position:
+            return {}
+        if mode is not Mode.SPEED:
+            return {obj.TARGET_POSITION.key: self._targets.hold(len(speeds))}
+        where = f"{self.device.where}, {obj.TARGET_POSITION}"
+        planned = self._targets.plan(speeds, self._greatest_travel(), where)
+        return {obj.TARGET_POSITION.key: planned}
+
+    def sent(self, cycles: int) -> None:
+        """The target goes on from the last one that was sent."""
+        self._targets.sent(cycles)
+
     def _is_offered(self, entry: ObjectRef, consequence: str) -> bool:
         return self.device.read_optional(entry, consequence) is not None
 
@@ -240,6 +359,11 @@ class CyclicDrive(ServoAmplifier):
         if state is not DriveState.ENABLED:
             text = f"the drive left operation enabled: {state.value} (statusword 0x{word:04X})"
             return Left("drive-state", text, float(word))
+        if word & obj.FOLLOWING_ERROR_BIT and self.mode is OperationMode.CYCLIC_POSITION:
+            text = (
+                f"the shaft is too far behind its target position (statusword 0x{word:04X}, bit 13)"
+            )
+            return Left("drive-following", text, float(word))
         given = self.mode
         shown = given if self._mode_at is None else record[self._mode_at]
         self._strange_cycles = self._strange_cycles + 1 if shown != given else 0
@@ -271,6 +395,7 @@ class CyclicDrive(ServoAmplifier):
             obj.CONTROLWORD.key: np.full(cycles, _CONTROLWORD[mode]),
             obj.TARGET_VELOCITY.key: speeds,
             obj.TARGET_TORQUE.key: torques,
+            **self._target_positions(mode, speeds),
         }
         return packed_frames(self.commands, values, cycles)
 

@@ -91,7 +91,7 @@ class ServoAmplifier:
             )
         found = read_units(device, config.units, identity.vendor_id)
         settings = self._write_options() | read_settings(device, config.gains)
-        write_interpolation_time(device, cycle_ns)
+        is_interpolating = write_interpolation_time(device, cycle_ns)
         supported = device.read_optional(
             obj.SUPPORTED_MODES, "whether a mode is supported shows only when it is chosen"
         )
@@ -104,6 +104,7 @@ class ServoAmplifier:
             velocity_unit=found.velocity_unit,
             acceleration_unit=found.acceleration_unit,
             questions=found.questions,
+            is_interpolating=is_interpolating,
             speed_mode=self._choose(config.speed_modes, supported),
             torque_mode=self._choose(config.torque_modes, supported),
             settings=settings,
@@ -253,7 +254,8 @@ class ServoAmplifier:
                 where=f"{self.device.where}, 0x6502:0",
                 limit=", ".join(str(m) for m in preferred),
             )
-        self._require("velocity_unit_rad_s" if mode is Mode.SPEED else "rated_torque_n_m")
+        if OperationMode.CYCLIC_POSITION not in candidates:
+            self._require("velocity_unit_rad_s" if mode is Mode.SPEED else "rated_torque_n_m")
         if mode is Mode.TORQUE and (self.limits is None or not math.isfinite(self.limits.speed)):
             raise DriverError(
                 "torque mode needs a speed limit that the drive holds itself",
@@ -261,16 +263,24 @@ class ServoAmplifier:
                 limit="0x6080 written and read back",
                 remedy="Write the limits first; a drive without 0x6080 cannot do this.",
             )
+        self._rest(mode)
+        try:
+            self._switch_on(candidates)
+        except DriverError:
+            self._give_up()
+            raise
+
+    def _rest(self, mode: Mode) -> None:
+        """The set-point of standstill, before it acts."""
         if mode is Mode.TORQUE:
             self.device.write(obj.TARGET_TORQUE, 0)
         elif self.state() is not DriveState.ENABLED:
             self.device.write(obj.TARGET_VELOCITY, 0)
-        try:
-            self._choose_one(candidates)
-            self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
-        except DriverError:
-            self._give_up()
-            raise
+
+    def _switch_on(self, candidates: Sequence[OperationMode]) -> None:
+        """The first of the modes that the drive takes, then operation enabled."""
+        self._choose_one(candidates)
+        self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
 
     def modes_for(self, mode: Mode) -> tuple[OperationMode, ...]:
         """The modes of operation that it turns in by speed or by torque: one, unless only choosing them shows which
@@ -284,8 +294,9 @@ class ServoAmplifier:
         )
         if chosen is None:
             return ()
-        if self._is_mode_unknown:
-            return tuple(OperationMode(m) for m in preferred)
+        if self._is_mode_unknown and chosen is not OperationMode.CYCLIC_POSITION:
+            # Positions go by another object: that mode is not tried out, it is chosen.
+            return tuple(OperationMode(m) for m in preferred if m != OperationMode.CYCLIC_POSITION)
         return (chosen,)
 
     def _require(self, *entries: str) -> None:

@@ -55,15 +55,16 @@ def _read_record(device: RemoteDevice, index: int, name: str) -> dict[str, float
     return values
 
 
-def write_interpolation_time(device: RemoteDevice, cycle_ns: int) -> None:
-    """Tell the drive the SYNC period (0x60C2) as value times 10^exponent seconds, where it fits a byte.
+def write_interpolation_time(device: RemoteDevice, cycle_ns: int) -> bool:
+    """Tell the drive the SYNC period (0x60C2) as value times 10^exponent seconds, where it fits a byte; whether it
+    reads back so.
 
     The exponent that stands there is tried first: some drives keep it. One that was changed in vain is put back.
     """
     consequence = "cyclic modes interpolate with the drive's own period"
     present = device.read_optional(obj.INTERPOLATION_EXPONENT, consequence)
     if present is None:
-        return
+        return False
     for exponent in (int(present), -3, -4, -5, -6):
         value = cycle_ns / 10.0 ** (9 + exponent) if -9 <= exponent <= 0 else 0.0
         if value != int(value) or not 0 < value <= 255:
@@ -71,10 +72,9 @@ def write_interpolation_time(device: RemoteDevice, cycle_ns: int) -> None:
         if exponent != present and not device.write_wished(
             obj.INTERPOLATION_EXPONENT, exponent, consequence
         ):
-            return
-        if (
-            not device.write_wished(obj.INTERPOLATION_TIME, int(value), consequence)
-            and exponent != present
-        ):
+            return False
+        is_taken = device.write_wished(obj.INTERPOLATION_TIME, int(value), consequence)
+        if not is_taken and exponent != present:
             device.write_wished(obj.INTERPOLATION_EXPONENT, present, consequence)
-        return
+        return is_taken
+    return False

@@ -24,6 +24,9 @@ MAX_TORQUE: Final = ObjectRef(0x6072, 0, U16, "max torque")
 RATED_CURRENT: Final = ObjectRef(0x6075, 0, U32, "motor rated current")
 RATED_TORQUE: Final = ObjectRef(0x6076, 0, U32, "motor rated torque")
 TORQUE: Final = ObjectRef(0x6077, 0, I16, "torque actual value")
+TARGET_POSITION: Final = ObjectRef(0x607A, 0, I32, "target position")
+POSITION_LIMIT_LOW: Final = ObjectRef(0x607D, 1, I32, "software position limit, least")
+POSITION_LIMIT_HIGH: Final = ObjectRef(0x607D, 2, I32, "software position limit, greatest")
 MAX_PROFILE_VELOCITY: Final = ObjectRef(0x607F, 0, U32, "max profile velocity")
 MAX_MOTOR_SPEED: Final = ObjectRef(0x6080, 0, U32, "max motor speed")
 ACCELERATION: Final = ObjectRef(0x6083, 0, U32, "profile acceleration")
@@ -46,6 +49,11 @@ VELOCITY_FACTOR: Final = ObjectRef(0x6096, 1, U32, "velocity factor, numerator")
 VELOCITY_DIVISOR: Final = ObjectRef(0x6096, 2, U32, "velocity factor, divisor")
 VELOCITY_UNIT: Final = ObjectRef(0x60A9, 0, U32, "SI unit velocity")
 ACCELERATION_UNIT: Final = ObjectRef(0x60AA, 0, U32, "SI unit acceleration")
+POSITION_OFFSET: Final = ObjectRef(0x60B0, 0, I32, "position offset")
+VELOCITY_OFFSET: Final = ObjectRef(0x60B1, 0, I32, "velocity offset")
+TORQUE_OFFSET: Final = ObjectRef(0x60B2, 0, I16, "torque offset")
+OFFSETS: Final = (POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET)
+"""What a drive adds to its set-points in the cyclic modes."""
 TOUCH_PROBE: Final = ObjectRef(0x60B8, 0, U16, "touch probe function")
 TOUCH_PROBE_STATUS: Final = ObjectRef(0x60B9, 0, U16, "touch probe status")
 TOUCH_PROBE_POSITION: Final = ObjectRef(0x60BA, 0, I32, "touch probe 1 positive edge")
@@ -80,6 +88,8 @@ class OperationMode(IntEnum):
     CYCLIC_TORQUE = 10
 
 
+FOLLOWING_ERROR_BIT: Final = 0x2000
+"""Statusword bit 13 in cyclic position: the shaft is further behind than 0x6065 allows."""
 REMOTE_BIT: Final = 0x0200
 """Statusword bit 9: the drive obeys the controlword; clear while a panel or a tool holds it."""
 
@@ -100,6 +110,13 @@ TO_ENABLED: Final[Mapping[DriveState, int]] = {
     DriveState.QUICK_STOP: DISABLE_VOLTAGE,
 }
 """Controlword that leads from each state one step towards operation enabled (transitions 2, 3, 4 and 12)."""
+TO_SWITCHED_ON: Final[Mapping[DriveState, int]] = {
+    DriveState.SWITCH_ON_DISABLED: SHUTDOWN,
+    DriveState.READY: SWITCH_ON,
+    DriveState.ENABLED: SWITCH_ON,
+    DriveState.QUICK_STOP: DISABLE_VOLTAGE,
+}
+"""Controlword that leads one step towards switched on: where targets are set before they act."""
 TO_OFF: Final[Mapping[DriveState, int]] = {
     DriveState.SWITCH_ON_DISABLED: DISABLE_VOLTAGE,
     DriveState.READY: DISABLE_VOLTAGE,

@@ -37,6 +37,7 @@ SPEED_ROOM = 1.5
 """Times the motor's greatest speed that a count must move within a cycle to have jumped."""
 _MODES = {
     "cyclic velocity": OperationMode.CYCLIC_VELOCITY,
+    "cyclic position": OperationMode.CYCLIC_POSITION,
     "profile velocity": OperationMode.PROFILE_VELOCITY,
     "cyclic torque": OperationMode.CYCLIC_TORQUE,
     "profile torque": OperationMode.PROFILE_TORQUE,

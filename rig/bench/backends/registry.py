@@ -73,6 +73,12 @@ def _on_the_wire_with_box(request: RigRequest) -> AssembledRig:
     return on_the_wire_with_box(request)
 
 
+def _on_the_wire_by_position(request: RigRequest) -> AssembledRig:
+    from rig.bench.backends.simulated import on_the_wire_by_position
+
+    return on_the_wire_by_position(request)
+
+
 def _on_the_wire_by_reference(request: RigRequest) -> AssembledRig:
     from rig.bench.backends.simulated import on_the_wire_by_reference
 
@@ -98,6 +104,7 @@ BACKENDS: dict[str, Callable[[RigRequest], AssembledRig]] = {
     "sim": _simulated,
     "wire": _on_the_wire,
     "wire-box": _on_the_wire_with_box,
+    "wire-csp": _on_the_wire_by_position,
     "wire-analog": _on_the_wire_by_reference,
     HARDWARE: _hardware,
 }

@@ -138,6 +138,28 @@ def on_the_wire(request: RigRequest) -> AssembledRig:
     return assembled("wire", port, bench.clock, bench, request, lambda: port.nodes)
 
 
+def on_the_wire_by_position(request: RigRequest) -> AssembledRig:
+    """The same bench whose drive is led by target positions (cyclic synchronous position)."""
+    from sim_backend.wire.bench import WireBench
+
+    parts = parts_of(request)
+    bench = WireBench(**parts, clock=clock_of(request))
+    port = wire_port(bench, parts["motor"], position_config(bench, parts["motor"]))
+    return assembled("wire-csp", port, bench.clock, bench, request, lambda: port.nodes)
+
+
+def position_config(
+    bench: WireBench, motor: ServoMotor, *, has_guard: bool = False
+) -> CanRigConfig:
+    """What the drivers are told of a simulated bench whose drive is to be led by target positions."""
+    from drivers.bus.cia402.config import DriveConfig
+    from drivers.bus.cia402.tables import OperationMode
+    from sim_backend.wire.bench import DRIVE_NODE
+
+    drive = DriveConfig(node_id=DRIVE_NODE, speed_modes=(OperationMode.CYCLIC_POSITION,))
+    return replace(wire_config(bench, motor, has_guard=has_guard), drive=drive)
+
+
 def on_the_wire_with_box(request: RigRequest) -> AssembledRig:
     """The same bench with the output encoder's counter on TCP instead of on the bus."""
     from sim_backend.wire.bench import WireBench

@@ -23,7 +23,7 @@ from rig.bench.config.parts import (
 
 CIA_402, ANALOG_REFERENCE = "cia-402", "analog-reference"
 """The words for `kind`."""
-SpeedMode = Literal["cyclic velocity", "profile velocity"]
+SpeedMode = Literal["cyclic velocity", "cyclic position", "profile velocity"]
 TorqueMode = Literal["cyclic torque", "profile torque"]
 
 
@@ -81,7 +81,7 @@ class Drive(AnyAmplifier):
     torque_limit: ObjectText = "0x6072:0 U16"
     torque_limit_unit: Positive | None = Field(default=None, alias="torque_limit_unit_n_m")
     speed_modes: tuple[SpeedMode, ...] = Field(
-        default=("cyclic velocity", "profile velocity"), min_length=1
+        default=("cyclic velocity", "cyclic position", "profile velocity"), min_length=1
     )
     torque_modes: tuple[TorqueMode, ...] = ("cyclic torque", "profile torque")
     abort_connection_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 3

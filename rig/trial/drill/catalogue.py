@@ -51,19 +51,21 @@ before the rig is opened.
 Recording = Literal["", "disk full", "disk nearly full", "writer stalled"]
 Readout = Literal["", "garbage", "half lines", "silent", "encoder fault"]
 
-BOTH: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-analog")
+BOTH: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-csp", "wire-analog")
 SIM: tuple[Carrier, ...] = ("sim",)
-WIRE: tuple[Carrier, ...] = ("wire", "wire-box", "wire-analog")
-WIRE_OR_SIM: tuple[Carrier, ...] = ("wire", "sim", "wire-box", "wire-analog")
-BUS_COUNTER: tuple[Carrier, ...] = ("wire", "wire-analog")
+WIRE: tuple[Carrier, ...] = ("wire", "wire-box", "wire-csp", "wire-analog")
+WIRE_OR_SIM: tuple[Carrier, ...] = ("wire", "sim", "wire-box", "wire-csp", "wire-analog")
+BUS_COUNTER: tuple[Carrier, ...] = ("wire", "wire-csp", "wire-analog")
 """What goes wrong with the counter on the bus, which the rig with a box does not have."""
 BOX: tuple[Carrier, ...] = ("wire-box",)
-CIA_402: tuple[Carrier, ...] = ("wire", "wire-box")
+CIA_402: tuple[Carrier, ...] = ("wire", "wire-box", "wire-csp")
 """What goes wrong with a drive on the bus: modes, limits and options that it holds itself."""
-TWO_TORQUES: tuple[Carrier, ...] = ("wire", "sim", "wire-box")
+TWO_TORQUES: tuple[Carrier, ...] = ("wire", "sim", "wire-box", "wire-csp")
 """Where the drive tells its own torque: nobody else knows that the torque port says something else."""
-TORQUE: tuple[Carrier, ...] = ("sim", "wire", "wire-box")
+TORQUE: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-csp")
 """What goes wrong while torque is commanded."""
+BY_POSITION: tuple[Carrier, ...] = ("wire-csp",)
+"""What goes wrong with a drive that is led by target positions."""
 REFERENCE: tuple[Carrier, ...] = ("wire-analog",)
 
 
@@ -436,7 +438,7 @@ _SIGNALS = (
         cause={"wire": trips.EMERGENCY, "sim": trips.SIGNAL_ERROR},
         what="the counter says that its value is not valid",
         fault=lambda at: plain.MarkedCycles(at, flag=CycleFlag.SIGNAL_ERROR),
-        carriers=("wire", "sim", "wire-analog"),
+        carriers=("wire", "sim", "wire-csp", "wire-analog"),
     ),
     Drill(
         name="output and input disagree",
@@ -787,6 +789,16 @@ _REFERENCE = (
     ),
 )
 
+_POSITION = (
+    Drill(
+        name="shaft behind its target position",
+        what="the drive says that the shaft is too far behind its target position",
+        cause=trips.DRIVE_FOLLOWING,
+        fault=wire.FollowingWindowLeft,
+        carriers=BY_POSITION,
+    ),
+)
+
 DRILLS: Mapping[str, Drill] = {
     drill.name: drill
     for drill in (
@@ -799,6 +811,7 @@ DRILLS: Mapping[str, Drill] = {
         *_SLOW_LIES,
         *_SOURCES,
         *_REFERENCE,
+        *_POSITION,
     )
 }
 """Every drill by name, in the order of the table."""

@@ -15,6 +15,7 @@ from model.motor import ServoMotor
 from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.simulated import (
     box_port,
+    position_config,
     reference_config,
     reference_device,
     wire_config,
@@ -28,8 +29,8 @@ from sim_backend.imperfections import individual_gear
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
 
-Carrier = Literal["sim", "wire", "wire-box", "wire-analog"]
-CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-analog")
+Carrier = Literal["sim", "wire", "wire-box", "wire-csp", "wire-analog"]
+CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-csp", "wire-analog")
 SPEED_ONLY: tuple[Carrier, ...] = ("wire-analog",)
 """Which of them take no set-points of torque."""
 IN_PAIRS: tuple[Carrier, ...] = ("sim", "wire")
@@ -257,6 +258,8 @@ def drilled_rig(
         bench = WireBench(individual, motor, world=World.of(seed), clock=clock, reference=reference)
         if carrier == "wire-box":
             port = box_port(bench, motor, has_guard=True)
+        elif carrier == "wire-csp":
+            port = wire_port(bench, motor, position_config(bench, motor, has_guard=True))
         elif reference is not None:
             port = wire_port(bench, motor, reference_config(bench, motor, has_guard=True))
         else:

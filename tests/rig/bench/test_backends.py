@@ -70,6 +70,7 @@ def test_a_recorded_run_goes_through_the_engine_again(direct: Recording, tmp_pat
 
 def test_an_unknown_rig_is_refused_with_what_there_is() -> None:
     with pytest.raises(
-        ConfigurationError, match=r"moon.*sim, wire, wire-box, wire-analog, hardware, replay"
+        ConfigurationError,
+        match=r"moon.*sim, wire, wire-box, wire-csp, wire-analog, hardware, replay",
     ):
         make_port("moon", RigRequest(gear=shipped_gear(), motor=shipped_motor()))
