@@ -567,12 +567,11 @@ class WireBench:
         put = self._column
         seen = counts[put[names.INDEX_SEEN]]
         input_angle, input_index = counts[put[names.INPUT_ANGLE]], counts[put[names.INPUT_INDEX]]
-        if isinstance(self.drive, Drive):
-            self.drive.take(
-                input_angle, counts[put[names.DRIVE_TORQUE]], input_index, seen & 1, speed
-            )
-        else:
+        if isinstance(self.drive, AnalogAmplifier):
             self.drive.take(speed)
+        else:
+            torque = counts[put[names.DRIVE_TORQUE]]
+            self.drive.take(input_angle, torque, input_index, seen & 1, speed)
         if self.motor_counter is not None:
             self.motor_counter.take(input_angle, input_index, seen & 1)
         self.counter.take(

@@ -21,6 +21,7 @@ from drivers.drive_state import DriveState
 from drivers.port import DriveLimits, Mode
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
+from sim_backend.wire.analog_amplifier import ReferenceDevice
 from sim_backend.wire.bench import DRIVE_NODE, WireBench
 from sim_backend.wire.drive import Drive, DriveDevice
 from tests.drivers.durand_node import I8, I16, I32, U8, U16, U32, DurandNode, Timer
@@ -346,8 +347,9 @@ class DurandBench(WireBench):
 
     amplifier: DurandDrive
 
-    def _make_devices(self, motor: ServoMotor) -> None:
-        super()._make_devices(motor)
+    def _make_devices(self, motor: ServoMotor, reference: ReferenceDevice | None) -> None:
+        super()._make_devices(motor, reference)
+        assert isinstance(self.drive, Drive)
         self.amplifier = DurandDrive(DRIVE_NODE, self.drive.device, self._from_device)
         self.drive = cast("Drive", self.amplifier)
         self.slaves = (self.drive, self.counter, self.analog_input)

@@ -65,7 +65,7 @@ def test_everybody_is_found_and_nothing_but_uploads_is_sent() -> None:
     assert [drive.profile, counter.profile, coupler.profile] == [402, 406, 401]
     assert (drive.identity.is_simulated, drive.modes, drive.statement.rated_torque) == (
         True,
-        0x30C,
+        0x38C,
         637,
     )
     assert drive.has_consumer

@@ -20,8 +20,14 @@ ROLES: Final = {402: "drive", 406: "counter", 401: "analogue and digital inputs"
 """What a node of each device profile is for."""
 USUAL_RATE: Final = 500.0
 """Hz that a computer without real time keeps."""
-_CSV, _PV, _CST, _TQ = 8, 2, 9, 3
-"""Bits of 0x6502: cyclic velocity, profile velocity, cyclic torque, profile torque."""
+_CSV, _CSP, _PV, _CST, _TQ = 8, 7, 2, 9, 3
+"""Bits of 0x6502: cyclic velocity, cyclic position, profile velocity, cyclic torque, profile torque."""
+SHAPED_BY: Final = {
+    "cyclic velocity": "",
+    "cyclic position": ": without cyclic velocity the drive is led by positions, whose loop shapes the steps",
+    "profile velocity": ": without cyclic velocity the drive's own ramps shape the steps",
+}
+"""What the first mode of speed that a drive has does to steps."""
 _STAYS: Final = (5, 6, 7, 8)
 """Quick stop options (0x605A) that end in QUICK STOP ACTIVE."""
 
@@ -201,7 +207,11 @@ def _modes(drive: FoundNode) -> Iterator[Word]:
         return
     speed = [
         name
-        for bit, name in ((_CSV, "cyclic velocity"), (_PV, "profile velocity"))
+        for bit, name in (
+            (_CSV, "cyclic velocity"),
+            (_CSP, "cyclic position"),
+            (_PV, "profile velocity"),
+        )
         if drive.modes >> bit & 1
     ]
     torque = [
@@ -211,12 +221,7 @@ def _modes(drive: FoundNode) -> Iterator[Word]:
     ]
     why = f"by 0x6502 = 0x{drive.modes:X}"
     if speed:
-        shaped = (
-            ""
-            if "cyclic velocity" in speed
-            else ": without cyclic velocity the drive's own ramps shape the steps"
-        )
-        yield Word("speed_modes", speed, why + shaped)
+        yield Word("speed_modes", speed, why + SHAPED_BY[speed[0]])
     else:
         yield say("speed_modes", f"{why} it has no velocity mode that this program uses")
     yield Word("torque_modes", torque, why)
