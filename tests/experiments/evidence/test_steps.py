@@ -72,6 +72,12 @@ def test_a_step_of_a_drive_that_follows_every_sync_is_one(gear: HarmonicDrive) -
     assert (found.outcome, found.words) == ("ok", "")
 
 
+def test_a_position_loop_that_shaped_the_steps_is_a_finding(gear: HarmonicDrive) -> None:
+    found = shape_of_the_steps(recorded(ramped(0.0, mode="cyclic position"), gear))
+    assert found.outcome == "widened"
+    assert "position loop" in found.words
+
+
 def test_a_mode_that_only_choosing_shows_is_told_as_one_that_may_have(gear: HarmonicDrive) -> None:
     mode = "cyclic velocity or profile velocity"
     found = shape_of_the_steps(recorded(ramped(0.0, mode=mode), gear))
