@@ -152,6 +152,17 @@ def test_a_crew_is_processes_or_a_cluster() -> None:
             Crew(**wrong)  # type: ignore[arg-type]
 
 
+def _grows_by_a_profile() -> bool:
+    from dask import config
+
+    return bool(config.get("distributed.worker.profile.enabled"))
+
+
+def test_workers_keep_no_profile_by_which_they_would_grow() -> None:
+    with engine.cluster(1) as client:
+        assert client.submit(_grows_by_a_profile).result() is False
+
+
 def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "CONNECT_TIMEOUT", "50ms")
     with (
