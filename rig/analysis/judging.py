@@ -9,7 +9,7 @@ that is stale), MARGINAL, PASS. What the file does not list never counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, get_args
@@ -36,6 +36,10 @@ NO_GEAR = "the recording names no gear, so there is no limit to hold it against"
 """What is missing where nobody has said what the gear must show."""
 BROUGHT_TO_THE_END = ("COMPLETED", "")
 """Outcomes of runs whose recording is whole; "" is that of an imported one."""
+
+
+Look = Callable[[Path, str], InForce]
+"""What finds the analysis of a run, by its file and kind, that everybody reads."""
 
 
 class Analysed(Protocol):
@@ -156,15 +160,23 @@ def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
 
 
 def judge_listed(
-    run: Path, kind: str, origin: str, outcome: str, serial: str, acceptance: Acceptance | None
+    run: Path,
+    kind: str,
+    origin: str,
+    outcome: str,
+    serial: str,
+    acceptance: Acceptance | None,
+    *,
+    look: Look = in_force,
 ) -> GearVerdict:
     """The verdict on what a run measures, by the analysis that lies beside it; NOT JUDGED, and why, where none does.
 
-    `origin`, `outcome` and `serial` are those of the run file. Raises `RunFileError` for a store that cannot be read.
+    `origin`, `outcome` and `serial` are those of the run file; `look` finds its analysis.
+    Raises `RunFileError` for a store that cannot be read.
     """
     if outcome not in BROUGHT_TO_THE_END:
         return not_judged(f"the run ended as {outcome}")
-    found = in_force(run, kind)
+    found = look(run, kind)
     if found.analysis is None or not found.of_this_run:
         return not_judged(f"the run is not analysed: rig fit {run}")
     return judge_run(stored_result(found, origin, outcome, serial), acceptance)

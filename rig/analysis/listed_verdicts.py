@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from model.errors import WordedError
 from rig.analysis.in_force import in_force
-from rig.analysis.judging import GearVerdict, judge_listed, not_judged
+from rig.analysis.judging import GearVerdict, Look, judge_listed, not_judged
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
 
@@ -24,7 +24,23 @@ Accepted = Callable[[Path, str], Acceptance | None]
 def verdicts_of(listed: Sequence[IndexedRun]) -> dict[Path, GearVerdict]:
     """The verdict on what each sealed run measured; what cannot be judged says why, what cannot be read has none."""
     accepted = functools.cache(acceptance_for)
-    return {run.path: _verdict_of(run, accepted) for run in listed if run.state == "sealed"}
+    return {
+        run.path: _verdict_of(run, accepted, in_force) for run in listed if run.state == "sealed"
+    }
+
+
+def listed_as_json(listed: Sequence[IndexedRun]) -> list[dict[str, Any]]:
+    """Listed runs with their verdicts and analyses in force, as `rig runs --json` tells them.
+
+    The analyses of a run, read for its verdict, are at hand for what is told of them.
+    """
+    accepted, look = functools.cache(acceptance_for), functools.lru_cache(maxsize=1)(in_force)
+    return [_as_json(run, accepted, look) for run in listed]
+
+
+def _as_json(run: IndexedRun, accepted: Accepted, look: Look) -> dict[str, Any]:
+    verdict = _verdict_of(run, accepted, look) if run.state == "sealed" else None
+    return {**run.as_json(), **told(verdict), "analysis": in_force_of(run, look)}
 
 
 def verdict_of_run(path: Path, metadata: RunMetadata) -> GearVerdict | None:
@@ -38,6 +54,7 @@ def verdict_of_run(path: Path, metadata: RunMetadata) -> GearVerdict | None:
         metadata.outcome,
         metadata.gear_serial,
         acceptance_for,
+        look=in_force,
     )
 
 
@@ -52,26 +69,35 @@ def told(verdict: GearVerdict | None) -> dict[str, Any]:
     }
 
 
-def _verdict_of(run: IndexedRun, accepted: Accepted) -> GearVerdict:
-    return _judged(run.path, run.protocol, run.origin, run.outcome, run.gear_serial, accepted)
+def _verdict_of(run: IndexedRun, accepted: Accepted, look: Look) -> GearVerdict:
+    return _judged(
+        run.path, run.protocol, run.origin, run.outcome, run.gear_serial, accepted, look=look
+    )
 
 
 def _judged(
-    path: Path, kind: str, origin: str, outcome: str, serial: str, accepted: Accepted
+    path: Path,
+    kind: str,
+    origin: str,
+    outcome: str,
+    serial: str,
+    accepted: Accepted,
+    *,
+    look: Look,
 ) -> GearVerdict:
     try:
         acceptance = accepted(path.parent, serial)
-        return judge_listed(path, kind, origin, outcome, serial, acceptance)
+        return judge_listed(path, kind, origin, outcome, serial, acceptance, look=look)
     except (WordedError, KeyError, TypeError, ValueError) as error:
         return not_judged(f"analysis or acceptance file cannot be read: {error}")
 
 
-def in_force_of(run: IndexedRun) -> dict[str, object] | None:
+def in_force_of(run: IndexedRun, look: Look = in_force) -> dict[str, object] | None:
     """The analysis of a listed run that everybody reads, as `--json` tells it; None where there is none."""
     if run.state != "sealed":
         return None
     try:
-        found = in_force(run.path, run.protocol)
+        found = look(run.path, run.protocol)
     except WordedError:
         return None
     return found.as_json() if found.analysis is not None else None

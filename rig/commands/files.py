@@ -75,12 +75,11 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
-    from rig.analysis.listed_verdicts import in_force_of, told, verdicts_of
+    from rig.analysis.listed_verdicts import listed_as_json, verdicts_of
     from rig.commands.listing import SHOWN, newest
 
     found = len(listed)
     listed = newest(listed, (0 if json else SHOWN) if last is None else last)
-    verdicts = verdicts_of(listed)
     if json:
         print_json(
             {
@@ -88,20 +87,13 @@ def runs(
                 "index": index.rebuilt,
                 "found": found,
                 "not_looked_into": index.refused,
-                "runs": [
-                    {
-                        **run.as_json(),
-                        **told(verdicts.get(run.path)),
-                        "analysis": in_force_of(run),
-                    }
-                    for run in listed
-                ],
+                "runs": listed_as_json(listed),
             }
         )
         return
     from rig.commands.file_tables import print_runs
 
-    print_runs(folder, listed, verdicts, found=found, refused=index.refused)
+    print_runs(folder, listed, verdicts_of(listed), found=found, refused=index.refused)
 
 
 def _day(text: str | None, flag: str) -> str | None:

@@ -165,7 +165,8 @@ def simulate(
 ) -> None:
     """Simulate the production of a factory: gears on benches, day by day, with its truth in truth.parquet.
 
-    The same order makes the same runs again, whoever makes them; days that are there are not made again.
+    The same order makes the same runs again, whoever makes them; what is there is not made again. Ctrl-C keeps the
+    runs that are sealed, and the same order goes on from there.
     The runs are those of `rig run` on the simulated rig: for teaching, load tests, planning. They prove no gear.
     """
     from rig import exits

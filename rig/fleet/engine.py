@@ -31,6 +31,8 @@ LARGEST_BATCH = 500
 """Pieces of one batch."""
 CONNECT_TIMEOUT = "10s"
 """How long a scheduler is called before it does not answer."""
+SETTINGS: dict[str, Any] = {"distributed.worker.profile.enabled": False}
+"""What is set in the processes that are made here: by a profile of every second, kept for an hour, they would grow."""
 TASKS_PER_SECOND = 50.0
 """Tasks that one scheduler is given: with more than a hundred workers a batch is longer than `BATCH_SECONDS`."""
 COUNTED_AGAIN = 1.0
@@ -227,9 +229,9 @@ def cluster(workers: int, scheduler: str = "") -> Iterator[Client]:
     from dask import config
     from distributed import Client, LocalCluster
 
-    patience: dict[str, Any] = {"distributed.comm.timeouts.connect": CONNECT_TIMEOUT}
     with ExitStack() as stack:
-        stack.enter_context(config.set(patience))
+        patience = {"distributed.comm.timeouts.connect": CONNECT_TIMEOUT}
+        stack.enter_context(config.set(patience | SETTINGS))
         if scheduler:
             try:
                 yield stack.enter_context(Client(scheduler, set_as_default=False))

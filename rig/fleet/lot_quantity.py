@@ -95,44 +95,35 @@ def lot_quantity(rows: Sequence[LotRow], accepted: Mapping[str, Acceptance | Non
 def _limits_of(
     rows: Sequence[LotRow], accepted: Mapping[str, Acceptance | None]
 ) -> LotLimits | None:
-    """The limits by which these rows were judged. A row holds the side that decided; the acceptance file holds both."""
-    stated = {(row.limit_is, row.limit_value) for row in rows if row.limit_value is not None}
-    if not stated:
+    """The limits by which these rows were judged, and whether their acceptance file still has them."""
+    limited = [row for row in rows if row.limit_value is not None]
+    if not limited:
         return None
-    source = next(row.limit_source for row in rows if row.limit_value is not None)
-    sides = {
-        side: sorted({v for s, v in stated if s == side and v is not None})
-        for side in ("lower", "upper")
-    }
-    several = [
-        side
-        for side, values in sides.items()
-        if values and values[-1] - values[0] > SAME * abs(values[-1])
-    ]
-    if several:
-        conflict = f"gears were judged by different {several[0]} limits"
-        return LotLimits(source=source, conflict=conflict)
-    lower, upper = (sides[side][0] if sides[side] else None for side in ("lower", "upper"))
-    files = {row.acceptance for row in rows if row.limit_value is not None}
+    source = limited[0].limit_source
+    lower, upper = limited[0].lower_limit, limited[0].upper_limit
+    for row in limited:
+        for side, here, there in (
+            ("lower", row.lower_limit, lower),
+            ("upper", row.upper_limit, upper),
+        ):
+            if not _is_same(here, there):
+                conflict = f"gears were judged by different {side} limits"
+                return LotLimits(source=source, conflict=conflict)
+    files = {row.acceptance for row in limited}
     named = [limit for name in files for limit in _limits_on(rows[0], accepted.get(name))]
-    if not named:
-        return LotLimits(
-            lower=lower, upper=upper, source=source, note="only the side that decided is known"
-        )
-    kept = named[0]
-    if all(
-        _agrees(value, of_file) for value, of_file in ((lower, kept.lower), (upper, kept.upper))
-    ):
-        return LotLimits(lower=kept.lower, upper=kept.upper, source=source)
-    note = (
-        "the acceptance file has changed since the runs were fitted: rig fleet fit judges them anew"
-    )
+    lowest = max((one.lower for one in named if one.lower is not None), default=None)
+    highest = min((one.upper for one in named if one.upper is not None), default=None)
+    note = ""
+    if named and not (_is_same(lower, lowest) and _is_same(upper, highest)):
+        note = "the acceptance file has changed since the runs were fitted: rig fleet fit judges them anew"
     return LotLimits(lower=lower, upper=upper, source=source, note=note)
 
 
-def _agrees(stated: float | None, of_file: float | None) -> bool:
-    """Whether a side as the rows have it is that of the file; a side that decided nowhere is not in the rows."""
-    return stated is None or (of_file is not None and math.isclose(stated, of_file, rel_tol=SAME))
+def _is_same(one: float | None, other: float | None) -> bool:
+    """Whether one side of two limits is the same: both free, or the same value."""
+    if one is None or other is None:
+        return one is other
+    return math.isclose(one, other, rel_tol=SAME)
 
 
 def _limits_on(row: LotRow, acceptance: Acceptance | None) -> list[Limit]:

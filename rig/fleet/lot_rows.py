@@ -38,6 +38,8 @@ class LotRow(NamedTuple):
     identifiable: str
     limit_value: float | None
     limit_is: str
+    lower_limit: float | None
+    upper_limit: float | None
     limit_source: str
     verdict: str
     reason: str

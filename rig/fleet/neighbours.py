@@ -38,7 +38,7 @@ class Neighbours(Surroundings):
         self._began = datetime.fromisoformat(began)
         self._libraries: OrderedDict[Path, LibraryIndex] = OrderedDict()
         self._tares: OrderedDict[Path, Fit] = OrderedDict()
-        self._digests: dict[tuple[str, int], str] = {}
+        self._digests: OrderedDict[tuple[str, int], str] = OrderedDict()
         self._accepted: dict[tuple[str, Path, str], tuple[Acceptance | None, str]] = {}
 
     def library(self, folder: Path) -> LibraryIndex:
@@ -76,6 +76,8 @@ class Neighbours(Surroundings):
         if key not in self._digests:
             tables = [table_to_mapping(table) for table in fit.result.tables]
             self._digests[key] = digest([fit.result.as_json(), tables])
+            if len(self._digests) > TARES:
+                self._digests.popitem(last=False)
         return self._digests[key]
 
     def acceptance(self, named: str, folder: Path, serial: str) -> tuple[Acceptance | None, str]:

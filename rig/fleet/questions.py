@@ -104,23 +104,23 @@ ORDER BY abs(slope_over_error) DESC NULLS LAST, kind, quantity, bench
         ),
         Question(
             "capability",
-            "how far each limit is from the production: Cpk, and how many gears pass",
+            "how far each limit is from the production: Cp, Cpk, and how many gears pass",
             """
 WITH judged AS (
     SELECT *, coalesce(isfinite(value), false) AND identifiable <> 'no'
               AND outcome IN ('COMPLETED', '') AS is_measured
     FROM results WHERE verdict <> '' AND limit_value IS NOT NULL
 )
-SELECT kind, quantity, unit, limit_value, limit_is, count(*) AS results, count(DISTINCT gear) AS gears,
+SELECT kind, quantity, unit, lower_limit, upper_limit, count(*) AS results, count(DISTINCT gear) AS gears,
        avg(value) FILTER (is_measured) AS mean,
        stddev_samp(value) FILTER (is_measured) AS standard_deviation,
-       CASE limit_is WHEN 'upper' THEN limit_value - mean ELSE mean - limit_value END
-           / nullif(3 * standard_deviation, 0) AS cpk,
+       (upper_limit - lower_limit) / nullif(6 * standard_deviation, 0) AS cp,
+       least(upper_limit - mean, mean - lower_limit) / nullif(3 * standard_deviation, 0) AS cpk,
        count(*) FILTER (verdict = 'PASS') AS passed,
        count(*) FILTER (verdict = 'MARGINAL') AS marginal,
        count(*) FILTER (verdict = 'FAIL') AS failed,
        count(*) FILTER (verdict = 'NOT JUDGED') AS not_judged
-FROM judged GROUP BY kind, quantity, unit, limit_value, limit_is ORDER BY cpk NULLS LAST, kind, quantity
+FROM judged GROUP BY kind, quantity, unit, lower_limit, upper_limit ORDER BY cpk NULLS LAST, kind, quantity
 """,
         ),
         Question(

@@ -13,8 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     import pyarrow
 
-SCHEMA_VERSION = 1
-"""Goes up when a column changes its meaning, its type or its name; a new column does not change it."""
+SCHEMA_VERSION = 2
+"""Goes up when a column changes its meaning, its type or its name, or where rows without a new column would mislead.
+
+2: both sides of a limit (`lower_limit`, `upper_limit`) beside the one that decides.
+"""
 SCHEMA_KEY = "harmonic-rig-fleet-schema"
 """The key of the version in the metadata of every Parquet file."""
 
@@ -76,6 +79,12 @@ COLUMNS: tuple[Column, ...] = (
         "the limit of the acceptance file, in `unit`; of two the one that decides",
     ),
     Column("limit_is", "text", "upper or lower"),
+    Column(
+        "lower_limit", "number", "smallest allowed value, in `unit`; null where that side is free"
+    ),
+    Column(
+        "upper_limit", "number", "largest allowed value, in `unit`; null where that side is free"
+    ),
     Column("limit_source", "text", "the document and whose limit it is"),
     Column(
         "verdict",

@@ -86,12 +86,13 @@ def rows_of_fit(fit: Fit, verdict: GearVerdict, shared: Row) -> list[Row]:
         "failure": "",
         "failure_kind": "",
     }
-    deciding = _deciding(verdict)
+    deciding, sides = _deciding(verdict), _sides(verdict)
     rows = []
     for name, estimate in result.estimates.items():
         quantity = result.quantity(name)
         named = {"quantity": name, "family": quantity.name, "title": quantity.titled(name)}
-        rows.append(common | named | _numbers(estimate) | _judged(deciding.pop(name, None)))
+        judged = _judged(deciding.pop(name, None)) | sides.get(name, {})
+        rows.append(common | named | _numbers(estimate) | judged)
     for name, value in result.metrics.items():
         quantity = result.quantity(name)
         named = {"quantity": name, "family": quantity.name, "title": quantity.titled(name)}
@@ -99,7 +100,7 @@ def rows_of_fit(fit: Fit, verdict: GearVerdict, shared: Row) -> list[Row]:
         rows.append(common | named | number | _judged(None))
     for name, line in deciding.items():
         named = {"quantity": name, "family": line.quantity.name, "title": line.name}
-        rows.append(common | named | _numbers(line.estimate) | _judged(line))
+        rows.append(common | named | _numbers(line.estimate) | _judged(line) | sides[name])
     return rows
 
 
@@ -122,6 +123,16 @@ def _deciding(verdict: GearVerdict) -> dict[str, Verdict]:
     for line in sorted(verdict.lines, key=lambda one: WORST_FIRST.index(one.outcome)):
         lines.setdefault(line.estimate.name, line)
     return lines
+
+
+def _sides(verdict: GearVerdict) -> dict[str, Row]:
+    """Both sides of the limits on each quantity; of several on one side the tightest."""
+    sides: dict[str, Row] = {}
+    for line in verdict.lines:
+        here = sides.setdefault(line.estimate.name, {"lower_limit": None, "upper_limit": None})
+        side, tightest = ("upper_limit", min) if line.is_upper else ("lower_limit", max)
+        here[side] = line.limit if here[side] is None else tightest(here[side], line.limit)
+    return sides
 
 
 def _numbers(estimate: Estimate) -> Row:

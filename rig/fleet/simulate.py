@@ -4,9 +4,9 @@
                          00002-home-G_00001.h5 ...         every gear of the day, protocol by protocol
     DIR/truth.parquet                                      what each rig was made of, a row per run and number
 
-One day of one bench is one piece of work, made whole or not at all, and what is made is not made again. Gears go to
-the benches in turn. Everything follows from the seed and the calendar of the order: the same order makes the same runs,
-whoever makes them and in which order.
+One day of one bench is one piece of work and has its name once it is whole. What is made is not made again: a day that
+was cut off goes on behind its last run. Gears go to the benches in turn. Everything follows from the seed and the
+calendar of the order: the same order makes the same runs, whoever makes them and in which order.
 """
 
 from __future__ import annotations
@@ -28,9 +28,12 @@ from model.motor import shipped_motor
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.bench.backends.assembly import WorldChoice
 from rig.errors import ConfigurationError
+from rig.fleet.day_journal import DayJournal, DayRun, runs_made
 from rig.fleet.engine import Crew, Errand, at_work
+from rig.fleet.neighbours import digest
 from rig.fleet.progress import Progress
 from rig.fleet.questions import TRUTH_NAME
+from rig.fleet.rows import program_version
 from rig.fleet.truth import gather_truth, keep_truth
 from rig.run.latch import TripLatch
 from rig.run.start import RunRequest, run_request
@@ -122,9 +125,13 @@ class BenchDay:
 
 @dataclass(frozen=True, kw_only=True)
 class Made:
-    """What came of some days: runs that were brought to their end, and those that were not, each with its reason."""
+    """What came of some days: runs that were brought to their end, and those that were not, each with its reason.
+
+    `kept` runs were brought to theirs before, when the day was cut off.
+    """
 
     runs: int = 0
+    kept: int = 0
     failed: tuple[tuple[str, str], ...] = ()
     seconds: float = 0.0
 
@@ -194,15 +201,16 @@ def simulate_fleet(
         )
 
     production.folder.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     tell()
     errand = Errand(partial(make_days, production), _lost)
     with at_work(crew) as hands:
         for _, outcome in hands.outcomes(errand, wanted):
             made += outcome.runs
+            reused += outcome.kept
             failed += outcome.failed
             tell()
-    shutil.rmtree(production.folder / MAKING, ignore_errors=True)
+    if all((production.folder / day.name).is_dir() for day in days):
+        shutil.rmtree(production.folder / MAKING, ignore_errors=True)
     gather_truth(production.folder, [production.folder / day.name for day in days])
     return ProductionReport(
         output=production.folder,
@@ -216,12 +224,13 @@ def simulate_fleet(
 def make_days(production: Production, days: Sequence[BenchDay]) -> Made:
     """Some days of benches, one after the other."""
     began = time.perf_counter()
-    runs, failed = 0, []
-    for day in days:
-        good, bad = _make_day(production, day)
-        runs += good
-        failed += bad
-    return Made(runs=runs, failed=tuple(failed), seconds=time.perf_counter() - began)
+    made = [_make_day(production, day) for day in days]
+    return Made(
+        runs=sum(one.runs for one in made),
+        kept=sum(one.kept for one in made),
+        failed=tuple(failure for one in made for failure in one.failed),
+        seconds=time.perf_counter() - began,
+    )
 
 
 def _lost(day: BenchDay, reason: str) -> Made:
@@ -237,33 +246,64 @@ def _runs_of(production: Production, day: BenchDay) -> Iterator[tuple[str, str, 
             yield protocol, f"G-{gear:05d}", gear
 
 
-def _make_day(production: Production, day: BenchDay) -> tuple[int, list[tuple[str, str]]]:
-    making = production.folder / MAKING / day.name
-    shutil.rmtree(making, ignore_errors=True)
-    making.mkdir(parents=True)
-    moment = datetime.combine(production.first_day, FIRST_HOUR) + timedelta(days=day.day - 1)
-    good, bad = 0, []
-    for protocol, serial, gear in _runs_of(production, day):
-        request = _request(
-            production, day, making=making, moment=moment, turned=(protocol, serial, gear)
-        )
-        where = f"{day.name}/{serial} {protocol}"
-        try:
-            report = run_request(request, ask=lambda prompt: "simulated")
-        except WordedError as error:
-            bad.append((where, str(error)))
-            continue
-        moment += timedelta(seconds=report.rows / production.sample_rate + BETWEEN_RUNS)
-        if report.outcome == "COMPLETED":
-            good += 1
-        else:
-            bad.append((where, f"{report.outcome}: {report.message}"))
-            _acknowledge(report, making, moment)
-    keep_truth(making, day.name)
-    final = production.folder / day.name
-    final.parent.mkdir(parents=True, exist_ok=True)
-    making.rename(final)
-    return good, bad
+def _make_day(production: Production, day: BenchDay) -> Made:
+    """One day, from where it was cut off if it was."""
+    from filelock import FileLock
+
+    making, final = production.folder / MAKING / day.name, production.folder / day.name
+    making.parent.mkdir(parents=True, exist_ok=True)
+    # A worker of a client that is gone may still be at it.
+    with FileLock(f"{making}.lock"):
+        if final.is_dir():
+            return _made(day, before=runs_made(final), runs=())
+        journal = DayJournal(making, _order_of(production, day))
+        before = journal.resume()
+        runs = list(before)
+        moment = datetime.combine(production.first_day, FIRST_HOUR) + timedelta(days=day.day - 1)
+        for place, turned in enumerate(_runs_of(production, day)):
+            if place >= len(before):
+                request = _request(production, day, making=making, moment=moment, turned=turned)
+                runs.append(_make_run(request, moment))
+                journal.add(runs[-1])
+            moment += timedelta(seconds=runs[place].seconds)
+        keep_truth(making, day.name)
+        final.parent.mkdir(parents=True, exist_ok=True)
+        making.rename(final)
+    return _made(day, before=before, runs=runs[len(before) :])
+
+
+def _made(day: BenchDay, *, before: Sequence[DayRun], runs: Sequence[DayRun]) -> Made:
+    """What came of a day, of which some runs were made before."""
+    failed = [(f"{day.name}/{run.name}", run.reason) for run in (*before, *runs) if run.reason]
+    kept, made = (sum(not run.reason for run in part) for part in (before, runs))
+    return Made(runs=made, kept=kept, failed=tuple(failed))
+
+
+def _order_of(production: Production, day: BenchDay) -> str:
+    """A hash of all that decides on the runs of a day."""
+    asked = [
+        *(production.population, production.seed, production.sample_rate),
+        production.first_day.isoformat(),
+        [(name, production.parameters(name)) for name in production.protocols],
+        production.parameters(tare_kind()),
+        *(day.bench, day.day, day.gears),
+        program_version(),
+    ]
+    return digest(asked)
+
+
+def _make_run(request: RunRequest, moment: datetime) -> DayRun:
+    """One run, which begins at a moment of the bench's calendar; a trip is acknowledged after it."""
+    name = f"{request.gear_serial} {request.protocol}"
+    try:
+        report = run_request(request, ask=lambda prompt: "simulated")
+    except WordedError as error:
+        return DayRun(name=name, reason=str(error))
+    seconds = report.rows / request.sample_rate + BETWEEN_RUNS
+    reason = "" if report.outcome == "COMPLETED" else f"{report.outcome}: {report.message}"
+    if reason:
+        _acknowledge(report, request.output, moment + timedelta(seconds=seconds))
+    return DayRun(name=name, file=report.path.name, seconds=seconds, reason=reason)
 
 
 def _acknowledge(report: RunReport, folder: Path, moment: datetime) -> None:

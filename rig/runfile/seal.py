@@ -7,6 +7,7 @@ import hashlib
 import os
 import stat
 import time
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -20,8 +21,10 @@ SETTLED_NS = 2_000_000_000
 """ns after its last change from which on a further one shows in a file's times, on every file system."""
 _LONGEST_NOTE = 4096
 _Fingerprint = tuple[int, int, int, int, int]
-_hashes: dict[_Fingerprint, str] = {}
-"""The hashes that this process took, by what changes when a file does."""
+HASHES_KEPT = 4096
+"""Hashes that a process remembers: those of thousands of runs that it looks at once need not be."""
+_hashes: OrderedDict[_Fingerprint, str] = OrderedDict()
+"""The latest hashes that this process took, by what changes when a file does."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +97,8 @@ def check_seal(run: Path, *, anew: bool = False, now_ns: Callable[[], int] = tim
             raise ChangedRunError("was changed while it was read", where=str(run))
         if now_ns() - max(before[-2:]) > SETTLED_NS:
             _hashes[before] = computed
+            if len(_hashes) > HASHES_KEPT:
+                _hashes.popitem(last=False)
     noted = recorded_sha256(run)
     if noted and noted != computed:
         changed, sealed = (_moment(path.stat().st_mtime) for path in (run, hash_path(run)))

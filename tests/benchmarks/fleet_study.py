@@ -181,6 +181,7 @@ def synthesise(folder: Path, rows: int) -> None:
                         "expanded_uncertainty": 0.1,
                         "limit_value": 1.3 + place,
                         "limit_is": "upper",
+                        "upper_limit": 1.3 + place,
                         "verdict": "PASS" if value < 1.2 + place else "MARGINAL",
                         "run_sha256": f"{dice.getrandbits(256):064x}",
                         "key": f"{run:032x}",

@@ -100,6 +100,7 @@ def _row(gear: int, limit: Any, share: float) -> dict[str, Any]:
         "note": "",
         "limit_value": bound,
         "limit_is": "upper",
+        "upper_limit": bound,
         "limit_source": limit.source,
         "verdict": verdict,
         "reason": "",

@@ -29,6 +29,7 @@ from rig.fleet.engine import Crew, at_work
 from rig.fleet.fit import FleetOrder, FleetReport, fit_fleet
 from rig.fleet.progress import Progress
 from rig.fleet.work import PathMap
+from rig.gears.acceptance import acceptance_text, shipped_acceptance
 from rig.library.index import LibraryIndex
 from tests.extras.fleet_runs import (
     BATCH_SECONDS,
@@ -255,7 +256,11 @@ def test_workers_may_see_the_runs_elsewhere(runs: Path, tmp_path: Path) -> None:
 
 def test_a_verdict_stands_beside_what_it_judges(runs: Path, tmp_path: Path) -> None:
     friction = next(runs.rglob("*-friction-*.h5"))
-    fleet(runs, tmp_path, names=[friction], acceptance="demonstration")
+    limits = tmp_path / "acceptance.toml"
+    one_sided = acceptance_text(shipped_acceptance("demonstration"))
+    assert "upper = 119.0" in one_sided
+    limits.write_text(one_sided.replace("upper = 119.0", "upper = 119.0\nlower = 20.0"))
+    fleet(runs, tmp_path, names=[friction], acceptance=str(limits))
     rows = by_quantity(DataSet(tmp_path).table(), friction.name)
     judged = {name: row for name, row in rows.items() if row["verdict"]}
     torque = judged["running_torque_2000_rpm_at_20_degrees"]
@@ -263,6 +268,8 @@ def test_a_verdict_stands_beside_what_it_judges(runs: Path, tmp_path: Path) -> N
     expected = "PASS" if value + u <= limit else "FAIL" if value - u > limit else "MARGINAL"
     assert (torque["verdict"], torque["limit_is"]) == (expected, "upper")
     assert limit == 0.119
+    assert (torque["lower_limit"], torque["upper_limit"]) == (0.02, 0.119)
+    assert rows["coulomb"]["upper_limit"] is None
     assert not rows["coulomb"]["verdict"]
 
 

@@ -96,7 +96,7 @@ def production(gears: int = 40) -> list[Row]:
             "started": start + timedelta(days=day),
             "day": date(2026, 1, 5) + timedelta(days=day),
         }
-        limit = {"limit_value": 61.9, "limit_is": "upper", "verdict": verdict}
+        limit = {"limit_value": 61.9, "limit_is": "upper", "upper_limit": 61.9, "verdict": verdict}
         rows.append(row(run_file=f"{gear:05d}.h5", **told, **when, **limit))
     return rows
 
@@ -150,6 +150,17 @@ def test_a_crew_is_processes_or_a_cluster() -> None:
     for wrong in ({"workers": -1}, {"workers": 2, "scheduler": "tcp://host:8786"}):
         with pytest.raises(ConfigurationError, match="is no crew"):
             Crew(**wrong)  # type: ignore[arg-type]
+
+
+def _grows_by_a_profile() -> bool:
+    from dask import config
+
+    return bool(config.get("distributed.worker.profile.enabled"))
+
+
+def test_workers_keep_no_profile_by_which_they_would_grow() -> None:
+    with engine.cluster(1) as client:
+        assert client.submit(_grows_by_a_profile).result() is False
 
 
 def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,7 +247,7 @@ def test_the_ready_questions(tmp_path: Path) -> None:
     rows = production()
     undetermined = row(run_file="x.h5", value=900.0, identifiable="no", bench="A", gear="X")
     broken_off = row(run_file="y.h5", value=900.0, outcome="TRIPPED", bench="A", gear="Y")
-    limit = {"limit_value": 61.9, "limit_is": "upper", "verdict": "NOT JUDGED"}
+    limit = {"limit_value": 61.9, "limit_is": "upper", "upper_limit": 61.9, "verdict": "NOT JUDGED"}
     keep(tmp_path, [*rows, undetermined | limit, broken_off])
     values = np.array([r["value"] for r in rows])
     [spread] = answers(tmp_path, "spread")
@@ -273,6 +284,19 @@ def test_the_ready_questions(tmp_path: Path) -> None:
     assert worst[0]["margin_over_expanded_uncertainty"] == pytest.approx(
         (61.9 - values.max()) / 0.9
     )
+
+
+def test_a_limit_of_two_sides_is_one_limit_whichever_side_decides(tmp_path: Path) -> None:
+    both = {"lower_limit": 59.0, "upper_limit": 75.0, "verdict": "PASS"}
+    sides = ({"limit_value": 59.0, "limit_is": "lower"}, {"limit_value": 75.0, "limit_is": "upper"})
+    rows = [one | both | sides[place % 2] for place, one in enumerate(production())]
+    keep(tmp_path, rows)
+    [found] = answers(tmp_path, "capability")
+    values = np.array([r["value"] for r in rows])
+    s = values.std(ddof=1)
+    assert (found["gears"], found["passed"]) == (40, 40)
+    assert found["cp"] == pytest.approx(16.0 / (6 * s))
+    assert found["cpk"] == pytest.approx(min(75.0 - values.mean(), values.mean() - 59.0) / (3 * s))
 
 
 def test_a_question_that_is_none_is_told(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
@@ -11,10 +12,13 @@ import pytest
 from experiments.errors import PlanError
 from rig.errors import ConfigurationError
 from rig.fleet import simulate
+from rig.fleet.day_journal import JOURNAL_NAME, DayJournal, DayRun, runs_made
 from rig.fleet.questions import ask
 from rig.fleet.simulate import Production, days_of, make_days, simulate_fleet
+from rig.library.folder import sealed_runs
 from rig.run.latch import LatchedTrip, TripLatch
-from rig.run.start import RunRequest
+from rig.run.order import RunReport
+from rig.run.start import RunRequest, run_request
 from rig.runfile.read import close_recording, open_run
 from tests.rig.commands.calling import Rig
 
@@ -76,16 +80,16 @@ def test_the_same_order_makes_the_same_runs_and_none_twice(tmp_path: Path) -> No
         "bench-02/day-001/00001-home-G_00002.h5",
     }
     assert made["bench-01/day-002/00001-home-G_00003.h5"][3].startswith("2026-01-06T08:00")
-    # A day that was not brought to its end lies where days are made, and is made anew.
-    (tmp_path / "a" / ".making" / "bench-01" / "day-001").mkdir(parents=True)
     assert simulate_fleet(production(tmp_path / "a")).reused == 3
 
     again = production(tmp_path / "b")
     for day in reversed(days_of(again)):
         assert make_days(again, [day]).runs == 1
     assert simulate_fleet(again).reused == 3
-    assert files(tmp_path / "b") == made
     assert not (tmp_path / "b" / ".making").exists()
+    # Whoever comes to a day that somebody else has just made finds it made.
+    assert make_days(again, days_of(again)).kept == 3
+    assert files(tmp_path / "b") == made
     other = production(tmp_path / "c", gears=1, seed=1)
     simulate_fleet(other)
     [path] = files(tmp_path / "c")
@@ -97,6 +101,64 @@ def test_the_same_order_makes_the_same_runs_and_none_twice(tmp_path: Path) -> No
     drawn = {row["gear"]: row["value"] for row in truth if row["name"] == name}
     assert len(drawn) == len(set(drawn.values())) == 3
     assert all(30.0 < value < 150.0 for value in drawn.values())
+
+
+def test_a_day_that_was_cut_off_goes_on_behind_its_last_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    begun: list[str] = []
+
+    def run(request: RunRequest, **more: Any) -> RunReport:
+        begun.append(request.gear_serial)
+        if begun == ["G-00001", "G-00002"]:
+            return run_request(request, **more, on_progress=lambda progress: press_ctrl_c())
+        return run_request(request, **more)
+
+    def press_ctrl_c() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(simulate, "run_request", run)
+    asked = {"gears": 2, "benches": 1, "per_day": 2}
+    cut = production(tmp_path / "cut", **asked)
+    with pytest.raises(KeyboardInterrupt):
+        simulate_fleet(cut)
+    [making] = (cut.folder / ".making").glob("bench-01/day-001")
+    assert [path.name for path in sealed_runs(making)] == [
+        "00001-home-G_00001.h5",
+        "00002-home-G_00002.h5",
+    ]
+    # What a run leaves that was ended by force: its marker, a latch, numbers that it took, half a line.
+    for name in (".running-00002-1-abcdef.json", ".tripped.json", ".run-numbers/00003"):
+        (making / name).write_text("{}")
+    with (making / JOURNAL_NAME).open("a") as journal:
+        journal.write('{"name": "G-000')
+
+    report = simulate_fleet(cut)
+    assert begun == ["G-00001", "G-00002", "G-00002"]
+    assert (report.runs, report.made, report.reused, report.failed) == (2, 1, 1, ())
+    whole = production(tmp_path / "whole", **asked)
+    assert simulate_fleet(whole).made == 2
+    assert files(cut.folder) == files(whole.folder)
+    assert not (cut.folder / ".making").exists()
+    assert len(runs_made(cut.folder / "bench-01" / "day-001")) == 2
+
+
+def test_a_day_of_another_order_is_made_anew_and_a_run_whose_file_is_gone_too(
+    tmp_path: Path,
+) -> None:
+    folder = tmp_path / "day-001"
+    journal = DayJournal(folder, "an order")
+    assert journal.resume() == ()
+    refused = DayRun(name="G-1 home", reason="cannot be planned")
+    sealed = DayRun(name="G-2 home", file="00001-home-G_2.h5", seconds=61.5)
+    (folder / sealed.file).touch()
+    for run in (refused, sealed):
+        journal.add(run)
+    assert journal.resume() == (refused, sealed)
+    (folder / sealed.file).unlink()
+    assert journal.resume() == (refused,)
+    assert DayJournal(folder, "another").resume() == ()
+    assert [path.name for path in folder.iterdir()] == [JOURNAL_NAME]
 
 
 def test_a_bench_goes_on_after_a_run_that_cannot_be_and_after_a_trip(
@@ -111,7 +173,10 @@ def test_a_bench_goes_on_after_a_run_that_cannot_be_and_after_a_trip(
         if request.gear_serial == "G-00001":
             raise PlanError("cannot be planned")
         latch.leave(LatchedTrip("torque", "00002", "2026-01-05T08:00+00:00", "too much", True))
-        return SimpleNamespace(outcome="TRIPPED", rows=100, message="too much", trip=object())
+        path = request.output / f"{request.gear_serial}.h5"
+        return SimpleNamespace(
+            outcome="TRIPPED", rows=100, message="too much", trip=object(), path=path
+        )
 
     monkeypatch.setattr(simulate, "run_request", run)
     report = simulate_fleet(production(tmp_path, benches=1, per_day=3))

@@ -201,11 +201,24 @@ def test_a_limit_that_nobody_confirmed_gives_no_capability(tmp_path: Path) -> No
 
 
 def test_an_acceptance_file_that_changed_or_is_gone_is_told(tmp_path: Path) -> None:
-    changed = lot_of(write_lot(tmp_path / "changed", 12, limit_value=1e3))
+    changed = lot_of(write_lot(tmp_path / "changed", 12, upper_limit=1e3))
     assert any("has changed since" in note for note in changed.notes)
     gone = lot_of(write_lot(tmp_path / "gone", 12, acceptance="/no/such/file.toml"))
     assert any("cannot be read" in note for note in gone.notes)
     assert all(isinstance(one.capability, Capability) for one in gone.quantities)
+
+
+def test_both_sides_of_a_limit_stand_in_the_results(tmp_path: Path) -> None:
+    two = write_lot(tmp_path / "two", 12, lower_limit=0.0, acceptance="/no/such/file.toml")
+    for one in lot_of(two).quantities:
+        assert one.limits is not None
+        assert isinstance(one.capability, Capability)
+        assert one.capability.potential == pytest.approx(
+            (one.limits.upper or 0.0) / (6 * one.capability.standard_deviation)
+        )
+    append(two, [rows_of(two)[0] | {"run_file": "/runs/x.h5", "gear": "X", "lower_limit": None}])
+    told = {str(one.capability) for one in lot_of(two).quantities}
+    assert "gears were judged by different lower limits" in told
 
 
 def test_hardware_alone_counts_where_there_is_any(tmp_path: Path) -> None:

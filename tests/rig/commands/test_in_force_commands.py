@@ -10,8 +10,9 @@ import pytest
 
 from model.gear_file import shipped_gear
 from rig.analysis import digest as digesting
+from rig.analysis import listed_verdicts
 from rig.analysis.fit import Fit
-from rig.analysis.in_force import in_force, kept_by_hand
+from rig.analysis.in_force import InForce, in_force, kept_by_hand
 from rig.analysis.store import read_analyses
 from rig.main import run as command
 from rig.runfile.read import open_run
@@ -48,6 +49,21 @@ def test_an_analysis_is_kept_by_name_and_the_choice_taken_back(
     assert in_force(run).number == 1
     code, told = called(capsys, "fit", run, "--keep", 0, "--by", "B. Example")
     assert (code, told["in_force"]["number"]) == (0, 2)
+
+
+def test_a_list_reads_the_analyses_of_a_run_once_for_verdict_and_analysis(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looked: list[str] = []
+
+    def look(path: Path, kind: str) -> InForce:
+        looked.append(path.name)
+        return in_force(path, kind)
+
+    monkeypatch.setattr(listed_verdicts, "in_force", look)
+    [told] = called(capsys, "runs", run.parent)[1]["runs"]
+    assert looked == [run.name]
+    assert (told["verdict"], told["analysis"]["number"]) == ("NOT JUDGED", 2)
 
 
 def test_nobody_keeps_an_analysis_without_a_name(

@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, cast
@@ -150,6 +151,23 @@ def test_a_file_is_not_read_twice_unless_it_changed(
     assert hashed(path, monkeypatch)
     seal.forget_hashes()
     assert hashed(path, monkeypatch)
+
+
+def test_no_more_hashes_are_remembered_than_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A process that goes through ten thousand runs must not grow by each of them."""
+    monkeypatch.setattr(seal, "HASHES_KEPT", 2)
+    monkeypatch.setattr(seal, "_hashes", OrderedDict())
+    folders = [tmp_path / name for name in "abc"]
+    for folder in folders:
+        folder.mkdir()
+    paths = [write_run(folder, 10) for folder in folders]
+    for path in paths:
+        assert hashed(path, monkeypatch)
+    assert [hashed(path, monkeypatch) for path in paths[1:]] == [False, False]
+    assert hashed(paths[0], monkeypatch)
+    assert len(seal._hashes) == 2
 
 
 def test_a_hash_of_a_moment_ago_is_not_leant_on(
