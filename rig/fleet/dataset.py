@@ -244,9 +244,13 @@ def _read(path: Path, columns: list[str] | None = None) -> pyarrow.Table:
     import pyarrow.parquet as pq
 
     try:
-        metadata = pq.read_schema(path).metadata or {}
-        _require_schema(path, metadata.get(SCHEMA_KEY.encode(), b"").decode())
-        return pq.read_table(path, columns=columns, schema=arrow_schema())
+        # Opened once, and without a data set around it: a job has hundreds of small files.
+        with pq.ParquetFile(path) as file:
+            metadata = file.schema_arrow.metadata or {}
+            _require_schema(path, metadata.get(SCHEMA_KEY.encode(), b"").decode())
+            table = file.read(columns=columns)
+        own = arrow_schema()
+        return table.cast(own if columns is None else pa.schema([own.field(n) for n in columns]))
     except (pa.ArrowException, OSError) as error:
         raise RunFileError(
             "is no Parquet file that can be read",

@@ -345,15 +345,14 @@ def card_file(serial: str) -> str:
 def card_path(folder: str | Path, serial: str) -> Path:
     """The file of one gear's card: the nearest one of this folder and those above it; in this folder where none is."""
     name = card_file(serial)
-    own = cards_folder(folder) / name
-    if own.exists():
-        return own
-    for place in _above(folder):
-        # Asked for thousands of gears: texts, not paths.
-        path = os.path.join(place, FOLDER, name)
-        if os.path.isfile(path):
-            return Path(path)
-    return own
+    # Asked for thousands of gears: texts, not paths, and no file is looked for where no folder of cards is.
+    own = os.path.join(folder, FOLDER, name)
+    if not os.path.exists(own):
+        for place in _above(folder):
+            cards = os.path.join(place, FOLDER)
+            if os.path.isdir(cards) and os.path.isfile(os.path.join(cards, name)):
+                return Path(cards, name)
+    return Path(own)
 
 
 def _above(folder: str | Path) -> Iterator[str]:
