@@ -90,7 +90,7 @@ class RigNodes:
     def devices(self) -> list[RemoteDevice]:
         """All nodes, the drive first; a coupler that holds several counters and inputs is one of them."""
         held = [part.device for part in (*self.counters, *self.modules)]
-        return [self.drive.device, *dict.fromkeys(held)]
+        return list(dict.fromkeys([self.drive.device, *held]))
 
     def missing(self) -> dict[int, list[Missing]]:
         """What each node does not offer, by node-ID."""

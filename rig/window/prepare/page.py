@@ -45,6 +45,7 @@ from rig.window.prepare.request import (
     look_ahead,
     obstacles,
     sign_off_notes,
+    to_be_typed,
     write_parameters,
 )
 from rig.window.prepare.walk_table import WalkTable
@@ -337,9 +338,8 @@ class PreparePage(QWidget):
 
     def _show_for_protocol(self) -> None:
         self.gear_card.setEnabled(self.protocol.gear_mounted)
-        from rig.run.arming import WITHOUT_GEAR
-
-        what = "the gear's serial number" if self.protocol.gear_mounted else WITHOUT_GEAR
+        rig = RigChoice(self._session.backend, self._session.folder, self._session.configuration)
+        what = to_be_typed(rig, self.protocol.gear_mounted)
         self.confirmation.setPlaceholderText(f"type {what} to arm")
         # A campaign is armed run by run, on the page Run.
         once = not self.protocol.campaign

@@ -28,7 +28,7 @@ from rig.gears.card import (
     in_words,
 )
 from rig.present.preview.plan import PlanPreview, percent, preview_plan
-from rig.run.arming import Arming, refuse_unarmed
+from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun
 from rig.run.gear import card_checks
 from rig.run.latch import TripLatch, latch_of
@@ -264,9 +264,9 @@ def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
     if not intent.operator.strip():
         reasons.append("no operator is named")
     if intent.rig.is_hardware:
-        # A campaign is armed run by run, each when it begins.
-        typed = arming(intent, "").expected if intent.campaign else intent.confirmation
         try:
+            # A campaign is armed run by run, each when it begins.
+            typed = arming(intent, "").expected if intent.campaign else intent.confirmation
             refuse_unarmed(arming(intent, typed))
         except ConfigurationError as error:
             reasons.append(short(error))
@@ -363,15 +363,26 @@ def arming(intent: Intent, typed: str) -> Arming:
         intent.facts.serial if intent.facts is not None else "",
         typed,
         catalogue.load(intent.protocol).gear_mounted,
-        _limits_by_hand(intent.rig),
+        limits_set_by_hand(intent.rig),
     )
 
 
-def _limits_by_hand(rig: RigChoice) -> str:
-    """The limits of a drive that does not tell them."""
+def limits_set_by_hand(rig: RigChoice) -> str:
+    """The limits of a drive that does not tell them, in the words in which they are typed again."""
     from rig.bench.config.apply import limits_by_hand
 
     return limits_by_hand(described_by(rig))
+
+
+def to_be_typed(rig: RigChoice, is_mounted: bool) -> str:
+    """What arms a run, in words: the gear, and limits that were set by hand; a description that cannot be read says so
+    elsewhere.
+    """
+    what = "the gear's serial number" if is_mounted else WITHOUT_GEAR
+    try:
+        return f"{what} {limits_set_by_hand(rig)}".strip()
+    except ConfigurationError:
+        return what
 
 
 def is_armed(intent: Intent) -> bool:

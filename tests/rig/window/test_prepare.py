@@ -402,6 +402,31 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(
     assert "the rig has not been asked" in page.obstacles
 
 
+def test_limits_that_were_set_by_hand_are_typed_again_with_the_gear(
+    tmp_path: Path, qtbot: QtBot, settle: Settle
+) -> None:
+    configuration = tmp_path / "rig.toml"
+    configuration.write_text(
+        (resources.files("rig.bench.config.examples") / "paper-sgdv-vref.toml")
+        .read_text(encoding="utf-8")
+        .replace('id = ""', 'id = "bench-1"'),
+        encoding="utf-8",
+    )
+    session = WindowSession(tmp_path / "runs", "hardware", configuration)
+    stored_card(session.folder)
+    session.remember("gear", "SN-0815")
+    session.remember("protocol", "kinematic-error")
+    page = shown(session, qtbot, settle)
+    assert "0.637 N m 3000 r/min" in page.confirmation.placeholderText()
+    type_into(qtbot, page.operator, "A. Example")
+    type_into(qtbot, page.confirmation, "SN-0815")
+    settle(page)
+    assert "the run was not confirmed" in page.obstacles[0]
+    type_into(qtbot, page.confirmation, "SN-0815 0.637 N m 3000 r/min")
+    settle(page)
+    assert "it will turn" in page.doctor_button.text()
+
+
 def test_a_tick_belongs_to_its_evidence(qtbot: QtBot) -> None:
     items = Checklist()
     qtbot.addWidget(items)

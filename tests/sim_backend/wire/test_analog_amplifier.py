@@ -13,6 +13,7 @@ import pytest
 
 from drivers.bus.analog.config import ReferenceConfig
 from drivers.bus.cia301 import I16, U8, U16, ObjectRef
+from drivers.bus.cia401 import AnalogModuleConfig, torque_input
 from drivers.bus.cyclic import CanRig
 from drivers.bus.status_lines import Line, StatusLines, statusword
 from drivers.drive_state import DriveState, drive_state
@@ -30,6 +31,9 @@ from rig.run.arming import loss_check
 from rig.run.preflight import drive_limits_check
 from sim_backend.wire import analog_amplifier as simulated
 from sim_backend.wire.bench import DRIVE_NODE, WireBench
+from sim_backend.wire.dictionary import I16 as WIRE_I16
+from sim_backend.wire.dictionary import array
+from sim_backend.wire.slave import PdoPlan
 
 MOTOR = shipped_motor()
 GEAR = shipped_gear()
@@ -252,6 +256,31 @@ def test_it_is_asked_by_its_own_objects() -> None:
     read = next(answer for answer in answers if answer.request.ask is Ask.READ)
     assert read.count is not None
     assert drive_state(read.count) in (DriveState.SWITCH_ON_DISABLED, DriveState.ENABLED)
+
+
+def test_a_coupler_holds_the_amplifier_and_other_inputs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One node with contacts, reference and torque monitor: brought up once, all of it with every SYNC."""
+    inputs = array(
+        0x6401, "Read analogue input 16-bit", [("input 1", WIRE_I16, "ro", 77)], mappable="t"
+    )
+    own, pdos = simulated.coupler_entries, simulated.COUPLER_PDOS
+    monkeypatch.setattr(
+        simulated, "coupler_entries", lambda node_id, serial: [*own(node_id, serial), *inputs]
+    )
+    monkeypatch.setattr(
+        simulated, "COUPLER_PDOS", (*pdos, PdoPlan(2, transmit=True, mapping=(), exists=False))
+    )
+    made = bench()
+    config = reference_config(made, MOTOR)
+    module = AnalogModuleConfig(DRIVE_NODE, (torque_input(MOTOR.rated_torque),))
+    port = wire_port(made, MOTOR, replace(config, modules=(module,)))
+    (block,) = turned(port, [50])
+    assert next(iter(port.nodes.identities)) == "amplifier by analog reference and analog module 1"
+    assert [device.node_id for device in port.nodes.devices] == [1, 4, 2]
+    at = {channel.name: k for k, channel in enumerate(port.channels)}
+    assert set(block.counts[:, at["torque"]]) == {77}
+    assert drive_state(int(block.counts[-1, at["statusword"]])) is DriveState.ENABLED
+    assert not block.flags.any()
 
 
 # Limits ---------------------------------------------------------------------------------------------------------------
