@@ -37,7 +37,7 @@ from sim_backend.wire.slave import PdoPlan
 
 MOTOR = shipped_motor()
 GEAR = shipped_gear()
-CYCLES = 400
+CYCLES = 1000
 SPEED = 20.0
 
 
@@ -80,7 +80,7 @@ def in_one_block() -> np.ndarray:
     return block.counts
 
 
-@pytest.mark.parametrize("length", [1, 7, 100])
+@pytest.mark.parametrize("length", [1, 7, 100, CYCLES])
 def test_the_length_of_blocks_changes_no_count(length: int, in_one_block: np.ndarray) -> None:
     sizes = [length] * (CYCLES // length) + ([CYCLES % length] if CYCLES % length else [])
     blocks = turned(port_of(bench()), sizes)

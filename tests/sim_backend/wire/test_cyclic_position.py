@@ -27,7 +27,7 @@ from sim_backend.wire.drive import CYCLIC_POSITION, CYCLIC_VELOCITY, Drive
 from tests.drivers.can_bench import servo
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
-CYCLES = 500
+CYCLES = 1000
 SPEED = 30.0
 RAMP = np.minimum(np.arange(CYCLES) * 0.5, SPEED)
 
@@ -83,7 +83,7 @@ def test_it_turns_as_fast_as_it_is_told_and_stays_where_it_was_left() -> None:
     blocks = run(port, [CYCLES])
     at = [channel.name for channel in port.channels].index("input_angle")
     angle = counts(blocks)[:, at] * port.channels[at].scale
-    speed = (angle[519] - angle[319]) / 0.2
+    speed = (angle[1019] - angle[819]) / 0.2
     assert speed == pytest.approx(SPEED, rel=0.01)
     held = drive_of(bench)
     assert held.dictionary.number(0x6061) == CYCLIC_POSITION
