@@ -12,6 +12,7 @@ import duckdb
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from dask import config
 from distributed import LocalCluster
 
 from rig.errors import ConfigurationError, RigError, RunFileError
@@ -152,15 +153,21 @@ def test_a_crew_is_processes_or_a_cluster() -> None:
             Crew(**wrong)  # type: ignore[arg-type]
 
 
-def _grows_by_a_profile() -> bool:
-    from dask import config
+def test_workers_keep_no_profile_by_which_they_would_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is set while processes are made goes to them: dask hands its settings on."""
+    seen: list[bool] = []
 
-    return bool(config.get("distributed.worker.profile.enabled"))
+    class Made(RuntimeError):
+        pass
 
+    def make(**options: object) -> object:
+        seen.append(bool(config.get("distributed.worker.profile.enabled")))
+        raise Made
 
-def test_workers_keep_no_profile_by_which_they_would_grow() -> None:
-    with engine.cluster(1) as client:
-        assert client.submit(_grows_by_a_profile).result() is False
+    monkeypatch.setattr("distributed.LocalCluster", make)
+    with pytest.raises(Made), engine.cluster(1):
+        pass
+    assert seen == [False]
 
 
 def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

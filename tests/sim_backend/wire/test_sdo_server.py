@@ -32,7 +32,7 @@ PAIRS = (
     ("21 41 60 00 02 00 00 00", "80 41 60 00 02 00 01 06"),  # read only already when announced
     ("21 17 10 00 FF FF FF 00", "80 17 10 00 05 00 04 05"),  # out of memory
     ("2B 07 60 00 04 00", "80 07 60 00 31 00 09 06"),  # too high
-    ("2F 60 60 00 08", "80 60 60 00 30 00 09 06"),  # a mode that it does not have
+    ("2F 60 60 00 07", "80 60 60 00 30 00 09 06"),  # a mode that it does not have
     ("A0 00 10 00 7F", "80 00 10 00 01 00 04 05"),  # block upload is not offered
     ("C0 17 10 00", "80 17 10 00 01 00 04 05"),  # block download neither
     ("40 03 10 01", "80 03 10 01 24 00 00 08"),  # no error has been: no data
