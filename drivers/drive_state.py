@@ -43,6 +43,9 @@ STATUSWORD_OF: dict[DriveState, int] = {
 }
 """A statusword that a healthy drive on the bus (remote bit 9, voltage enabled bit 4) shows in each state."""
 
+FOLLOWS_BIT = 0x1000
+"""Bit 12 of the statusword in the cyclic modes: the drive follows its set-point."""
+
 POWERED_STATES = frozenset({DriveState.ENABLED, DriveState.QUICK_STOP, DriveState.FAULT_REACTION})
 """States in which the drive may still produce torque."""
 

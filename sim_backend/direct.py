@@ -328,6 +328,8 @@ class SimulatedRig:
     def _piece(self, mode: Mode, targets: Counts) -> tuple[Counts, NDArray[np.uint16], Counts]:
         """Simulate, sense, and let the signal faults fall: counts, flags, stamps."""
         rows, statuswords = self._simulate(mode, self._set_points(mode, targets))
+        if self._lead is not None:
+            self._lead.show(statuswords, mode)
         late = self._sync.lateness_ns(self._cycle, len(targets))
         none = np.zeros(len(targets), dtype=np.int64)
         shown = (targets if mode is Mode.SPEED else none, targets if mode is Mode.TORQUE else none)

@@ -10,6 +10,11 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.drive_state import FOLLOWS_BIT, STATUSWORD_OF, DriveState
+from drivers.port import Mode
 from model.units import REVOLUTION
 
 GAIN = 40.0
@@ -53,12 +58,19 @@ class PositionLead:
         self.scale = REVOLUTION / counts_per_revolution / FRACTION / (cycle_ns * 1e-9)
         self._loop = PositionLoop(counts_per_revolution, cycle_ns)
         self._fine = 0
-        self.leads = False
+        self.leads = self._is_chosen = False
 
     def begin(self, position: int) -> None:
         """The first target is where it stands [counts]."""
         self._fine, self.leads = position * FRACTION, True
         self._loop.begin(position)
+
+    def show(self, statuswords: NDArray[np.int64], mode: Mode) -> None:
+        """Add to statuswords (n,) of a block in this mode that the target is followed, where it is."""
+        if mode in (Mode.SPEED, Mode.TORQUE):
+            self._is_chosen = mode is Mode.SPEED
+        if self._is_chosen:
+            statuswords[statuswords == STATUSWORD_OF[DriveState.ENABLED]] |= FOLLOWS_BIT
 
     def demand(self, speed: int, position: int) -> float:
         """The speed [rad/s] from this SYNC on, by the position of one SYNC before."""

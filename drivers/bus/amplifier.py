@@ -112,6 +112,14 @@ class Amplifier(Protocol):
         """
         ...
 
+    def frames_between(self) -> Sequence[bytes]:
+        """The bytes of every RPDO for a cycle that goes out while it is being enabled; empty: it needs none."""
+        ...
+
+    def latched(self, record: bytes) -> None:
+        """The record of a cycle that went out while it was being enabled."""
+        ...
+
     def sent(self, cycles: int) -> None:
         """So many of the cycles went out whose frames were made last."""
         ...

@@ -441,7 +441,10 @@ class CanSegment:
 
     @contextlib.contextmanager
     def _sync_goes_on(self, bus: PumpedBus) -> Generator[None]:
-        """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept."""
+        """While something goes by SDO every SYNC that is due goes out; its answers are paired, not kept. A drive that
+        must be led meanwhile sees them and says what goes out.
+        """
+        drive = self._opened().drive
 
         def turn() -> int:
             if self._due_ns is None or self._clock.monotonic_ns() < self._due_ns:
@@ -449,7 +452,9 @@ class CanSegment:
             bus.while_waiting = None
             try:
                 self._store.begin_block(1)
-                self._cycle([], 0)
+                cycle = self._cycle(drive.frames_between(), 0)
+                if not cycle.flags & CycleFlag.INCOMPLETE:
+                    drive.latched(self._store.last_record)
             finally:
                 bus.while_waiting = turn
             return 0
@@ -478,7 +483,7 @@ class CanSegment:
         self._pause_pending = True
         self._opened().drive.paused()
 
-    def _cycle(self, commands: list[bytes], row: int) -> Cycle:
+    def _cycle(self, commands: Sequence[bytes], row: int) -> Cycle:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)

@@ -41,6 +41,7 @@ NOT_OPERATIONAL = "not_operational"
 DRIVE_STATE = "drive_state"
 DRIVE_MODE = "drive_mode"
 DRIVE_FOLLOWING = "drive_following"
+DRIVE_NOT_FOLLOWING = "drive_not_following"
 FAULT = "fault"
 LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
@@ -57,6 +58,7 @@ DEVICE_CAUSES = frozenset(
         DRIVE_STATE,
         DRIVE_MODE,
         DRIVE_FOLLOWING,
+        DRIVE_NOT_FOLLOWING,
         FAULT,
         BUS_LOST,
     }
@@ -136,6 +138,11 @@ TRIPS: dict[str, TripRule] = {
         "the shaft is further behind its target position than the drive allows (0x6065)",
         Action.QUICK_STOP,
         "Something blocks, a limit in the drive is too low, or the position loop is badly tuned.",
+    ),
+    DRIVE_NOT_FOLLOWING: TripRule(
+        "the drive does not follow its target position any more (statusword bit 12)",
+        Action.QUICK_STOP,
+        "Somebody halted it, or a limit of its own holds it: look with its tool.",
     ),
     FOLLOWING_ERROR: TripRule(
         "the speed does not follow its set-point",

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drivers.drive_state import STATUSWORD_OF, DriveState
+from drivers.drive_state import FOLLOWS_BIT, STATUSWORD_OF, DriveState
 from drivers.port import DriveLimits, Mode
 from model.units import RPM
 from sim_backend.position_loop import PositionLoop
@@ -124,6 +124,7 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
         entry(0x6076, 0, "Motor rated torque", U32, "ro", round(1000.0 * device.rated_torque)),
         entry(0x6077, 0, "Torque actual value", I16, "ro", 0, mappable="t"),
         entry(0x607A, 0, "Target position", I32, "rw", 0, mappable="r"),
+        *array(0x607B, "Position range limit", (("min", I32, "rw", 0), ("max", I32, "rw", 0))),
         *array(0x607D, "Software position limit", (("min", I32, "rw", 0), ("max", I32, "rw", 0))),
         entry(0x6080, 0, "Max motor speed", U32, "rw", fastest),
         entry(0x6083, 0, "Profile acceleration", U32, "rw", ramp, low=1),
@@ -139,7 +140,8 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
         entry(0x60AA, 0, "SI unit acceleration", U32, "ro", SI_UNIT_RPM_PER_SECOND),
         entry(0x60B0, 0, "Position offset", I32, "rw", 0, mappable="r"),
         entry(0x60B1, 0, "Velocity offset", I32, "rw", 0, mappable="r"),
-        entry(0x60B2, 0, "Torque offset", I16, "rw", 0, mappable="r"),
+        # Its current loop takes no torque that is fed forward.
+        entry(0x60B2, 0, "Torque offset", I16, "rw", 0, mappable="r", low=0, high=0),
         entry(0x60B8, 0, "Touch probe function", U16, "rw", 0, mappable="r"),
         entry(0x60B9, 0, "Touch probe status", U16, "ro", 0, mappable="t"),
         entry(0x60BA, 0, "Touch probe 1 positive edge", I32, "ro", 0, mappable="t"),
@@ -170,13 +172,14 @@ class Drive(Slave):
     """The servo amplifier as a node: its state machine decides what the plant is told to do.
 
     `ignores_quick_stop`: it says QUICK STOP ACTIVE and goes on with its last set-point;
-    `ignores_stop`: it stays enabled and goes on whatever it is told.
+    `ignores_stop`: it stays enabled and goes on whatever it is told;
+    `ignores_targets`: it holds still and says that it does not follow its target position.
     """
 
     def __init__(self, node_id: int, device: DriveDevice, send: Send) -> None:
         self.device = device
         self.drive_state = DriveState.SWITCH_ON_DISABLED
-        self.ignores_quick_stop = self.ignores_stop = False
+        self.ignores_quick_stop = self.ignores_stop = self.ignores_targets = False
         self.limits_changed = True
         self._is_torque_off = False
         self._controlword = 0
@@ -332,15 +335,20 @@ class Drive(Slave):
         halts = self._controlword & HALT_BIT
         if mode is Mode.TORQUE:
             return mode, 0.0 if halts else self.dictionary.number(0x6071) * self._torque_count
-        if mode is Mode.SPEED and self._is_by_position:
+        if mode is Mode.SPEED and self._is_by_position and self._follows:
             return mode, self._follow_position()
-        if mode is Mode.SPEED and not halts:
+        if mode is Mode.SPEED and not halts and not self._is_by_position:
             return mode, self.dictionary.number(0x60FF) * SPEED_COUNT
         return Mode.SPEED, 0.0
 
     @property
     def _is_by_position(self) -> bool:
         return self.dictionary.number(0x6060) == CYCLIC_POSITION
+
+    @property
+    def _follows(self) -> bool:
+        """Whether it goes after its target position: halted, or out of use, it holds still."""
+        return not (self._controlword & HALT_BIT or self.ignores_targets)
 
     def _follow_position(self) -> float:
         """The speed by which it goes after its target position, offset included; too far behind it is a fault."""
@@ -407,6 +415,8 @@ class Drive(Slave):
         if self._shown is not None:
             return self._shown
         word = STATUSWORD_OF[self.drive_state]
+        if self.drive_state is DriveState.ENABLED and self._is_by_position and self._follows:
+            word |= FOLLOWS_BIT
         if self._cycles_behind:
             word |= FOLLOWING_BIT
         return word & ~0x0010 if self._is_torque_off else word

@@ -37,6 +37,7 @@ from sim_backend.faults import (
 )
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, SYNC, WireBench
 from sim_backend.wire.dictionary import Abort
+from sim_backend.wire.drive import Drive
 from sim_backend.wire.line import Frame, WireFault
 
 NO_FRAME: tuple[Frame, ...] = ()
@@ -117,6 +118,15 @@ class FollowingWindowLeft(WireFault):
 
     def act(self, bench: WireBench, cycle: int) -> None:
         bench.drive.dictionary.store(0x6065, 0, self.window)
+
+
+@dataclass(frozen=True)
+class TargetsIgnored(WireFault):
+    """The drive stays enabled, holds still and says that it does not follow its target position."""
+
+    def act(self, bench: WireBench, cycle: int) -> None:
+        if isinstance(bench.drive, Drive):
+            bench.drive.ignores_targets = True
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,8 @@ POWERED = frozenset({Power.ENABLED, Power.QUICK_STOP, Power.REACTION})
 LASTS = {Power.ON: 4e-3, Power.ENABLED: 15e-3}
 """s that a state takes to reach: the intermediate circuit, the brake."""
 VOLTAGE, REMOTE, TARGET_REACHED, FOLLOWS = 0x0010, 0x0200, 0x0400, 0x1000
-PROFILE_POSITION, PROFILE_VELOCITY, CYCLIC_VELOCITY, CYCLIC_TORQUE = 1, 3, 9, 10
+PROFILE_POSITION, PROFILE_VELOCITY = 1, 3
+CYCLIC_POSITION, CYCLIC_VELOCITY, CYCLIC_TORQUE = 8, 9, 10
 SUPPORTED = 0b11_1010_0101
 """PP, PV, HM, CSP, CSV, CST, as amplifiers of several makers have it."""
 CURRENT_PER_TORQUE = 2.5
@@ -57,6 +58,8 @@ START_COUNT = 0x7FFF_F000
 SECOND_ORDER = 0x00B5_5700
 """0x60AA: increments per square second."""
 LIMITS = (0x6072, 0x6080, 0x6083, 0x6084, 0x6085)
+PULL = 60.0
+"""rad/s of speed per rad that the shaft is off its target position."""
 
 
 class DurandDrive(DurandNode):
@@ -73,6 +76,7 @@ class DurandDrive(DurandNode):
         self._is_torque_off = False
         self._next: tuple[Power, Timer] | None = None
         self._last = (Mode.OFF, 0.0)
+        self._aim = 0
         self._origin: int | None = None
         self._position, self._sense = 0, 1
         self._count = REVOLUTION / device.counts_per_revolution
@@ -97,6 +101,8 @@ class DurandDrive(DurandNode):
         ):  # fmt: skip
             od[index] = Variable(kind, access, value)
         for index, values, kinds, access in (
+            (0x607B, (-(1 << 31), (1 << 31) - 1), (I32, I32), "rw"),
+            (0x607D, (-(1 << 31), (1 << 31) - 1), (I32, I32), "rw"),
             (0x608F, (device.counts_per_revolution, 1), (U32, U32), "ro"),
             (0x6091, (1, 1), (U32, U32), "ro"),
             (0x6092, (device.counts_per_revolution, 1), (U32, U32), "ro"),
@@ -185,6 +191,7 @@ class DurandDrive(DurandNode):
         if self._next is not None:
             self.timers.cancel(self._next[1])
         self._next, self.power = None, power
+        self._aim = self.od.read(0x607A, 0)
         self._show()
         self._obey()
 
@@ -267,8 +274,19 @@ class DurandDrive(DurandNode):
         if mode == CYCLIC_TORQUE:
             per_mille = 0 if halts else self.od.read(0x6071, 0)
             return Mode.TORQUE, per_mille * 1e-3 * self.device.rated_torque
+        if mode == CYCLIC_POSITION:
+            return Mode.SPEED, self._towards(self.od.read(0x607A, 0), halts=bool(halts))
         turns = mode in (CYCLIC_VELOCITY, PROFILE_VELOCITY) and not halts
         return Mode.SPEED, self.od.read(0x60FF, 0) * self._count if turns else 0.0
+
+    def _towards(self, target: int, *, halts: bool) -> float:
+        """The speed that takes it to its target: the way that this moved in a period, and what it is off."""
+        step, self._aim = _wrapped(target - self._aim), target
+        if halts:
+            return 0.0
+        period = self.od.read(0x60C2, 1) * 10.0 ** self.od.read(0x60C2, 2)
+        off = _wrapped(target - self.od.read(0x6064, 0))
+        return self._sense * (step / period + PULL * off) * self._count
 
     def limits(self) -> DriveLimits:
         torque, speed, *ramps = (self.od.read(index, 0) for index in LIMITS)

@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from durand.services.nmt import StateEnum
 
 from drivers.bus.cia301 import U8, U32
 from drivers.bus.cia402.plausible import counts_per_revolution, velocity_unit
+from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.device_file import read_device_file
 from drivers.bus.discover import discover
@@ -33,7 +35,13 @@ from rig.trial.drill.staging import Placed
 from rig.trial.drill.suite import row_of, stage
 from sim_backend.wire import faults as wire
 from tests.drivers.can_bench import servo
-from tests.drivers.durand_drive import CYCLIC_TORQUE, DurandBench, DurandDrive, Power
+from tests.drivers.durand_drive import (
+    CYCLIC_POSITION,
+    CYCLIC_TORQUE,
+    DurandBench,
+    DurandDrive,
+    Power,
+)
 from tests.drivers.durand_node import COMMUNICATION_ERROR, HEARTBEAT_ERROR
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
@@ -81,7 +89,7 @@ class Made:
 
 
 @contextlib.contextmanager
-def rig(**drive: int) -> Iterator[Made]:
+def rig(**drive: Any) -> Iterator[Made]:
     """The drivers before a bench with this drive, closed in the end; then the motor stands without power."""
     bench = DurandBench(GEAR, MOTOR)
     usual = wire_config(bench, MOTOR)
@@ -245,6 +253,100 @@ def test_a_fault_ends_the_block_stays_until_it_is_acknowledged_and_then_is_gone(
         made.port.reset_fault()
         assert made.drive.power is Power.DISABLED
         assert made.exchange(Mode.SPEED, SPEED, 100).broken is None
+
+
+# Led by target positions --------------------------------------------------------------------------------------------
+
+
+def by_position(**drive: Any) -> contextlib.AbstractContextManager[Made]:
+    return rig(**drive, speed_modes=(OperationMode.CYCLIC_POSITION,))
+
+
+def test_it_is_led_by_target_positions_over_the_end_of_their_32_bits() -> None:
+    with by_position() as made:
+        made.open()
+        ramp = np.minimum(np.arange(1, 401) * 0.5, SPEED)
+        assert made.port.exchange(Command(Mode.SPEED, ramp), 400, Guard()).broken is None
+        assert made.drive.od.read(0x6061, 0) == CYCLIC_POSITION
+        block = made.exchange(Mode.SPEED, SPEED, 300)
+        assert (block.broken, block.flags.any()) == (None, False)
+        assert made.drive.od.read(0x607A, 0) < 0, "the target has passed the end of its 32 bits"
+        turned = made.column(block, INPUT_ANGLE)
+        seconds = (block.time_ns[-1] - block.time_ns[0]) * 1e-9
+        assert (turned[-1] - turned[0]) / seconds == pytest.approx(SPEED, rel=2e-3)
+        stop = made.port.exchange(Command(Mode.SPEED, ramp[::-1]), 400, Guard())
+        assert stop.broken is None
+        made.exchange(Mode.SPEED, 0.0, 300)
+        assert abs(made.bench.input_speed) < 0.2
+
+
+def test_a_shaft_that_coasts_while_the_drive_is_enabled_is_not_pulled_back() -> None:
+    """Its intermediate circuit and its brake take 19 ms; the shaft turns on in them."""
+    with by_position() as made:
+        made.open()
+        made.exchange(Mode.TORQUE, 0.5, 300)
+        speed = made.bench.input_speed
+        assert speed > 20.0
+        # As a run is brought to rest out of torque: from the speed that was measured.
+        pulled: list[float] = []
+        position = made.drive.od.read(0x6064, 0)
+        made.drive.od.update_callbacks[(0x607A, 0)].add(
+            lambda target: pulled.append(_apart(target, made.drive.od.read(0x6064, 0)))
+        )
+        block = made.port.exchange(Command(Mode.SPEED, np.full(50, speed)), 50, Guard())
+        assert block.broken is None
+        coasted = _apart(made.drive.od.read(0x6064, 0), position)
+        per_cycle = speed * 1e-3 / REVOLUTION * made.drive.device.counts_per_revolution
+        assert coasted > 60 * per_cycle, "it has turned on while it was being enabled"
+        assert len(pulled) > 50 + 15, "the target went with it"
+        assert max(map(abs, pulled)) < 4.0 * per_cycle
+        gone = np.diff(made.column(block, INPUT_ANGLE)) / 1e-3
+        assert gone.min() > 0.5 * speed
+
+
+def test_after_a_fault_it_is_led_from_where_it_stands() -> None:
+    with by_position() as made:
+        made.open()
+        made.exchange(Mode.SPEED, 20.0, 100)
+        made.drive.fault(0x7305)
+        made.exchange(Mode.SPEED, 20.0)
+        made.exchange(Mode.OFF, cycles=300)
+        made.port.reset_fault()
+        # Somebody turns the shaft.
+        made.drive.od.write(0x607A, 0, 12345)
+        made.exchange(Mode.SPEED, 0.0, 60)
+        assert made.drive.power is Power.ENABLED
+        assert _apart(made.drive.od.read(0x607A, 0), made.drive.od.read(0x6064, 0)) == 0
+        assert abs(made.bench.input_speed) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_taken"),
+    [
+        (0, 0, True),
+        (-(1 << 31), (1 << 31) - 1, True),
+        (-1_000_000_000, 1_000_000_000, False),
+        (0, (1 << 31) - 1, False),
+        (0, 32_767, False),
+    ],
+)
+@pytest.mark.parametrize("index", [0x607B, 0x607D])
+def test_a_position_that_ends_elsewhere_than_32_bits_do_is_refused(
+    index: int, low: int, high: int, is_taken: bool
+) -> None:
+    with by_position() as made:
+        made.drive.od.write(index, 1, low)
+        made.drive.od.write(index, 2, high)
+        if is_taken:
+            made.open()
+        else:
+            with pytest.raises(DriverError, match=f"0x{index:04X}"):
+                made.port.open()
+            made.drive.put(Power.DISABLED)
+
+
+def _apart(target: int, position: int) -> int:
+    return (target - position + (1 << 31)) % (1 << 32) - (1 << 31)
 
 
 # Who watches whom ---------------------------------------------------------------------------------------------------

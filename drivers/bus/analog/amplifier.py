@@ -240,6 +240,13 @@ class ReferenceAmplifier:
         values = {config.outputs.key: np.full(cycles, word), config.reference.key: reference}
         return packed_frames(self.commands, values, cycles)
 
+    def frames_between(self) -> list[bytes]:
+        """The reference of standstill goes on as it was written."""
+        return []
+
+    def latched(self, record: bytes) -> None:
+        """Nothing of it leads the reference."""
+
     def sent(self, cycles: int) -> None:
         """A voltage does not go on from the one before."""
 

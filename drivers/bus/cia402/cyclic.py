@@ -18,6 +18,7 @@ from drivers.bus.cia301 import ObjectRef
 from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.drive import ServoAmplifier
+from drivers.bus.cia402.endless import require_endless
 from drivers.bus.cia402.positions import PositionTargets, speed_scale
 from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.device import Identity
@@ -29,7 +30,7 @@ from drivers.bus.planned import Plan, Planned
 from drivers.bus.set_points import Key, packed_frames
 from drivers.channel import Channel
 from drivers.counting import largest_step, require_range
-from drivers.drive_state import DriveState, drive_state
+from drivers.drive_state import FOLLOWS_BIT, DriveState, drive_state
 from drivers.errors import DriverError
 from drivers.port import Ask, Mode
 
@@ -69,8 +70,11 @@ class CyclicDrive(ServoAmplifier):
         self._held_is_old = True
         self._status = slice(0, 2)
         self._mode_at: int | None = None
-        self._strange_cycles = 0
+        self._position_at: int | None = None
+        self._strange_cycles = self._unfollowed_cycles = 0
+        self._has_followed = False
         self._targets = PositionTargets()
+        self._goes_along = False
         self._cycle_ns = self._resolution = 0
         self._largest_speed = math.inf
         self._offsets: tuple[ObjectRef, ...] = ()
@@ -95,14 +99,15 @@ class CyclicDrive(ServoAmplifier):
         self._cycle_ns, self._resolution = cycle_ns, encoder.lines * encoder.multiplication
         self._largest_speed = encoder.largest_speed
         if self.is_by_position:
-            self._require_endless()
+            self._offsets = require_endless(self.device, self.readings, cycle_ns)
         status = Channel(name=names.STATUSWORD, unit="1", scale=1.0, long_name="CiA 402 statusword")
         channels = [self._planned(status, "plain", obj.STATUSWORD)]
         wanted: list[ObjectRef] = [obj.STATUSWORD]
         optional: list[ObjectRef] = []
         seen: tuple[int, ObjectRef, int] | None = None
-        if not is_counted:
+        if self.is_by_position or not is_counted:
             wanted.append(obj.POSITION)
+        if not is_counted:
             channels.append(self._position(encoder, cycle_ns))
             latch, objects = self._latch(encoder)
             optional += objects
@@ -246,44 +251,16 @@ class CyclicDrive(ServoAmplifier):
         """Whether it turns by target positions."""
         return self.readings.speed_mode is OperationMode.CYCLIC_POSITION
 
-    def _require_endless(self) -> None:
-        """Raise `DriverError` where the drive cannot be led by positions: without the SYNC period as its
-        interpolation time, or with software limits in the way of a shaft that turns on and on. Offsets are zeroed.
-        """
-        device = self.device
-        if not self.readings.is_interpolating:
-            raise DriverError(
-                "cyclic position needs the SYNC period as the drive's interpolation time",
-                where=f"{device.where}, {obj.INTERPOLATION_TIME}",
-                value=f"{self._cycle_ns * 1e-6:g} ms not taken",
-                remedy="Choose a SYNC rate whose period it takes, or another of `speed_modes`.",
-            )
-        ends = [
-            device.read_optional(entry, "no software limit is in the way")
-            for entry in (obj.POSITION_LIMIT_LOW, obj.POSITION_LIMIT_HIGH)
-        ]
-        low, high = (int(end or 0) for end in ends)
-        if low < high and high - low < 2**32 - 1:
-            raise DriverError(
-                "software position limits would stop a shaft that turns on and on",
-                where=f"{device.where}, {obj.POSITION_LIMIT_LOW}",
-                value=f"{low} to {high} counts",
-                limit="0 and 0, or the whole range",
-                remedy="Switch them off by the drive's own tool.",
-            )
-        self._offsets = tuple(
-            entry
-            for entry in obj.OFFSETS
-            if device.write_wished(entry, 0, "nothing is added to the targets")
-        )
-
     def _rest(self, mode: Mode) -> None:
         """In cyclic position the target is set once nothing can follow it any more: in `_switch_on`."""
         if not (mode is Mode.SPEED and self.is_by_position):
             super()._rest(mode)
 
     def _switch_on(self, candidates: Sequence[OperationMode]) -> None:
-        """In cyclic position by way of switched on: there the first target is the position that was latched."""
+        """In cyclic position by way of switched on: from there to its first set speed the target goes with the shaft.
+
+        A drive that takes its time to release a brake, before a shaft that turns, would else pull it back.
+        """
         if OperationMode.CYCLIC_POSITION not in candidates:
             super()._switch_on(candidates)
             return
@@ -292,6 +269,7 @@ class CyclicDrive(ServoAmplifier):
             self._walk(obj.TO_SWITCHED_ON, DriveState.SWITCHED_ON, "switched on")
         self._choose_one(candidates)
         self._walk(obj.TO_SWITCHED_ON, DriveState.SWITCHED_ON, "switched on")
+        self._held, self._held_is_old = self._held_values(), False
         position = self.device.read_integer(obj.POSITION)
         if not self.device.write_checked(obj.TARGET_POSITION, position, "no speed mode"):
             raise DriverError(
@@ -300,7 +278,28 @@ class CyclicDrive(ServoAmplifier):
                 remedy="Choose another of `speed_modes`.",
             )
         self._targets.begin(position)
-        self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+        self._has_followed, self._unfollowed_cycles, self._goes_along = False, 0, True
+        try:
+            self._walk(obj.TO_ENABLED, DriveState.ENABLED, "operation enabled")
+        finally:
+            self._goes_along = False
+
+    def frames_between(self) -> list[bytes]:
+        """While it is being enabled in cyclic position: operation enabled, and the position latched last as the
+        target. Else none: what it held goes on.
+        """
+        if not self._goes_along:
+            return []
+        none = np.zeros(1, dtype=np.int64)
+        values = self._set_points(Mode.SPEED, none, none)
+        values |= {obj.TARGET_POSITION.key: self._targets.hold(1)}
+        return [frame for (frame,) in packed_frames(self.commands, values, 1)]
+
+    def latched(self, record: bytes) -> None:
+        """Where the shaft was at the SYNC of a cycle that went out while it was being enabled."""
+        if self._goes_along and self._position_at is not None:
+            found = record[self._position_at : self._position_at + 4]
+            self._targets.begin(int.from_bytes(found, "little", signed=True))
 
     def to_off(self, *, resets_fault: bool = True) -> None:
         """Servo off from any state; what is added to the set-points is zero when it is left."""
@@ -316,7 +315,7 @@ class CyclicDrive(ServoAmplifier):
 
     def _target_positions(
         self, mode: Mode, speeds: NDArray[np.int64]
-    ) -> Mapping[Key, NDArray[np.int64]]:
+    ) -> dict[Key, NDArray[np.int64]]:
         """What goes as 0x607A; a drive that is not led by positions is sent none."""
         if not self.is_by_position:
             return {}
@@ -340,6 +339,7 @@ class CyclicDrive(ServoAmplifier):
         at = self._byte_of(layout, obj.STATUSWORD) or 0
         self._status = slice(at, at + 2)
         self._mode_at = self._byte_of(layout, obj.MODE_DISPLAY)
+        self._position_at = self._byte_of(layout, obj.POSITION)
         self._strange_cycles = 0
         self.paused()
         self._held = {}
@@ -359,11 +359,8 @@ class CyclicDrive(ServoAmplifier):
         if state is not DriveState.ENABLED:
             text = f"the drive left operation enabled: {state.value} (statusword 0x{word:04X})"
             return Left("drive-state", text, float(word))
-        if word & obj.FOLLOWING_ERROR_BIT and self.mode is OperationMode.CYCLIC_POSITION:
-            text = (
-                f"the shaft is too far behind its target position (statusword 0x{word:04X}, bit 13)"
-            )
-            return Left("drive-following", text, float(word))
+        if self.mode is OperationMode.CYCLIC_POSITION and (lost := self._lost_target(word)):
+            return lost
         given = self.mode
         shown = given if self._mode_at is None else record[self._mode_at]
         self._strange_cycles = self._strange_cycles + 1 if shown != given else 0
@@ -371,6 +368,22 @@ class CyclicDrive(ServoAmplifier):
             return None
         text = f"the drive shows mode of operation {shown} (0x6061), it was given {given}"
         return Left("drive-mode", text, float(shown or 0))
+
+    def _lost_target(self, word: int) -> Left | None:
+        """The shaft too far behind its target, or the target not followed any more by a drive that said it does."""
+        if word & obj.FOLLOWING_ERROR_BIT:
+            text = "the shaft is too far behind its target position (statusword 0x{:04X}, bit 13)"
+            return Left("drive-following", text.format(word), float(word))
+        if word & FOLLOWS_BIT:
+            self._has_followed, self._unfollowed_cycles = True, 0
+        elif self._has_followed:
+            self._unfollowed_cycles += 1
+        if self._unfollowed_cycles < _MODE_CYCLES:
+            return None
+        text = (
+            "the drive does not follow its target position any more (statusword 0x{:04X}, bit 12)"
+        )
+        return Left("drive-not-following", text.format(word), float(word))
 
     @property
     def largest_counts(self) -> Mapping[str, int]:
@@ -389,15 +402,20 @@ class CyclicDrive(ServoAmplifier):
         # After enabling, which may have gone by SDO: a fixed RPDO must carry what now holds.
         if self._held_is_old and may_ask:
             self._held, self._held_is_old = self._held_values(), False
+        values = self._set_points(mode, speeds, torques) | self._target_positions(mode, speeds)
+        return packed_frames(self.commands, values, len(speeds))
+
+    def _set_points(
+        self, mode: Mode, speeds: NDArray[np.int64], torques: NDArray[np.int64]
+    ) -> dict[Key, NDArray[np.int64]]:
+        """What every RPDO carries, target positions left out."""
         cycles = len(speeds)
         values = {key: np.full(cycles, value) for key, value in self._held.items()}
-        values |= {
+        return values | {
             obj.CONTROLWORD.key: np.full(cycles, _CONTROLWORD[mode]),
             obj.TARGET_VELOCITY.key: speeds,
             obj.TARGET_TORQUE.key: torques,
-            **self._target_positions(mode, speeds),
         }
-        return packed_frames(self.commands, values, cycles)
 
     def paused(self) -> None:
         """Something went by SDO: what a fixed RPDO holds beside the set-points is read again."""

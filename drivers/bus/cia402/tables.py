@@ -25,8 +25,16 @@ RATED_CURRENT: Final = ObjectRef(0x6075, 0, U32, "motor rated current")
 RATED_TORQUE: Final = ObjectRef(0x6076, 0, U32, "motor rated torque")
 TORQUE: Final = ObjectRef(0x6077, 0, I16, "torque actual value")
 TARGET_POSITION: Final = ObjectRef(0x607A, 0, I32, "target position")
-POSITION_LIMIT_LOW: Final = ObjectRef(0x607D, 1, I32, "software position limit, least")
-POSITION_LIMIT_HIGH: Final = ObjectRef(0x607D, 2, I32, "software position limit, greatest")
+FOLLOWING_WINDOW: Final = ObjectRef(0x6065, 0, U32, "following error window")
+FOLLOWING_TIMEOUT: Final = ObjectRef(0x6066, 0, U16, "following error time out")
+POSITION_RANGE: Final = (
+    ObjectRef(0x607B, 1, I32, "position range limit, least"),
+    ObjectRef(0x607B, 2, I32, "position range limit, greatest"),
+)
+POSITION_LIMITS: Final = (
+    ObjectRef(0x607D, 1, I32, "software position limit, least"),
+    ObjectRef(0x607D, 2, I32, "software position limit, greatest"),
+)
 MAX_PROFILE_VELOCITY: Final = ObjectRef(0x607F, 0, U32, "max profile velocity")
 MAX_MOTOR_SPEED: Final = ObjectRef(0x6080, 0, U32, "max motor speed")
 ACCELERATION: Final = ObjectRef(0x6083, 0, U32, "profile acceleration")

@@ -797,6 +797,13 @@ _POSITION = (
         fault=wire.FollowingWindowLeft,
         carriers=BY_POSITION,
     ),
+    Drill(
+        name="target position not followed",
+        what="the drive holds still in operation enabled and says that it does not follow its target",
+        cause=trips.DRIVE_NOT_FOLLOWING,
+        fault=wire.TargetsIgnored,
+        carriers=BY_POSITION,
+    ),
 )
 
 DRILLS: Mapping[str, Drill] = {

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.bus.cia402.positions import FRACTION, PositionTargets, speed_scale, wrapped
-from drivers.bus.cia402.tables import OperationMode
+from drivers.bus.cia402.tables import POSITION, OperationMode
 from drivers.bus.cyclic import CanRig
 from drivers.drive_state import DriveState
 from drivers.errors import DriverError
@@ -91,7 +91,7 @@ def test_it_turns_as_fast_as_it_is_told_and_stays_where_it_was_left() -> None:
     assert not bench.is_powered
 
 
-def test_the_first_target_is_the_position_that_was_latched() -> None:
+def test_the_first_target_is_where_a_standing_shaft_is() -> None:
     port, bench = rig()
     port.open()
     drive = drive_of(bench)
@@ -106,6 +106,16 @@ def test_the_first_target_is_the_position_that_was_latched() -> None:
     assert seen[0] == position
     assert set(seen) == {position}
     assert abs(bench.input_speed) < 0.1
+
+
+def test_its_position_is_sent_where_a_counter_has_the_input_angle_too() -> None:
+    port, bench = rig()
+    port.open()
+    encoder = wire_config(bench, MOTOR).motor_encoder
+    plan = servo(port.nodes).plan(encoder, 1_000_000, is_counted=True)
+    assert POSITION in plan.objects
+    assert POSITION.key not in plan.optional
+    assert "input_angle" not in [planned.channel.name for planned in plan.channels]
 
 
 def test_coming_from_torque_no_old_target_acts() -> None:
@@ -150,6 +160,56 @@ def test_following_too_far_behind_is_named() -> None:
     assert block.broken.cause == "drive_following"
     with pytest.raises(DriverError, match="no longer enabled"):
         port.exchange(Command(Mode.SPEED, np.zeros(5)), 5, Guard())
+
+
+def test_a_target_that_is_not_followed_any_more_is_named() -> None:
+    port, bench = rig()
+    port.open()
+    at = [channel.name for channel in port.channels].index("statusword")
+    block = port.exchange(Command(Mode.SPEED, RAMP[:200]), 200, Guard())
+    assert (block.counts[:, at] & 0x1000).all()
+    drive_of(bench).ignores_targets = True
+    block = port.exchange(Command(Mode.SPEED, RAMP[200:400]), 200, Guard())
+    assert block.broken is not None
+    assert (block.broken.cause, block.broken.row) == ("drive_not_following", 2)
+
+
+def test_a_drive_that_never_says_that_it_follows_is_not_judged_by_it() -> None:
+    port, bench = rig()
+    port.open()
+    drive_of(bench).ignores_targets = True
+    assert port.exchange(Command(Mode.SPEED, np.zeros(50)), 50, Guard()).broken is None
+
+
+def test_a_halt_holds_still_and_is_noticed() -> None:
+    port, bench = rig()
+    port.open()
+    port.exchange(Command(Mode.SPEED, RAMP), CYCLES, Guard())
+    drive = drive_of(bench)
+    drive.dictionary.on_change(
+        lambda index, sub: drive.dictionary.store(0x6040, 0, 0x010F) if index == 0x607A else None
+    )
+    drive.dictionary.on_write(0x6040, 0, lambda value: drive._control(0x010F))
+    block = port.exchange(Command(Mode.SPEED, np.full(200, SPEED)), 200, Guard())
+    assert block.broken is not None
+    assert block.broken.cause == "drive_not_following"
+    assert bench.input_speed < SPEED
+
+
+@pytest.mark.parametrize(("window", "is_told"), [(0xFFFF_FFFF, True), (8192, False), (None, False)])
+def test_a_watch_over_the_following_error_that_is_off_is_told(
+    window: int | None, is_told: bool
+) -> None:
+    port, bench = rig()
+    if window is None:
+        drive_of(bench).dictionary.take_out(0x6065)
+    else:
+        drive_of(bench).dictionary.store(0x6065, 0, window)
+    port.open()
+    codes = {event.code for event in port.segment.events()}
+    assert ("following-window" in codes) == is_told
+    missing = [gap.index for gap in servo(port.nodes).device.missing]
+    assert (0x6065 in missing) == (window is None)
 
 
 def test_a_quick_stop_ends_it_and_servo_on_begins_where_it_stands() -> None:
@@ -225,7 +285,7 @@ def test_software_limits_in_the_way_of_a_turning_shaft_are_refused() -> None:
 # Targets ----------------------------------------------------------------------------------------------------------
 
 
-def test_nothing_is_rounded_away_over_an_hour_in_blocks_of_any_length() -> None:
+def test_targets_are_the_exact_sum_of_the_set_speeds_over_an_hour_in_blocks_of_any_length() -> None:
     speed = round(1.0 * RPM / speed_scale(32768, 1_000_000))
     hour = 3_600_000
     targets = PositionTargets()
@@ -236,7 +296,7 @@ def test_nothing_is_rounded_away_over_an_hour_in_blocks_of_any_length() -> None:
         targets.sent(size)
     exact = 17 * FRACTION + hour * speed
     assert last == (exact + FRACTION // 2) // FRACTION
-    # The set speed itself is a whole number of 1/65536 count per cycle.
+    # The set speed itself is a whole number of 1/65536 count per cycle: up to 28 counts in an hour.
     assert last == pytest.approx(17 + 60 * 32768, abs=1.0 + hour * 0.5 / FRACTION)
 
 
