@@ -21,6 +21,7 @@ from drivers.samples import SampleBlock
 from experiments.recording import Event, Segment
 from rig.errors import RigError, RunFileError
 from rig.runfile import layout
+from rig.runfile.chunks import ChunkWriter
 from rig.runfile.closing import Closing, acquisition_text, write_closing
 from rig.runfile.damage import close_without_writing, reason
 from rig.runfile.header import RunHeader, write_header
@@ -69,6 +70,7 @@ class RunWriter:
         self._dropped = 0
         self._failure: RunFileError | None = None
         self._file, self._datasets = self._create(header)
+        self._chunks = [ChunkWriter(dataset) for dataset in self._datasets] if compress else []
         self._release = hold_while_writing(self.part)
 
     def _create(self, header: RunHeader) -> tuple[h5py.File, list[h5py.Dataset]]:
@@ -264,13 +266,19 @@ class RunWriter:
     def _store_rows(self) -> None:
         """Write the rows of the buffer that the file does not hold yet; start a new chunk when this one is full."""
         first, last = self._start + self._stored, self._start + self._filled
+        is_whole = bool(self._chunks) and last - first == self._chunk_rows
         if last > first:
             with self._disk("cannot be written"):
-                for buffer, dataset in zip(self._buffers, self._datasets, strict=True):
+                for i, (buffer, dataset) in enumerate(
+                    zip(self._buffers, self._datasets, strict=True)
+                ):
                     part = buffer[self._stored : self._filled]
                     if dataset.dtype == np.int32:
                         self._refuse_wide_counts(part, str(dataset.name))
-                    _append(dataset, first, last, part)
+                    if is_whole:
+                        self._chunks[i].append(first, part)
+                    else:
+                        _append(dataset, first, last, part)
         self._stored = self._filled
         if self._filled == self._chunk_rows:
             self._start += self._filled
