@@ -167,6 +167,8 @@ def _problem(
         basis=BASIS,
         error_width=GIVEN_ERROR if error_given else UNKNOWN_ERROR,
         model=models_of(expected),
+        input_density=period * (steps[0].input_quantum / steps[0].ratio) ** 2 / 12.0,
+        swing=expected.amplitude / expected.inertia,
     )
     return problem, noise, period
 
@@ -243,7 +245,8 @@ def _stated(
 ) -> LadderFit:
     solution = answers[chosen][0]
     model = problem.model(solution.values)
-    beside = _beside(chosen, {name: found[0] for name, found in answers.items()})
+    best = {name: found[0] for name, found in answers.items()}
+    beside = _beside(chosen, best)
     predicted: list[Array] = []
     rigid: list[Array] = []
     acceleration: list[Array] = []
@@ -268,7 +271,7 @@ def _stated(
     quantum = steps[0].output_quantum
     if float(np.max(largest)) < SEEN * quantum:
         _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
-    estimates = estimates_of(steps, problem, answers[chosen], beside, expected)
+    estimates = estimates_of(steps, problem, answers[chosen], _others(chosen, best), expected)
     return LadderFit(
         estimates=estimates,
         warnings=tuple(_warnings(steps, solution, largest, quantum)),
@@ -340,6 +343,19 @@ def _beside(chosen: str, solutions: Mapping[str, Solution]) -> tuple[str, Soluti
         if name and name[0] in solutions:
             return note, solutions[name[0]]
     return None
+
+
+def _others(chosen: str, solutions: Mapping[str, Solution]) -> list[tuple[str, Solution]]:
+    """The rungs that tell how much of a law may be missing from the numbers: every richer one, or of the richest the
+    next below.
+    """
+    richer = [
+        (TO_RICHER, solutions[name])
+        for name in FITTED[FITTED.index(chosen) + 1 :]
+        if name in solutions
+    ]
+    beside = _beside(chosen, solutions)
+    return richer or ([] if beside is None else [beside])
 
 
 def _refuse_unseen(

@@ -11,6 +11,7 @@ import numpy as np
 from model.identify.checks import Array
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Identifiable
 from model.identify.least_squares import student_quantile
+from model.identify.step_counts import corrected, left_in_band, louder_in_band
 from model.identify.step_data import StepData
 from model.identify.step_fit import Problem, Solution
 from model.identify.step_rungs import LEAST_RELAXATION, Expected
@@ -21,6 +22,8 @@ RINGS, RUNG_DOWN = 0.25, 0.4
 """s after the onset of a step until which it rings, and from which on it does no more."""
 RINGS_ON = 1.15
 """Ratio of what a fit leaves in the two beyond which the mode is not explained; noise alone makes it 1 within 0.03."""
+UNEXPLAINED = 2.0
+"""Power that a fit leaves near the mode over what it leaves beside it beyond which the mode is not explained."""
 SHARE_DOUBT = 0.3
 """Relative standard uncertainty of the share of the compliance that is damped."""
 
@@ -61,10 +64,13 @@ def estimates_of(
     steps: Sequence[StepData],
     problem: Problem,
     answers: Sequence[Solution],
-    beside: tuple[str, Solution] | None,
+    others: Sequence[tuple[str, Solution]],
     expected: Expected,
 ) -> dict[str, Estimate]:
-    """The stated numbers with their budgets, and those of which a direction alone has something to say."""
+    """The stated numbers with their budgets, and those of which a direction alone has something to say.
+
+    `others`: other rungs and what they are to the chosen one; what they lead to is a line of the budget.
+    """
     solution = answers[0]
     names = solution.shape.names
     amplitude = expected.amplitude / expected.inertia
@@ -73,15 +79,21 @@ def estimates_of(
         there = {**solution.values, **dict(zip(names, vector[: len(names)].tolist(), strict=True))}
         return _numbers(problem.model(there), there["skew"], amplitude)
 
-    here = solution.vector
+    here = corrected(problem, solution)
     model, centre = problem.model(solution.values), numbers(here)
-    error, freedom = _standard_error(solution, _slopes(numbers, here, len(names)))
-    error = np.hypot(error, _between_answers(answers, numbers))
-    lines = _lines(model, centre)
-    if beside is not None:
-        note, other = beside
-        moved = np.abs(
-            _numbers(problem.model(other.values), other.values["skew"], amplitude) - centre
+    left = left_in_band(problem, solution)
+    louder = max(louder_in_band(problem, solution), left)
+    error, freedom = _standard_error(solution, _slopes(numbers, here, len(names)), louder)
+    error = np.hypot(error, _between_answers(answers, numbers, louder))
+    away = np.abs(numbers(solution.vector) - centre) / math.sqrt(3.0)
+    lines = [
+        *_lines(model, centre),
+        ("counts of the input", "what they ring up, to first order", away),
+    ]
+    if others:
+        note = others[0][0]
+        moved = np.max(
+            [_moved_by(problem, other, amplitude, centre) for _, other in others], axis=0
         )
         lines.append(
             ("choice of the rung", note, moved if note == TO_RICHER else moved / math.sqrt(3.0))
@@ -89,14 +101,17 @@ def estimates_of(
     if model.hysteresis[1] == 0.0:
         lines.append(("hysteresis", "not part of this rung", _unfitted_hysteresis(model)))
     ringing = _ringing_left(problem, solution)
-    told = _Told(centre, error, freedom, tuple(lines), ringing)
+    told = _Told(centre, error, freedom, tuple(lines), ringing, left)
     estimates = {name: told.estimate(index) for index, (name, _) in enumerate(STATED)}
     direction = np.array([math.copysign(1.0, s.target) for s in steps])
     for way, sign in (("forward", 1.0), ("reverse", -1.0)):
-        others = np.flatnonzero(direction == -sign)
-        if not 0 < len(others) < len(steps):
+        opposite = np.flatnonzero(direction == -sign)
+        if not 0 < len(opposite) < len(steps):
             continue
-        moved = numbers(here + solution.left_out(others.tolist()))
+        moved = numbers(here + solution.left_out(opposite.tolist()))
+        if not np.all(np.isfinite(moved)):
+            # The other direction carries it all: left out to first order, no spring is left.
+            continue
         # Left out to first order: that is in doubt by as much as it leads away.
         away = np.abs(moved - centre)
         first_order = ("first order", "of leaving the other direction out", away / math.sqrt(3.0))
@@ -113,10 +128,19 @@ def estimates_of(
     return estimates
 
 
+def _moved_by(problem: Problem, other: Solution, amplitude: float, centre: Array) -> Array:
+    """How far another rung leads the numbers away."""
+    names = other.shape.names
+    found = dict(zip(names, corrected(problem, other)[: len(names)].tolist(), strict=True))
+    there = {**other.values, **found}
+    return np.abs(_numbers(problem.model(there), there["skew"], amplitude) - centre)
+
+
 @dataclass(frozen=True)
 class _Told:
     """What the steps say of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom,
-    lines of type B, and how many times the noise the fit leaves while the steps ring.
+    lines of type B, how many times the noise the fit leaves while the steps ring, and how many times the power near
+    the mode that it leaves beside it.
     """
 
     centre: Array
@@ -124,6 +148,7 @@ class _Told:
     freedom: Array
     lines: tuple[tuple[str, str, Array], ...]
     ringing: float
+    left: float = 1.0
 
     def estimate(self, index: int) -> Estimate:
         """One of the numbers with its budget."""
@@ -171,6 +196,9 @@ class _Told:
         if self.ringing > RINGS_ON:
             note = f"while the steps ring the model leaves {self.ringing:.3g} times what it leaves later"
             return "weakly", note
+        if self.left > UNEXPLAINED:
+            note = f"near the mode the model leaves {self.left:.3g} times the power that it leaves beside it"
+            return "weakly", note
         return "yes", ""
 
 
@@ -216,10 +244,14 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
     return math.sqrt(early[0] / early[1] / (late[0] / late[1]))
 
 
-def _between_answers(answers: Sequence[Solution], numbers: Callable[[Array], Array]) -> Array:
-    """Standard deviation of the numbers over several answers, each as likely as exp(-cost/2) has it."""
+def _between_answers(
+    answers: Sequence[Solution], numbers: Callable[[Array], Array], louder: float
+) -> Array:
+    """Standard deviation of the numbers over several answers, each as likely as exp(-cost/2) has it of a noise that is
+    so many times `louder` near the mode than the one in which the cost is counted.
+    """
     cost = np.array([a.robust_cost() for a in answers])
-    likely = np.exp(-0.5 * (cost - cost[0]))
+    likely = np.exp(-0.5 * (cost - cost[0]) / louder)
     stated = np.array([numbers(a.vector) for a in answers])
     mean = likely @ stated / likely.sum()
     return np.sqrt(likely @ (stated - mean) ** 2 / likely.sum())
@@ -235,13 +267,15 @@ def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
     return slopes
 
 
-def _standard_error(solution: Solution, slopes: Array) -> tuple[Array, Array]:
+def _standard_error(solution: Solution, slopes: Array, louder: float) -> tuple[Array, Array]:
     """Standard error of each number, and its degrees of freedom.
 
-    What the noise of the samples gives and what the steps pull each their own way, as a root sum of squares: the
-    second holds the first once more, which stands for what the few steps of a run share.
+    What the noise of the samples gives, so many times `louder` near the mode than over all, and what the steps pull
+    each their own way, as a root sum of squares: the second holds the first once more, which stands for what the few
+    steps of a run share.
     """
-    white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, solution.covariance(), slopes))
+    covariance = louder * solution.covariance()
+    white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
     pulls = solution.influence() @ slopes.T
     count = len(pulls)
     square = (pulls**2).sum(axis=0)

@@ -144,12 +144,18 @@ class Normal:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """All steps, the basis of the kinematic error and how wide its coefficients are believed to lie [rad]."""
+    """All steps, the basis of the kinematic error and how wide its coefficients are believed to lie [rad].
+
+    `input_density`: power density of the error of the input's counts, at the output [rad2 s]; `swing`: torque
+    amplitude over J_o at which the mode is stated [rad/s2].
+    """
 
     steps: tuple[StepArrays, ...]
     basis: tuple[tuple[int, int], ...]
     error_width: float
     model: Callable[[Mapping[str, float]], TorsionModel]
+    input_density: float = 0.0
+    swing: float = 0.0
 
     @property
     def interval(self) -> float:
@@ -374,7 +380,8 @@ class Solution:
         """Weighted sum of squares of all steps [rad2]."""
         return float(sum(w * n.square for w, n in zip(self.weights, self.normals, strict=True)))
 
-    def _inverse(self, without: Sequence[int] = ()) -> Array:
+    def inverse(self, without: Sequence[int] = ()) -> Array:
+        """Inverse of the normal equations (p, p), of all steps or without some."""
         total = np.diag(self.penalty * self.noise**2)
         for index, (weight, normal) in enumerate(zip(self.weights, self.normals, strict=True)):
             if index not in without:
@@ -386,7 +393,7 @@ class Solution:
         pull = sum(
             (self.weights[i] * self.normals[i].gradient for i in group), np.zeros(len(self.vector))
         )
-        return -self._inverse(group) @ pull
+        return -self.inverse(group) @ pull
 
     def predicted_square(self, index: int) -> float:
         """Sum of squares of a step where the fit has not seen it, to second order [rad2]."""
@@ -396,14 +403,14 @@ class Solution:
 
     def influence(self) -> Array:
         """What each step pulls every number by (steps, p): sums to nothing but the pull of the prior."""
-        inverse = self._inverse()
+        inverse = self.inverse()
         pulls = [w * n.gradient for w, n in zip(self.weights, self.normals, strict=True)]
         return np.array(pulls) @ inverse
 
     def covariance(self) -> Array:
         """Covariance (p, p) of the numbers for the noise that the fit leaves, independent from sample to sample."""
         count = sum(w * n.count for w, n in zip(self.weights, self.normals, strict=True))
-        return self._inverse() * self.square / count
+        return self.inverse() * self.square / count
 
     @property
     def samples(self) -> int:

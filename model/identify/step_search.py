@@ -63,10 +63,11 @@ def climb(
             looks = [
                 ({**card, "stiffness": 2.0 * math.log(REVOLUTION * f)}, still) for f in frequencies
             ]
-            starts, least = [*looks, (card, still), *around], len(looks)
+            starts = [*looks, (card, still), *around]
+            least = max(len(looks), min(few, len(starts)))
         elif rung == "hardening":
             starts = [*_bends(answers["linear"][0], added[rung]), (card, still), *around]
-            least = 1
+            least = few
         else:
             starts = _slides(answers["hardening"][0], added, expected)
             least = min(len(starts), few)

@@ -92,7 +92,8 @@ class TorsionModel:
         return np.column_stack([exact[:, :3], exact[:, 3] - late, late, exact[:, 5]])
 
     def mode(self, acceleration: float = 0.0) -> tuple[float, float]:
-        """Natural frequency |pole| [rad/s] and damping ratio of the mode at a torque amplitude over J_o [rad/s2].
+        """Natural frequency |pole| [rad/s] and damping ratio of the mode at a torque amplitude over J_o [rad/s2]; NaN
+        for numbers so far from any spring that it has no mode.
 
         The Dahl element acts as the spring and the damper that do over a swing what it does.
         """
@@ -105,8 +106,12 @@ class TorsionModel:
             soft = pull / swing
         pole = 1j * frequency
         for _ in range(3):
+            if not 0.0 < abs(pole) < math.inf:
+                return math.nan, math.nan
             system = self.system(soft)
             system[1, 1] -= lost / abs(pole)
+            if not np.all(np.isfinite(system)):
+                return math.nan, math.nan
             poles = np.linalg.eigvals(system)
             pole = poles[int(np.argmax(poles.imag))]
         return float(abs(pole)), float(-pole.real / abs(pole))
