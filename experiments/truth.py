@@ -369,6 +369,7 @@ def _steps(result: Result, truth: _Truth) -> Truths:
             frequency, damping = float(dynamics["resonance"]), float(dynamics["damping_ratio"])
             yield f"frequency{suffix}", frequency, frequency
             seen = float(dynamics["damping_ratio_with_output_bearing"])
+            seen -= result.metrics.get("output_bearing_damping_subtracted", 0.0)
             yield f"damping_ratio{suffix}", seen, damping
     # The rotor's inertia is a number of the same fit: a scale error of the torque scales both alike.
     carried = truth.scale() * inertia

@@ -228,6 +228,11 @@ def test_stiffness_is_the_records_and_torque_alone_is_scaled() -> None:
     assert found["stiffness_over_inertia"] == (4.0e5, 4.0e5)
     assert found["frequency_forward"] == (100.0, 100.0)
     assert found["damping_ratio"] == (0.025, 0.02)
+    less = result(
+        "velocity-steps", "damping_ratio", metrics={"output_bearing_damping_subtracted": 0.004}
+    )
+    own = pairs(less, {**TRUTH, "dynamics": dynamics})
+    assert own["damping_ratio"] == pytest.approx((0.021, 0.02))
     carried = SCALE * 0.1
     assert found["output_inertia"] == pytest.approx((carried, 0.1))
     assert found["output_stiffness"] == pytest.approx((4.0e5 * carried, 4.0e4))

@@ -33,6 +33,8 @@ from experiments.planning.shared_parameters import (
     ZeroTime,
 )
 from experiments.planning.speeds import first_resonances, refuse_speed
+from experiments.protocols.friction.bearing import NAMES, output_bearing
+from experiments.protocols.velocity_steps.bearing import without_bearing
 from experiments.protocols.velocity_steps.data import (
     RecordedStep,
     carries,
@@ -143,7 +145,7 @@ def _steps(p: Parameters) -> Iterator[Step]:
                 yield stop(p.acceleration)
 
 
-SETTINGS = ("kinematic_error", "ladder")
+SETTINGS = ("kinematic_error", "ladder", *NAMES)
 LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
 """The setting `ladder`: up to which rung is fitted; full costs several times as much."""
 RESONANCE_SHARE = 0.4
@@ -156,7 +158,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     Setting kinematic_error: "auto" (the set's if it was identified and the run saw the index marks,
     else the run's own steps), "set", "run"; it is fitted in any case, about the set's where that is
     given. Setting ladder: "linear", "hardening" (default), "full" (with hysteresis). K, C_b, K_m and
-    J_o alone cannot be told from the angles, and it is said.
+    J_o alone cannot be told from the angles, and it is said. What the bench's output bearing damps is taken off the
+    damping ratio, as it is entered (settings as of friction) or as the bench's card has it.
     """
     gear = evidence.gear
     richest = _choice(evidence, "ladder", "full", tuple(LADDERS))
@@ -183,7 +186,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             score_step(step.data, angle, ideal=ideal)
             for step, angle, ideal in zip(steps, ladder.predicted, ladder.ideal, strict=True)
         ]
-    estimates = dict(ladder.estimates)
+    bearing = output_bearing(recording, evidence.settings)
+    estimates, damped = without_bearing(ladder.estimates, bearing, gear.inertia.output)
     _refuse_alias(recording, estimates["frequency"].value)
     if not is_known:
         estimates = _with_alias(recording, estimates)
@@ -201,6 +205,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             **_metrics(scores, ladder, steps),
             "skew": skew.value,
             "torque_amplitude": amplitude_of(gear),
+            "output_bearing_damping_subtracted": damped,
         },
         warnings=tuple(dict.fromkeys(warnings)),
         plots=fitted_step_plots(steps, scores, ladder, paper),
@@ -214,6 +219,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             **named,
             "input": "measured",
             "input_of_figure_19": _commanded_words(steps),
+            "output_bearing": bearing.words(),
             "ladder": richest,
             "rung": ladder.chosen,
             "stiffness": f"secant, at +-{amplitude_of(gear):.3g} N m at the output",

@@ -40,7 +40,7 @@ ESTIMATES = (
         name="damping_ratio",
         title="damping ratio",
         unit="1",
-        definition="of the first torsional mode, at a torque amplitude of T1/4",
+        definition="of the first torsional mode, at a torque amplitude of T1/4, without what the bench's bearing damps",
         target_uncertainty=0.01,
         target_reason=_DAMPING_REASON,
         is_key=True,
@@ -99,6 +99,11 @@ METRICS = (
     Quantity(name="torque_amplitude", title="torque amplitude", unit="N m"),
     Quantity(name="largest_torque", title="largest torque in the gear", unit="N m"),
     Quantity(name="skew", title="skew of the encoders", unit="s"),
+    Quantity(
+        name="output_bearing_damping_subtracted",
+        title="damping of the output bearing, subtracted",
+        unit="1",
+    ),
 )
 
 SCORES = (
