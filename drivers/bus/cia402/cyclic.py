@@ -359,15 +359,15 @@ class CyclicDrive(ServoAmplifier):
         if state is not DriveState.ENABLED:
             text = f"the drive left operation enabled: {state.value} (statusword 0x{word:04X})"
             return Left("drive-state", text, float(word))
-        if self.mode is OperationMode.CYCLIC_POSITION and (lost := self._lost_target(word)):
-            return lost
         given = self.mode
         shown = given if self._mode_at is None else record[self._mode_at]
         self._strange_cycles = self._strange_cycles + 1 if shown != given else 0
-        if self._strange_cycles < _MODE_CYCLES:
-            return None
-        text = f"the drive shows mode of operation {shown} (0x6061), it was given {given}"
-        return Left("drive-mode", text, float(shown or 0))
+        if self._strange_cycles >= _MODE_CYCLES:
+            text = f"the drive shows mode of operation {shown} (0x6061), it was given {given}"
+            return Left("drive-mode", text, float(shown or 0))
+        # In another mode the bits below mean something else.
+        is_led = given is OperationMode.CYCLIC_POSITION and not self._strange_cycles
+        return self._lost_target(word) if is_led else None
 
     def _lost_target(self, word: int) -> Left | None:
         """The shaft too far behind its target, or the target not followed any more by a drive that said it does."""
