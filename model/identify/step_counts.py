@@ -54,12 +54,6 @@ def led_away(problem: Problem, solution: Solution) -> Array:
     return solution.inverse() @ pull
 
 
-def corrected(problem: Problem, solution: Solution) -> Array:
-    """The numbers of a fit (p,) without what the counts of the input ring up; as they are, where that leads to none."""
-    vector = solution.vector - led_away(problem, solution)
-    return vector if np.all(np.isfinite(vector)) else solution.vector
-
-
 def louder_in_band(problem: Problem, solution: Solution) -> float:
     """How many times the noise that a fit leaves the noise is at the peak of the mode, by the counts of the input."""
     damping = problem.model(solution.values).mode(problem.swing)[1]

@@ -11,7 +11,7 @@ import numpy as np
 from model.identify.checks import Array
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Identifiable
 from model.identify.least_squares import student_quantile
-from model.identify.step_counts import corrected, left_in_band, louder_in_band
+from model.identify.step_counts import led_away, left_in_band, louder_in_band
 from model.identify.step_data import StepData
 from model.identify.step_fit import Problem, Solution
 from model.identify.step_rungs import LEAST_RELAXATION, Expected
@@ -36,7 +36,7 @@ STATED = (
     ("skew", "s"),
 )
 """What is stated, in the order of `_numbers`: logarithms but for the skew."""
-BOTH_WAYS = (0, 2, 3)
+BOTH_WAYS, DAMPING = (0, 2, 3), 3
 WEAK, POOR = 0.05, 0.2
 """Relative standard errors above which a number is identified weakly, and not at all; the first also bounds what
 leaving out a direction may move one by.
@@ -72,29 +72,21 @@ def estimates_of(
     `others`: other rungs and what they are to the chosen one; what they lead to is a line of the budget.
     """
     solution = answers[0]
-    names = solution.shape.names
     amplitude = expected.amplitude / expected.inertia
-
-    def numbers(vector: Array) -> Array:
-        there = {**solution.values, **dict(zip(names, vector[: len(names)].tolist(), strict=True))}
-        return _numbers(problem.model(there), there["skew"], amplitude)
-
-    here = corrected(problem, solution)
+    numbers, changed = _reading(problem, solution, amplitude)
+    here = solution.vector
     model, centre = problem.model(solution.values), numbers(here)
     left = left_in_band(problem, solution)
     louder = max(louder_in_band(problem, solution), left)
-    error, freedom = _standard_error(solution, _slopes(numbers, here, len(names)), louder)
+    slopes = _slopes(numbers, here, len(solution.shape.names))
+    error, freedom = _standard_error(solution, slopes, louder)
     error = np.hypot(error, _between_answers(answers, numbers, louder))
-    away = np.abs(numbers(solution.vector) - centre) / math.sqrt(3.0)
-    lines = [
-        *_lines(model, centre),
-        ("counts of the input", "what they ring up, to first order", away),
-    ]
+    counts = ("counts of the input", "what they ring up, to first order", changed / math.sqrt(3.0))
+    lines = [*_lines(model, centre), counts]
     if others:
         note = others[0][0]
-        moved = np.max(
-            [_moved_by(problem, other, amplitude, centre) for _, other in others], axis=0
-        )
+        found = [_reading(problem, other, amplitude)[0](other.vector) for _, other in others]
+        moved = np.max(np.abs(np.array(found) - centre), axis=0)
         lines.append(
             ("choice of the rung", note, moved if note == TO_RICHER else moved / math.sqrt(3.0))
         )
@@ -110,7 +102,7 @@ def estimates_of(
             continue
         moved = numbers(here + solution.left_out(opposite.tolist()))
         if not np.all(np.isfinite(moved)):
-            # The other direction carries it all: left out to first order, no spring is left.
+            # The other direction carries it all.
             continue
         # Left out to first order: that is in doubt by as much as it leads away.
         away = np.abs(moved - centre)
@@ -128,12 +120,29 @@ def estimates_of(
     return estimates
 
 
-def _moved_by(problem: Problem, other: Solution, amplitude: float, centre: Array) -> Array:
-    """How far another rung leads the numbers away."""
-    names = other.shape.names
-    found = dict(zip(names, corrected(problem, other)[: len(names)].tolist(), strict=True))
-    there = {**other.values, **found}
-    return np.abs(_numbers(problem.model(there), there["skew"], amplitude) - centre)
+def _reading(
+    problem: Problem, solution: Solution, amplitude: float
+) -> tuple[Callable[[Array], Array], Array]:
+    """The stated numbers as a function of those of a fit (p,), NaN where these are no spring, and how far the counts of
+    the input led them.
+
+    Squares take what is rung up for damping: that is put right, the others are in doubt by it.
+    """
+    names, led = solution.shape.names, led_away(problem, solution)
+
+    def plain(vector: Array) -> Array:
+        there = {**solution.values, **dict(zip(names, vector[: len(names)].tolist(), strict=True))}
+        try:
+            return _numbers(problem.model(there), there["skew"], amplitude)
+        except (ArithmeticError, ValueError):
+            # Numbers to first order can lead out of all springs.
+            return np.full(len(STATED), math.nan)
+
+    off = plain(solution.vector - led) - plain(solution.vector)
+    off = np.where(np.isfinite(off), off, 0.0)
+    right = np.zeros_like(off)
+    right[DAMPING] = off[DAMPING]
+    return (lambda vector: plain(vector) + right), np.abs(off)
 
 
 @dataclass(frozen=True)

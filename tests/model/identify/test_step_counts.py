@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -83,6 +84,24 @@ def test_least_squares_take_the_counts_of_the_input_for_damping_and_that_is_take
     assert line.standard_uncertainty == pytest.approx(
         (by_squares - told.value) / math.sqrt(3.0), rel=0.2
     )
+
+
+@pytest.mark.parametrize("away", [1e4, -1e4, math.inf])
+def test_a_direction_that_leads_out_of_all_springs_is_left_out(
+    monkeypatch: pytest.MonkeyPatch, away: float
+) -> None:
+    """To first order; the analysis of both goes on."""
+    steps = [step(v, seed)[0] for seed, v in enumerate((1200.0, 2400.0, -1200.0, -2400.0))]
+    whole = Solution.left_out
+
+    def left_out(self: Solution, group: Sequence[int]) -> np.ndarray:
+        change = whole(self, group)
+        return change if len(group) == 1 else np.full_like(change, away)
+
+    monkeypatch.setattr(Solution, "left_out", left_out)
+    found = fit_ladder(steps, EXPECTED, error_given=True, richest="linear").estimates
+    assert found["damping_ratio"].value == pytest.approx(DAMPING, rel=0.1)
+    assert not [name for name in found if name.endswith(("forward", "reverse"))]
 
 
 def left_by(line: float) -> tuple[Problem, Solution]:
