@@ -1,9 +1,10 @@
 """What every test has: benches' state and indexes of runs in folders of the session, never in this computer's own;
-and the order of the files on several cores.
+and, on several cores, the order of the files and one thread of linear algebra each.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,8 +29,14 @@ LONGEST_FIRST = (
 """Files that take long and have few tests. A worker takes a whole file: one that begins last is waited for alone."""
 
 
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Read when a library is loaded. Workers fill the cores: its threads would wait for each other, a fifth of the time."""
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Workers take the files in the order below; of itself xdist begins with those that have the most tests."""
+    """Workers take the files in the order above; of itself xdist begins with those that have the most tests."""
+    for variable in ONE_THREAD:
+        os.environ.setdefault(variable, "1")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
 
