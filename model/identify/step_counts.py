@@ -22,13 +22,15 @@ UNMOVED = ("skew", "bearing")
 
 
 def rung_up(problem: Problem, step: StepArrays, values: Mapping[str, float]) -> float:
-    """Mean square [rad2] over a step of what the counts of the input ring up in the model.
+    """Mean square [rad2] over a step of what the counts of the input ring up in the model; NaN where nothing damps it.
 
         V = (S/4) (omega/zeta) (1 + 4 zeta^2) (1 - (1 - exp(-x))/x) ,   x = 2 zeta omega L
 
     of noise of the density S (two-sided), which began L before the end of the step.
     """
     frequency, damping = problem.model(values).mode(problem.swing)
+    if not damping > 0.0:
+        return math.nan
     lasts = 2.0 * damping * frequency * float(step.stamps[-1] - max(step.stamps[0], 0.0))
     built = 1.0 + math.expm1(-lasts) / lasts
     return problem.input_density * frequency * (0.25 / damping + damping) * built
@@ -38,6 +40,8 @@ def led_away(problem: Problem, solution: Solution) -> Array:
     """How far the numbers of a fit (p,) lie from where they would without what the counts of the input ring up.
 
     p - p_0 = -(J'J)^-1 sum n grad V/2 ,   to first order
+
+    Nothing where that is no number: the fit has no mode that could be led.
     """
     pull = np.zeros(len(solution.vector))
     steps = list(zip(problem.steps, solution.weights, solution.normals, strict=True))
@@ -51,7 +55,8 @@ def led_away(problem: Problem, solution: Solution) -> Array:
             h = STEPS.get(name, 1e-3)
             there = {**solution.values, name: solution.values[name] + h}
             pull[j] = -0.5 * (squares(there) - here) / h
-    return solution.inverse() @ pull
+    led = solution.inverse() @ pull
+    return led if np.all(np.isfinite(led)) else np.zeros_like(led)
 
 
 def louder_in_band(problem: Problem, solution: Solution) -> float:
@@ -59,7 +64,7 @@ def louder_in_band(problem: Problem, solution: Solution) -> float:
     damping = problem.model(solution.values).mode(problem.swing)[1]
     count = sum(w * n.count for w, n in zip(solution.weights, solution.normals, strict=True))
     period = float(np.median(np.diff(problem.steps[0].stamps)))
-    peak = 1.0 + 0.25 / damping**2
+    peak = 1.0 + 0.25 / damping**2 if damping > 0.0 else 1.0
     return 1.0 + problem.input_density / period * peak * float(count) / solution.square
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Identifiable
 from model.identify.least_squares import student_quantile
@@ -76,6 +77,8 @@ def estimates_of(
     numbers, changed = _reading(problem, solution, amplitude)
     here = solution.vector
     model, centre = problem.model(solution.values), numbers(here)
+    if not np.all(np.isfinite(centre)):
+        raise IdentificationError("the steps lead to no mode that rings", where="velocity steps")
     left = left_in_band(problem, solution)
     louder = max(louder_in_band(problem, solution), left)
     slopes = _slopes(numbers, here, len(solution.shape.names))
@@ -86,7 +89,8 @@ def estimates_of(
     if others:
         note = others[0][0]
         found = [_reading(problem, other, amplitude)[0](other.vector) for _, other in others]
-        moved = np.max(np.abs(np.array(found) - centre), axis=0)
+        # A rung that leads to no mode says nothing of this one.
+        moved = np.max([np.abs(np.nan_to_num(f - centre)) for f in found], axis=0)
         lines.append(
             ("choice of the rung", note, moved if note == TO_RICHER else moved / math.sqrt(3.0))
         )

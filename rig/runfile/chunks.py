@@ -14,8 +14,7 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-_LEVEL = 1
-_SUM = h5py.h5z.FILTER_FLETCHER32
+_GZIP, _SUM = h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32
 
 
 class ChunkWriter:
@@ -24,8 +23,9 @@ class ChunkWriter:
     def __init__(self, dataset: h5py.Dataset) -> None:
         self._column, self._kind = dataset.id, dataset.dtype
         plan = self._column.get_create_plist()
-        filters = [plan.get_filter(i)[0] for i in range(plan.get_nfilters())]
-        self._left_out = sum(1 << i for i, f in enumerate(filters) if f == _SUM)
+        filters = [plan.get_filter(i) for i in range(plan.get_nfilters())]
+        (self._level,) = (int(f[2][0]) for f in filters if f[0] == _GZIP)
+        self._left_out = sum(1 << i for i, f in enumerate(filters) if f[0] == _SUM)
 
     def append(self, first: int, part: NDArray[Any]) -> None:
         """A chunk at rows [first, first + len(part)); its values must fit the column."""
@@ -33,5 +33,5 @@ class ChunkWriter:
         shuffled = np.ascontiguousarray(stored.reshape(len(part), self._kind.itemsize).T)
         self._column.set_extent((first + len(part),))
         self._column.write_direct_chunk(
-            (first,), isal_zlib.compress(shuffled, _LEVEL), self._left_out
+            (first,), isal_zlib.compress(shuffled, self._level), self._left_out
         )

@@ -132,6 +132,13 @@ def test_the_noise_at_the_peak_of_the_mode_is_louder_by_its_quality() -> None:
     assert louder_in_band(*left_by(0.0)) == pytest.approx(expected, rel=0.02)
 
 
+def test_a_mode_that_nothing_damps_is_led_nowhere() -> None:
+    problem = dataclasses.replace(
+        problem_of(step(600.0, 3)[0]), model=lambda _: dataclasses.replace(LINEAR, loss=-100.0)
+    )
+    assert math.isnan(rung_up(problem, problem.steps[0], VALUES))
+
+
 def test_numbers_that_are_no_spring_have_no_mode() -> None:
     assert all(math.isnan(x) for x in dataclasses.replace(LINEAR, loss=math.inf).mode())
     assert LINEAR.mode() == pytest.approx((math.sqrt(STATIC), DAMPING), rel=0.02)
