@@ -102,6 +102,7 @@ class Deviations:
     hardening            stiffness grows beyond T1 and T2 in the catalogue's proportions K2/K1, K3/K1
     hysteresis_torque, hysteresis_stiffness   a Dahl element parallel to the gear: its limit [N m] and its stiffness
                          as a fraction of K_HDf
+    backlash             torsion from end to end within which the spring gives no torque [rad]
     output_coulomb, output_viscous            friction of the bench's output bearing [N m], [N m s/rad]
     output_per_kelvin    share by which both fall per kelvin of the housing above the thermal reference
     motor_friction       the motor's own Coulomb and viscous friction
@@ -118,6 +119,7 @@ class Deviations:
     hardening: bool = False
     hysteresis_torque: float = 0.0
     hysteresis_stiffness: float = 0.0
+    backlash: float = 0.0
     output_coulomb: float = 0.0
     output_viscous: float = 0.0
     output_per_kelvin: float = 0.0
@@ -308,7 +310,7 @@ class ClosedLoop:
         return p
 
     def _fill_elastic(self, p: FloatArray) -> None:
-        """Hardening and hysteresis, parallel to the gear between rotor and output."""
+        """Hardening, hysteresis and play, parallel to the gear between rotor and output."""
         ratings, extra, stiffness = (
             self.gear.ratings,
             self.deviations,
@@ -323,7 +325,9 @@ class ClosedLoop:
             p[kernel.EXTRA_2], p[kernel.EXTRA_3] = second - stiffness, third - second
         p[kernel.HYSTERESIS_LIMIT] = extra.hysteresis_torque
         p[kernel.HYSTERESIS_STIFFNESS] = extra.hysteresis_stiffness * stiffness
-        p[kernel.ELASTIC] = float(extra.hardening or extra.hysteresis_torque > 0.0)
+        p[kernel.PLAY], p[kernel.SPRING] = 0.5 * extra.backlash, stiffness
+        parallel = extra.hardening or extra.hysteresis_torque > 0.0 or extra.backlash > 0.0
+        p[kernel.ELASTIC] = float(parallel)
 
     def _fill_thermal(self, p: FloatArray) -> None:
         """Heat stores and sensitivities; without `thermal` the stores are infinite."""

@@ -16,6 +16,7 @@ from model.kinematic_error import series_value
 from model.units import ARCSEC, REVOLUTION
 from sim_backend.imperfections import Imperfections, bench_encoder
 from sim_backend.streams import stream
+from sim_backend.world import World
 
 POINTS = 36
 COVERAGE_FACTOR = 2.0
@@ -24,13 +25,13 @@ UNCERTAINTY = {"input": 4.0 * ARCSEC, "output": 0.4 * ARCSEC}
 
 
 def encoder_certificate(
-    imperfections: Imperfections, which: Literal["input", "output"], bench_seed: int
+    imperfections: Imperfections, which: Literal["input", "output"], world: World
 ) -> AngleCertificate:
-    """The certificate of a bench's motor encoder ("input") or output encoder, from its index mark on."""
-    errors = bench_encoder(imperfections, which, bench_seed)
+    """The certificate of the motor encoder ("input") or output encoder of a world's bench, from its index mark on."""
+    errors = bench_encoder(imperfections, which, world)
     angle = np.arange(POINTS) * (REVOLUTION / POINTS)
     shown = series_value(errors.series, errors.index_angle + angle)
-    random = stream(bench_seed, f"{which} certificate")
+    random = stream(world.bench_seed, f"{which} certificate")
     share = UNCERTAINTY[which] / COVERAGE_FACTOR / math.sqrt(2.0)
     cosine, sine = share * random.standard_normal(2)
     shown += cosine * np.cos(angle) + sine * np.sin(angle)

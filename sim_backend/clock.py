@@ -2,7 +2,8 @@
 
 A SYNC comes late or early by a jitter; encoders latch at that instant, and the stamp names it. So
 the jitter is harmless to an analysis that uses the stamps and ruinous to one that uses index times
-period. The jitter is bounded by a quarter of the period, so that stamps never run backwards.
+period. The jitter is bounded by a quarter of the period, so that stamps never run backwards. The clock that
+stamps runs too fast or too slow by a constant share of its own.
 """
 
 from __future__ import annotations
@@ -17,12 +18,14 @@ NANOSECOND = 1e-9
 
 class SyncTimer:
     """The instants of SYNC: nominal period [ns], standard deviation of the jitter [s], start on the
-    hardware's clock.
+    hardware's clock, and by what share that clock runs too fast.
     """
 
-    def __init__(self, cycle_ns: int, jitter: float, seed: int, start_ns: int = 0) -> None:
+    def __init__(
+        self, cycle_ns: int, jitter: float, seed: int, start_ns: int = 0, *, rate_error: float = 0.0
+    ) -> None:
         self.cycle_ns, self.start_ns = cycle_ns, start_ns
-        self._jitter = jitter
+        self._jitter, self._rate_error = jitter, rate_error
         self._noise = CycleNoise(seed, "sync jitter")
 
     def lateness_ns(self, first_cycle: int, cycles: int) -> IntArray:
@@ -38,4 +41,5 @@ class SyncTimer:
         nominal = (
             np.arange(first_cycle, first_cycle + len(lateness_ns), dtype=np.int64) * self.cycle_ns
         )
-        return self.start_ns + nominal + lateness_ns
+        passed = nominal + lateness_ns
+        return self.start_ns + passed + np.rint(passed * self._rate_error).astype(np.int64)

@@ -120,7 +120,12 @@ class SimulatedRig:
         )
         self._lead = PositionLead(self._input_resolution, cycle_ns) if by_position else None
         self._clock: Clock = VirtualClock() if clock is None else clock
-        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, world.run_seed)
+        self._sync = SyncTimer(
+            cycle_ns,
+            self._condition.sync_jitter,
+            world.run_seed,
+            rate_error=self._condition.clock_error,
+        )
         self._faults = tuple(faults)
         self._devices = Devices(self._plant, self._drive)
         self._watch = GuardWatch(self._instruments.channels, cycle_ns)

@@ -23,9 +23,12 @@ import numpy as np
 from drivers.errors import DriverError
 from model.closed_loop import Deviations, Thermal
 from model.gear import Harmonic, HarmonicDrive
+from model.kinematic_error import series_value
 from model.motor import ServoMotor
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
+from sim_backend.days import Days
 from sim_backend.streams import stream
+from sim_backend.wear import Wear
 from sim_backend.world import ThermalState, World
 
 
@@ -38,7 +41,9 @@ class Sizes:
     Accuracies are classes: half the width of an encoder's whole curve, which its channel states. `stated` is what
     stands as it is, with nothing drawn about it. `eccentricity` is that of a mounting, as amplitudes at the output once
     per revolution of the output and of the wave generator; a day's temperature lies within `ambient_spread` of
-    `ambient`; `dry_friction_change` is the standard deviation from run to run, as a share.
+    `ambient`; `dry_friction_change` is the standard deviation from run to run, as a share. `output_waviness` is the
+    half-width of the output encoder's orders 3 to 8 together, as far as its class has room; `clock_error` bounds the
+    share by which the clock of the stamps runs wrong.
     """
 
     input_accuracy: float = 1.4 * (60.0 + 25.0) * ARCSEC
@@ -52,6 +57,7 @@ class Sizes:
     input_twice_per_turn: float = 25.0 * ARCSEC
     output_once_per_turn: float = 4.0 * ARCSEC
     output_twice_per_turn: float = 1.5 * ARCSEC
+    output_waviness: float = 1.0 * ARCSEC
     output_orders: tuple[float, ...] = (
         0.035 * ARCMIN,
         0.02 * ARCMIN,
@@ -91,6 +97,7 @@ class Sizes:
     temperature_noise: float = 0.02
     temperature_offset: float = 0.1
     sync_jitter: float = 15e-6
+    clock_error: float = 50e-6
     input_skew: float = 2e-6
     output_skew: float = 12e-6
     eccentricity: tuple[float, float] = (2.0 * ARCSEC, 1.0 * ARCSEC)
@@ -129,12 +136,14 @@ class Imperfections:
     warming: bool = True
     temperature_noise: bool = True
     sync_jitter: bool = True
+    clock_error: bool = True
     channel_skew: bool = True
     random_start: bool = True
     mounting: bool = True
     eccentricity: bool = True
     ambient_temperature: bool = True
     run_to_run_friction: bool = True
+    wear: bool = True
     sizes: Sizes = field(default_factory=Sizes)
 
     @classmethod
@@ -200,7 +209,8 @@ class TorquePort:
 
 @dataclass(frozen=True)
 class Sideband:
-    """An order n + k/N of the gear's kinematic error, whatever the mounted ratio: cosine and sine [rad]."""
+    """An order n + k/N of the gear's kinematic error, whatever the mounted ratio: cosine and sine [rad]; with n = 0
+    it is one of the output."""
 
     order: int
     beside: int
@@ -214,6 +224,7 @@ class Stated:
 
     deviations: Deviations
     sidebands: tuple[Sideband, ...]
+    output_orders: tuple[Sideband, ...] = ()
     input_encoder: EncoderErrors
     output_encoder: EncoderErrors
     torque_port: TorquePort
@@ -235,7 +246,8 @@ class Seating:
 class Condition:
     """One rig in one world: everything that was drawn. `deviations` go into the plant, the rest into
     the instruments; all angles are the gear's own. `ambient` is the room's temperature [degC],
-    `dry_friction` the gear's dry friction in this run over its own.
+    `day_correlation` that of this bench's days, `dry_friction` the gear's dry friction in this run over its own, `wear`
+    what its hours have done to it.
     """
 
     deviations: Deviations
@@ -250,10 +262,14 @@ class Condition:
     output_count: int
     ambient: float
     dry_friction: float
+    clock_error: float = 0.0
+    day_correlation: float = 0.0
+    wear: Wear | None = None
     seating: Seating = Seating()
 
     def gear_of(self, gear: HarmonicDrive) -> HarmonicDrive:
-        """The gear as it is in this run."""
+        """The gear as it is in this run, after its hours."""
+        gear = gear if self.wear is None else self.wear.worn(gear)
         dry = ("mesh_friction.coulomb", "mesh_friction.static")
         return gear.with_values({path: self.dry_friction * gear.value(path).value for path in dry})
 
@@ -268,12 +284,14 @@ def draw(
     angle = run.uniform(0.0, REVOLUTION * ratio)
     counts = run.integers(-(2**20), 2**20, 2)
     change = sizes.dry_friction_change * _bounded(stream(world.run_seed, "dry friction"))
-    room = stream(world.day_seed, "ambient").uniform(-1.0, 1.0) * sizes.ambient_spread
+    days = Days(world)
+    room = days.within("ambient", -1.0, 1.0) * sizes.ambient_spread
+    wear = Wear.of(world) if on.wear else None
     condition = Condition(
         deviations=_deviations(on, ratio, bench, world.gear_seed),
-        input_encoder=_encoder(on, "input", bench),
-        output_encoder=_encoder(on, "output", bench),
-        torque_port=_torque_port(on, world),
+        input_encoder=_encoder(on, "input", world),
+        output_encoder=_encoder(on, "output", world),
+        torque_port=_torque_port(on, days),
         sync_jitter=sizes.sync_jitter if on.sync_jitter else 0.0,
         temperature_noise=sizes.temperature_noise if on.temperature_noise else 0.0,
         housing_offset=sizes.temperature_offset * _bounded(stream(bench, "thermometer"))
@@ -284,20 +302,45 @@ def draw(
         output_count=int(counts[1]) if started else 0,
         ambient=sizes.ambient + float(room) if on.ambient_temperature else Thermal().ambient,
         dry_friction=1.0 + change if on.run_to_run_friction else 1.0,
+        clock_error=_clock_error(on, world),
+        day_correlation=days.correlation,
+        wear=wear,
     )
     if sizes.stated is not None:
         condition = _as_stated(condition, on, sizes.stated, ratio)
-    return _at(_seated(condition, _seating(on, ratio, world)), start)
+    condition = _seated(condition, _seating(on, ratio, world))
+    return _at(_with_play(condition), start)
+
+
+def _clock_error(on: Imperfections, world: World) -> float:
+    """By what share the clock of the bench's stamps runs too fast."""
+    if not on.clock_error or world.version < 2:
+        return 0.0
+    return on.sizes.clock_error * float(stream(world.bench_seed, "clock").uniform(-1.0, 1.0))
+
+
+def _with_play(condition: Condition) -> Condition:
+    """The condition with the backlash of a worn gear."""
+    backlash = condition.wear.backlash if condition.wear else 0.0
+    return dataclasses.replace(
+        condition, deviations=dataclasses.replace(condition.deviations, backlash=backlash)
+    )
 
 
 def _seating(on: Imperfections, ratio: float, world: World) -> Seating:
-    """What a mounting owns. Turning the gear on the output flange is an act, no imperfection: it is never off."""
-    phases = stream(world.mounting_seed, "phases").uniform(0.0, REVOLUTION, 2)
+    """What a mounting owns. Turning the gear on the output flange is an act, no imperfection: it is never off.
+
+    A stated angle counts from where the first mounting had the gear, so that it is known between all that state one.
+    """
+    turn = world.mount_turn
+    own = first = stream(world.mounting_seed, "phases").uniform(0.0, REVOLUTION, 2)
+    if turn is not None and world.version >= 2:
+        first = stream(world.seed_of_mounting(1), "phases").uniform(0.0, REVOLUTION, 2)
     output, wave_generator = on.sizes.eccentricity
     orders = ((1.0 / ratio, output), (1.0, wave_generator)) if on.eccentricity else ()
     return Seating(
-        float(phases[0]) if on.mounting else 0.0,
-        (float(phases[1]) if on.mounting else 0.0) + world.mount_turn,
+        float(own[0]) if on.mounting else 0.0,
+        (float(first[1]) if on.mounting else 0.0) + (turn or 0.0),
         _drawn(stream(world.mounting_seed, "eccentricity"), orders),
     )
 
@@ -330,11 +373,11 @@ def _at(condition: Condition, start: ThermalState | None) -> Condition:
     return dataclasses.replace(condition, deviations=dataclasses.replace(extra, thermal=thermal))
 
 
-def _torque_port(on: Imperfections, world: World) -> TorquePort:
+def _torque_port(on: Imperfections, days: Days) -> TorquePort:
     """The bench's gain, the day's zero."""
     sizes = on.sizes
-    gain = sizes.torque_scale * _bounded(stream(world.bench_seed, "torque gain"))
-    zero = sizes.torque_offset * _bounded(stream(world.day_seed, "torque zero"))
+    gain = sizes.torque_scale * _bounded(stream(days.world.bench_seed, "torque gain"))
+    zero = sizes.torque_offset * days.normal("torque zero", _bounded)
     return TorquePort(
         gain if on.torque_scale_error else 0.0,
         zero if on.torque_offset else 0.0,
@@ -346,10 +389,13 @@ def _torque_port(on: Imperfections, world: World) -> TorquePort:
 def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: float) -> Condition:
     """The condition with what stands as it is, as far as it is switched on, in place of what was drawn about sizes."""
     have, port = stated.deviations, stated.torque_port
-    bands = tuple(Harmonic(b.order + b.beside / ratio, b.cosine, b.sine) for b in stated.sidebands)
+    bands = stated.output_orders if on.output_orders else ()
+    bands += stated.sidebands if on.sidebands else ()
     deviations = dataclasses.replace(
         condition.deviations,
-        kinematic_error=bands if on.sidebands else (),
+        kinematic_error=tuple(
+            Harmonic(b.order + b.beside / ratio, b.cosine, b.sine) for b in bands
+        ),
         hysteresis_torque=have.hysteresis_torque if on.hysteresis else 0.0,
         hysteresis_stiffness=have.hysteresis_stiffness if on.hysteresis else 0.0,
         output_coulomb=have.output_coulomb if on.output_bearing_friction else 0.0,
@@ -443,18 +489,18 @@ def _drawn(
     )
 
 
-def bench_encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
+def bench_encoder(on: Imperfections, which: str, world: World) -> EncoderErrors:
     """The "input" or "output" encoder of a bench over its own angle, whatever is mounted on it."""
     stated = on.sizes.stated
     if stated is None:
-        return _encoder(on, which, bench_seed)
+        return _encoder(on, which, world)
     return _switched(stated.input_encoder if which == "input" else stated.output_encoder, on)
 
 
-def _encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
+def _encoder(on: Imperfections, which: str, world: World) -> EncoderErrors:
     """The errors of the "input" or "output" encoder."""
     sizes = on.sizes
-    random = stream(bench_seed, f"{which} encoder")
+    random = stream(world.bench_seed, f"{which} encoder")
     scale, phase = random.uniform(0.6, 1.4, 3), random.uniform(0.0, REVOLUTION, 4)
     once, twice, lines, fine, skew = (
         (
@@ -474,12 +520,32 @@ def _encoder(on: Imperfections, which: str, bench_seed: int) -> EncoderErrors:
         )
     )
     series = (_harmonic(1.0, once * scale[0], phase[0]), _harmonic(2.0, twice * scale[1], phase[1]))
+    if which == "output" and world.version >= 2:
+        series += _waviness(series, sizes, world.bench_seed)
     return EncoderErrors(
         series if on.encoder_revolution_error else (),
         _harmonic(float(lines), fine * scale[2], phase[2]) if on.sub_divisional_error else None,
         float(phase[3]) if on.random_start else math.pi,
         skew * float(random.uniform(0.7, 1.3)) if on.channel_skew else 0.0,
     )
+
+
+def _waviness(slow: tuple[Harmonic, ...], sizes: Sizes, bench_seed: int) -> tuple[Harmonic, ...]:
+    """Orders 3 to 8 of an output encoder whose orders 1 and 2 are known: all together within its class."""
+    random = stream(bench_seed, "output encoder orders 3 to 8")
+    raw = [
+        _harmonic(float(n), random.uniform(0.0, 1.0), random.uniform(0.0, REVOLUTION))
+        for n in range(3, 9)
+    ]
+    room = max(sizes.output_accuracy - half_width(slow), 0.0)
+    size = min(sizes.output_waviness * random.uniform(0.6, 1.4), room) / half_width(raw)
+    return tuple(Harmonic(h.order, size * h.cosine, size * h.sine) for h in raw)
+
+
+def half_width(series: Iterable[Harmonic]) -> float:
+    """Half the width of a curve of whole orders over one revolution, (largest - smallest)/2."""
+    around = np.linspace(0.0, REVOLUTION, 7200, endpoint=False)
+    return 0.5 * float(np.ptp(series_value(tuple(series), around)))
 
 
 def _turned(series: Iterable[Harmonic], phase: float) -> tuple[Harmonic, ...]:

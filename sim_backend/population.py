@@ -4,8 +4,9 @@
 and analysis get, and what the bench has. Everything is drawn independently, each entry from a
 stream of its own, named as in `_Draw`; uniform where no law is said.
 
-narrow      parts of one series: `individual_gear` and `individual_motor` about the card; the bench as
-            `sim_backend.imperfections` draws it about its sizes. The card is the nominal one.
+narrow      parts of one series: `individual_gear` and `individual_motor` about the card, the rotor's inertia
+            within 10 % of it; the bench as `sim_backend.imperfections` draws it about its sizes. The card is the
+            nominal one.
 
 wide        gear, from the gear's seed
   J_o                       0.02 to 1 kg m2, log-uniform
@@ -21,23 +22,27 @@ wide        gear, from the gear's seed
                             that wide where the torque is zero), initial stiffness T_h over a travel of 3 arcmin
   kinematic error           orders n = 1 to 6, sidebands n - 1/N and n + 1/N of each, and 2 - 2/N, 2 + 2/N:
                             amplitude 0.2 to 20 arcsec, log-uniform, any phase
+  output orders             k/N, k = 1 to 8: amplitude 0.2 to 3 arcsec, log-uniform, any phase
             bench, from the bench's seed
-  output encoder            orders 1 to 8, any phases, shares uniform; the whole curve is scaled to a half width
-                            ((largest - smallest)/2) of 0.5 to 1 of the class of 5 arcsec;
-                            subdivision 1 % of a line
+  output encoder            orders 1 to 8, any phases, shares uniform, and orders 9 to 64 likewise, which have 5 to 20 %
+                            of the whole curve's half width; that ((largest - smallest)/2) is scaled to 0.5 to 1 of
+                            the class of 5 arcsec; subdivision 1 % of a line
   motor encoder             orders 1, 2, 4 likewise in a class of 30 arcsec; subdivision 1 % of a line
   torque port               gain +-1 %, lag 0 to 2 ms
   output bearing            0.1 to 1 N m of Coulomb friction, 0 to -1 % per kelvin from 20 degC
   skew                      the output is latched 0 to 1 ms after the input
   motor                     torque constant +-2 %, Coulomb and viscous friction +-50 % each, cogging 0 to 5 mN m
-                            (its largest order; the others in the nominal proportion, any phases)
+                            (its largest order; the others in the nominal proportion, any phases); inertia of
+                            the rotor +-10 %
+  clock                     +-50 ppm, as of a narrow bench
+  correlation of days       0 to 0.4
             day, from the day's seed
   torque port               zero +-5 mN m
   ambient                   15 to 32 degC, where gear and motor start
 
 The wide card is the drawn gear's nameplate: N with matching teeth, and module, deformation and
 teeth in the proportion of the nominal gear, exact; J_o within 3 % of the drawn one; ratings of the
-size at that ratio. All else on it is nominal.
+size at that ratio. All else on it is nominal. What hours do to either gear says `sim_backend.wear`.
 """
 
 from __future__ import annotations
@@ -55,12 +60,14 @@ from model.kinematic_error import series_value
 from model.motor import ServoMotor
 from model.stiffness import drive_stiffness
 from model.units import ARCMIN, ARCSEC, REVOLUTION
+from sim_backend.days import Days
 from sim_backend.imperfections import (
     EncoderErrors,
     Sideband,
     Sizes,
     Stated,
     TorquePort,
+    half_width,
     individual_gear,
     individual_motor,
 )
@@ -74,6 +81,14 @@ DAHL_TRAVEL = 3.0 * ARCMIN
 """Torsion over which the hysteresis element of a wide gear would slide at its initial stiffness [rad]."""
 REFERENCE = 20.0
 """degC at which drawn friction holds."""
+OUTPUT_ORDERS = range(1, 9)
+"""Of the output, k of k/N, that a wide gear has."""
+FINE_ORDERS = range(9, 65)
+"""Of its own revolution that a wide bench's output encoder has beside 1 to 8."""
+FINE_SHARE = (0.05, 0.20)
+"""Of the whole curve's half width that they have."""
+ROTOR = 0.10
+"""How far a rotor's inertia may be from its card, as a share."""
 
 _RATINGS = {
     50: (39.0, 98.0, 186.0, 2.5e4, 3.4e4, 4.4e4, 0.15, 55.0, 450.0),
@@ -118,24 +133,33 @@ def drawn(card_of: HarmonicDrive, motor: ServoMotor, world: World) -> Drawn:
         return Drawn(
             gear=individual_gear(card_of, world.gear_seed),
             card=card_of,
-            motor=individual_motor(motor, world.bench_seed),
+            motor=_with_rotor(individual_motor(motor, world.bench_seed), world),
             motor_card=motor,
             sizes=Sizes(),
         )
     gear, bench = _Draw(world.gear_seed), _Draw(world.bench_seed)
+    own_motor = dataclasses.replace(
+        motor,
+        coulomb_friction=motor.coulomb_friction * bench.within("motor coulomb", 0.5, 1.5),
+        viscous_friction=motor.viscous_friction * bench.within("motor viscous", 0.5, 1.5),
+    )
     card = _card(card_of, gear)
     own = _gear(card, gear)
     return Drawn(
         gear=own,
         card=card,
-        motor=dataclasses.replace(
-            motor,
-            coulomb_friction=motor.coulomb_friction * bench.within("motor coulomb", 0.5, 1.5),
-            viscous_friction=motor.viscous_friction * bench.within("motor viscous", 0.5, 1.5),
-        ),
+        motor=_with_rotor(own_motor, world),
         motor_card=motor,
-        sizes=_sizes(own, gear, bench, _Draw(world.day_seed)),
+        sizes=_sizes(own, gear, bench, world),
     )
+
+
+def _with_rotor(motor: ServoMotor, world: World) -> ServoMotor:
+    """The motor with a rotor of its own."""
+    if world.version < 2:
+        return motor
+    away = float(stream(world.bench_seed, "rotor inertia").uniform(-ROTOR, ROTOR))
+    return dataclasses.replace(motor, rotor_inertia=motor.rotor_inertia * (1.0 + away))
 
 
 @dataclass(frozen=True)
@@ -219,7 +243,7 @@ def _gear(card: HarmonicDrive, gear: _Draw) -> HarmonicDrive:
     return dataclasses.replace(own, kinematic_error=tuple(series))
 
 
-def _sizes(own: HarmonicDrive, gear: _Draw, bench: _Draw, day: _Draw) -> Sizes:
+def _sizes(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Sizes:
     """What channels say of the wide bench (its classes, as standard uncertainties), and what it has."""
     uniform = 1.0 / math.sqrt(3.0)
     return dataclasses.replace(
@@ -229,13 +253,13 @@ def _sizes(own: HarmonicDrive, gear: _Draw, bench: _Draw, day: _Draw) -> Sizes:
         torque_scale=0.01 * uniform,
         torque_constant=0.02 * uniform,
         torque_offset=5e-3 * uniform,
-        stated=_stated(own, gear, bench, day),
+        stated=_stated(own, gear, bench, world),
     )
 
 
-def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, day: _Draw) -> Stated:
-    nominal = Sizes()
-    ambient = day.within("ambient", 15.0, 32.0)
+def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Stated:
+    nominal, days, newer = Sizes(), Days(world), world.version >= 2
+    ambient = days.within("wide ambient", 15.0, 32.0)
     hysteresis = 0.5 * gear.within("hysteresis", 0.2 * ARCMIN, 2.0 * ARCMIN)
     pairs = [(n, k) for n in range(1, 7) for k in (-1, 1)] + [(2, -2), (2, 2)]
     bands = [gear.wave(f"sideband {n} {k:+d}", 0.2 * ARCSEC, 20.0 * ARCSEC) for n, k in pairs]
@@ -265,6 +289,7 @@ def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, day: _Draw) -> Stated
         sidebands=tuple(
             Sideband(n, k, w.real, w.imag) for (n, k), w in zip(pairs, bands, strict=True)
         ),
+        output_orders=_output_orders(gear) if newer else (),
         input_encoder=_encoder(bench, "input", (1, 2, 4), INPUT_CLASS, nominal.input_lines, 0.0),
         output_encoder=_encoder(
             bench,
@@ -273,14 +298,20 @@ def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, day: _Draw) -> Stated
             OUTPUT_CLASS,
             nominal.output_lines,
             bench.within("skew", 0.0, 1e-3),
+            FINE_ORDERS if newer else range(0),
         ),
         torque_port=TorquePort(
             gain_error=bench.within("torque gain", -0.01, 0.01),
-            offset=day.within("torque zero", -5e-3, 5e-3),
+            offset=days.within("wide torque zero", -5e-3, 5e-3),
             drift_per_kelvin=nominal.torque_drift_per_kelvin,
             noise=nominal.torque_noise,
         ),
     )
+
+
+def _output_orders(gear: _Draw) -> tuple[Sideband, ...]:
+    waves = [gear.wave(f"output order {k}", 0.2 * ARCSEC, 3.0 * ARCSEC) for k in OUTPUT_ORDERS]
+    return tuple(Sideband(0, k, w.real, w.imag) for k, w in zip(OUTPUT_ORDERS, waves, strict=True))
 
 
 def _cogging(bench: _Draw, nominal: tuple[tuple[int, float], ...]) -> tuple[Harmonic, ...]:
@@ -301,19 +332,14 @@ def _encoder(
     accuracy: float,
     lines: int,
     skew: float,
+    fine_orders: range = range(0),
 ) -> EncoderErrors:
-    """An encoder whose whole curve lies within its class: 0.5 to 1 of it."""
+    """An encoder whose whole curve lies within its class: 0.5 to 1 of it. Its fine orders have their share of that."""
     random = bench.of(f"{which} encoder")
-    shares, phases = (
-        random.uniform(0.0, 1.0, len(orders)),
-        random.uniform(0.0, REVOLUTION, len(orders)),
-    )
-    raw = [
-        Harmonic(float(n), a * math.cos(p), a * math.sin(p))
-        for n, a, p in zip(orders, map(float, shares), map(float, phases), strict=True)
-    ]
-    curve = series_value(raw, np.linspace(0.0, REVOLUTION, 7200, endpoint=False))
-    scale = accuracy * float(random.uniform(0.5, 1.0)) / (0.5 * float(np.ptp(curve)))
+    raw = _waves(random, orders)
+    if fine_orders:
+        raw += _fine_waves(bench.of(f"{which} encoder fine orders"), fine_orders, raw)
+    scale = accuracy * float(random.uniform(0.5, 1.0)) / half_width(raw)
     fine, phase = 0.01 * REVOLUTION / lines, float(random.uniform(0.0, REVOLUTION))
     return EncoderErrors(
         tuple(Harmonic(h.order, scale * h.cosine, scale * h.sine) for h in raw),
@@ -321,3 +347,27 @@ def _encoder(
         float(random.uniform(0.0, REVOLUTION)),
         skew,
     )
+
+
+def _waves(random: np.random.Generator, orders: range | tuple[int, ...]) -> list[Harmonic]:
+    """Waves of uniform amplitude below 1, any phases."""
+    shares, phases = (
+        random.uniform(0.0, 1.0, len(orders)),
+        random.uniform(0.0, REVOLUTION, len(orders)),
+    )
+    return [
+        Harmonic(float(n), a * math.cos(p), a * math.sin(p))
+        for n, a, p in zip(orders, map(float, shares), map(float, phases), strict=True)
+    ]
+
+
+def _fine_waves(random: np.random.Generator, orders: range, slow: list[Harmonic]) -> list[Harmonic]:
+    """Waves of these orders whose curve is 5 to 20 % as wide as the whole one with the slow ones."""
+    raw, share = _waves(random, orders), float(random.uniform(*FINE_SHARE))
+    around = np.linspace(0.0, REVOLUTION, 7200, endpoint=False)
+    below, above = series_value(slow, around), series_value(raw, around)
+    size = share * float(np.ptp(below)) / float(np.ptp(above))
+    # The whole is wider than the slow waves by at most what is added: each turn leaves a fifth of what was lacking.
+    for _ in range(20):
+        size = share * float(np.ptp(below + size * above)) / float(np.ptp(above))
+    return [Harmonic(h.order, size * h.cosine, size * h.sine) for h in raw]

@@ -18,6 +18,7 @@ from drivers.channel import Calibration, Channel, encoder_channel
 from drivers.samples import CycleFlag
 from model.kernels import closed_loop as row
 from model.kernels import encoder as kernel
+from model.loop_tables import error_table
 from model.motor import ServoMotor
 from model.units import REVOLUTION
 from sim_backend.clock import NANOSECOND
@@ -31,6 +32,8 @@ Counts = NDArray[np.int64]
 FINE = 4096
 """How many times finer than the real one a channel counts when its steps are switched off."""
 ADC_RANGE = 2**15 - 1
+SLOW = 8
+"""Order of its own revolution up to which an encoder's errors are summed one by one; those above are looked up."""
 TEMPERATURE_COUNT = 0.01
 """Kelvin per count of the thermometers."""
 
@@ -50,14 +53,17 @@ class Encoder:
     ) -> None:
         self.quantum = channel.scale
         self._errors, self._column, self._sense = errors, column, float(sense)
-        waves = (
-            errors.series if errors.subdivision is None else (*errors.series, errors.subdivision)
-        )
+        slow = tuple(h for h in errors.series if h.order <= SLOW)
+        fine = tuple(h for h in errors.series if h.order > SLOW)
+        waves = slow if errors.subdivision is None else (*slow, errors.subdivision)
+        # Dozens of cosines for every count would take longer than the plant does.
+        self._fine = error_table(fine, 1.0, 1.0)[0] if fine else np.empty((0, 4))
         self._waves = np.array(
             [(h.order, h.amplitude, math.atan2(h.sine, h.cosine)) for h in waves]
         ).reshape(-1, 3)
         angle, count = sense * start[0], start[1]
-        self._offset = count - int(kernel.count_at(angle, self._waves, self.quantum, 0))
+        shown = kernel.count_at(angle, self._waves, self._fine, self.quantum, 0)
+        self._offset = count - int(shown)
         self.latch = np.array([math.floor((angle - errors.index_angle) / REVOLUTION), 0.0, 0.0])
 
     @property
@@ -81,6 +87,7 @@ class Encoder:
             late,
             self._errors.skew,
             self._waves,
+            self._fine,
             self.quantum,
             self._offset,
             self._errors.index_angle,

@@ -70,7 +70,15 @@ def tell(
             "input_skew": condition.input_encoder.skew,
             "output_skew": later,
             "skew": later - condition.input_encoder.skew,
+            "clock_error": condition.clock_error,
         },
+        "mounting": {
+            "turn": world.mount_turn,
+            "input_phase": condition.seating.input_phase,
+            "output_phase": condition.seating.output_phase,
+            "eccentricity": _orders(condition.seating.eccentricity),
+        },
+        "day": {"correlation": condition.day_correlation},
         "start_angle": condition.start_angle,
         "gear_mounted": mounted,
         "inertia": {
@@ -80,10 +88,24 @@ def tell(
         },
     }
     if mounted:
+        truth["wear"] = _wear(condition)
         truth["friction"] = _friction(loop, condition)
         truth["kinematic_error"] = _kinematic_error(loop, condition, instruments, output_sense)
         truth["dynamics"] = _dynamics(loop)
     return truth
+
+
+def _wear(condition: Condition) -> dict[str, float]:
+    """What hours have done to the gear; every other part of the truth is that of the gear as it is now."""
+    wear = condition.wear
+    if wear is None:
+        return {}
+    rates = dataclasses.asdict(wear)
+    return {
+        "hours": rates.pop("hours"),
+        **{f"{name}_per_1000_hours": rate for name, rate in rates.items()},
+        "backlash": wear.backlash,
+    }
 
 
 def _friction(loop: ClosedLoop, condition: Condition) -> dict[str, object]:
@@ -212,9 +234,11 @@ def _amplitude(h: Harmonic | None) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class _Winding:
-    """Torque over torsion of the gear's spring with its kinks, and of the hysteresis element parallel to it (Dahl)."""
+    """Torque over torsion of the gear's spring with its play (to either side) and its kinks, and of the hysteresis
+    element parallel to it (Dahl)."""
 
     stiffness: float
+    play: float
     kinks: tuple[tuple[float, float], ...]
     limit: float
     initial: float
@@ -233,6 +257,7 @@ class _Winding:
         )
         return _Winding(
             stiffness=first,
+            play=0.5 * extra.backlash,
             kinks=knees if extra.hardening else (),
             limit=extra.hysteresis_torque,
             initial=extra.hysteresis_stiffness * first if extra.hysteresis_torque else 0.0,
@@ -246,12 +271,13 @@ class _Winding:
 
     def torque(self, torsion: float) -> float:
         """At the end of such a swing [N m]."""
-        harder = sum(step * max(0.0, torsion - knee) for knee, step in self.kinks)
-        return self.stiffness * torsion + harder + self.hysteresis(torsion)
+        taut = max(torsion - self.play, 0.0)
+        harder = sum(step * max(0.0, taut - knee) for knee, step in self.kinks)
+        return self.stiffness * taut + harder + self.hysteresis(torsion)
 
     def torsion(self, torque: float) -> float:
         """The swing that needs this torque [rad]."""
-        low, high = 0.0, torque / self.stiffness
+        low, high = 0.0, self.play + torque / self.stiffness
         while high - low > 1e-13 * high:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self.torque(middle) < torque else (low, middle)
@@ -287,6 +313,7 @@ def _dynamics(loop: ClosedLoop) -> dict[str, object]:
         "structural_damping": gear.damping.structural,
         "spring": {
             "stiffness": winding.stiffness,
+            "backlash": extra.backlash,
             "kinks": [{"torsion": knee, "stiffer_by": step} for knee, step in winding.kinks],
         },
         "hysteresis": {"torque": winding.limit, "stiffness": winding.initial},

@@ -99,8 +99,10 @@ STATE_SIZE = 32
     PORT_STEP_FINE,
     CREEP,
     LATCH,
-) = range(45)
-PHYSICS_SIZE = 45
+    PLAY,
+    SPRING,
+) = range(47)
+PHYSICS_SIZE = 47
 
 # Servo: gains and limits that a drive can be told; rates are per servo period.
 (
@@ -228,14 +230,16 @@ def friction_at(table, scale, last, speed):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def hardened(physics, torsion):
-    """Torque beyond the linear stiffness at a torsion of the gear: K2 above T1, K3 above T2."""
-    size = abs(torsion)
-    if size <= physics[KINK_1]:
-        return 0.0
-    extra = physics[EXTRA_2] * (size - physics[KINK_1])
-    if size > physics[KINK_2]:
-        extra += physics[EXTRA_3] * (size - physics[KINK_2])
-    return math.copysign(extra, torsion)
+    """Torque beyond the linear stiffness at a torsion of the gear: none within the play, K2 above T1, K3 above T2."""
+    size, extra = abs(torsion), 0.0
+    if physics[PLAY] > 0.0:
+        extra = -physics[SPRING] * min(size, physics[PLAY])
+        size -= physics[PLAY]
+    if size > physics[KINK_1]:
+        extra += physics[EXTRA_2] * (size - physics[KINK_1])
+        if size > physics[KINK_2]:
+            extra += physics[EXTRA_3] * (size - physics[KINK_2])
+    return extra if torsion > 0.0 else -extra
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})

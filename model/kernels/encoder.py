@@ -12,18 +12,40 @@ TURN, LATCHED, SEEN = 0, 1, 2
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def count_at(angle, waves, quantum, offset):
-    """The count at a true angle; `waves` (n, 3) are order, amplitude [rad] and phase of the errors over the angle."""
+def count_at(angle, waves, fine, quantum, offset):
+    """The count at a true angle; `waves` (n, 3) are order, amplitude [rad] and phase of the errors over the angle.
+
+    `fine` (points + 1, 4), where it is not empty, holds cubic pieces of what many more orders add over one revolution.
+    """
     within = angle - math.floor(angle / (2.0 * math.pi)) * (2.0 * math.pi)
     read = angle
     for k in range(waves.shape[0]):
         read += waves[k, 1] * math.cos(waves[k, 0] * within - waves[k, 2])
+    points = fine.shape[0] - 1
+    if points > 0:
+        place = within * (points / (2.0 * math.pi))
+        k = min(int(place), points)
+        x = place - k
+        read += fine[k, 0] + x * (fine[k, 1] + x * (fine[k, 2] + x * fine[k, 3]))
     return math.floor(read / quantum) + offset
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def read_encoder(
-    rows, column, sense, late, delay, waves, quantum, offset, mark, latch, counts, indices, seen
+    rows,
+    column,
+    sense,
+    late,
+    delay,
+    waves,
+    fine,
+    quantum,
+    offset,
+    mark,
+    latch,
+    counts,
+    indices,
+    seen,
 ):
     """Counts, latched index counts and whether a mark was seen, per row.
 
@@ -39,10 +61,11 @@ def read_encoder(
         angle = sense * (
             rows[k, column] + wait * (rows[k, column + 1] + 0.5 * wait * rows[k, column + 2])
         )
-        counts[k] = count_at(angle, waves, quantum, offset)
+        counts[k] = count_at(angle, waves, fine, quantum, offset)
         now = math.floor((angle - mark) / (2.0 * math.pi))
         if now != turn:
-            latched = count_at(mark + 2.0 * math.pi * max(now, turn), waves, quantum, offset)
+            passed_at = mark + 2.0 * math.pi * max(now, turn)
+            latched = count_at(passed_at, waves, fine, quantum, offset)
             if now < turn:
                 latched += 1
             passed = True

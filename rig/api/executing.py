@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import warnings
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
 from pathlib import Path
@@ -14,7 +16,7 @@ from rig.bench.backends.assembly import WorldChoice
 from rig.bench.backends.registry import HARDWARE
 from rig.commands.ordering import request_of
 from rig.commands.prompting import terminal_ask
-from rig.errors import RigError
+from rig.errors import ConfigurationError, RigError
 from rig.run.start import plan_request, run_request
 from rig.run.stop import StopRequest, pressed_by_signals
 
@@ -48,7 +50,8 @@ def execute(
     `backend` is "sim", "wire", "replay:RUN.h5" or "hardware"; `gear` the parameter set, `serial` the serial number of
     the gear, `folder` where the run file goes ("runs", or that of the configuration). `parameters` are the protocol's
     own, as `rig run PROTOCOL --help` lists them, with underscores: `points=10`, `speeds_rpm=(60.0, 600.0)`.
-    `seed` and `world` (gear_seed, bench_seed, mount, day, number, population, start_state) choose a simulated world.
+    `seed` and `world` (gear_seed, bench_seed, mount, mount_turn_deg, hours, day, day_correlation, number, population,
+    start_state) choose a simulated world.
     A rig of hardware is described by `config` and armed by `confirm`, the serial number once more; prompts are put
     on the terminal, unless `ask` answers them. In the main thread Ctrl-C is a STOP, a second one an ABORT.
 
@@ -67,7 +70,7 @@ def execute(
         operator=operator,
         seed=seed,
         confirmation=confirm,
-        world=WorldChoice(**(world or {})),
+        world=_chosen(world or {}),
     )
     planned = plan_request(request)
     stop = StopRequest()
@@ -80,6 +83,27 @@ def execute(
     if not report.readable:
         raise RigError("the run left no file", where=str(report.path), value=report.message)
     return load(report.path)
+
+
+def _chosen(world: Mapping[str, Any]) -> WorldChoice:
+    """The choice of a world by what a caller names. Raises `ConfigurationError` for a turn in two units."""
+    named = dict(world)
+    if "mount_turn" in named:
+        if "mount_turn_deg" in named:
+            raise ConfigurationError(
+                "one turn of the gear is stated twice",
+                where="world",
+                value="mount_turn and mount_turn_deg",
+                remedy="Give mount_turn_deg alone, in degrees.",
+            )
+        warnings.warn(
+            "world: mount_turn is in radians and ends with the next version; give mount_turn_deg, in degrees.",
+            DeprecationWarning,
+            stacklevel=3,
+        )
+    elif (turned := named.pop("mount_turn_deg", None)) is not None:
+        named["mount_turn"] = math.radians(turned)
+    return WorldChoice(**named)
 
 
 def _answers(backend: str, stop: StopRequest) -> Callable[[Prompt], str | None]:

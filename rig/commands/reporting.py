@@ -17,7 +17,9 @@ from rig.commands.terminal import console, echo, print_json
 from rig.commands.worlds import (
     BenchSeed,
     Day,
+    DayCorrelation,
     GearSeed,
+    Hours,
     Mount,
     MountTurn,
     PopulationName,
@@ -235,8 +237,10 @@ def demo(
     gear_seed: GearSeed = None,
     bench_seed: BenchSeed = None,
     mount: Mount = 1,
-    mount_turn: MountTurn = 0.0,
+    mount_turn: MountTurn = None,
+    hours: Hours = 0.0,
     day: Day = 1,
+    day_correlation: DayCorrelation = None,
     population: PopulationName = "narrow",
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
@@ -258,7 +262,9 @@ def demo(
         gear_seed=gear_seed,
         bench_seed=bench_seed,
         mount=mount,
+        hours=hours,
         day=day,
+        day_correlation=day_correlation,
         population=population,
     )
     created = datetime.now().astimezone().isoformat(timespec="seconds")

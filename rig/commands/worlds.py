@@ -40,12 +40,31 @@ Mount = Annotated[
     ),
 ]
 MountTurn = Annotated[
-    float,
+    float | None,
     typer.Option(
         "--mount-turn",
         metavar="DEG",
         rich_help_panel=_PANEL,
-        help="Angle that the gear is turned by on the output flange, as the encoder counts [deg].",
+        help="Angle on the output flange from where mounting 1 had the gear, as the encoder counts [deg]; "
+        "with --mount, because a gear that is turned is fitted anew. Without it nobody knows the angle.",
+    ),
+]
+Hours = Annotated[
+    float,
+    typer.Option(
+        "--hours",
+        metavar="H",
+        rich_help_panel=_PANEL,
+        help="How long the gear has run: friction, order 2, stiffness and backlash wear at rates of its own.",
+    ),
+]
+DayCorrelation = Annotated[
+    float | None,
+    typer.Option(
+        "--day-correlation",
+        metavar="R",
+        rich_help_panel=_PANEL,
+        help="How much a day resembles the one before, 0 to 0.95; 0 without it, of a wide bench 0 to 0.4.",
     ),
 ]
 Day = Annotated[
@@ -87,8 +106,9 @@ StartStateName = Annotated[
 ]
 
 
-def world_choice(mount_turn_deg: float = 0.0, **others: Any) -> WorldChoice:
+def world_choice(mount_turn_deg: float | None = None, **others: Any) -> WorldChoice:
     """The choice that flags make. Raises `ConfigurationError` for a value that names no world."""
     from rig.bench.backends.assembly import WorldChoice
 
-    return WorldChoice(mount_turn=math.radians(mount_turn_deg), **others)
+    turn = None if mount_turn_deg is None else math.radians(mount_turn_deg)
+    return WorldChoice(mount_turn=turn, **others)

@@ -23,16 +23,27 @@ def world_facts(world: object) -> list[tuple[str, str]]:
     if not isinstance(world, Mapping):
         return []
     start = world["start"]
-    turned = math.degrees(world["mount_turn"])
+    turned = _turned(world)
+    hours, correlation = world.get("hours", 0.0), world.get("day_correlation")
     warm = ", ".join(f"{name} {start[name]:.1f} degC" for name in start if name != "run")
     parts = (
-        f"gear {world['gear_seed']}, bench {world['bench_seed']}, mounting {world['mount']}",
-        f" turned by {turned:g} deg" if turned else "",
-        f", day {world['day']}, number {world['number']}, {world['population']} population; starts as ",
+        f"gear {world['gear_seed']}",
+        f" after {hours:g} h" if hours else "",
+        f", bench {world['bench_seed']}, mounting {world['mount']}",
+        "" if turned is None else f" turned by {turned:g} deg",
+        f", day {world['day']}",
+        "" if correlation is None else f" (days correlated by {correlation:g})",
+        f", number {world['number']}, {world['population']} population; starts as ",
         f"run {start['run']} ended ({warm})" if warm else "warm as the room",
         f"; repeats {world['repeats']}" if "repeats" in world else "",
     )
     return [("world", "".join(parts))]
+
+
+def _turned(world: Mapping[str, Any]) -> float | None:
+    """The stated angle of a gear on the output flange [deg]; version 0.2.0 wrote 0 where nobody had stated one."""
+    turn = world["mount_turn"]
+    return math.degrees(turn) if turn or (turn is not None and "version" in world) else None
 
 
 def acquisition_facts(figures: object) -> list[tuple[str, str]]:

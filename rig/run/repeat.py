@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from model.gear_file import gear_from_mapping
-from rig.bench.backends.assembly import StartState, WorldChoice
+from rig.bench.backends.assembly import WORLD_OF_0_2_0, StartState, WorldChoice
 from rig.errors import ConfigurationError
 from rig.run.start import RunRequest, plan_request
 from rig.runfile.read import close_recording, open_run, read_run_header
@@ -78,9 +78,9 @@ def _nominal(world: Mapping[str, Any], gear: Any, request: RunRequest) -> Any:
 
 def _choice(world: Mapping[str, Any], run_id: str) -> WorldChoice:
     names = {f.name for f in fields(WorldChoice)} - {"start", "repeats"}
-    start = dict(world["start"])
+    start, stated = dict(world["start"]), {**WORLD_OF_0_2_0, **world}
     return WorldChoice(
-        **{name: world[name] for name in names & world.keys()},
+        **{name: stated[name] for name in names & stated.keys()},
         start=StartState(start.pop("run"), start),
         repeats=run_id,
     )

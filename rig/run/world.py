@@ -14,7 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import RunMetadata
-from rig.bench.backends.assembly import AMBIENT, AUTO, StartState, WorldChoice, flag_of
+from rig.bench.backends.assembly import (
+    AMBIENT,
+    AUTO,
+    WORLD_OF_0_2_0,
+    StartState,
+    WorldChoice,
+    flag_of,
+)
 from rig.bench.backends.registry import is_simulated
 from rig.errors import ConfigurationError, RunFileError
 from rig.library.folder import run_named, sealed_runs
@@ -38,10 +45,10 @@ OUTPUT_BEARINGS: Mapping[str, Mapping[str, Any]] = {
 }
 """What the card of a simulated bench says of its output bearing, by population: Coulomb friction [N m] and viscous
 friction [N m s/rad] with their expanded uncertainties (k = 2)."""
-BODIES = ("gear_seed", "bench_seed", "population")
+BODIES = ("gear_seed", "bench_seed", "population", "version")
 """What has the temperatures: those of another gear or bench are not to be had."""
-LEFT_WARM = (*BODIES, "mount", "mount_turn", "day")
-"""What two runs share that follow each other: nobody took the gear off, no night was between them."""
+LEFT_WARM = (*BODIES, "mount", "mount_turn", "day", "day_correlation", "hours")
+"""What two runs share that follow each other: nobody took the gear off or ran it elsewhere, no night was between."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +60,8 @@ class Ending:
 
     def shares(self, names: tuple[str, ...], world: Mapping[str, Any]) -> bool:
         """Whether these of its world are those of another one."""
-        return all(self.world.get(name) == world[name] for name in names)
+        own = {**WORLD_OF_0_2_0, **self.world}
+        return all(own.get(name) == world[name] for name in names)
 
 
 def refuse_world(backend: str, choice: WorldChoice) -> None:

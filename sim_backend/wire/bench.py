@@ -156,7 +156,13 @@ class WireBench:
         self.instruments = Instruments(
             on, self._condition, motor, world.run_seed, self._sense, self.plant.output_angle
         )
-        self._sync = SyncTimer(cycle_ns, self._condition.sync_jitter, world.run_seed, start_ns)
+        self._sync = SyncTimer(
+            cycle_ns,
+            self._condition.sync_jitter,
+            world.run_seed,
+            start_ns,
+            rate_error=self._condition.clock_error,
+        )
         self.cycle_ns = cycle_ns
         self._silence_cycles = silence_cycles
         what = f"{gear.name} on {motor.name}" if gear_mounted else f"bare {motor.name}"
@@ -465,7 +471,8 @@ class WireBench:
                 listener(cob_id, data, stamp)
 
     def _stamp_of(self, cycle: int) -> int:
-        stamp = self._sync.start_ns + cycle * self.cycle_ns + self._lateness(cycle)
+        late = np.array([self._lateness(cycle)], dtype=np.int64)
+        stamp = int(self._sync.stamps_ns(cycle, late)[0])
         for fault in self.wire_faults():
             stamp += fault.stamp_offset_ns
             fault.effects.stamps += fault.stamp_offset_ns != 0

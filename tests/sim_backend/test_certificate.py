@@ -24,7 +24,7 @@ from rig.run.start import RunRequest, run_request
 from rig.runfile.read import open_run
 from sim_backend.certificate import UNCERTAINTY, encoder_certificate
 from sim_backend.imperfections import Imperfections, bench_encoder
-from sim_backend.world import Population
+from sim_backend.world import Population, World
 
 WORLDS: tuple[tuple[Population, int], ...] = (("narrow", 9541), ("narrow", 9542), ("wide", 9543))
 OUTPUT_ORDERS = tuple(f"amplitude_{k}/N" for k in range(1, 9))
@@ -35,15 +35,17 @@ def test_a_certificate_is_as_good_as_it_says(which: Literal["input", "output"]) 
     """Over many benches: the r.m.s. of its error is its standard uncertainty, and it is not the truth itself."""
     squares = []
     for seed in range(9550, 9590):
-        made = encoder_certificate(Imperfections(), which, seed)
-        errors = bench_encoder(Imperfections(), which, seed)
+        made = encoder_certificate(Imperfections(), which, World.of(seed))
+        errors = bench_encoder(Imperfections(), which, World.of(seed))
         true = series_value(errors.series, errors.index_angle + np.array(made.angles))
         squares.append(np.mean((np.array(made.errors) - true) ** 2))
     assert np.sqrt(np.mean(squares)) == pytest.approx(0.5 * UNCERTAINTY[which], rel=0.15)
 
 
 def test_an_encoder_has_one_certificate() -> None:
-    first, again, other = (encoder_certificate(Imperfections(), "output", s) for s in (1, 1, 2))
+    first, again, other = (
+        encoder_certificate(Imperfections(), "output", World.of(s)) for s in (1, 1, 2)
+    )
     assert first == again
     assert first != other
 
@@ -118,8 +120,8 @@ def test_the_transmission_accuracy_is_that_of_the_gear(
 def test_once_per_output_turn_is_the_gears_where_the_gear_has_it(
     found: Sequence[tuple[Result, list[TruthRow]]],
 ) -> None:
-    """A certificate leaves the eccentricity of the seat, 2 arcsec. The wide gear has nothing once per turn: it is not
-    told from that.
+    """A certificate leaves the eccentricity of the seat, 2 arcsec. The wide gear of this seed has a fifth of an arcsec
+    once per turn: it is not told from that. Twice per turn there is no seat to confuse it with.
     """
     for (population, _), (result, all_rows) in zip(WORLDS, found, strict=True):
         (row,) = [r for r in all_rows if r.estimate.name == "amplitude_1/N"]
@@ -128,5 +130,4 @@ def test_once_per_output_turn_is_the_gears_where_the_gear_has_it(
         assert row.estimate.expanded_uncertainty < 3.0 * ARCSEC
         if population == "wide":
             assert row.estimate.identifiable == "weakly"
-        second = result.estimates["amplitude_2/N"].identifiable
-        assert second == ("yes" if population == "narrow" else "weakly")
+        assert result.estimates["amplitude_2/N"].identifiable == "yes"

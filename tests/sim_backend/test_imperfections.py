@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,8 +11,16 @@ import pytest
 from drivers import channel as names
 from drivers.errors import DriverError
 from drivers.port import Command, Mode
-from model.units import RPM
-from sim_backend.imperfections import Imperfections, draw, individual_gear, individual_motor
+from model.units import ARCSEC, RPM
+from sim_backend.imperfections import (
+    Imperfections,
+    Sizes,
+    bench_encoder,
+    draw,
+    half_width,
+    individual_gear,
+    individual_motor,
+)
 from sim_backend.sensors import FINE
 from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, clean, column, off, si, turn
@@ -52,6 +61,9 @@ SHOWS_IN: dict[str, tuple[set[str], set[str]]] = {
     "eccentricity": ({names.OUTPUT_ANGLE}, MOTION | TORQUES),
     "ambient_temperature": ({names.AMBIENT_TEMPERATURE}, set()),
     "run_to_run_friction": (TORQUES, MOTION),
+    # The clock's error is in the stamps alone, and a new gear is not worn.
+    "clock_error": (set(), set()),
+    "wear": (set(), set()),
 }
 
 
@@ -141,6 +153,40 @@ def test_jitter_is_in_the_stamps_and_harmless_with_them() -> None:
     assert np.std(late) == pytest.approx(15e-6, rel=0.1)
     assert np.std(moved) == pytest.approx(300.0 * RPM * 15e-6, rel=0.1)
     assert np.std(moved - 300.0 * RPM * late) < 0.01 * np.std(moved)
+
+
+def test_a_wrong_clock_is_in_the_stamps_and_leaves_every_count() -> None:
+    wrong, right = clean("clock_error"), clean()
+    share = wrong.truth["timing"]["clock_error"]
+    assert 1e-6 < abs(share) <= 50e-6
+    assert right.truth["timing"]["clock_error"] == 0.0
+    first, second = (turn(port, 300.0, 1200) for port in (wrong, right))
+    assert np.array_equal(first.counts, second.counts)
+    passed = first.time_ns - first.time_ns[0]
+    assert np.all(np.abs(passed - 1_000_000 * np.arange(1200) * (1.0 + share)) <= 1.0)
+
+
+def test_clocks_are_anywhere_within_fifty_parts_in_a_million() -> None:
+    errors = [draw(Imperfections(), 120.0, World.of(s)).clock_error for s in range(400)]
+    assert 48e-6 < max(errors) <= 50e-6
+    assert -50e-6 <= min(errors) < -48e-6
+    assert abs(np.mean(errors)) < 4.0 * 50e-6 / math.sqrt(3.0 * 400)
+
+
+def test_a_narrow_output_encoder_has_orders_1_to_8_within_its_class() -> None:
+    waves = []
+    for seed in range(200):
+        bench = World.of(seed)
+        series = bench_encoder(Imperfections(), "output", bench).series
+        assert [h.order for h in series] == list(range(1, 9))
+        assert half_width(series) <= Sizes().output_accuracy * (1.0 + 1e-9)
+        # What the bench had before it has still.
+        older = bench_encoder(Imperfections(), "output", dataclasses.replace(bench, version=1))
+        assert older.series == series[:2]
+        waves.append(half_width(series[2:]) / ARCSEC)
+    assert min(waves) >= 0.0
+    assert np.median(waves) == pytest.approx(1.0, abs=0.1)
+    assert max(waves) <= 1.4 + 1e-9
 
 
 def test_skew_is_angle_by_speed() -> None:

@@ -16,7 +16,13 @@ from model.kinematic_error import series_value
 from model.linear import dynamic_parameters
 from model.units import ARCMIN, ARCSEC
 from sim_backend.direct import SimulatedRig
-from sim_backend.imperfections import Imperfections, Stated, individual_gear, individual_motor
+from sim_backend.imperfections import (
+    Imperfections,
+    Sideband,
+    Stated,
+    individual_gear,
+    individual_motor,
+)
 from sim_backend.population import Drawn, drawn
 from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD
@@ -53,11 +59,32 @@ def factor(one: Drawn) -> float:
     return own.combined_stiffness / card.combined_stiffness
 
 
-def half_width(one: Drawn, which: str) -> float:
-    angle = np.linspace(0.0, 2.0 * np.pi, 20_000)
-    return 0.5 * float(
-        np.ptp(series_value(getattr(stated(one), f"{which}_encoder").series, angle)) / ARCSEC
+def amplitude(wave: Sideband) -> float:
+    return math.hypot(wave.cosine, wave.sine) / ARCSEC
+
+
+AROUND = np.linspace(0.0, 2.0 * np.pi, 20_000)
+
+
+@functools.cache
+def curves(seed: int, which: str) -> tuple[np.ndarray, np.ndarray]:
+    """What an encoder's orders up to 8 and those above add over its own revolution [arcsec]."""
+    series = getattr(stated(population()[seed]), f"{which}_encoder").series
+    slow, fine = (
+        series_value([h for h in series if (h.order > 8.5) == above], AROUND) / ARCSEC
+        for above in (False, True)
     )
+    return slow, fine
+
+
+def half_width(one: Drawn, which: str) -> float:
+    slow, fine = curves(population().index(one), which)
+    return 0.5 * float(np.ptp(slow + fine))
+
+
+def fine_share(one: Drawn) -> float:
+    slow, fine = curves(population().index(one), "output")
+    return float(np.ptp(fine) / np.ptp(slow + fine))
 
 
 # Entry of the table: what it is of one draw, its bounds, and whether its logarithm is uniform.
@@ -81,13 +108,15 @@ TABLE: dict[str, tuple[Callable[[Drawn], float], float, float, bool]] = {
     "hysteresis": (loss, 0.2, 2.0, False),
     "order 2": (lambda d: d.gear.kinematic_error[1].amplitude / ARCSEC, 0.2, 20.0, True),
     "order 5": (lambda d: d.gear.kinematic_error[4].amplitude / ARCSEC, 0.2, 20.0, True),
+    "order 3 of the output": (lambda d: amplitude(stated(d).output_orders[2]), 0.2, 3.0, True),
     "sideband": (
-        lambda d: math.hypot(stated(d).sidebands[3].cosine, stated(d).sidebands[3].sine) / ARCSEC,
+        lambda d: amplitude(stated(d).sidebands[3]),
         0.2,
         20.0,
         True,
     ),
     "output encoder": (lambda d: half_width(d, "output"), 2.5, 5.0, False),
+    "fine orders of the output encoder": (fine_share, 0.05, 0.2, False),
     "motor encoder": (lambda d: half_width(d, "input"), 15.0, 30.0, False),
     "skew": (lambda d: stated(d).output_encoder.skew, 0.0, 1e-3, False),
     "torque gain": (lambda d: stated(d).torque_port.gain_error, -0.01, 0.01, False),
@@ -108,6 +137,7 @@ TABLE: dict[str, tuple[Callable[[Drawn], float], float, float, bool]] = {
     ),
     "motor coulomb": (lambda d: d.motor.coulomb_friction / MOTOR.coulomb_friction, 0.5, 1.5, False),
     "motor viscous": (lambda d: d.motor.viscous_friction / MOTOR.viscous_friction, 0.5, 1.5, False),
+    "rotor": (lambda d: d.motor.rotor_inertia / MOTOR.rotor_inertia, 0.9, 1.1, False),
     "cogging": (
         lambda d: max(h.amplitude for h in stated(d).deviations.cogging),
         0.0,
@@ -178,12 +208,15 @@ def test_the_card_tells_of_the_gear_what_a_nameplate_does() -> None:
 def test_encoders_have_every_order_at_any_phase_and_one_percent_between_the_lines() -> None:
     phases = []
     for one in population():
-        assert [h.order for h in stated(one).output_encoder.series] == list(range(1, 9))
+        assert [h.order for h in stated(one).output_encoder.series] == list(range(1, 65))
+        assert [(w.order, w.beside) for w in stated(one).output_orders] == [
+            (0, k) for k in range(1, 9)
+        ]
         assert [h.order for h in stated(one).input_encoder.series] == [1, 2, 4]
         fine = stated(one).output_encoder.subdivision
         assert fine is not None
         assert fine.amplitude * fine.order / (2.0 * math.pi) == pytest.approx(0.01)
-        last = stated(one).output_encoder.series[-1]
+        last = stated(one).output_encoder.series[7]
         phases.append(math.atan2(last.sine, last.cosine))
     assert abs(np.mean(np.exp(1j * np.array(phases)))) < 3.0 / math.sqrt(len(SEEDS))
 
@@ -210,7 +243,12 @@ def test_gear_bench_and_day_have_draws_of_their_own() -> None:
 def test_a_narrow_world_is_parts_of_one_series() -> None:
     one = drawn(GEAR, MOTOR, World(gear_seed=5, bench_seed=6))
     assert one.gear == individual_gear(GEAR, 5)
-    assert one.motor == individual_motor(MOTOR, 6)
+    rotor = one.motor.rotor_inertia
+    assert rotor != MOTOR.rotor_inertia
+    assert abs(rotor / MOTOR.rotor_inertia - 1.0) <= 0.1
+    assert dataclasses.replace(one.motor, rotor_inertia=MOTOR.rotor_inertia) == individual_motor(
+        MOTOR, 6
+    )
     assert one.card is GEAR
     assert one.motor_card is MOTOR
     assert one.sizes.stated is None
@@ -226,8 +264,8 @@ def test_the_rig_has_what_was_drawn_as_far_as_it_is_switched_on() -> None:
     have = stated(one)
     assert full["torque_port"]["gain_error"] == have.torque_port.gain_error
     assert full["timing"]["output_skew"] == have.output_encoder.skew
-    assert len(full["encoders"]["output"]["orders"]) == 8
-    assert len(full["kinematic_error"]["orders"]) == 6 + len(have.sidebands)
+    assert len(full["encoders"]["output"]["orders"]) == 64
+    assert len(full["kinematic_error"]["orders"]) == 6 + 8 + len(have.sidebands)
     assert none["torque_port"]["gain_error"] == none["timing"]["output_skew"] == 0.0
     assert none["encoders"]["output"]["orders"] == []
     assert len(none["kinematic_error"]["orders"]) == 6

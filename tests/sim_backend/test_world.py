@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import math
 from typing import Any
 
@@ -14,7 +15,15 @@ from drivers.errors import DriverError
 from model.kinematic_error import series_value
 from model.units import ARCSEC
 from sim_backend.direct import SimulatedRig
-from sim_backend.imperfections import Condition, EncoderErrors, Imperfections, Sizes, draw
+from sim_backend.imperfections import (
+    Condition,
+    EncoderErrors,
+    Imperfections,
+    Seating,
+    Sizes,
+    draw,
+)
+from sim_backend.population import drawn
 from sim_backend.world import LARGEST, ThermalState, World
 from tests.sim_backend.rigs import GEAR, MOTOR, column, si, turn
 
@@ -55,6 +64,7 @@ def owned(condition: Condition) -> dict[str, list[Any]]:
             extra.output_coulomb,
             extra.output_viscous,
             condition.housing_offset,
+            condition.clock_error,
             *series_value(extra.cogging, marked_angle(condition.input_encoder)).round(12),
         ],
         "mounting": [*dataclasses.astuple(condition.seating)],
@@ -99,6 +109,62 @@ def test_turning_the_gear_moves_it_against_the_output_encoder_alone() -> None:
     assert before.input_encoder == after.input_encoder
     assert before.deviations == after.deviations
     assert (before.start_angle, before.torque_port) == (after.start_angle, after.torque_port)
+
+
+def seated(**world: Any) -> Seating:
+    return draw(Imperfections(), RATIO, dataclasses.replace(WORLD, **world)).seating
+
+
+def test_a_gear_that_is_fitted_anew_at_a_stated_angle_stands_there_and_is_eccentric_anew() -> None:
+    first = seated(mount=1)
+    for mount, degrees in ((2, 0.0), (2, 30.0), (3, 150.0)):
+        again = seated(mount=mount, mount_turn=math.radians(degrees))
+        moved = again.output_phase - first.output_phase
+        assert moved == pytest.approx(math.radians(degrees), abs=1e-12)
+        assert again.input_phase != first.input_phase
+        for one, other in zip(again.eccentricity, first.eccentricity, strict=True):
+            assert abs(complex(one.cosine - other.cosine, one.sine - other.sine)) > 0.1 * ARCSEC
+    # Where nobody states the angle it is another one each time.
+    unstated = {seated(mount=mount).output_phase for mount in (1, 2, 3)}
+    assert len(unstated) == 3
+
+
+# What program version 0.2.0 made of these worlds: 600 cycles at 300 r/min, counts and stamps.
+COUNTS_OF_0_2_0: dict[str, dict[str, Any]] = {
+    "2e3ca00bcac9aaef": {"gear_seed": 11, "bench_seed": 22},
+    "b74cb588a4febb1d": {
+        "gear_seed": 11,
+        "bench_seed": 22,
+        "mount": 3,
+        "mount_turn": 0.3,
+        "day": 4,
+        "number": 5,
+    },
+    "cd5d114a64513298": {
+        "gear_seed": 5,
+        "bench_seed": 6,
+        "population": "wide",
+        "mount": 2,
+        "mount_turn": 0.0,
+        "day": 3,
+    },
+}
+
+
+@pytest.mark.parametrize("digest", COUNTS_OF_0_2_0)
+def test_a_world_of_the_older_draws_is_as_it_was(digest: str) -> None:
+    def made(version: int) -> str:
+        world = World(version=version, **COUNTS_OF_0_2_0[digest])
+        parts = drawn(GEAR, MOTOR, world)
+        port = SimulatedRig(parts.gear, parts.motor, Imperfections(sizes=parts.sizes), world)
+        port.open()
+        block = turn(port, 300.0, 600)
+        passed = block.time_ns - block.time_ns[0]
+        both = np.ascontiguousarray(block.counts).tobytes() + passed.tobytes()
+        return hashlib.sha256(both).hexdigest()[:16]
+
+    assert made(1) == digest
+    assert made(2) != digest
 
 
 def test_a_gear_that_is_turned_by_180_degrees_shows_its_odd_output_orders_with_another_sign() -> (
@@ -187,6 +253,10 @@ def test_a_rig_starts_as_warm_as_it_is_told_and_says_how_warm_it_became() -> Non
         ("number", 0),
         ("mount_turn", math.nan),
         ("population", "huge"),
+        ("hours", -1.0),
+        ("hours", math.nan),
+        ("day_correlation", 0.96),
+        ("version", 3),
     ],
 )
 def test_what_names_no_world_is_refused_by_name(field: str, value: Any) -> None:

@@ -14,13 +14,15 @@ from drivers.port import RigPort
 from model.gear import HarmonicDrive, Mounting
 from model.motor import ServoMotor
 from rig.errors import ConfigurationError
-from sim_backend.world import Population, World
+from sim_backend.world import OLDEST, VERSION, Population, World
 
 if TYPE_CHECKING:
     from drivers.bus.rig_nodes import RigNodes
 
 AUTO, AMBIENT = "auto", "ambient"
 """How warm a simulated rig starts: as the latest run that fits ended, or as the room. Anything else names a run."""
+WORLD_OF_0_2_0: Mapping[str, Any] = {"version": OLDEST, "hours": 0.0, "day_correlation": None}
+"""What the worlds in the files of program version 0.2.0 do not say, because there was no other."""
 
 
 @dataclass(frozen=True)
@@ -36,17 +38,21 @@ class WorldChoice:
     """Which simulated world somebody wants. None: the gear's seed follows from its serial number, the bench's is the
     request's seed, the number is the next in the folder, the start state is looked for by `start_state`.
 
-    `mount_turn` in rad; `repeats` names the run of which this is a repetition. Raises
+    `mount_turn` in rad, None where nobody states it; `hours` that the gear has run; `day_correlation` None: that of
+    the population; `version` of the draws; `repeats` names the run of which this is a repetition. Raises
     `ConfigurationError` for a value that names no world.
     """
 
     gear_seed: int | None = None
     bench_seed: int | None = None
     mount: int = 1
-    mount_turn: float = 0.0
+    mount_turn: float | None = None
     day: int = 1
     number: int | None = None
     population: Population = "narrow"
+    hours: float = 0.0
+    day_correlation: float | None = None
+    version: int = VERSION
     start_state: str = AUTO
     start: StartState | None = None
     repeats: str = ""
@@ -73,6 +79,9 @@ class WorldChoice:
             day=self.day,
             number=1 if self.number is None else self.number,
             population=self.population,
+            hours=self.hours,
+            day_correlation=self.day_correlation,
+            version=self.version,
         )
 
 

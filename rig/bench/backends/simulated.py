@@ -94,7 +94,7 @@ def certificate_of(request: RigRequest, which: Literal["input", "output"]) -> An
     from sim_backend.certificate import encoder_certificate
 
     parts = parts_of(request)
-    return encoder_certificate(parts["imperfections"], which, parts["world"].bench_seed)
+    return encoder_certificate(parts["imperfections"], which, parts["world"])
 
 
 def assembled(
