@@ -12,7 +12,8 @@ friction          the gear alone at `thermal.reference`, at 20 degC and at the t
 kinematic_error   "orders" is the gear alone, "measurable" what the two counters can see, gear, mounting and
                   encoders together; both over the input angle from the index marks (the input's mark at or before the
                   output's). "measurable_recorded" is the same over the recorded input angle (counts times
-                  scale), to be laid on a fit of raw counts without any shift.
+                  scale), to be laid on a fit of raw counts without any shift. The peak-to-peak "of slow orders" leaves
+                  out those orders above 8 of the output encoder which nothing else has: no fit looks for them.
 dynamics          with the wave generator held, at a torque amplitude of T1/4 at the output: the torsion that spring
                   and hysteresis element make of it, the secant stiffness, and the first mode of equation 2 beside
                   them: natural frequency |lambda|/(2 pi) and damping ratio -Re lambda/|lambda| of its eigenvalue.
@@ -35,7 +36,7 @@ from model.kinematic_error import peak_to_peak, series_value
 from model.motor import ServoMotor
 from model.units import REVOLUTION
 from sim_backend.imperfections import Condition, EncoderErrors, Imperfections
-from sim_backend.sensors import Instruments
+from sim_backend.sensors import SLOW, Instruments
 from sim_backend.world import World
 
 REFERENCE = 20.0
@@ -173,10 +174,10 @@ def _kinematic_error(
     for h in condition.output_encoder.series:
         # The output encoder's own angle is sense * theta_o; theta_o is positive when it follows.
         seen.append((h.order / ratio, output_sense * complex(h.cosine, -output_sense * h.sine)))
-    summed: dict[float, complex] = {}
-    for order, amplitude in seen:
-        key = next((other for other in summed if abs(other - order) < 1e-9), order)
-        summed[key] = summed.get(key, 0.0) + amplitude
+    summed = _summed(seen)
+    fitted = [h.order for h in loop.series]
+    fitted += [h.order for h in condition.input_encoder.series]
+    fitted += [h.order / ratio for h in condition.output_encoder.series if h.order <= SLOW]
     mark = _reference_mark(condition, ratio, output_sense)
     offset = instruments.input.angle_offset
     added = condition.seating.eccentricity
@@ -188,6 +189,7 @@ def _kinematic_error(
         _harmonic(order, value * cmath.exp(1j * order * mark))
         for order, value in sorted(summed.items())
     ]
+    slow = [h for h in marked if any(abs(h.order - order) < 1e-9 for order in fitted)]
     recorded = [
         _harmonic(order, value * cmath.exp(-1j * order * offset))
         for order, value in sorted(summed.items())
@@ -199,10 +201,20 @@ def _kinematic_error(
         "eccentricity": _orders(added),
         "peak_to_peak": peak_to_peak(own, ratio, 120) if own else 0.0,
         "measurable_peak_to_peak": peak_to_peak(marked, ratio, 120) if marked else 0.0,
+        "measurable_peak_to_peak_of_slow_orders": peak_to_peak(slow, ratio, 120) if slow else 0.0,
         "reference_angle": mark + offset,
         "input_subdivision": _amplitude(condition.input_encoder.subdivision),
         "output_subdivision": _amplitude(condition.output_encoder.subdivision),
     }
+
+
+def _summed(waves: Iterable[tuple[float, complex]]) -> dict[float, complex]:
+    """By order, what all waves make together."""
+    summed: dict[float, complex] = {}
+    for order, amplitude in waves:
+        key = next((other for other in summed if abs(other - order) < 1e-9), order)
+        summed[key] = summed.get(key, 0.0) + amplitude
+    return summed
 
 
 def _reference_mark(condition: Condition, ratio: float, output_sense: int) -> float:

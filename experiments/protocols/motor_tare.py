@@ -189,6 +189,8 @@ def _points(
                 yield from friction.constant_speed(settings, direction * speed, "hold", repeat)
 
 
+ROTOR_TOLERANCE = 0.10
+"""How far a rotor may be from the inertia on its data sheet, as a share: assumed."""
 COGGING_BELOW = 100.0 * RPM
 """Input speed up to which the torque over angle shows cogging and not the inertia of a rippling speed."""
 
@@ -369,7 +371,8 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
     disc = float(p.get("disc_inertia", 0.0))
     if disc <= 0.0:
         return None
-    inertia = disc + float(p.get("rotor_inertia", Parameters.rotor_inertia))
+    rotor = float(p.get("rotor_inertia", Parameters.rotor_inertia))
+    inertia = disc + rotor
     rows = [
         r
         for s in recording.labelled("ramp")
@@ -384,7 +387,13 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
     error = float(fit.standard_error[0])
     budget = (
         BudgetLine("scatter of the ramps", "A", error),
-        BudgetLine("inertia of disc and rotor", "B", 0.005, "assumed"),
+        BudgetLine("inertia of the disc", "B", 0.005, "assumed"),
+        BudgetLine(
+            "inertia of the rotor",
+            "B",
+            ROTOR_TOLERANCE / math.sqrt(3.0) * rotor / inertia,
+            f"its data sheet, within {100.0 * ROTOR_TOLERANCE:g} %",
+        ),
     )
     return Estimate(
         name="torque_scale",
@@ -450,7 +459,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

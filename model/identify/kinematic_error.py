@@ -71,6 +71,9 @@ SLOPE_SIGNIFICANCE = 4.0
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
 """Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
 eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold error."""
+FINE_ORDERS, FINE_SHARE = range(9, 65), 0.2
+"""Orders of an output encoder's own revolution that no certificate takes out, and the share of its class that they have
+together: marks of the scale, balls of its bearing. They meet a gear's input orders where N is below 65."""
 TORSION = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
 
 
@@ -83,8 +86,9 @@ class Encoders:
     the scale included. The curve cannot be told from the gear's own output orders and input orders,
     so it enters the budget (type B): with a rectangular distribution as a whole (u = a/sqrt 3),
     and at single orders with equal shares of that variance, output encoder orders 1 to 8, motor
-    encoder orders 1, 2 and 4. Where its certificate's curve was taken out, the certificate's standard
-    uncertainty (0: it was not) stands in place of the class: any one order may carry all of it.
+    encoder orders 1, 2 and 4; the output encoder's orders 9 to 64 share a fifth of its class. Where its
+    certificate's curve was taken out, the certificate's standard uncertainty (0: it was not) stands in place of the
+    class of orders 1 to 8: any one order may carry all of it.
     Eccentricities are of the gear's seat, amplitudes at the output once per output and once per input
     revolution.
     """
@@ -111,6 +115,8 @@ class Encoders:
             lines += _share(
                 "motor encoder", self.input_accuracy / ratio, order, MOTOR_ENCODER_ORDERS
             )
+        finely = FINE_SHARE * self.output_accuracy
+        lines += _share("output encoder", finely, order * ratio, tuple(FINE_ORDERS))
         for once, eccentricity in (
             (1.0 / ratio, self.output_eccentricity),
             (1.0, self.input_eccentricity),
@@ -149,6 +155,8 @@ class Encoders:
         expanded uncertainty of its certificate [rad].
         """
         output = 2.0 * self.output_certified or self.output_accuracy
+        if order * ratio > FINE_ORDERS[0] - 0.5:
+            output = FINE_SHARE * self.output_accuracy
         motor = 2.0 * self.input_certified or self.input_accuracy
         total = 0.0
         for line in self.at_order(order, ratio):
@@ -204,8 +212,10 @@ def _share(what: str, half_width: float, order: float, orders: tuple[int, ...]) 
     if not half_width > 0.0 or min(abs(order - own) for own in orders) > 1e-6:
         return []
     cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
-    names = ", ".join(str(own) for own in orders)
-    note = f"its class, equal shares of its orders {names}; cannot be told from the gear"
+    note = f"its class, equal shares of its orders {', '.join(map(str, orders))}"
+    if len(orders) == len(FINE_ORDERS):
+        note = f"{FINE_SHARE:g} of its class, equal shares of its orders 9 to 64"
+    note += "; cannot be told from the gear"
     u = half_width / math.sqrt(3.0 * len(orders))
     return [BudgetLine(f"{what} at this order", "B", u, note, cause)]
 

@@ -167,6 +167,10 @@ def test_a_disc_of_known_inertia_gives_the_torque_scale(gear: HarmonicDrive, ben
     run = dataclasses.replace(run, source=dataclasses.replace(source, arrays=arrays))
     scale = motor_tare.analyse(run, Evidence(gear)).estimates["torque_scale"]
     assert scale.value == pytest.approx(1.05, abs=0.02)
+    lines = {line.source: line.standard_uncertainty for line in scale.budget}
+    # The rotor within 10 % of its data sheet, as a share of what turns.
+    rotor = 0.1 / np.sqrt(3.0) * parameters.rotor_inertia / inertia
+    assert lines["inertia of the rotor"] == pytest.approx(rotor)
 
 
 def test_the_zero_is_taken_servo_off_and_its_drift_is_said(

@@ -668,7 +668,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,

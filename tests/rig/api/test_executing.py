@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from pathlib import Path
 from typing import Any
@@ -44,6 +45,19 @@ def test_the_same_seed_gives_the_same_counts_from_another_thread(
     thread.start()
     thread.join()
     assert (again[0].recording.stored("torque") == run.recording.stored("torque")).all()
+
+
+def test_a_gear_is_turned_by_degrees_and_for_one_version_by_radians(tmp_path: Path) -> None:
+    def turned(**world: Any) -> float:
+        made = rig.execute("motor-tare", folder=tmp_path, world=world, **SHORT, **TIMES)
+        return float(made.metadata.process["world"]["mount_turn"])
+
+    assert turned(mount=2, mount_turn_deg=30.0) == pytest.approx(math.pi / 6.0)
+    with pytest.warns(DeprecationWarning, match="mount_turn_deg") as warned:
+        assert turned(mount_turn=0.5) == 0.5
+    assert warned[0].filename == __file__
+    with pytest.raises(rig.WordedError, match="stated twice"):
+        turned(mount_turn=0.5, mount_turn_deg=30.0)
 
 
 def test_what_the_protocol_does_not_have_is_refused_before_anything_moves(tmp_path: Path) -> None:

@@ -192,6 +192,7 @@ def test_a_run_says_its_world_and_is_made_again(
         return kept
 
     world = ("--gear-seed", "3", "--bench-seed", "4", "--mount", "2", "--mount-turn", "90")
+    world = (*world, "--hours", "500", "--day-correlation", "0.3")
     made = ("run", "starting-torque", *FAST, *world, "--day", "6", "--json", "--output")
     assert rig(*made, str(tmp_path)) == exits.DONE
     first = json.loads(capsys.readouterr().out)
@@ -205,7 +206,10 @@ def test_a_run_says_its_world_and_is_made_again(
     assert counts(second["path"]) == counts(first["path"])
     assert rig("show", second["path"]) == exits.DONE
     shown = " ".join(capsys.readouterr().out.split())
-    expected = "gear 3, bench 4, mounting 2 turned by 90 deg, day 6, number 1, narrow population;"
+    expected = (
+        "gear 3 after 500 h, bench 4, mounting 2 turned by 90 deg, day 6 (days correlated by 0.3), "
+        "number 1, narrow population;"
+    )
     assert f"{expected} starts as warm as the room; repeats {first['run']}" in shown
     assert rig("show", second["path"], "--json") == exits.DONE
     told = json.loads(capsys.readouterr().out)["process"]

@@ -13,10 +13,12 @@ import pytest
 from experiments.recording import Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends import simulated
 from rig.bench.backends.assembly import StartState, WorldChoice
 from rig.bench.backends.registry import HARDWARE
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import NUMBERS_FOLDER
+from rig.present.run_words import world_facts
 from rig.run.repeat import repetition
 from rig.run.start import RunRequest, plan_request, rig_for, run_request
 from rig.run.world import start_state
@@ -109,9 +111,11 @@ def test_a_warm_up_warms_the_next_run_and_its_file_says_so(
         {"world": WorldChoice(mount=2)},
         {"world": WorldChoice(mount_turn=0.5)},
         {"world": WorldChoice(day=2)},
+        {"world": WorldChoice(hours=10.0)},
+        {"world": WorldChoice(version=1)},
         {"world": WorldChoice(start_state="ambient")},
     ],
-    ids=["gear", "bench", "mounting", "turned", "day", "ambient"],
+    ids=["gear", "bench", "mounting", "turned", "day", "hours", "older", "ambient"],
 )
 def test_another_gear_bench_mounting_or_day_starts_as_the_room(
     warm_folder: tuple[Path, Recording], another: dict[str, Any]
@@ -172,6 +176,35 @@ def test_a_repeated_run_has_the_same_counts_whatever_was_run_in_between(
     assert again.metadata.parameters == original.metadata.parameters
     assert path_of(again) != path_of(original)
     assert world(again) == {**world(original), "repeats": original.metadata.run_id}
+
+
+def test_a_run_of_0_2_0_is_made_again_in_its_world_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file names neither hours nor a version of the draws."""
+
+    def as_written(request: Any) -> dict[str, Any]:
+        record = whole(request)
+        added = ("version", "hours", "day_correlation")
+        return {name: value for name, value in record.items() if name not in added}
+
+    older = WorldChoice(version=1, mount=2, mount_turn=0.3, population="wide", gear_seed=4)
+    with monkeypatch.context() as before:
+        whole = simulated.world_record
+        before.setattr(simulated, "world_record", as_written)
+        original = made(request_of(tmp_path, "motor-tare", world=older))
+    assert "version" not in world(original)
+    again = made(repetition(path_of(original), request_of(tmp_path))[0])
+    assert counts(again) == counts(original)
+    assert world(again)["version"] == 1
+    newer = made(
+        request_of(tmp_path, "motor-tare", world=dataclasses.replace(older, version=2, number=1))
+    )
+    assert counts(newer) != counts(original)
+    ((_, told),) = world_facts(world(original))
+    assert "mounting 2 turned by 17.1887 deg, day 1, number 1, wide population" in told
+    # Nothing of its warmth is there for a bench of the newer draws.
+    assert world(newer)["start"] == {"run": ""}
 
 
 def test_a_repeated_run_of_the_wide_population_has_its_gear_and_its_card(tmp_path: Path) -> None:
