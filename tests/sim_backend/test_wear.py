@@ -28,8 +28,8 @@ LAWS = {
 }
 
 
-def world(hours: float, seed: int = 3, **others: int) -> World:
-    return World(gear_seed=seed, bench_seed=4, hours=hours, **others)
+def world(hours: float, seed: int = 3, day: int = 1) -> World:
+    return World(gear_seed=seed, bench_seed=4, hours=hours, day=day)
 
 
 @pytest.mark.parametrize("name", LAWS)

@@ -13,6 +13,7 @@ from rig.errors import ConfigurationError
 from rig.main import app
 from sim_backend.certificate import encoder_certificate
 from sim_backend.imperfections import Imperfections
+from sim_backend.world import World
 
 
 def call(*words: str) -> str:
@@ -27,7 +28,7 @@ def test_it_writes_the_certificate_of_the_benchs_encoder(tmp_path: Path, channel
     said = call("--bench-seed", "9545", "--channel", channel, "--output", str(file))
     assert 'curve = "encoder.csv"' in said
     read = read_certificate(tmp_path, "encoder.csv")
-    made = encoder_certificate(Imperfections(), channel, 9545)  # type: ignore[arg-type]
+    made = encoder_certificate(Imperfections(), channel, World.of(9545))  # type: ignore[arg-type]
     np.testing.assert_allclose(read.curve.errors, made.errors, rtol=1e-7)
     assert read.header.certificate == f"simulated: {channel} encoder of bench 9545"
     other = tmp_path / "other.csv"
