@@ -165,38 +165,35 @@ def export(
 
 def recover(
     part: Annotated[
-        list[Path], typer.Argument(metavar="PART...", help="Files (.h5.part) whose writer died.")
+        list[Path],
+        typer.Argument(
+            metavar="PART|DIR...",
+            help="Files (.h5.part) whose writer died, or folders in which all of them are taken.",
+        ),
     ],
     json: JsonFlag = False,
 ) -> None:
-    """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows, and what was cut.
+    """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows could be
+    read, how many not, and what was cut.
 
-    A header without rows is taken away.
+    The .part stays beside its run, byte for byte, as .h5.part.kept. Only a file that is proved to hold
+    nothing is taken away. Exit code 6 if one could not be made a run: it is left as it is.
     """
-    from rig.runfile.recover import recover_run
+    from rig import exits
+    from rig.commands.recovering import as_json, recover_all, words_of
 
-    recovered = [recover_run(path) for path in part]
+    outcomes = recover_all(part)
     if json:
-        paths = [
-            {
-                "run": str(r.path),
-                "rows": r.rows,
-                "outcome": r.outcome,
-                "notes": r.notes,
-                "removed": r.is_removed,
-            }
-            for r in recovered
-        ]
-        print_json({"recovered": paths})
-        return
-    for run in recovered:
-        echo(
-            f"{run.path} was taken away:"
-            if run.is_removed
-            else f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}"
-        )
-        for note in run.notes:
-            echo(f"  {note}")
+        print_json(as_json(outcomes))
+    for outcome in outcomes:
+        refused = outcome.error is not None
+        if refused or not json:
+            for line in words_of(outcome):
+                echo(line, errors=refused)
+    if not outcomes and not json:
+        echo(f"Nothing to recover in {', '.join(map(str, part))}.")
+    if any(outcome.error is not None for outcome in outcomes):
+        raise typer.Exit(exits.ERROR)
 
 
 def verify(
