@@ -31,6 +31,7 @@ from rig.commands import (
     running,
     simulating,
     validating,
+    verifying,
     window,
 )
 from rig.commands.earlier_names import Command
@@ -81,7 +82,7 @@ PANELS = {
         importing.import_,
         files.export,
         files.recover,
-        files.verify,
+        verifying.verify,
     ),
 }
 """The commands in the order and under the headings of `rig --help`."""
