@@ -1,4 +1,6 @@
-"""Pairs of faults at random, in numbers and resumable: `python -m tests.benchmarks.drill_pairs --seed 4711 --pairs 1000 --to pairs.jsonl`.
+"""Pairs of faults at random, in numbers and resumable.
+
+    python -m tests.benchmarks.drill_pairs --seed 4711 --pairs 1000 --to pairs.jsonl
 
 The pairs are those of `rig drill --pairs N --seed S`. Of each three things are asked beside the program's own word
 (standstill verified or not): the motor stands without power by the truth of the plant, the file can be read, and no
