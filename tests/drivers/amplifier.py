@@ -237,6 +237,10 @@ class Amplifier:
     def open_guard(self, is_open: bool) -> None:
         self.od.write(0x60FD, 0, 0 if is_open else GUARD_CLOSED)
 
+    def ignore_lost_master(self) -> None:
+        """It turns on whatever becomes of who commands it."""
+        self.od.write(0x6007, 0, 0)
+
     def reverse(self) -> None:
         """Two lines of its encoder are swapped."""
         self._origin = (self._origin or 0) + 2 * self._sense * self._position

@@ -20,7 +20,7 @@ class CanopennodeDrive(Amplifier, CanopennodeNode):
 
 class CanopennodeBench(WireBench):
     """The bench with this amplifier as its drive, beside the simulated counter and analogue input; it keeps the log of
-    the plant.
+    the plant: clock [ns] and true speed of the input [rad/s] after each cycle.
     """
 
     amplifier: CanopennodeDrive
@@ -28,11 +28,11 @@ class CanopennodeBench(WireBench):
     def _make_devices(self, motor: ServoMotor, reference: ReferenceDevice | None) -> None:
         super()._make_devices(motor, reference)
         assert isinstance(self.drive, Drive)
-        self.log: list[tuple[float, bool]] = []
+        self.log: list[tuple[int, float]] = []
         self.amplifier = CanopennodeDrive(DRIVE_NODE, self.drive.device, self._from_device)
         self.drive = cast("Drive", self.amplifier)
         self.slaves = (self.drive, self.counter, self.analog_input)
 
     def _advance_plant(self) -> None:
         super()._advance_plant()
-        self.log.append((self.input_speed, self.is_powered))
+        self.log.append((self.clock.monotonic_ns(), self.input_speed))
