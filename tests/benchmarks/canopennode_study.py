@@ -47,6 +47,8 @@ MODES = {
     "csp": OperationMode.CYCLIC_POSITION,
     "pv": OperationMode.PROFILE_VELOCITY,
 }
+LOOKED_AT = 250
+"""Cycles after the disturbance in which it shows what it does: the rest of the hold."""
 OTHER_MODE = 10
 """Cyclic synchronous torque, which the amplifier has."""
 
@@ -72,6 +74,9 @@ def _comes(
     does: strangers.Act, period_us: int = 1000, times: int = 1 << 40
 ) -> Callable[[int], Fault]:
     return lambda at: strangers.Comes(at, does=does, period_us=period_us, times=times)
+
+
+_other = strangers.AnotherMaster
 
 
 def _abort(stop: StopRequest) -> None:
@@ -107,9 +112,10 @@ DISTURBANCES = (
     Disturbance("alien TPDO, 1 kHz", _comes(strangers.sends_process_data)),
     Disturbance("alien TPDO, 100 Hz", _comes(strangers.sends_process_data, 10_000)),
     Disturbance("one alien TPDO", _comes(strangers.sends_process_data, times=1), may_go_on=True),
-    Disturbance("foreign set-point, once", _comes(strangers.sends_set_point, times=1)),
-    Disturbance("foreign set-points, 1 kHz", _comes(strangers.sends_set_point)),
-    Disturbance("foreign controlword 0x06, once", _comes(strangers.sends_controlword, times=1)),
+    Disturbance("foreign set-point, one", lambda at: _other(at, cycles=1, speeds=True)),
+    Disturbance("foreign set-points, 1 kHz", lambda at: _other(at, speeds=True)),
+    Disturbance("foreign controlword 0x06, one", lambda at: _other(at, cycles=1, controls=True)),
+    Disturbance("foreign controlwords, 1 kHz", lambda at: _other(at, controls=True)),
     Disturbance("doubled node", strangers.NodeDoubled),
     Disturbance("hub gone", wire.HubGone),
     Disturbance("bus off", wire.BusOff),
@@ -185,12 +191,12 @@ class Row:
 
 
 def times(bench: CanopennodeBench, onset_ns: int) -> tuple[float, float]:
-    """Stands after [s], and the largest speed after the disturbance over the one before it."""
+    """Stands after [s], and the largest speed within `LOOKED_AT` after the disturbance over the one before it."""
     before = [abs(speed) for ns, speed in bench.log if ns < onset_ns]
     after = [abs(speed) for ns, speed in bench.log if ns >= onset_ns]
     moving = [i for i, speed in enumerate(after) if speed > STANDING_SPEED]
     last = moving[-1] + 1 if moving else 0
-    return last * bench.cycle_ns * 1e-9, max(after) / max(before[-1], 1e-9)
+    return last * bench.cycle_ns * 1e-9, max(after[:LOOKED_AT]) / max(before[-1], 1e-9)
 
 
 def run(

@@ -4,13 +4,13 @@ the same number, another master's set-points.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from types import SimpleNamespace
 from typing import Any
 
 from sim_backend.wire.bench import DRIVE_NODE, SYNC
-from sim_backend.wire.line import WireFault
+from sim_backend.wire.line import Frame, WireFault
 from tests.benchmarks.canopennode.drive import CanopennodeBench, CanopennodeDrive
 from tests.drivers.durand_node import NEVER
 
@@ -75,23 +75,43 @@ def sends_process_data(bench: CanopennodeBench) -> None:
     bench.answer(0x180 + DRIVE_NODE, _packed(bench, 0x1A00, {0x6041: 0x0250}))
 
 
-def sends_set_point(bench: CanopennodeBench) -> None:
-    """Another master's set-points: twice the speed, or a target a tenth of a revolution further on."""
-    read = bench.amplifier.od.read
-    further = read(POSITION_TARGET, 0) + bench.amplifier.device.counts_per_revolution // 10
-    values = {SPEED_TARGET: 2 * read(SPEED_TARGET, 0), POSITION_TARGET: further}
-    _write_process_data(bench, values)
+@dataclass(frozen=True)
+class AnotherMaster(WireFault):
+    """Right after each of our set-point frames another master's comes, so that his are in force at the SYNC: `speeds`,
+    twice the speed or a target a tenth of a revolution further on; `controls`, the drive switched off.
+    """
+
+    speeds: bool = field(default=False, kw_only=True)
+    controls: bool = field(default=False, kw_only=True)
+
+    def to_devices(self, frame: Frame, bench: Any) -> Sequence[Frame]:
+        cob_id, data = frame
+        cob_of, mapping = bench.amplifier.od.read(0x1400, 1) & 0x7FF, 0x1600
+        if cob_id not in (cob_of, cob_of + DRIVE_NODE) or len(data) < 3:
+            return (frame,)
+        ours = _unpacked(bench, mapping, data)
+        his = dict(ours)
+        if self.speeds and SPEED_TARGET in ours:
+            his[SPEED_TARGET] = 2 * ours[SPEED_TARGET]
+        if self.speeds and POSITION_TARGET in ours:
+            further = bench.amplifier.device.counts_per_revolution // 10
+            his[POSITION_TARGET] = ours[POSITION_TARGET] + further
+        if self.controls:
+            his[CONTROLWORD] = 0x0006
+        foreign = (cob_id, _packed(bench, mapping, his))
+        bench.answer(*foreign)
+        return (frame, foreign)
 
 
-def sends_controlword(bench: CanopennodeBench) -> None:
-    """Another master switches the drive off by process data."""
-    _write_process_data(bench, {CONTROLWORD: 0x0006})
-
-
-def _write_process_data(bench: CanopennodeBench, values: dict[int, int]) -> None:
-    frame = _packed(bench, 0x1600, values)
-    cob_id = bench.amplifier.od.read(0x1400, 1) & 0x7FF or 0x200
-    bench.send(cob_id if cob_id & 0x7F else cob_id + DRIVE_NODE, frame, bench)
+def _unpacked(bench: CanopennodeBench, mapping: int, data: bytes) -> dict[int, int]:
+    """What a frame of this mapping says, by the objects' indices."""
+    read, found, at = bench.amplifier.od.read, {}, 0
+    for sub in range(1, read(mapping, 0) + 1):
+        word = read(mapping, sub)
+        size = (word & 0xFF) // 8
+        found[word >> 16] = int.from_bytes(data[at : at + size], "little", signed=size == 4)
+        at += size
+    return found
 
 
 def _packed(bench: CanopennodeBench, mapping: int, values: dict[int, int]) -> bytes:
