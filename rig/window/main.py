@@ -6,8 +6,6 @@ import ctypes
 import os
 import signal
 import sys
-import tempfile
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +26,7 @@ from PySide6.QtWidgets import (
 )
 
 from rig.errors import ConfigurationError
+from rig.exits import defect_in_words
 from rig.window.fleet.page import FleetPage
 from rig.window.prepare.page import PreparePage
 from rig.window.review.page import ReviewPage
@@ -319,13 +318,7 @@ def _defects_shown(session: WindowSession) -> Iterator[None]:
     """What nobody expected goes into a log and into the status bar, and the window stays: a run may be going on."""
 
     def tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="harmonic-rig-", suffix=".log", delete=False
-        ) as log:
-            traceback.print_exception(kind, error, trace, file=log)
-        session.message.emit(
-            f"A defect of the program: {kind.__name__}: {error}. Details for its report: {log.name}"
-        )
+        session.message.emit(defect_in_words(error.with_traceback(trace)))
 
     before = sys.excepthook
     sys.excepthook = tell
