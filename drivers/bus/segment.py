@@ -33,6 +33,7 @@ from drivers.bus.set_points import set_point_counts
 from drivers.bus.silence import Silence
 from drivers.bus.strangers import Strangers
 from drivers.bus.sync_time import SyncTime
+from drivers.bus.waking import LATE_TURN, Waking, longest_pause_ns
 from drivers.channel import Channel
 from drivers.clock import Clock
 from drivers.cycled import Cycle
@@ -332,6 +333,14 @@ class CanSegment:
         self._silence = Silence(self._store, bus.emit)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
+        self._waking = Waking(
+            self._clock,
+            longest_pause_ns(
+                self._config.drive.computer_lost_ms,
+                self._config.cycle_ns,
+                self._config.patience_cycles * self._config.settle_factor,
+            ),
+        )
         nodes.drive.find(nodes.layout)
         self._pause_pending = False
         self._line = RequestLine(bus, nodes.places(self._store.is_absent), nodes.drive)
@@ -376,6 +385,7 @@ class CanSegment:
             with self._sync_goes_on(self._live_bus()):
                 drive.enable(mode)
             self._mode, self._was_enabled = mode, True
+            self._waking.cycled()
         elif not self._was_enabled:
             state = drive.state()
             raise DriverError(
@@ -441,10 +451,16 @@ class CanSegment:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)
+        if self._mode in _ACTIVE and self._waking.has_slept():
+            commands = [data for _, data in self._command_once(Mode.QUICK_STOP)]
+            self._was_enabled = False
+            self._waking.woke()
         strangers = self._strangers
         if not self._sync_time.cycles:
             strangers.begin()
         strangers.sends(commands)
+        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
+        bus.send_heartbeat()
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().drive.commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
@@ -455,6 +471,7 @@ class CanSegment:
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
         bus.send(SYNC_COB_ID, b"")
+        self._waking.cycled()
         if self.on_sync is not None:
             self.on_sync()
         if line is not None and line.is_busy:
@@ -469,7 +486,9 @@ class CanSegment:
             self._host_rows.append(row)
         self._silence.count(bool(flags & CycleFlag.INCOMPLETE))
         strangers.close_cycle(flags)
-        bus.check_heartbeats()
+        if not self._waking.has_slept():
+            # After a sleep of ours nobody was heard: they were not silent.
+            bus.check_heartbeats()
         times = self._sync_time
         return Cycle(stamp, latency, flags, times.sync_ns, times.doubt(latency))
 
@@ -495,8 +514,6 @@ class CanSegment:
             bus.receive(self._due_ns)
         # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
         bus.drain()
-        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
-        bus.send_heartbeat()
         self._due_ns += self._config.cycle_ns
 
     def _patience(self, is_first: bool) -> int:
@@ -520,7 +537,13 @@ class CanSegment:
 
     def trouble(self, row: int, flags: int) -> Break | None:
         """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""
-        bus, mode = self._live_bus(), self._commanded
+        bus, mode, waking = self._live_bus(), self._commanded, self._waking
+        if waking.overslept_ms:
+            overslept, waking.overslept_ms = waking.overslept_ms, 0.0
+            allowed = waking.allowed_ns * 1e-6
+            bus.emit("error", LATE_TURN, "bus", waking.words_of(overslept))
+            self._errors_seen = bus.errors_seen
+            return Break(row, LATE_TURN.replace("-", "_"), overslept, allowed, True)
         if bus.errors_seen != self._errors_seen:
             self._errors_seen = bus.errors_seen
             event = bus.last_error
