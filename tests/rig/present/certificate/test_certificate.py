@@ -38,6 +38,7 @@ from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
 from tests.rig.library.stored import RUNNING, estimate, start, write
 from tests.rig.present.test_paper import squeezed
+from tests.rig.runfile.making import reseal
 
 AT = "2026-03-02T10:00:00+00:00"
 ACCURACY = "transmission_accuracy_forward"
@@ -272,6 +273,7 @@ def test_a_stale_analysis_is_said_with_the_command_that_renews_it(tmp_path: Path
     content = json.loads(store.read_text()) | {"analysis_version": 1}
     store.chmod(0o644)
     store.write_text(json.dumps(content))
+    reseal(store)
     (remark,) = context_of(folder)["front"]["remarks"]
     assert "stale" in remark
     assert "rig fit" in remark
