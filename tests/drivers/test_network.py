@@ -257,6 +257,39 @@ def test_a_hub_that_goes_away_is_a_lost_bus_after_everything_it_sent() -> None:
         pumped.close()
 
 
+class Reset:
+    """The socket of a line that was reset: there is something to be read, and reading it fails."""
+
+    def __init__(self) -> None:
+        self._line, self._other = socket.socketpair()
+        self._other.send(b"x")
+
+    def fileno(self) -> int:
+        return self._line.fileno()
+
+    def recv(self, length: int) -> bytes:
+        raise ConnectionResetError(104, "Connection reset by peer")
+
+    def close(self) -> None:
+        self._line.close()
+        self._other.close()
+
+
+def test_a_hub_that_resets_the_line_is_said_in_a_sentence() -> None:
+    """The client of python-can puts a whole traceback into the text of its error, its head into the first line."""
+    with hub([b"< hi >"], GREETED) as config:
+        raw = open_raw_bus(config)
+        line = vars(raw)["_SocketCanDaemonBus__socket"]
+        vars(raw)["_SocketCanDaemonBus__socket"] = reset = Reset()
+        with pytest.raises(BusLostError) as caught:
+            PumpedBus(raw, WallClock()).drain()
+        vars(raw)["_SocketCanDaemonBus__socket"] = line
+        reset.close()
+        raw.shutdown()
+    assert "Connection reset by peer" in str(caught.value)
+    assert "Traceback" not in str(caught.value)
+
+
 class ResetLine:
     """The end of a connection that the other side has reset after some words."""
 
