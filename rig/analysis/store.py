@@ -18,7 +18,6 @@ import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +32,7 @@ from rig.analysis.result_data import (
     table_to_mapping,
 )
 from rig.errors import RunFileError
+from rig.program import this_program
 
 STORE_FORMAT = "harmonic-rig-analysis-2"
 _NUMBER = re.compile(r"(\d{4,})\.json\Z")
@@ -130,14 +130,6 @@ class Basis:
     no_tare: tuple[str, ...] = ()
 
 
-def program_version() -> str:
-    """The installed version of the program."""
-    try:
-        return metadata.version("harmonic-rig")
-    except metadata.PackageNotFoundError:
-        return "not installed"
-
-
 def json_ready(content: Any) -> Any:
     """The same object with everything that JSON cannot hold made plain: numpy numbers, tuples; NaN
     and infinity are null.
@@ -181,7 +173,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
     content = {
         "format": STORE_FORMAT,
         "created": basis.created,
-        "program_version": program_version(),
+        **this_program().as_json(),
         "run": result.run,
         "run_file": Path(run).name,
         "run_sha256": basis.run_sha256,
