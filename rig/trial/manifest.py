@@ -1,0 +1,147 @@
+"""All files that are evidence on a gear, or on every gear of a folder, as one manifest.
+
+Runs and tares, their analyses with figures and choices by hand, calibrations, gear cards with the acceptance files that
+they name, campaign journals, certificates. What a person edits is listed as it lies there now.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from model.errors import WordedError
+from rig.analysis.store import analysis_folder
+from rig.analysis.tare import tare_kind
+from rig.errors import RigError
+from rig.gears import card as cards
+from rig.library.folder import ANALYSES_SUFFIX
+from rig.library.index import LibraryIndex
+from rig.library.listed import IndexedRun
+from rig.present.certificate.record import certificate_files
+from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
+from rig.runfile.manifest import Entry, Manifest
+from rig.runfile.seal import file_sha256
+from rig.trial.campaign import journal
+
+Found = tuple[Path, str]
+"""A file and its kind."""
+
+
+def manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
+    """The manifest of a folder with all folders in it: of everything, or of one gear and what its analyses rest on.
+
+    Names are paths from the folder on. Raises `RigError` where the folder holds nothing of that.
+    """
+    library = LibraryIndex(folder, nested=True)
+    runs = [run for run in library.search(gear=serial) if not run.path.name.endswith(PART_SUFFIX)]
+    found = [*_of_runs(runs), *_beside(folder, serial)]
+    if serial:
+        known = {path.resolve() for path, _ in found}
+        tares = [path for path in _tares_of(runs) if path.resolve() not in known]
+        found += [one for path in dict.fromkeys(tares) for one in _of_run(path, "tare")]
+    if not found:
+        raise RigError(
+            "there is no evidence to list",
+            where=str(folder),
+            value=f"gear {serial}" if serial else "no run, no card, no certificate",
+            remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
+        )
+    return Manifest.made_of(
+        f"gear {serial}" if serial else "a folder of runs", entries_of(found, folder)
+    )
+
+
+def entries_of(found: Iterable[Found], folder: Path) -> Iterator[Entry]:
+    """These files as lines of a manifest; their bytes are read anew."""
+    start = folder.resolve()
+    for path, kind in found:
+        name = os.path.relpath(path.resolve(), start).replace(os.sep, "/")
+        yield Entry(name, kind, file_sha256(path))
+
+
+def _of_runs(runs: Iterable[IndexedRun]) -> Iterator[Found]:
+    for run in runs:
+        yield from _of_run(run.path, "tare" if run.protocol == tare_kind() else "run")
+
+
+def _of_run(run: Path, kind: str) -> Iterator[Found]:
+    """A run and everything that lies in the folder of its analyses."""
+    if run.is_file():
+        yield run, kind
+    folder = analysis_folder(run)
+    for path in sorted(folder.iterdir()) if folder.is_dir() else ():
+        if path.name.startswith(".") or path.name.endswith(HASH_SUFFIX):
+            continue
+        yield path, _kind_in_store(path)
+
+
+def _kind_in_store(path: Path) -> str:
+    if path.name.startswith("figures-"):
+        return "figures"
+    return "analysis" if path.stem.isdigit() else "choice"
+
+
+def _tares_of(runs: Iterable[IndexedRun]) -> Iterator[Path]:
+    """The tares that the analyses of these runs name."""
+    for run in runs:
+        for path, kind in _of_run(run.path, "run"):
+            named = _json(path) if kind == "analysis" else {}
+            file = (named.get("tare") or {}).get("file")
+            if file:
+                yield run.path.parent / str(file)
+
+
+def _beside(folder: Path, serial: str) -> Iterator[Found]:
+    """Cards, acceptance files, journals and certificates below a folder, of one gear or of all."""
+    for place, inside, names in os.walk(folder):
+        inside[:] = sorted(name for name in inside if not name.endswith(ANALYSES_SUFFIX))
+        here = Path(place)
+        paths = [here / name for name in sorted(names) if not name.endswith(HASH_SUFFIX)]
+        if here.name == cards.FOLDER:
+            yield from _cards(paths, serial)
+        elif here.name == journal.FOLDER:
+            yield from _journals(paths, serial)
+        elif not here.name.startswith("."):
+            for path in paths:
+                if path.suffix == ".json":
+                    yield from ((one, "certificate") for one in certificate_files(path, serial))
+
+
+def _cards(paths: Iterable[Path], serial: str) -> Iterator[Found]:
+    for path in paths:
+        if path.suffix != ".toml" or (serial and path.name != cards.card_file(serial)):
+            continue
+        yield path, "gear card"
+        try:
+            named = Path(cards.load_card(path).facts.acceptance)
+        except WordedError:
+            continue
+        if named.suffix.lower() == ".toml" and named.is_file():
+            yield named, "acceptance"
+
+
+def _journals(paths: Iterable[Path], serial: str) -> Iterator[Found]:
+    for path in paths:
+        if path.suffix == ".jsonl" and (not serial or _first_line(path).get("gear") == serial):
+            yield path, "campaign"
+
+
+def _first_line(path: Path) -> dict[str, Any]:
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return _object(file.readline())
+
+
+def _json(path: Path) -> dict[str, Any]:
+    return _object(path.read_text(encoding="utf-8", errors="replace"))
+
+
+def _object(text: str) -> dict[str, Any]:
+    """A JSON object; an empty one for what is none: its bytes are listed all the same."""
+    try:
+        content = json.loads(text)
+    except ValueError:
+        return {}
+    return content if isinstance(content, dict) else {}
