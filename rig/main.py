@@ -30,6 +30,7 @@ from rig.commands import (
     running,
     simulating,
     validating,
+    verifying,
     window,
 )
 from rig.commands.earlier_names import Command
@@ -80,7 +81,7 @@ PANELS = {
         importing.import_,
         files.export,
         files.recover,
-        files.verify,
+        verifying.verify,
     ),
 }
 """The commands in the order and under the headings of `rig --help`."""

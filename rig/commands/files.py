@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
@@ -105,7 +106,7 @@ def _day(text: str | None, flag: str) -> str | None:
         raise typer.BadParameter(f"{text!r} is no day; write YYYY-MM-DD", param_hint=flag) from None
 
 
-def show(run: RunArgument, json: JsonFlag = False) -> None:
+def show(run: RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
     from rig.analysis.listed_verdicts import verdict_of_run
     from rig.commands.file_tables import print_recording, recording_as_json
@@ -134,6 +135,7 @@ def export(
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite an export that is there already.")
     ] = False,
+    unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
     """Write a run for other programs, in SI with units in the headings; SIMULATED or IMPORTED runs
@@ -197,34 +199,3 @@ def recover(
         )
         for note in run.notes:
             echo(f"  {note}")
-
-
-def verify(
-    run: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run files.")],
-    json: JsonFlag = False,
-) -> None:
-    """Check that runs are what was recorded: hash, counters, time, flags, segments, calibrations.
-    Exit code 6 if not.
-    """
-    from rig import exits
-    from rig.runfile.verify import verify_run
-
-    checked = {str(path): verify_run(path) for path in run}
-    failed = any(finding.level == "error" for findings in checked.values() for finding in findings)
-    if json:
-        paths = [
-            {
-                "run": path,
-                "findings": [
-                    {"check": f.check, "level": f.level, "text": f.text} for f in findings
-                ],
-            }
-            for path, findings in checked.items()
-        ]
-        print_json({"runs": paths, "trusted": not failed})
-    else:
-        from rig.commands.file_tables import print_findings
-
-        print_findings(checked)
-    if failed:
-        raise typer.Exit(exits.ERROR)
