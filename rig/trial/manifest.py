@@ -9,25 +9,30 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from model.errors import WordedError
 from rig.analysis.store import analysis_folder
 from rig.analysis.tare import tare_kind
-from rig.errors import RigError
+from rig.errors import ChangedRunError, RigError
 from rig.gears import card as cards
 from rig.library.folder import ANALYSES_SUFFIX
 from rig.library.index import LibraryIndex
 from rig.library.listed import IndexedRun
 from rig.present.certificate.record import certificate_files
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
-from rig.runfile.manifest import Entry, Manifest
+from rig.runfile.manifest import Changes, Entry, Manifest, changes_since, read_manifest
 from rig.runfile.seal import file_sha256
 from rig.trial.campaign import journal
 
 Found = tuple[Path, str]
 """A file and its kind."""
+
+
+class NothingToListError(RigError):
+    """A folder without evidence, or without any on that gear."""
 
 
 def manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
@@ -43,15 +48,96 @@ def manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
         tares = [path for path in _tares_of(runs) if path.resolve() not in known]
         found += [one for path in dict.fromkeys(tares) for one in _of_run(path, "tare")]
     if not found:
-        raise RigError(
+        raise NothingToListError(
             "there is no evidence to list",
             where=str(folder),
             value=f"gear {serial}" if serial else "no run, no card, no certificate",
             remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
         )
-    return Manifest.made_of(
-        f"gear {serial}" if serial else "a folder of runs", entries_of(found, folder)
-    )
+    return Manifest.made_of(_of(serial), entries_of(found, folder))
+
+
+def _of(serial: str) -> str:
+    return f"gear {serial}" if serial else "a folder of runs"
+
+
+@dataclass(frozen=True)
+class HeldManifest:
+    """The manifest of a folder, and what became of an older one's files; `changes` is None where it was written now."""
+
+    file: Path
+    now: Manifest
+    changes: Changes | None = None
+    older_sha256: str = ""
+
+    @property
+    def error(self) -> RigError | None:
+        """What is wrong: files of the older manifest that are gone or not as they were."""
+        if self.changes is None or self.changes.is_kept:
+            return None
+        lost = [f"missing: {entry.name}" for entry in self.changes.missing]
+        lost += [f"changed: {entry.name}" for entry, _ in self.changes.changed]
+        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        return ChangedRunError(
+            "files are not as the manifest lists them",
+            where=str(self.file),
+            value=lost[0] + more,
+            remedy="Take the originals, or the backup.",
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """As `rig verify --manifest --json` tells it."""
+        told: dict[str, Any] = {
+            "file": str(self.file),
+            "files": len(self.now.entries),
+            "sha256": self.now.sha256,
+            "written": self.changes is None,
+        }
+        if self.changes is None:
+            return told
+        return told | {
+            "older_sha256": self.older_sha256,
+            "missing": [vars(entry) for entry in self.changes.missing],
+            "changed": [
+                {**vars(entry), "sha256_now": now.sha256} for entry, now in self.changes.changed
+            ],
+            "added": [vars(entry) for entry in self.changes.added],
+        }
+
+
+def hold_against(file: Path, folder: Path, serial: str = "") -> HeldManifest:
+    """Write the manifest of a folder, or of one gear in it; hold the folder against a file that is there already.
+
+    A manifest that is there is never written over. Raises `RigError` for one of something else, and
+    where it cannot be read or written.
+    """
+    if not file.exists():
+        now = manifest_of_folder(folder, serial)
+        try:
+            with file.open("xb") as stream:
+                stream.write(now.as_bytes())
+        except OSError as error:
+            raise RigError(
+                "the manifest cannot be written",
+                where=str(file),
+                value=error.strerror or str(error),
+                remedy="Name a file in a folder that is there and can be written.",
+            ) from None
+        return HeldManifest(file, now)
+    older = read_manifest(file)
+    try:
+        now = manifest_of_folder(folder, serial)
+    except NothingToListError:
+        now = Manifest.made_of(_of(serial), ())
+    if older.of != now.of:
+        raise RigError(
+            "is a manifest of something else",
+            where=str(file),
+            value=older.of,
+            limit=now.of,
+            remedy="Give the --gear that it was made with, or the name of a new file.",
+        )
+    return HeldManifest(file, now, changes_since(older, now), older.sha256)
 
 
 def entries_of(found: Iterable[Found], folder: Path) -> Iterator[Entry]:

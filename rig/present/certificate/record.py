@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,10 @@ from rig.analysis.fit import Fit
 from rig.analysis.store import json_text
 from rig.analysis.wording import show
 from rig.errors import RunFileError
-from rig.present.certificate.front import sentence_of, value_grid
+from rig.present.certificate.front import sentence_of
 from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.rests_on import programs_of
+from rig.present.content import Grid
 from rig.program import this_program
 from rig.runfile.manifest import SUFFIX, Manifest
 
@@ -39,16 +41,19 @@ def manifest_path(certificate: Path) -> Path:
 def record_of(
     gathered: Certified,
     *,
-    number: str,
+    context: Mapping[str, Any],
     created: str,
     manifest: Manifest,
     pages: Mapping[Path, bytes],
 ) -> bytes:
-    """The record of a certificate that is written as these pages: JSON that a person can read too."""
+    """The record of a certificate that is written as these pages: JSON that a person can read too.
+
+    `context` is what the pages were made of.
+    """
     place = next(iter(pages))
     content = {
         "format": FORMAT,
-        "certificate": number,
+        "certificate": context["number"],
         "serial": gathered.serial,
         "created": created,
         **this_program().as_json(),
@@ -60,10 +65,41 @@ def record_of(
         "sentence": sentence_of(gathered),
         **gathered.verdict.as_json(),
         "acceptance_file": _acceptance(gathered),
-        "page_one": [list(row) for row in value_grid(gathered).rows],
+        "page_one": _page_one(context),
         "analyses": [_analysis(fit, gathered.folder) for fit in gathered.fits],
     }
     return (json_text(content) + "\n").encode()
+
+
+def _page_one(context: Mapping[str, Any]) -> dict[str, Any]:
+    """What page one says: the table of values, the reasons, and how many values with their U there are in all."""
+    front = context["front"]
+    texts = {key: front[key] for key in front.keys() - {"curves", "laboratory"}}
+    return {
+        "values": [list(row) for row in front["values"].rows],
+        "because": list(front["because"]),
+        "with_uncertainty": sum(
+            values_with_uncertainty(text) for text in _texts([texts, context["alarms"]])
+        ),
+    }
+
+
+def _texts(content: Any) -> Iterator[str]:
+    """Every text in an object of lists, mappings and tables."""
+    if isinstance(content, str):
+        yield content
+    elif isinstance(content, Grid):
+        yield from _texts([content.title, content.columns, content.rows, content.note])
+    elif isinstance(content, Mapping):
+        yield from _texts(list(content.values()))
+    elif isinstance(content, (list, tuple)):
+        for one in content:
+            yield from _texts(one)
+
+
+def values_with_uncertainty(text: str) -> int:
+    """How many values with their U a text says."""
+    return len(re.findall(r"\d\s*±\s*\d", text))
 
 
 def _acceptance(gathered: Certified) -> dict[str, str] | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import html
 import json
 import math
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,14 +22,22 @@ from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import json_text
 from rig.errors import RigError
 from rig.gears.acceptance import acceptance_named
-from rig.present.certificate.record import STORED, manifest_path, read_record, record_path
+from rig.library.folder import ANALYSES_SUFFIX
+from rig.present.certificate.record import (
+    STORED,
+    certificate_files,
+    manifest_path,
+    read_record,
+    record_path,
+    values_with_uncertainty,
+)
 from rig.present.certificate.rests_on import PROGRAM
 from rig.present.figure import WATERMARKS
 from rig.program import this_program
 from rig.runfile.checks import Finding
 from rig.runfile.manifest import Manifest, manifest_from
 from rig.runfile.read import glance
-from rig.runfile.seal import file_sha256
+from rig.runfile.seal import file_sha256, hash_path
 from rig.runfile.sealed import read_sealed
 
 PAGES = (".pdf", ".html")
@@ -52,9 +61,36 @@ class _Certificate:
         return self.path.parent / str(self.record.get("runs_folder", "."))
 
 
-def is_certificate(path: Path) -> bool:
-    """Whether `rig verify` takes a file for a certificate: its pages, or its record."""
-    return path.suffix.lower() in PAGES or path.suffix.lower() == ".json"
+def certificates_in(place: Path) -> list[Path]:
+    """The certificates that a file or a folder means, each by one of its files: that file, or every one in the folder
+    and the folders in it that has a record, or a page that is sealed and has lost its record.
+    """
+    if not place.is_dir():
+        is_one = place.suffix.lower() in (*PAGES, ".json")
+        return [place] if is_one and not place.parent.name.endswith(ANALYSES_SUFFIX) else []
+    found: dict[Path, Path] = {}
+    for folder, inside, names in os.walk(place):
+        inside[:] = sorted(
+            name
+            for name in inside
+            if not name.startswith(".") and not name.endswith(ANALYSES_SUFFIX)
+        )
+        for path in (Path(folder, name) for name in sorted(names)):
+            is_page = path.suffix.lower() in PAGES and hash_path(path).exists()
+            if is_page or (path.suffix.lower() == ".json" and certificate_files(path)):
+                found.setdefault(path.with_suffix(""), path)
+    return list(found.values())
+
+
+def runs_of(certificate: Path) -> list[Path]:
+    """The runs whose analyses stand in a certificate; none where its record cannot be read."""
+    record = record_path(certificate)
+    try:
+        content = read_record(record.read_bytes(), record)
+        folder = record.parent / content["runs_folder"]
+        return [(folder / one["run_file"]).resolve() for one in content["analyses"]]
+    except (OSError, RigError, KeyError, TypeError):
+        return []
 
 
 def verify_certificate(path: str | Path) -> tuple[Finding, ...]:
@@ -237,9 +273,7 @@ def _printed(found: _Certificate) -> Iterator[Finding]:
         first, whole = READERS[page.suffix.lower()](page)
         lacks = [words for words in _on_page_one(found) if squeezed(words) not in first]
         # Nothing is added either: a second number beside the right one would be seen first.
-        rows = found.record["page_one"]
-        said = sum(str(cell).count("±") for row in rows for cell in row)
-        there = len(re.findall(r"\d±\d", first))
+        said, there = found.record["page_one"]["with_uncertainty"], values_with_uncertainty(first)
         if there != said:
             lacks.append(f"{said} values with their U, where the page has {there}")
         if lacks:
@@ -259,8 +293,9 @@ def _on_page_one(found: _Certificate) -> Iterator[str]:
     yield str(record["verdict"])
     yield str(record["sentence"])
     yield str(record["manifest"]["sha256"])
-    for row in record["page_one"]:
+    for row in record["page_one"]["values"]:
         yield " ".join(str(cell) for cell in row)
+    yield from record["page_one"]["because"]
     for origin in {one["origin"] for one in record["analyses"]}:
         yield WATERMARKS.get(origin, str(origin).upper())
 
@@ -282,6 +317,7 @@ def _of_pdf(path: Path) -> tuple[str, str]:
     """The text of page one and of all pages of a PDF."""
     import logging
 
+    # Read when a certificate is verified, not when its module is imported: it takes a quarter of a second.
     import pypdf
     from pypdf.errors import PyPdfError
 

@@ -105,14 +105,15 @@ def write_certificate(
             manifest,
             created=created.replace("T", " ", 1),
         )
-        number = context["number"]
         pages = {output: rendered(context, output) for output in outputs}
-        record = record_of(gathered, number=number, created=created, manifest=manifest, pages=pages)
+        record = record_of(
+            gathered, context=context, created=created, manifest=manifest, pages=pages
+        )
         record_file, manifest_file = record_path(outputs[0]), manifest_path(outputs[0])
         # The record comes last: it names all others, and without it there is no certificate to verify.
         _write_sealed({**pages, manifest_file: manifest.as_bytes(), record_file: record})
         return Certificate(
-            number=number,
+            number=context["number"],
             serial=serial,
             paths=tuple(outputs),
             record=record_file,
