@@ -13,6 +13,7 @@ from experiments.recording import Origin, RunMetadata
 from rig.library.folder import RunPlace, claim_run
 from rig.program import this_program
 from rig.run.dry_run import vars_of
+from rig.run.keeping import keep_files
 from rig.run.order import RunOrder
 from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
 from rig.run.session import output_sense
@@ -103,6 +104,8 @@ def header_of(
         process["bench"] = order.bench
     if order.output_bearing:
         process["output_bearing"] = dict(order.output_bearing)
+    if order.files:
+        process["files"] = keep_files(order.files, order.output)
     if order.world:
         process["world"] = order.world
         process["output_bearing"] = OUTPUT_BEARINGS[order.world["population"]]

@@ -25,6 +25,7 @@ from rig.bench.backends.registry import (
     world_record,
 )
 from rig.bench.config.apply import limits_by_hand
+from rig.bench.config.used import files_used
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.library.folder import RunPlace, claim_run
@@ -253,6 +254,7 @@ def run_on(
         marker=marker,
         watchdog=watchdog_of(rig, cycles) if rig.real_time else None,
         arm=(lambda: arm(rig)) if rig.real_time else None,
+        files=files_used(request.configuration),
     )
     run, begin = (
         (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)

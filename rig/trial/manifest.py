@@ -22,6 +22,7 @@ from rig.library.folder import ANALYSES_SUFFIX
 from rig.library.index import LibraryIndex
 from rig.library.listed import IndexedRun
 from rig.present.certificate.record import certificate_files
+from rig.run import keeping
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
 from rig.runfile.manifest import Changes, Entry, Manifest, changes_since, read_manifest
 from rig.runfile.seal import file_sha256
@@ -185,8 +186,11 @@ def _beside(folder: Path, serial: str) -> Iterator[Found]:
     for place, inside, names in os.walk(folder):
         inside[:] = sorted(name for name in inside if not name.endswith(ANALYSES_SUFFIX))
         here = Path(place)
-        paths = [here / name for name in sorted(names) if not name.endswith(HASH_SUFFIX)]
-        if here.name == cards.FOLDER:
+        paths = [here / name for name in sorted(names) if not name.endswith((HASH_SUFFIX, ".tmp"))]
+        if here.name == keeping.FOLDER:
+            # Named by their content, and small: those of other gears of the bench do no harm.
+            yield from ((path, "calibration") for path in paths)
+        elif here.name == cards.FOLDER:
             yield from _cards(paths, serial)
         elif here.name == journal.FOLDER:
             yield from _journals(paths, serial)

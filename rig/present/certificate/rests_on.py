@@ -1,7 +1,7 @@
 """What a certificate rests on, as a manifest: not the certificate itself, and nothing that came after it.
 
 Runs with the analyses in force that stand in it, their figures, what chose an analysis by hand, tares with their
-analyses, analyses that they build on, the gear card, the acceptance file, and the programs.
+analyses, analyses that they build on, copies of calibrations, the gear card, the acceptance file, and the programs.
 """
 
 from __future__ import annotations
@@ -56,6 +56,9 @@ def _things(gathered: Certified) -> Iterator[Thing]:
     for fit, found in zip(gathered.fits, gathered.analyses, strict=True):
         assert fit.path is not None
         yield from _of_analysis(fit.path, found)
+        for used in fit.recording.metadata.process.get("files", ()):
+            if used.get("copy"):
+                yield fit.path.parent / str(used["copy"]), "calibration"
     for run in gathered.runs if gathered.has_charts else ():
         for found in in_force_by_kind(run.path).values():
             yield from _of_analysis(run.path, found)

@@ -37,9 +37,9 @@ from rig.present.certificate.write import certificate_context
 from rig.present.page import render_page
 from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
-from rig.runfile.sealed import seal_in_place
 from tests.rig.library.stored import RUNNING, estimate, start, write
 from tests.rig.present.test_paper import squeezed
+from tests.rig.runfile.making import reseal
 
 AT = "2026-03-02T10:00:00+00:00"
 ACCURACY = "transmission_accuracy_forward"
@@ -276,7 +276,7 @@ def test_a_stale_analysis_is_said_with_the_command_that_renews_it(tmp_path: Path
     content = json.loads(store.read_text()) | {"analysis_version": 1}
     store.chmod(0o644)
     store.write_text(json.dumps(content))
-    seal_in_place(store, store.read_bytes())
+    reseal(store)
     (remark,) = context_of(folder)["front"]["remarks"]
     assert "stale" in remark
     assert "rig fit" in remark
