@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import traceback
-from importlib import metadata
 from typing import Annotated, Any, cast
 
 import typer
@@ -102,7 +101,9 @@ for _panel, _commands in PANELS.items():
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"harmonic-rig {metadata.version('harmonic-rig')}")
+        from rig.program import version as program_version
+
+        typer.echo(f"harmonic-rig {program_version()}")
         raise typer.Exit
 
 

@@ -29,6 +29,7 @@ from rig.bench.config.used import files_used
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.library.folder import RunPlace, claim_run
+from rig.program import this_program
 from rig.run.arming import Arming, guard_check, handle_check, loss_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
 from rig.run.computer import claim_real_time
@@ -36,7 +37,7 @@ from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
 from rig.run.latch import latch_of
 from rig.run.marker import RunMarker
-from rig.run.opening import begin_inline_run, begin_threaded_run, git_commit
+from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Progress, RunOrder, RunReport
 from rig.run.own_handle import OwnHandle
 from rig.run.preflight import Check, refuse_failed, static_checks
@@ -227,7 +228,7 @@ def run_on(
     """
     bench = bench or bench_for(request)
     # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
-    git_commit()
+    this_program()
     marker = RunMarker(bench.state, bench.id)
 
     cycles = request.block_cycles
