@@ -5,7 +5,6 @@ A message says what, where, value, limit, and what to do next. The floors above 
 
 from __future__ import annotations
 
-
 _TRACEBACK = "Traceback (most recent call last)"
 
 

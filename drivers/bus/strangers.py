@@ -58,7 +58,7 @@ RULES: Final[Mapping[str, Rule]] = {
 class _Kind:
     """The strangers of one kind within the window: when each was heard [ns]; whether the end of the run was told."""
 
-    times: deque[int] = field(default_factory=deque)
+    times: deque[int] = field(default_factory=deque[int])
     has_ended: bool = False
 
 
