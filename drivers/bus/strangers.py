@@ -58,13 +58,13 @@ RULES: Final[Mapping[str, Rule]] = {
 class _Kind:
     """The strangers of one kind within the window: when each was heard [ns]; whether the end of the run was told."""
 
-    times: deque[int] = field(default_factory=deque)
+    times: deque[int] = field(default_factory=deque[int])
     has_ended: bool = False
 
 
 class Strangers:
-    """Tells our own frames from those of others, and tells of the others. `commands` are COB-IDs and sources of the
-    drive's RPDOs; `echoes`: the adapter hands back what was sent.
+    """Tells our own frames from those of others, and tells of the others. `commands` are the COB-IDs of the drive's
+    RPDOs; `echoes`: the adapter hands back what was sent.
     """
 
     def __init__(
