@@ -63,8 +63,8 @@ class _Kind:
 
 
 class Strangers:
-    """Tells our own frames from those of others, and tells of the others. `commands` are COB-IDs and sources of the
-    drive's RPDOs; `echoes`: the adapter hands back what was sent.
+    """Tells our own frames from those of others, and tells of the others. `commands` are the COB-IDs of the drive's
+    RPDOs; `echoes`: the adapter hands back what was sent.
     """
 
     def __init__(
