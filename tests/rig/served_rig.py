@@ -74,9 +74,12 @@ class Served:
 
 
 @contextmanager
-def served_rig(rate: float, carrier: str = "wire", log: Path | None = None) -> Iterator[Served]:
-    """Start one, with SYNC at `rate` [Hz], and end it."""
-    command = [sys.executable, "-m", "tests.rig.served_rig", str(rate), carrier, str(log or "")]
+def served_rig(
+    rate: float, carrier: str = "wire", log: Path | None = None, lifetime: float = 150.0
+) -> Iterator[Served]:
+    """Start one, with SYNC at `rate` [Hz], and end it, after `lifetime` [s] at the latest."""
+    told = [str(rate), carrier, str(log or ""), str(lifetime)]
+    command = [sys.executable, "-m", "tests.rig.served_rig", *told]
     root = Path(__file__).parents[2]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=root) as process:
         assert process.stdout is not None
@@ -159,8 +162,8 @@ def log_the_plant(bench: WireBench, path: Path) -> None:
 
 
 if __name__ == "__main__":
-    rate, carrier, log = float(sys.argv[1]), *sys.argv[2:]
+    rate, carrier, log, lifetime = float(sys.argv[1]), *sys.argv[2:4], float(sys.argv[4])
     bench = bench_of(carrier, rate, WallClock())
     if log:
         log_the_plant(bench, Path(log))
-    serve(bench, port=0, readout="socket", announce=announce, lifetime=150.0)
+    serve(bench, port=0, readout="socket", announce=announce, lifetime=lifetime)
