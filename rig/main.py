@@ -153,9 +153,7 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
         code, sentence = known
         sys.stderr.write(f"{visible(sentence)}\n")
         return code
-    sys.stderr.write(
-        f"The program met something it was not built for: {visible(exits.defect_in_words(error))}\n"
-    )
+    sys.stderr.write(f"{visible(exits.defect_in_words(error))}\n")
     return exits.ERROR
 
 
