@@ -119,8 +119,10 @@ def defect_in_words(error: BaseException) -> str:
     ) as log:
         traceback.print_exception(error, file=log)
     said = without_traceback(str(error))
-    what = f"{type(error).__name__}: {said}"
-    return f"{what}; this is a defect of the program, the details for its report are in {log.name}"
+    return (
+        f"A defect of the program: {type(error).__name__}: {said}. "
+        f"The details for its report are in {log.name}"
+    )
 
 
 def _text(part: object) -> str | None:

@@ -159,8 +159,7 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
         sys.stderr.write("\n".join([visible(sentence), *notes]) + "\n")
         return code
     sys.stderr.write(
-        f"The program met something it was not built for: {visible(exits.defect_in_words(error))}\n"
-        + "".join(f"{note}\n" for note in notes)
+        f"{visible(exits.defect_in_words(error))}\n" + "".join(f"{note}\n" for note in notes)
     )
     return exits.ERROR
 

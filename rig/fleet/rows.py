@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments import catalogue
 from experiments.result import WORST_FIRST
+from model.errors import without_traceback
 from rig.analysis.judging import GearVerdict, whose_limit
 from rig.analysis.store import json_ready
 from rig.fleet.results import NAMES, Row
@@ -107,7 +108,7 @@ def row_of_failure(shared: Row, error: BaseException, recording: Recording | Non
 
 def failure_of(error: BaseException) -> str:
     """Why a run has no result; never empty."""
-    return str(error).strip() or type(error).__name__
+    return without_traceback(str(error)).strip() or type(error).__name__
 
 
 def _deciding(verdict: GearVerdict) -> dict[str, Verdict]:

@@ -35,7 +35,15 @@ from rig.window.run.prompt_view import ConsentButton
 from rig.window.run.stop_filter import StopFilter
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, room_for, scrolled, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    room_for,
+    scrolled,
+    set_tip,
+    text_label,
+)
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
@@ -122,7 +130,7 @@ class MainWindow(QMainWindow):
         row.addWidget(self.stop)
         where = f"rig: {self.session.backend}   runs: {self.session.folder}"
         label = text_label(where, "muted")
-        label.setToolTip(where)
+        set_tip(label, where)
         # On a small screen its end is cut off before anything that is pressed.
         label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         row.addWidget(label, 1)
