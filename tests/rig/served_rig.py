@@ -65,4 +65,4 @@ def announce(addresses: Addresses) -> None:
 if __name__ == "__main__":
     cycle_ns = round(1e9 / float(sys.argv[1]))
     bench = make_bench(shipped_gear(), shipped_motor(), world=World.of(3), cycle_ns=cycle_ns)
-    serve(bench, port=0, readout="socket", announce=announce, lifetime=60.0)
+    serve(bench, port=0, readout="socket", announce=announce, lifetime=600.0)
