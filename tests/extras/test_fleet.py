@@ -15,7 +15,6 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet as pq
 import pytest
-from distributed import Client
 
 import rig
 from experiments import catalogue
@@ -150,6 +149,8 @@ class _Reaper:
             self._workers.pop().send_signal(signal.SIGKILL)
         elif since >= 8 and len(self._workers) == 1 and now.done < RUNS - 4:
             self._cluster.join()
+            from distributed import Client
+
             with Client(self._cluster.address, set_as_default=False) as client:
                 client.wait_for_workers(2)
             self._workers.pop().send_signal(signal.SIGKILL)
