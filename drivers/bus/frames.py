@@ -163,6 +163,8 @@ class CycleStore:
         self.lost = [0] * count
         self.surplus = [0] * count
         """By slot: frames that came beside the first of a cycle, since the rig was opened; late ones are among them."""
+        self.surplus_frames = 0
+        """All of them."""
         self.rows = 0
         self._buffer = bytearray(layout.stride)
         self._last = bytes(layout.stride)
@@ -232,6 +234,7 @@ class CycleStore:
             flag = CycleFlag.LATE if self._owed[slot] else CycleFlag.DOUBLED
             self._owed[slot] = max(0, self._owed[slot] - 1)
             self.surplus[slot] += 1
+            self.surplus_frames += 1
             if self._is_open:
                 self._flags[-1] |= flag
             else:
@@ -242,6 +245,7 @@ class CycleStore:
             self._to_come -= 1
         else:
             self.surplus[slot] += 1
+            self.surplus_frames += 1
             if not self._owed[slot]:
                 self._flags[-1] |= CycleFlag.DOUBLED
                 return

@@ -19,6 +19,7 @@ from drivers.bus.cia301 import (
     EMCY_BASE,
     HEARTBEAT_BASE,
     HIGHEST_NODE_ID,
+    SDO_REQUEST_BASE,
     NmtCommand,
     NmtState,
     error_code_text,
@@ -158,6 +159,7 @@ class PumpedBus:
         self.frames_received = self.frames_unknown = self.error_frames = self.events_dropped = 0
         self.errors_seen = 0
         self.echoes = False
+        """Whether the bus hands back what was sent: it shows with the first request or heartbeat."""
         self.last_error: Event | None = None
         self.while_waiting: Callable[[], int] | None = None
         """Asked whenever the owner waits: turns if it is time to and says 0, else the instant at which it will be."""
@@ -167,6 +169,7 @@ class PumpedBus:
         self._events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
         self._heartbeat_period_ns = self._heartbeat_due_ns = 0
         self._is_open = True
+        self._asked: tuple[int, bytes] | None = None
 
     @property
     def clock(self) -> Clock:
@@ -187,6 +190,8 @@ class PumpedBus:
         """Send one frame with an 11-bit identifier. Raises `BusLostError`."""
         self._require_open()
         message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+        if cob_id >= SDO_REQUEST_BASE:
+            self._asked = (cob_id, data)
         try:
             self._raw.send(message)
         except (can.CanError, OSError, ValueError) as error:
@@ -348,13 +353,14 @@ class PumpedBus:
         elif EMCY_BASE < cob_id <= EMCY_BASE + HIGHEST_NODE_ID:
             self.on_emergency(cob_id - EMCY_BASE, bytes(message.data))
         else:
+            self.echoes = self.echoes or (cob_id, bytes(message.data)) == self._asked
             self.frames_unknown += 1
 
     def _on_heartbeat(self, node_id: int, data: bytes) -> None:
         node = self.nodes.get(node_id)
         if node_id == self.own_node_id:
             # The bus hands back what was sent: the SYNC's own time stamp can be had.
-            self.echoes = True
+            self.echoes = self.echoes or (HEARTBEAT_BASE + node_id, data) == self._asked
             return
         if node is None or len(data) != 1:
             self.frames_unknown += 1

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -21,20 +20,18 @@ from numpy.typing import NDArray
 
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus.amplifier import Left
-from drivers.bus.amplifiers import AmplifierConfig
 from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
-from drivers.bus.cia401 import AnalogModuleConfig
-from drivers.bus.cia402.config import DriveConfig
-from drivers.bus.cia406 import CounterConfig
 from drivers.bus.columns import ColumnDecoder
 from drivers.bus.frames import CycleStore
 from drivers.bus.listening import listen_for_masters, listening_time_ns
-from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
 from drivers.bus.request_line import RequestLine
-from drivers.bus.rig_nodes import GuardContact, RigNodes
+from drivers.bus.rig_config import CanRigConfig
+from drivers.bus.rig_nodes import RigNodes
 from drivers.bus.sdo import SdoTimeoutError
 from drivers.bus.set_points import set_point_counts
+from drivers.bus.silence import Silence
+from drivers.bus.strangers import Strangers
 from drivers.bus.sync_time import SyncTime
 from drivers.channel import Channel
 from drivers.clock import Clock
@@ -42,7 +39,6 @@ from drivers.cycled import Cycle
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.event import Event
 from drivers.port import (
-    LATE_ANSWERS,
     Abilities,
     Command,
     DriveLimits,
@@ -50,60 +46,9 @@ from drivers.port import (
     Origin,
     RigDescription,
 )
-from drivers.samples import Break, CycleFlag
+from drivers.samples import NOT_JUDGED, Break, CycleFlag
 
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
-_LONG_SILENCE: Final = 3
-"""Incomplete cycles in a row of whose end is told whether their answers were late or lost."""
-_LATEST_ANSWER: Final = 50
-"""Complete cycles after a silence in which its answers are still waited for."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CanRigConfig:
-    """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules, the guard's contact.
-
-    `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete;
-    `first_patience_ns`: the same for the very first cycle; `settle_factor`: how much longer is
-    waited, once, after a lost frame for its late arrival; `stale_cycles`: incomplete cycles in a
-    row after which an active drive raises; `stamp_wrap_ns`: range of an adapter's clock that wraps
-    (a 32-bit microsecond counter: 4294967296000), 0 if it does not.
-    """
-
-    cycle_ns: int = 1_000_000
-    drive: AmplifierConfig = field(default_factory=DriveConfig)
-    motor_encoder: MotorEncoder
-    counters: tuple[CounterConfig, ...] = ()
-    modules: tuple[AnalogModuleConfig, ...] = ()
-    guard: GuardContact | None = None
-    patience_cycles: float = 5.0
-    settle_factor: float = 4.0
-    first_patience_ns: int = 500_000_000
-    stale_cycles: int = 50
-    stamp_wrap_ns: int = 0
-    own_node_id: int = 127
-    title: str = "CANopen rig"
-
-    def __post_init__(self) -> None:
-        if not 100_000 <= self.cycle_ns <= 1_000_000_000:
-            raise DriverError(
-                "the SYNC period is out of range",
-                where="rig",
-                value=self.cycle_ns,
-                limit="0.1 ms to 1 s",
-            )
-        if not self.patience_cycles >= 1.0 or not self.settle_factor >= 1.0:
-            raise DriverError(
-                "patience and settle factor must be at least one",
-                where="rig",
-                value=f"{self.patience_cycles}, {self.settle_factor}",
-            )
-
-    @property
-    def node_ids(self) -> tuple[int, ...]:
-        """The nodes that are this rig's, the drive first."""
-        devices = (self.drive, *self.counters, *self.modules)
-        return tuple(device.node_id for device in devices)
 
 
 class CanSegment:
@@ -238,7 +183,7 @@ class CanSegment:
         )
         self._enter(command.mode)
         # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
-        may_ask = command.mode in _ACTIVE or not self._silent
+        may_ask = command.mode in _ACTIVE or not self._silence.cycles
         self._frames = nodes.drive.frames(command.mode, speeds, torques, may_ask=may_ask)
         self._speeds, self._torques, self._commanded = speeds, torques, command.mode
         self._store.begin_block(cycles)
@@ -294,8 +239,9 @@ class CanSegment:
         with contextlib.suppress(DriverError):
             if nodes is None:
                 return
-            drive = nodes.drive
-            for cob_id, data in self._command_once(Mode.OFF):
+            drive, commands = nodes.drive, self._command_once(Mode.OFF)
+            self._strangers.sends([data for _, data in commands])
+            for cob_id, data in commands:
                 bus.send(cob_id, data)
             bus.send(SYNC_COB_ID, b"")
             if is_silent:
@@ -346,7 +292,9 @@ class CanSegment:
 
         Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
         """
-        return [*self._command_once(Mode.QUICK_STOP), (SYNC_COB_ID, b"")]
+        commands = self._command_once(Mode.QUICK_STOP)
+        self._strangers.announce(commands)
+        return [*commands, (SYNC_COB_ID, b"")]
 
     # --- inside
 
@@ -380,9 +328,8 @@ class CanSegment:
         self._mode = Mode.OFF
         self._first_cycle = 0
         self._due_ns: int | None = None
-        self._echo_stamp = self._errors_seen = self._silent = 0
-        self._open_silence = self._cycles_open = 0
-        self._surplus_before = list(self._store.surplus)
+        self._echo_stamp = self._errors_seen = 0
+        self._silence = Silence(self._store, bus.emit)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
         nodes.drive.find(nodes.layout)
@@ -390,19 +337,26 @@ class CanSegment:
         self._line = RequestLine(bus, nodes.places(self._store.is_absent), nodes.drive)
         self._lost = None
         bus.sample_time_ns = self._event_time
-        bus.subscribe(SYNC_COB_ID, self._on_sync)
         for slot, pdo in enumerate(nodes.layout.pdos):
             bus.subscribe(pdo.cob_id, self._receiver(slot))
+        self._watch_for_strangers(bus, nodes)
 
     def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
         put = self._store.put
         return lambda data, stamp_ns: put(slot, data, stamp_ns)
 
+    def _watch_for_strangers(self, bus: PumpedBus, nodes: RigNodes) -> None:
+        """Listen to SYNCs and to the drive's commands. Whether the bus hands back what was sent has shown by now."""
+        cob_ids = [pdo.cob_id for pdo in nodes.drive.commands]
+        self._strangers = Strangers(self._store, self._clock, bus.emit, cob_ids, echoes=bus.echoes)
+        bus.subscribe(SYNC_COB_ID, self._on_sync)
+        for number, cob_id in enumerate(cob_ids):
+            bus.subscribe(cob_id, self._strangers.listener(number))
+
     def _on_sync(self, data: bytes, stamp_ns: int) -> None:
-        self._echo_stamp = stamp_ns
-        if self._bus is not None:
-            self._bus.echoes = True
-        self._store.echo()
+        if self._strangers.sync_heard():
+            self._echo_stamp = stamp_ns
+            self._store.echo()
 
     def _event_time(self) -> int:
         """Now, in the base of the samples: the latest stamp and what has passed since."""
@@ -430,11 +384,11 @@ class CanSegment:
                 value=state.value,
                 remedy="Command OFF, find and remove the cause, acknowledge the fault; there is no automatic restart.",
             )
-        if self._silent >= self._config.stale_cycles:
+        if self._silence.cycles >= self._config.stale_cycles:
             raise StaleDataError(
                 "no complete cycle came back",
                 where=self._silent_text(),
-                value=f"{self._silent} cycles",
+                value=f"{self._silence.cycles} cycles",
                 limit=f"< {self._config.stale_cycles}",
                 remedy="Stop the drive; is the node powered and on the bus?",
             )
@@ -487,13 +441,17 @@ class CanSegment:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)
+        strangers = self._strangers
+        if not self._sync_time.cycles:
+            strangers.begin()
+        strangers.sends(commands)
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().drive.commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
         is_first = not self._first_cycle and not row
         patience = self._patience(is_first)
         self._echo_stamp = 0
-        self._store.begin_cycle(bus.echoes)
+        self._store.begin_cycle(strangers.echoes)
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
         bus.send(SYNC_COB_ID, b"")
@@ -509,34 +467,11 @@ class CanSegment:
         )
         if is_host:
             self._host_rows.append(row)
-        self._count_silence(bus, bool(flags & CycleFlag.INCOMPLETE))
+        self._silence.count(bool(flags & CycleFlag.INCOMPLETE))
+        strangers.close_cycle(flags)
         bus.check_heartbeats()
         times = self._sync_time
         return Cycle(stamp, latency, flags, times.sync_ns, times.doubt(latency))
-
-    def _count_silence(self, bus: PumpedBus, is_incomplete: bool) -> None:
-        """Incomplete cycles in a row. What comes after them tells a slow computer from a cable: what was delayed comes
-        in the end, what was lost does not (a controller repeats one frame at most).
-        """
-        if is_incomplete:
-            if not self._silent and not self._open_silence:
-                self._surplus_before = list(self._store.surplus)
-            self._silent += 1
-            return
-        if self._silent >= _LONG_SILENCE:
-            self._open_silence, self._cycles_open = self._silent, 0
-        self._silent = 0
-        if not self._open_silence:
-            return
-        self._cycles_open += 1
-        late = zip(self._store.surplus, self._surplus_before, strict=True)
-        # Of one COB-ID: nodes with many would make up a silence by the one frame that each controller repeats.
-        if 2 * max(now - before for now, before in late) >= self._open_silence:
-            text = f"the answers of {self._open_silence} cycles came after all, too late for their cycles"
-            bus.emit("warning", LATE_ANSWERS, "bus", text)
-        elif self._cycles_open < _LATEST_ANSWER:
-            return
-        self._open_silence = 0
 
     def _wait_for_turn(self, bus: PumpedBus, row: int) -> None:
         if row == 0:
@@ -592,7 +527,7 @@ class CanSegment:
             return Break(
                 row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
             )
-        if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
+        if mode in _ACTIVE and not flags & NOT_JUDGED and self._was_enabled:
             left = self._opened().drive.left(self._store.last_record)
             if left is not None:
                 return self._left(left, row)

@@ -23,14 +23,16 @@ from rig.analysis import format_1
 from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_kind
-from rig.errors import ConfigurationError, RunFileError
-from rig.runfile.seal import sealed_sha256
+from rig.errors import ConfigurationError, RunFileError, UnsealedError
+from rig.runfile.seal import file_sha256, recorded_sha256, sealed_sha256
 
 if TYPE_CHECKING:
     from experiments.recording import RunMetadata
     from model.gear import HarmonicDrive
 
 KEPT_NAME = "kept.json"
+UNSEALED = "not sealed"
+"""Stands for the hash of a run whose note is missing."""
 KEPT_FORMAT = "harmonic-rig-kept-1"
 
 
@@ -192,10 +194,16 @@ class _Things:
             self._sha256 = _hash_now(self._run)
         return self._sha256 in ("", str(analysis.content.get("run_sha256", "")))
 
+    @property
+    def _of_another_run(self) -> str:
+        if self._sha256 == UNSEALED:
+            return "the run file is not sealed: its note is missing"
+        return "the run file is not the one that was analysed"
+
     def changed(self, analysis: Analysis) -> Iterator[str]:
         """What of that on which an analysis rests is not what it was, in words."""
         if not self.is_of_this_run(analysis):
-            yield "the run file is not the one that was analysed"
+            yield self._of_another_run
         yield from self._tare_changed(analysis)
         yield from self._gear_changed(analysis)
         yield from _version_changed(analysis)
@@ -215,6 +223,9 @@ class _Things:
             return
         if _hash_now(path) != str(tare.get("sha256", "")):
             yield f"the tare {tare.get('run', '')} is not the one that was subtracted"
+        named = path.parent / str(tare.get("analysis") or "")
+        if tare.get("analysis") and _stored_hash(named) != tare.get("analysis_sha256"):
+            yield f"the analysis {tare['analysis']} of its tare is not the one that was subtracted"
         yield from _tare_of_another_version(tare)
         yield from _tare_too_old(tare, self._run.parent)
 
@@ -269,11 +280,15 @@ class _Things:
         path = self._run.parent / str(built_on["file"])
         if not path.is_file():
             return
-        number = in_force(path, str(built_on["kind"])).number
-        if number != built_on["number"]:
+        found = in_force(path, str(built_on["kind"]))
+        before = built_on.get("analysis_sha256", "")
+        if before and found.analysis is not None and found.number == built_on["number"]:
+            if found.analysis.seal.sha256 != before:
+                yield f"analysis {found.number} of {built_on['run']}, on which it builds, is another one now"
+        elif found.number != built_on["number"]:
             yield (
                 f"it builds on analysis {built_on['number']} of {built_on['run']}, of which analysis "
-                f"{number} is in force now"
+                f"{found.number} is in force now"
             )
 
 
@@ -310,8 +325,15 @@ def _hash_now(path: Path) -> str:
         return ""
     try:
         return sealed_sha256(path)
+    except UnsealedError:
+        return UNSEALED
     except RunFileError:
         return "changed"
+
+
+def _stored_hash(analysis: Path) -> str:
+    """The hash of a stored analysis: as it was noted, of one that was never sealed as it is; "" where it is gone."""
+    return recorded_sha256(analysis) or (file_sha256(analysis) if analysis.is_file() else "")
 
 
 def _metadata(run: Path) -> RunMetadata:

@@ -352,8 +352,8 @@ class ServoAmplifier:
         return self._mode_now
 
     def choose_mode(self, operation: OperationMode) -> None:
-        """Write 0x6060 and wait until 0x6061 shows it."""
-        if operation is self._mode_now:
+        """Write 0x6060 and wait until 0x6061 shows it; one that is still shown is not written again."""
+        if operation is self._mode_now and self._shows(operation):
             return
         self._mode_now = None
         self.device.write(obj.MODE, operation)
@@ -372,6 +372,15 @@ class ServoAmplifier:
             value=shown,
             limit=operation.name,
         )
+
+    def _shows(self, operation: OperationMode) -> bool:
+        """Whether the drive still shows the mode that it was given, as far as it shows any."""
+        shown = self.device.read_optional(obj.MODE_DISPLAY)
+        if shown is None or shown == operation:
+            return True
+        text = f"it shows mode of operation {shown} (0x6061), it was given {operation}: given again"
+        self.bus.emit("warning", "mode", self.device.where, text)
+        return False
 
     def reset_fault(self) -> None:
         """Fault reset by a rising edge of bit 7, from a low level. Raises when the cause persists."""

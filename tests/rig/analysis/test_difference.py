@@ -17,6 +17,7 @@ from rig.analysis.store import json_text
 from rig.errors import RunFileError
 from rig.runfile.layout import Column
 from tests.rig.library.stored import RUNNING, TORQUE, analyse, estimate, write
+from tests.rig.runfile.making import reseal
 
 SIMULATED = {"backend": "sim", "seed": 3, "program_version": "0.1.0", "git_commit": "abc"}
 
@@ -164,6 +165,7 @@ def test_the_outcome_that_older_analyses_held_is_not_compared(runs: tuple[Path, 
     content = json.loads(older.read_text(encoding="utf-8"))
     assert "outcome" not in content
     older.write_text(json.dumps(content | {"outcome": "FAIL"}), encoding="utf-8")
+    reseal(older)
     analyse(runs[1], estimate(RUNNING, 0.08))
     found = difference(*runs)
     assert found.of("results") == ()
@@ -281,6 +283,7 @@ def test_an_estimate_without_an_uncertainty_is_compared_without_a_verdict(
     told["result"]["parameters"][RUNNING] |= {"expanded_uncertainty": None, "budget": []}
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
+    reseal(stored.path)
     found = result(difference(*runs))
     assert (found.significant, found.uncertainty, found.difference) == (
         None,
