@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 import traceback
-from importlib import metadata
 from typing import Annotated, Any, cast
 
 import typer
@@ -103,7 +101,9 @@ for _panel, _commands in PANELS.items():
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"harmonic-rig {metadata.version('harmonic-rig')}")
+        from rig.program import version as program_version
+
+        typer.echo(f"harmonic-rig {program_version()}")
         raise typer.Exit
 
 
@@ -152,22 +152,14 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
     if as_json:
         _tell_as_json(error, "\n".join([known[1] if known is not None else str(error), *notes]))
     elif hasattr(error, "format_message"):
-        from typer.rich_utils import rich_format_error
-
-        rich_format_error(cast("Any", error))
+        _show_refusal(error)
         return exits.USAGE
     if known is not None:
         code, sentence = known
         sys.stderr.write("\n".join([visible(sentence), *notes]) + "\n")
         return code
-    with tempfile.NamedTemporaryFile(
-        "w", prefix="harmonic-rig-", suffix=".log", delete=False
-    ) as log:
-        traceback.print_exception(error, file=log)
     sys.stderr.write(
-        f"The program met something it was not built for: {type(error).__name__}: {visible(str(error))}\n"
-        f"This is a defect; the details for its report are in {log.name}\n"
-        + "".join(f"{note}\n" for note in notes)
+        f"{visible(exits.defect_in_words(error))}\n" + "".join(f"{note}\n" for note in notes)
     )
     return exits.ERROR
 
@@ -189,6 +181,24 @@ def _refusal(error: BaseException) -> tuple[int, str] | None:
         return exits.ABORTED, f"Stopped by the operator{standing}."
     words = getattr(error, "format_message", None)
     return None if words is None else (exits.USAGE, str(words()))
+
+
+def _show_refusal(error: BaseException) -> None:
+    """What the command-line library refuses: how the command is used, and the reason in a frame."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return
+    from rich.panel import Panel
+
+    from rig.commands.terminal import console
+    from rig.commands.visible import Text
+
+    out, refusal = console(errors=True), cast("Any", error)
+    context = getattr(refusal, "ctx", None)
+    if context is not None:
+        out.print(Text(context.get_usage(), style="yellow"))
+        out.print(Text(f"Try '{context.command_path} --help' for help.", style="dim"))
+    message = Text(refusal.format_message())
+    out.print(Panel(message, title="Error", title_align="left", border_style="red"))
 
 
 def _tell_as_json(error: BaseException, sentence: str) -> None:

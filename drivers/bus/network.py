@@ -41,6 +41,21 @@ ADAPTERS_WITH_STAMPS: Final = frozenset({"gs_usb", "pcan", "kvaser"})
 """python-can interfaces whose time stamps are the adapter's own clock; socketcan delivers the kernel's receive time."""
 ADAPTERS_WITH_ECHO: Final = frozenset({"socketcan", "virtual", "kvaser", "vector", "ixxat"})
 """python-can interfaces that hand back what they sent when asked to (gs_usb and udp_multicast do so unasked)."""
+OPENED_TWICE: Final[Mapping[str, bool | None]] = {
+    "socketcand": True,
+    "udp_multicast": True,
+    "virtual": True,
+    "socketcan": None,
+    "gs_usb": None,
+    "ixxat": None,
+    "kvaser": None,
+    "pcan": None,
+    "slcan": None,
+    "vector": None,
+}
+"""python-can interfaces that one process can open twice, as the watchdog wants it: tried, or None: not tried. One that
+is not named here was not tried either.
+"""
 _IDLE_STEP_NS: Final = 1_000_000
 _EVENTS_KEPT: Final = 10_000
 
@@ -99,6 +114,13 @@ class NodeWatch:
     is_lost: bool = False
     boots: int = 0
     emergencies: int = 0
+
+
+def second_handle_words(interface: str) -> str:
+    """What is known of opening an interface twice, in words."""
+    found = OPENED_TWICE.get(interface)
+    known = {True: "can be opened twice", False: "cannot be opened twice"}
+    return f"{interface} {known[found]}" if found is not None else f"{interface}: not tried"
 
 
 def open_raw_bus(config: BusConfig) -> RawBus:

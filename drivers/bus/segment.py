@@ -20,23 +20,24 @@ from numpy.typing import NDArray
 
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus.amplifier import Left
-from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
+from drivers.bus.cia301 import SYNC_COB_ID, ObjectRef
 from drivers.bus.columns import ColumnDecoder
 from drivers.bus.frames import CycleStore
+from drivers.bus.letting_go import command_once, let_go
 from drivers.bus.listening import listen_for_masters, listening_time_ns
 from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
 from drivers.bus.request_line import RequestLine
 from drivers.bus.rig_config import CanRigConfig
 from drivers.bus.rig_nodes import RigNodes
-from drivers.bus.sdo import SdoTimeoutError
 from drivers.bus.set_points import set_point_counts
 from drivers.bus.silence import Silence
 from drivers.bus.strangers import Strangers
 from drivers.bus.sync_time import SyncTime
+from drivers.bus.waking import LATE_TURN, Waking, longest_pause_ns
 from drivers.channel import Channel
 from drivers.clock import Clock
 from drivers.cycled import Cycle
-from drivers.errors import BusLostError, DriverError, StaleDataError
+from drivers.errors import BusLostError, DriverError
 from drivers.event import Event
 from drivers.port import (
     Abilities,
@@ -165,7 +166,8 @@ class CanSegment:
             self._bus = None
             raise
         self._errors_seen = bus.errors_seen
-        return RigDescription(self._origin_of(nodes), config.title, nodes.describe(), self._truth)
+        origin = "simulated" if nodes.are_simulated else self._origin
+        return RigDescription(origin, config.title, nodes.describe(), self._truth)
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits into the drive and return what reads back; infinite where the drive holds none."""
@@ -215,48 +217,11 @@ class CanSegment:
         bus, nodes = self._bus, self._nodes
         if bus is None:
             return
-        try:
-            if nodes is not None and self._lost is None:
-                nodes.drive.to_off(resets_fault=False)
-                nodes.drive.device.release_consumer()
-                bus.start_heartbeat(0)
-                for device in nodes.devices:
-                    bus.nmt(NmtCommand.PRE_OPERATIONAL, device.node_id)
-        except DriverError as error:
-            bus.emit("warning", "close", "rig", f"while closing: {error}")
-            self._let_go(bus, nodes, is_silent=isinstance(error, SdoTimeoutError))
+        if nodes is not None and self._lost is None:
+            let_go(bus, nodes)
         bus.close()
         self._left_events += bus.events()
         self._bus = None
-
-    def _let_go(self, bus: PumpedBus, nodes: RigNodes | None, *, is_silent: bool) -> None:
-        """The drive does not obey: servo off by process data all the same, then NMT STOP, to which
-        it reacts by 0x6007.
-
-        One that `is_silent` may have been STOPPED by somebody, and hears neither SDO nor process
-        data before it is woken.
-        """
-        with contextlib.suppress(DriverError):
-            if nodes is None:
-                return
-            drive, commands = nodes.drive, self._command_once(Mode.OFF)
-            self._strangers.sends([data for _, data in commands])
-            for cob_id, data in commands:
-                bus.send(cob_id, data)
-            bus.send(SYNC_COB_ID, b"")
-            if is_silent:
-                bus.nmt(NmtCommand.PRE_OPERATIONAL, drive.device.node_id)
-                with contextlib.suppress(DriverError):
-                    drive.to_off(resets_fault=False)
-                    drive.device.release_consumer()
-                    return
-            bus.nmt(NmtCommand.STOP, drive.device.node_id)
-
-    def _command_once(self, mode: Mode) -> list[tuple[int, bytes]]:
-        """(COB-ID, data) of every RPDO in a mode with set-points of zero."""
-        drive, none = self._opened().drive, np.zeros(1, dtype=np.int64)
-        frames = drive.frames(mode, none, none)
-        return [(pdo.cob_id, data) for pdo, (data,) in zip(drive.commands, frames, strict=True)]
 
     # --- beyond the port
 
@@ -273,13 +238,7 @@ class CanSegment:
     def read_integer(self, node_id: int, entry: ObjectRef) -> int:
         """An object of a node by SDO, between two cycles. Raises `DriverError`."""
         self._pause()
-        for device in self._opened().devices:
-            if device.node_id == node_id:
-                return device.read_integer(entry)
-        node_ids = [device.node_id for device in self._opened().devices]
-        raise DriverError(
-            "no such node", where=self._config.title, value=node_id, limit=str(node_ids)
-        )
+        return self._opened().read_integer(node_id, entry)
 
     @property
     def nodes(self) -> RigNodes:
@@ -292,19 +251,11 @@ class CanSegment:
 
         Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
         """
-        commands = self._command_once(Mode.QUICK_STOP)
+        commands = command_once(self._opened().drive, Mode.QUICK_STOP)
         self._strangers.announce(commands)
         return [*commands, (SYNC_COB_ID, b"")]
 
     # --- inside
-
-    def _origin_of(self, nodes: RigNodes) -> Origin:
-        """Devices that call themselves simulated make the rig simulated, however it is reached."""
-        return (
-            "simulated"
-            if any(identity.is_simulated for identity in nodes.identities.values())
-            else self._origin
-        )
 
     def _opened(self) -> RigNodes:
         if self._nodes is None:
@@ -332,18 +283,22 @@ class CanSegment:
         self._silence = Silence(self._store, bus.emit)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
+        self._waking = Waking(
+            self._clock,
+            longest_pause_ns(
+                self._config.drive.computer_lost_ms,
+                self._config.cycle_ns,
+                self._config.patience_cycles * self._config.settle_factor,
+            ),
+        )
         nodes.drive.find(nodes.layout)
         self._pause_pending = False
         self._line = RequestLine(bus, nodes.places(self._store.is_absent), nodes.drive)
         self._lost = None
         bus.sample_time_ns = self._event_time
         for slot, pdo in enumerate(nodes.layout.pdos):
-            bus.subscribe(pdo.cob_id, self._receiver(slot))
+            bus.subscribe(pdo.cob_id, self._store.receiver(slot))
         self._watch_for_strangers(bus, nodes)
-
-    def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
-        put = self._store.put
-        return lambda data, stamp_ns: put(slot, data, stamp_ns)
 
     def _watch_for_strangers(self, bus: PumpedBus, nodes: RigNodes) -> None:
         """Listen to SYNCs and to the drive's commands. Whether the bus hands back what was sent has shown by now."""
@@ -376,6 +331,7 @@ class CanSegment:
             with self._sync_goes_on(self._live_bus()):
                 drive.enable(mode)
             self._mode, self._was_enabled = mode, True
+            self._waking.cycled()
         elif not self._was_enabled:
             state = drive.state()
             raise DriverError(
@@ -384,14 +340,7 @@ class CanSegment:
                 value=state.value,
                 remedy="Command OFF, find and remove the cause, acknowledge the fault; there is no automatic restart.",
             )
-        if self._silence.cycles >= self._config.stale_cycles:
-            raise StaleDataError(
-                "no complete cycle came back",
-                where=self._silent_text(),
-                value=f"{self._silence.cycles} cycles",
-                limit=f"< {self._config.stale_cycles}",
-                remedy="Stop the drive; is the node powered and on the bus?",
-            )
+        self._silence.require_shorter(self._config.stale_cycles)
 
     @contextlib.contextmanager
     def _sync_goes_on(self, bus: PumpedBus) -> Generator[None]:
@@ -422,16 +371,6 @@ class CanSegment:
                 self._statistics.pause()
                 self._decoder.pause()
 
-    def _silent_text(self) -> str:
-        layout = self._opened().layout
-        slots = self._store.missing_slots()
-        return (
-            ", ".join(
-                f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots
-            )
-            or "bus"
-        )
-
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
         self._pause_pending = True
@@ -441,20 +380,26 @@ class CanSegment:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)
+        if self._mode in _ACTIVE and self._waking.has_slept():
+            commands = [data for _, data in self._command_once(Mode.QUICK_STOP)]
+            self._was_enabled = False
+            self._waking.woke()
         strangers = self._strangers
         if not self._sync_time.cycles:
             strangers.begin()
         strangers.sends(commands)
+        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
+        bus.send_heartbeat()
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().drive.commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
-        is_first = not self._first_cycle and not row
-        patience = self._patience(is_first)
+        patience = self._patience(is_first=not self._first_cycle and not row)
         self._echo_stamp = 0
         self._store.begin_cycle(strangers.echoes)
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
         bus.send(SYNC_COB_ID, b"")
+        self._waking.cycled()
         if self.on_sync is not None:
             self.on_sync()
         if line is not None and line.is_busy:
@@ -469,7 +414,9 @@ class CanSegment:
             self._host_rows.append(row)
         self._silence.count(bool(flags & CycleFlag.INCOMPLETE))
         strangers.close_cycle(flags)
-        bus.check_heartbeats()
+        if not self._waking.has_slept():
+            # After a sleep of ours nobody was heard: they were not silent.
+            bus.check_heartbeats()
         times = self._sync_time
         return Cycle(stamp, latency, flags, times.sync_ns, times.doubt(latency))
 
@@ -495,11 +442,9 @@ class CanSegment:
             bus.receive(self._due_ns)
         # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
         bus.drain()
-        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
-        bus.send_heartbeat()
         self._due_ns += self._config.cycle_ns
 
-    def _patience(self, is_first: bool) -> int:
+    def _patience(self, *, is_first: bool) -> int:
         if is_first:
             return max(self._config.first_patience_ns, self._config.cycle_ns)
         if self._store.is_silent:
@@ -520,7 +465,13 @@ class CanSegment:
 
     def trouble(self, row: int, flags: int) -> Break | None:
         """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""
-        bus, mode = self._live_bus(), self._commanded
+        bus, mode, waking = self._live_bus(), self._commanded, self._waking
+        if waking.overslept_ms:
+            overslept, waking.overslept_ms = waking.overslept_ms, 0.0
+            allowed = waking.allowed_ns * 1e-6
+            bus.emit("error", LATE_TURN, "bus", waking.words_of(overslept))
+            self._errors_seen = bus.errors_seen
+            return Break(row, LATE_TURN.replace("-", "_"), overslept, allowed, True)
         if bus.errors_seen != self._errors_seen:
             self._errors_seen = bus.errors_seen
             event = bus.last_error

@@ -6,6 +6,7 @@ from typing import Final
 
 from drivers.bus.frames import CycleStore
 from drivers.bus.strangers import Tell
+from drivers.errors import StaleDataError
 from drivers.port import LATE_ANSWERS
 
 _LONG_SILENCE: Final = 3
@@ -38,6 +39,17 @@ class Silence:
         self.cycles = 0
         if self._open:
             self._look_for_answers()
+
+    def require_shorter(self, limit: int) -> None:
+        """Raise `StaleDataError` where nothing complete has come back for so many cycles."""
+        if self.cycles >= limit:
+            raise StaleDataError(
+                "no complete cycle came back",
+                where=self._store.missing_text(),
+                value=f"{self.cycles} cycles",
+                limit=f"< {limit}",
+                remedy="Stop the drive; is the node powered and on the bus?",
+            )
 
     def _look_for_answers(self) -> None:
         """Whether the answers of the silence before have come by now."""

@@ -58,13 +58,13 @@ RULES: Final[Mapping[str, Rule]] = {
 class _Kind:
     """The strangers of one kind within the window: when each was heard [ns]; whether the end of the run was told."""
 
-    times: deque[int] = field(default_factory=deque)
+    times: deque[int] = field(default_factory=deque[int])
     has_ended: bool = False
 
 
 class Strangers:
-    """Tells our own frames from those of others, and tells of the others. `commands` are COB-IDs and sources of the
-    drive's RPDOs; `echoes`: the adapter hands back what was sent.
+    """Tells our own frames from those of others, and tells of the others. `commands` are the COB-IDs of the drive's
+    RPDOs; `echoes`: the adapter hands back what was sent.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Strangers:
             self._owed -= 1
             return True
         self._syncs += 1
-        self._is_settled = False
+        self._is_settled, self._quiet = False, 0
         self._note(FOREIGN_SYNC, "bus", "")
         return False
 
@@ -125,7 +125,7 @@ class Strangers:
                 # The SYNC with which its quick stop acts comes next, and the nodes answer it.
                 self._owed += 1
                 self._explained += 1
-                self._is_settled = False
+                self._is_settled, self._quiet = False, 0
             return
         # Echoes keep their order: what was sent before a SYNC that has come back has come back as well.
         late = list(self._sent)[-1 - self._owed :]

@@ -22,8 +22,9 @@ from rig.analysis.store import (
 from rig.errors import RigError, UnsealedError
 from rig.runfile.checks import Level
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
+from rig.runfile.read import glance
 from rig.runfile.seal import check_seal, is_unsealed_allowed
-from rig.runfile.sealed import names_of_notes
+from rig.runfile.sealed import names_of_notes, read_sealed
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,33 @@ def links_of_run(run: Path) -> Iterator[Link]:
             yield Link("run", run, "ok", "ok", sha256)
     except RigError as error:
         yield broken("run", run, error)
+    yield from _calibrations(run)
     yield from _links_of_store(run, sha256)
+
+
+def _calibrations(run: Path) -> Iterator[Link]:
+    """The sealed copies of the calibrations that a run used."""
+    try:
+        files = glance(run).metadata.process.get("files", ())
+    except RigError:
+        return  # What is wrong with the run file is said by the checks of its content.
+    for file in files:
+        path = run.parent / str(file.get("copy", ""))
+        if not file.get("copy"):
+            continue
+        if not path.is_file():
+            yield Link("calibration", path, "warning", f"is not here; {run.name} used it")
+            continue
+        try:
+            _, seal = read_sealed(path)
+        except RigError as error:
+            yield broken("calibration", path, error)
+            continue
+        if seal.sha256 != file.get("sha256"):
+            text = f"is not the one that {run.name} used: that had SHA-256 {file.get('sha256')}"
+            yield Link("calibration", path, "error", text, seal.sha256)
+        else:
+            yield Link("calibration", path, "ok", f"ok, named by {run.name}", seal.sha256)
 
 
 def _links_of_store(run: Path, sha256: str) -> Iterator[Link]:

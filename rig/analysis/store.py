@@ -20,7 +20,6 @@ import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +34,7 @@ from rig.analysis.result_data import (
     table_to_mapping,
 )
 from rig.errors import ChangedRunError, RunFileError
+from rig.program import this_program
 from rig.runfile.seal import Seal, is_unsealed_allowed, unsealed
 from rig.runfile.sealed import read_sealed, write_sealed
 
@@ -166,14 +166,6 @@ def unsealed_words(analysis: Analysis) -> str:
     )
 
 
-def program_version() -> str:
-    """The installed version of the program."""
-    try:
-        return metadata.version("harmonic-rig")
-    except metadata.PackageNotFoundError:
-        return "not installed"
-
-
 def json_ready(content: Any) -> Any:
     """The same object with everything that JSON cannot hold made plain: numpy numbers, tuples; NaN
     and infinity are null.
@@ -217,7 +209,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
     content = {
         "format": STORE_FORMAT,
         "created": basis.created,
-        "program_version": program_version(),
+        **this_program().as_json(),
         "run": result.run,
         "run_file": Path(run).name,
         "run_sha256": basis.run_sha256,

@@ -62,8 +62,8 @@ def runs(
 
     What the files say is kept in an index, which is only a cache: a large folder is searched at once.
     """
+    from rig.commands.progress import reading_bar
     from rig.library.index import LibraryIndex
-    from rig.run.progress import reading_bar
 
     with reading_bar("Reading the runs", quiet=json) as on_progress:
         index = LibraryIndex(folder, on_progress, nested=True)

@@ -32,6 +32,21 @@ def verify(
             "--recompute", help="Fit each stored analysis again and compare every number."
         ),
     ] = False,
+    manifest: Annotated[
+        Path | None,
+        typer.Option(
+            "--manifest",
+            metavar="FILE",
+            help="List all evidence of the folder in FILE by name, kind and SHA-256; "
+            "where FILE is there already, tell what is missing, changed or added since instead.",
+        ),
+    ] = None,
+    gear: Annotated[
+        str,
+        typer.Option(
+            metavar="SERIAL", help="List only this gear, with the tares that it rests on."
+        ),
+    ] = "",
     unsealed: Unsealed = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
@@ -40,26 +55,49 @@ def verify(
     """Check that runs are what was recorded, and what was found of them what was stored; names the first broken link.
 
     Of a run: hash, counters, time, flags, segments, calibrations. Then its analyses, the tares and analyses on which
-    those rest, and of a folder the campaigns, gear cards and sealed files too. Exit code 6 if not.
+    those rest, and of a folder the campaigns, gear cards and sealed files too. Of a certificate: its seals,
+    everything that it rests on, its record against the stored analyses, its pages against the record. A
+    manifest that is there is never written over; the hash that is printed is worth what the place is worth
+    where it is kept. Exit code 6 if anything does not hold.
     """
     from rig import exits
+    from rig.present.certificate.verify import certificates_in, runs_of, verify_certificate
     from rig.runfile.verify import verify_run
     from rig.trial.chain import first_broken, links_of, runs_in
+    from rig.trial.manifest import hold_against
 
+    if (manifest is not None or gear) and (manifest is None or not _is_one_folder(places)):
+        raise typer.BadParameter(
+            "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
+        )
     runs = list(dict.fromkeys(run for place in places for run in runs_in(place)))
+    certificates = [one for place in places for one in certificates_in(place)]
     checked = {str(run): verify_run(run) for run in runs}
+    checked |= {str(one): verify_certificate(one) for one in certificates}
     links = [link for place in places for link in links_of(place)]
-    again = [one for run in runs for one in _again(run)] if recompute else []
-    error = _first_error(checked, first_broken(links), again)
+    named = [run for one in certificates for run in runs_of(one)] if recompute else []
+    again = (
+        [one for run in dict.fromkeys((*runs, *named)) for one in _again(run)] if recompute else []
+    )
+    held = hold_against(manifest, places[0], gear) if manifest is not None else None
+    error = _first_error(checked, first_broken(links), again) or (held and held.error)
     if json:
-        print_json(_as_object(checked, links, again if recompute else None, error))
+        told = _as_object(checked, links, again if recompute else None, error)
+        print_json(told if held is None else told | {"manifest": held.as_json()})
     else:
         from rig.commands.file_tables import print_findings, print_links
+        from rig.commands.manifest_tables import print_manifest
 
         print_findings(checked)
         print_links(links, again)
+        if held is not None:
+            print_manifest(held)
     if error:
         raise typer.Exit(exits.ERROR)
+
+
+def _is_one_folder(places: Sequence[Path]) -> bool:
+    return len(places) == 1 and places[0].is_dir()
 
 
 def _again(run: Path) -> list[Recomputed]:

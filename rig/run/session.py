@@ -238,6 +238,8 @@ class Session:
     def _watch_turns(self, watchdog: Watchdog) -> None:
         """Tell the watchdog that a turn has happened; if it has acted, it knew better."""
         watchdog.turned()
+        if problem := watchdog.take_problem():
+            self._logbook.event("error", "watchdog", "session", problem)
         if watchdog.acted:
             pause, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
             self._supervisor.latch(
@@ -322,9 +324,8 @@ class Session:
         # In the order of rank: a trip takes over from whatever goes on, the operator from the plan or a softer stop.
         trip, error = self._supervisor.state.trip, self._logbook.error
         # A ramp is given up for any trip, whatever it was begun for: the drive may not follow it any more.
-        ramps = self._make_safe is not None and (
-            self._make_safe.report.action is Action.CONTROLLED_STOP
-        )
+        made = self._make_safe
+        ramps = made is not None and made.report.action is Action.CONTROLLED_STOP
         if trip is not None and (ramps or self._outcome not in ("TRIPPED", "ERROR")):
             failed = self._outcome == "ERROR"
             message = f"{self._message} (While it was stopped: {trip})" if failed else str(trip)
@@ -344,11 +345,7 @@ class Session:
             )
             self._end(action, "ABORTED", text, "STOP" if stop else "ABORT")
             return True
-        if (
-            level == 2
-            and self._make_safe is not None
-            and self._make_safe.report.action is Action.CONTROLLED_STOP
-        ):
+        if level == 2 and ramps:
             text = f"ABORT by {self._stop.by}: quick stop"
             self._end(Action.QUICK_STOP, self._outcome, text, "ABORT")
             return True
@@ -441,9 +438,9 @@ class Session:
         metrics.update(counted)
         if self._order.thermal_state is not None:
             figures["thermal_state"] = dict(self._order.thermal_state())
+        self._hear_operator()
         if trip is not None:
             self._latch_trip(trip)
-        self._hear_operator()
         if ending is not None and ending.safe and self._order.marker is not None:
             self._order.marker.remove()
         path, readable = logbook.close(self._outcome, figures)

@@ -119,7 +119,8 @@ SAID_TWICE = ("SIGHUP",)
 def pressed_by_signals(stop: StopRequest) -> Iterator[None]:
     """Ctrl-C, a termination request and a closed terminal press STOP. The handlers before are put back.
 
-    A signal that this process was started to ignore (`nohup`, a job in the background) stays ignored.
+    A signal that this process was started to ignore stays ignored: `nohup` keeps a run alive without its terminal,
+    and a Ctrl-C in a shell is not meant for its jobs in the background. SIGTERM (`kill`) stops those too.
     On Windows the console says some of it in another way, for as long as the block lasts.
     """
 

@@ -58,6 +58,11 @@ class PartBytes:
         return self.mark == BEING_WRITTEN and not self.beyond and not self.has_table
 
     @property
+    def may_have_no_header(self) -> bool:
+        """Whether its writer seems to have died at its header, and it is longer than can be proved empty."""
+        return self.mark == BEING_WRITTEN and not self.has_no_header
+
+    @property
     def ends_with_its_header(self) -> bool:
         """Whether nothing lies behind a complete header; that no column has a row is for the library to say."""
         return self.mark == TAKING_ROWS and self.size == self.end and not self.has_table

@@ -87,6 +87,14 @@ def recover_run(part: Path) -> Recovered:
     found = part_bytes(part)
     if found.has_no_header:
         return _removed(part, "its header was never completed, so no row was recorded")
+    if found.may_have_no_header:
+        raise RunFileError(
+            "its header was never completed",
+            where=str(part),
+            value=f"{found.size} bytes, {found.beyond} of them behind the end that it states",
+            remedy="Killed there, its writer had not taken a row; after a power cut that is not proved, "
+            "so it is left as it is.",
+        )
     final = final_path(part)
     if final.exists():
         return _finish_sealing(part, final, found)
@@ -196,10 +204,10 @@ def _finish_sealing(part: Path, final: Path, found: PartBytes) -> Recovered:
         return Recovered(final, rows, closing.outcome)
     try:
         rows, closing, run_id = _ending_of(final)
-        is_ours = bool(run_id) and run_id == _ending_of(part)[2]
-    except RunFileError:
-        is_ours = False
-    if not is_ours or not recorded_sha256(final):
+        is_ours = run_id == _ending_of(part)[2] and bool(recorded_sha256(final))
+    except RunFileError as error:
+        raise _already_there(final) from error
+    if not is_ours:
         raise _already_there(final)
     check_seal(final)
     note = "it had been recovered before, and only its name was left to be changed"

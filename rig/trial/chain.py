@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from rig.analysis.chain import Link, broken, links_of_run
 from rig.errors import RigError
 from rig.gears import card as cards
+from rig.gears.acceptance import shipped_acceptance
 from rig.library.folder import ANALYSES_SUFFIX, RUN_SUFFIXES, run_files
+from rig.runfile.checks import Level
 from rig.runfile.layout import HASH_SUFFIX
-from rig.runfile.seal import check_seal
+from rig.runfile.seal import check_seal, file_sha256
 from rig.runfile.sealed import read_sealed
 from rig.trial.campaign import journal as journals
 
@@ -69,6 +72,43 @@ def links_of_campaign(path: Path) -> Iterator[Link]:
         yield Link("campaign", path, "warning", "not sealed (0.2.0)")
     for done in journal.stages:
         yield from _run_of(path, done)
+    if journal.ended is not None:
+        yield from _links_of_end(path, journal.ended)
+
+
+def _links_of_end(path: Path, ended: Mapping[str, Any]) -> Iterator[Link]:
+    """What the end of a campaign names: its certificates, and what the gear had to show."""
+    for one in ended.get("certificates", ()):
+        certificate = path.parent.parent / str(one["name"])
+        yield _named("certificate", certificate, str(one["sha256"]), path, "error")
+    if ended.get("acceptance_sha256"):
+        # People edit this file: another edition of it is no forgery, but no longer what the verdict rests on.
+        yield _acceptance(str(ended["acceptance"]), str(ended["acceptance_sha256"]), path)
+
+
+def _named(kind: str, path: Path, sha256: str, by: Path, level: Level) -> Link:
+    """A file that something else names by its hash."""
+    if not path.is_file():
+        return Link(kind, path, "warning", f"is not here, though {by.name} names it")
+    found = file_sha256(path)
+    if found != sha256:
+        text = f"is not the one that {by.name} names: that had SHA-256 {sha256}"
+        return Link(kind, path, level, text, found)
+    return Link(kind, path, "ok", f"ok, named by {by.name}", found)
+
+
+def _acceptance(name: str, sha256: str, by: Path) -> Link:
+    if name.lower().endswith(".toml"):
+        return _named("acceptance", Path(name), sha256, by, "warning")
+    try:
+        found = shipped_acceptance(name).sha256
+    except RigError as error:
+        return Link("acceptance", Path(name), "warning", str(error))
+    same = found == sha256
+    text = (
+        f"ok, named by {by.name}" if same else f"is another one in this version than for {by.name}"
+    )
+    return Link("acceptance", Path(name), "ok" if same else "warning", text, found)
 
 
 def _run_of(path: Path, done: journals.DoneStage) -> Iterator[Link]:

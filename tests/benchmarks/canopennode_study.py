@@ -180,11 +180,11 @@ class Row:
         ending = self.ending
         causes = [cause for cause in ending.causes if cause not in ending.marks.causes]
         named = ", ".join(causes) or "nothing"
-        marks = f"; {self.marked} rows marked" if self.marked else ""
-        marks += f", up to {self.fastest:.2f} x" if self.fastest > 1.05 else ""
+        faster = f", up to {self.fastest:.2f} x" if self.fastest > 1.05 else ""
         if ending.outcome == "COMPLETED":
-            return f"goes on{marks}" if self.disturbance.may_go_on else f"**goes on**{marks}"
-        words = f"{self.stands_after:.3f} s, {named}{marks}"
+            marks = f"; {self.marked} rows marked" if self.marked else ""
+            return f"{'goes on' if self.disturbance.may_go_on else '**goes on**'}{marks}{faster}"
+        words = f"{self.stands_after:.3f} s, {named}{faster}"
         if not ending.safe:
             return f"**TURNS** {words}"
         return words if ending.verified else f"{words}; not verified"

@@ -49,6 +49,7 @@ from rig.errors import RigError
 from rig.run.latch import CUT_OFF, TripLatch
 from rig.run.start import RunRequest, run_request
 from rig.run.stop import StopRequest
+from rig.runfile.empty import part_bytes
 from rig.runfile.read import FileSource, close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.runfile.seal import file_sha256
@@ -226,6 +227,13 @@ def recovered(victim: Victim, part: Path, wrong: list[str]) -> tuple[str, list[P
     Appends to `wrong` every byte that is gone and was not proved to be nothing.
     """
     before, size = file_sha256(part), part.stat().st_size
+    if part_bytes(part).may_have_no_header and not victim.header:
+        # Killed while the header was written: refused, and not touched.
+        with contextlib.suppress(RigError):
+            recover_run(part)
+        if file_sha256(part) != before:
+            wrong.append(f"{size} bytes are not what they were")
+        return "an unfinished header", [], size
     run = recover_run(part)
     if run.is_removed:
         if size > victim.header and victim.header:

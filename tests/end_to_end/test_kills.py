@@ -18,7 +18,7 @@ def test_kills_at_random_moments_lose_no_flushed_row_and_delete_no_byte() -> Non
     # A process of its own: it forks, which a process with a window's threads must not.
     command = [sys.executable, "-m", "tests.end_to_end.kill_study", "--kills", str(KILLS)]
     done = subprocess.run(
-        command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=300
+        command, cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=1800
     )
     outcome = json.loads(done.stdout or "{}")
     assert outcome["wrong"] == [], done.stderr

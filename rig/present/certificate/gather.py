@@ -24,6 +24,9 @@ from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
 from rig.runfile.read import close_recording
 
+CHARTED_FROM = 3
+"""Runs of a kind from which on a control chart tells anything."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Certified:
@@ -48,6 +51,12 @@ class Certified:
     def is_complete(self) -> bool:
         """Whether every protocol that was asked for has an analysed run."""
         return not self.missing
+
+    @property
+    def has_charts(self) -> bool:
+        """Whether any kind has as many runs as make a control chart."""
+        counts = [sum(run.protocol == fit.result.kind for run in self.runs) for fit in self.fits]
+        return max(counts, default=0) >= CHARTED_FROM
 
     def fit_of(self, kind: str) -> Fit | None:
         """The newest analysed run of a kind."""

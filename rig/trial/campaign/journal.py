@@ -157,12 +157,15 @@ def read(path: Path) -> Journal | None:
     first = rows[0]
     if first.get("what") != "begun" or first.get("format") not in (FORMAT, FORMAT_1):
         raise RunFileError("is no journal of a campaign", where=str(path), limit=f"format {FORMAT}")
-    journal = Journal(
-        path, {key: value for key, value in first.items() if key not in ("what", BEFORE)}
-    )
+    journal = Journal(path, _without_frame(first))
     for row in rows[1:]:
         journal = _taken_in(journal, row)
     return journal
+
+
+def _without_frame(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What a line says, without what it is and the hash of the line before."""
+    return {key: value for key, value in row.items() if key not in ("what", BEFORE)}
 
 
 def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
@@ -186,7 +189,7 @@ def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
         )
         return replace(journal, stages=stages)
     if what == "ended":
-        return replace(journal, ended=row)
+        return replace(journal, ended=_without_frame(row))
     return journal
 
 

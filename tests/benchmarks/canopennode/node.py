@@ -121,7 +121,7 @@ class Dictionary:
         """Whether this may be downloaded."""
         variable, _ = self._memory[key]
         try:
-            self._call(self.validate_callbacks, key, variable.unpack(data))
+            self._call(self.validate_callbacks, key, int(variable.unpack(data)))
         except ValueError:
             return False
         return True
@@ -129,7 +129,7 @@ class Dictionary:
     def downloaded(self, key: Key, data: bytes) -> None:
         """This was downloaded."""
         variable, _ = self._memory[key]
-        value = variable.unpack(data)
+        value = int(variable.unpack(data))
         self._call(self.update_callbacks, key, value)
         self._call(self.download_callbacks, key, value)
 

@@ -48,7 +48,11 @@ def summary(rows: Sequence[dict[str, Any]]) -> int:
     """Print the survivors, and how many there are of each verdict; how many survived."""
     alive = [row for row in rows if not row["verdict"].startswith("killed")]
     for row in alive:
-        print(f"\n{row['verdict']}: {row['module']}:{row['line']} ({row['kind']})\n{row['diff']}")
+        asked = f"{row['tests']} tests that reach it, {row['other_tests']} beside them"
+        asked += f"; {row['not_asked']} not asked for want of time" if row["not_asked"] else ""
+        print(
+            f"\n{row['verdict']}: {row['module']}:{row['line']} ({row['kind']}; {asked})\n{row['diff']}"
+        )
     counts: dict[str, int] = {}
     for row in rows:
         counts[row["verdict"]] = counts.get(row["verdict"], 0) + 1
@@ -71,7 +75,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--tests", nargs="*", default=["tests"], help="tests that are asked")
     parser.add_argument("--processes", type=int, default=1)
     parser.add_argument("--seconds", type=float, help="no further mutant is begun after so long")
-    parser.add_argument("--each", type=float, default=240.0, help="s of tests for one mutant")
+    parser.add_argument("--each", type=float, default=600.0, help="s of tests for one mutant")
     parser.add_argument("--factor", type=float, default=10.0, help="how much longer it may take")
     parser.add_argument("--list", action="store_true", help="only say what was drawn")
     return parser.parse_args()

@@ -83,18 +83,20 @@ class Copy:
         return "failed", named.group(1) if named else said.strip()[-300:]
 
 
-def chosen_tests(mutant: Mutant, reach: Reach, each: float) -> tuple[list[str], list[str]]:
-    """The tests that reach the mutant's lines, and those of its module's files that fit into `each` seconds."""
+def chosen_tests(mutant: Mutant, reach: Reach, each: float) -> tuple[list[str], list[str], int]:
+    """The tests that reach the mutant's lines, then those of its module's files, as many as fit into `each` seconds;
+    and how many that reach its lines did not fit.
+    """
     near = reach.of_lines(mutant.module, mutant.line, mutant.last_line)
-    spent = sum(reach.seconds.get(test, 0.0) for test in near)
-    far: list[str] = []
-    for test in reach.of_module(mutant.module):
+    far = [test for test in reach.of_module(mutant.module) if test not in set(near)]
+    spent, fitting = 0.0, set[str]()
+    for test in (*near, *far):
         spent += reach.seconds.get(test, 0.0)
         if spent > each:
             break
-        if test not in near:
-            far.append(test)
-    return near, far
+        fitting.add(test)
+    asked = [test for test in near if test in fitting]
+    return asked, [test for test in far if test in fitting], len(near) - len(asked)
 
 
 def tried(
@@ -102,7 +104,7 @@ def tried(
 ) -> dict[str, Any]:
     """The row of a mutant: its verdict, who killed it, how long that took."""
     begun = time.monotonic()
-    near, far = chosen_tests(mutant, reach, each)
+    near, far, left_out = chosen_tests(mutant, reach, each)
     verdict, by = "survived" if near else "not reached", ""
     for tests in (*_in_parts(near), *_in_parts(far)):
         verdict_of_part, by = _asked(copy, mutant, source, tests, reach, factor)
@@ -118,6 +120,7 @@ def tried(
         "by": by,
         "tests": len(near),
         "other_tests": len(far),
+        "not_asked": left_out,
         "seconds": round(time.monotonic() - begun, 1),
     }
 

@@ -21,7 +21,7 @@ from rig.runfile.verify import verify_run
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, block, counts_of, header
 
-PATIENCE_S = 20.0
+PATIENCE_S = 600.0
 RUN = "00001-friction-A1.h5"
 
 

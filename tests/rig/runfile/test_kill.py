@@ -223,6 +223,21 @@ def test_a_header_with_zeros_behind_it_is_not_proved_empty(tmp_path: Path) -> No
     assert (recovered.is_removed, recovered.beyond) == (False, 4096)
 
 
+def test_an_unfinished_header_that_reaches_beyond_its_stated_end_is_left_as_it_is(
+    tmp_path: Path,
+) -> None:
+    """Killed while the header is brought to the system: its superblock, which is written last, is still the first."""
+    part = tmp_path / "00001-friction-A1.h5.part"
+    write.RunWriter(tmp_path / "00001-friction-A1.h5", header()).abandon()
+    raw = bytearray(part.read_bytes())
+    raw[: len(UNFINISHED_HEADER)] = UNFINISHED_HEADER
+    raw[28:36] = (48).to_bytes(8, "little")
+    part.write_bytes(raw)
+    with pytest.raises(RunFileError, match=r"header was never completed; value .* left as it is"):
+        recover_run(part)
+    assert part.read_bytes() == bytes(raw)
+
+
 def test_a_run_that_was_cut_short_by_a_copy_is_left_where_it_is(tmp_path: Path) -> None:
     writer = Writer(tmp_path, compress=True)
     writer.tell("af")

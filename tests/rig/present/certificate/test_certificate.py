@@ -32,12 +32,14 @@ from rig.present.certificate.curves import with_limits
 from rig.present.certificate.front import front_page, value_grid
 from rig.present.certificate.gather import certified
 from rig.present.certificate.laboratory import LaboratoryWords, laboratory_of
+from rig.present.certificate.rests_on import manifest_of
 from rig.present.certificate.write import certificate_context
 from rig.present.page import render_page
 from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
 from tests.rig.library.stored import RUNNING, estimate, start, write
 from tests.rig.present.test_paper import squeezed
+from tests.rig.runfile.making import reseal
 
 AT = "2026-03-02T10:00:00+00:00"
 ACCURACY = "transmission_accuracy_forward"
@@ -136,7 +138,9 @@ def accepted(folder: Path) -> Acceptance:
 def context_of(folder: Path, **more: Any) -> dict[str, Any]:
     told = {"acceptance": accepted(folder), **more}
     with certified(folder, "A1", **told) as gathered:
-        return certificate_context(gathered, LABORATORY, created="2026-03-02 10:00:00")
+        return certificate_context(
+            gathered, LABORATORY, manifest_of(gathered), created="2026-03-02 10:00:00"
+        )
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +254,7 @@ def test_what_was_asked_for_and_is_missing_makes_it_incomplete(tmp_path: Path) -
 
 def test_a_gear_without_an_acceptance_file_is_not_judged(whole: Path) -> None:
     with certified(whole, "A1") as gathered:
-        front = front_page(gathered, LABORATORY)
+        front = front_page(gathered, LABORATORY, manifest_of(gathered))
     assert front["word"] == "NOT JUDGED"
     assert "--acceptance" in front["sentence"]
     assert {row[-1] for row in front["values"].rows} == {front_module.NO_LIMIT}
@@ -272,6 +276,7 @@ def test_a_stale_analysis_is_said_with_the_command_that_renews_it(tmp_path: Path
     content = json.loads(store.read_text()) | {"analysis_version": 1}
     store.chmod(0o644)
     store.write_text(json.dumps(content))
+    reseal(store)
     (remark,) = context_of(folder)["front"]["remarks"]
     assert "stale" in remark
     assert "rig fit" in remark
@@ -293,7 +298,9 @@ def test_words_of_a_run_and_of_a_laboratory_stay_words(tmp_path: Path) -> None:
     folder = gear(tmp_path, changes=None)
     with certified(folder, "A1", acceptance=accepted(folder)) as gathered:
         worded = replace(LABORATORY, name=evil, customer=evil, order=evil)
-        context = certificate_context(replace(gathered, passed_over=(evil,)), worded, created=evil)
+        context = certificate_context(
+            replace(gathered, passed_over=(evil,)), worded, manifest_of(gathered), created=evil
+        )
     shown = render_page(context)
     assert "<script" not in shown
     assert evil in html.unescape(shown)
@@ -340,7 +347,7 @@ def test_a_logo_stands_on_the_page(tmp_path: Path, whole: Path) -> None:
     (tmp_path / "logo.svg").write_bytes(logo)
     laboratory = laboratory_of(described(tmp_path, "logo = 'logo.svg'"))
     with certified(whole, "A1", acceptance=accepted(whole)) as gathered:
-        context = certificate_context(gathered, laboratory, created="now")
+        context = certificate_context(gathered, laboratory, manifest_of(gathered), created="now")
     assert "data:image/svg+xml;base64," in render_page(context)
     assert render_pdf({**context, "parts": (), "parameter_sets": ()}).startswith(b"%PDF")
 
