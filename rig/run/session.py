@@ -212,7 +212,7 @@ class Session:
                 self._keep(block, turn)
                 self._name_silence()
                 self._supervisor.review(block, turn)
-                self._supervisor.explain(self._devices.latest_error)
+                self._supervisor.explain(self._devices.latest_error, self._devices.latest_cause)
                 for code, text in self._supervisor.state.notes:
                     self._logbook.event("warning", code, "supervisor", text)
             self._watch_space()

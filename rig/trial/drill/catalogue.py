@@ -704,6 +704,13 @@ _STRANGERS = (
         carriers=(*SPEED_MODES, "wire-box"),
     ),
     Drill(
+        name="alien controlword, shutdown",
+        what="another master tells the drive once to leave operation",
+        cause=trips.FOREIGN_COMMAND,
+        fault=lambda at: strangers.AlienCommand(at, cycles=1, byte=0, flip=0x09),
+        carriers=SPEED_MODES,
+    ),
+    Drill(
         name="alien reference",
         what="another master writes the coupler's outputs once",
         cause=trips.FOREIGN_COMMAND,
