@@ -7,8 +7,10 @@ from rig.run.logbook import Logbook
 
 
 class DeviceListener:
-    """Brings what the devices of a port tell into the logbook of a run. `latest_error` is in a
-    device's own words, `latest_cause` the cause of a trip that it is; `late_answers` says of the latest events how a silence ended, if one did.
+    """Brings what the devices of a port tell into the logbook of a run.
+
+    `latest_error` is in a device's own words, `latest_cause` the cause of a trip that it is; `late_answers`
+    says of the latest events how a silence ended, if one did.
     """
 
     def __init__(self, port: RigPort, logbook: Logbook) -> None:
