@@ -18,6 +18,7 @@ from rig.analysis.store import analysis_folder
 from rig.analysis.tare import tare_kind
 from rig.errors import ChangedRunError, RigError
 from rig.gears import card as cards
+from rig.gears import card_places
 from rig.library.folder import ANALYSES_SUFFIX
 from rig.library.index import LibraryIndex
 from rig.library.listed import IndexedRun
@@ -190,7 +191,7 @@ def _beside(folder: Path, serial: str) -> Iterator[Found]:
         if here.name == keeping.FOLDER:
             # Named by their content, and small: those of other gears of the bench do no harm.
             yield from ((path, "calibration") for path in paths)
-        elif here.name == cards.FOLDER:
+        elif here.name == card_places.FOLDER:
             yield from _cards(paths, serial)
         elif here.name == journal.FOLDER:
             yield from _journals(paths, serial)
@@ -202,7 +203,7 @@ def _beside(folder: Path, serial: str) -> Iterator[Found]:
 
 def _cards(paths: Iterable[Path], serial: str) -> Iterator[Found]:
     for path in paths:
-        if path.suffix != ".toml" or (serial and path.name != cards.card_file(serial)):
+        if path.suffix != ".toml" or (serial and path.name != card_places.card_file(serial)):
             continue
         yield path, "gear card"
         try:
