@@ -11,7 +11,6 @@ parameter set of the gear, the settings under which its tare was found, the vers
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +23,14 @@ from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sh
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_kind
 from rig.errors import ConfigurationError, RunFileError, UnsealedError
-from rig.runfile.seal import file_sha256, recorded_sha256, sealed_sha256
+from rig.runfile.seal import (
+    file_sha256,
+    is_unsealed_allowed,
+    recorded_sha256,
+    sealed_sha256,
+    unsealed,
+)
+from rig.runfile.sealed import read_sealed, replace_sealed
 
 if TYPE_CHECKING:
     from experiments.recording import RunMetadata
@@ -33,7 +39,10 @@ if TYPE_CHECKING:
 KEPT_NAME = "kept.json"
 UNSEALED = "not sealed"
 """Stands for the hash of a run whose note is missing."""
-KEPT_FORMAT = "harmonic-rig-kept-1"
+KEPT_FORMAT = "harmonic-rig-kept-2"
+"""Sealed from birth, as analyses are."""
+KEPT_FORMAT_1 = "harmonic-rig-kept-1"
+"""The same without a seal: what version 0.2.0 wrote."""
 
 
 @dataclass(frozen=True)
@@ -346,16 +355,19 @@ def kept_by_hand(run: str | Path) -> tuple[Kept, ...]:
     """The choices by hand for a run, oldest first; the last of a kind counts. Raises `RunFileError`."""
     path = analysis_folder(run) / KEPT_NAME
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format"] != KEPT_FORMAT:
+        if not path.exists():
+            return ()
+        data, seal = read_sealed(path, is_sealed_from_birth=False)
+        content = json.loads(data)
+        if content["format"] not in (KEPT_FORMAT, KEPT_FORMAT_1):
             raise ValueError(content["format"])
+        if content["format"] == KEPT_FORMAT and not (seal.is_whole or is_unsealed_allowed()):
+            raise unsealed(path)
         return tuple(
             Kept(str(c["kind"]), int(c["number"]), str(c["by"]), str(c["at"]))
             for c in content["kept"]
         )
-    except FileNotFoundError:
-        return ()
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise RunFileError(
             "the choices by hand cannot be read",
             where=str(path),
@@ -397,12 +409,10 @@ def _listed(numbers: Iterable[int]) -> str:
 
 def _write_kept(run: Path, choices: tuple[Kept, ...]) -> None:
     folder = analysis_folder(run)
-    scratch = folder / f".{KEPT_NAME}.{os.getpid()}.tmp"
     content = {"format": KEPT_FORMAT, "kept": [vars(choice) for choice in choices]}
     try:
         folder.mkdir(exist_ok=True)
-        scratch.write_text(json_text(json_ready(content)) + "\n", encoding="utf-8")
-        scratch.replace(folder / KEPT_NAME)
+        replace_sealed(folder / KEPT_NAME, (json_text(json_ready(content)) + "\n").encode())
     except OSError as error:
         raise RunFileError(
             "the choice cannot be written beside its run",

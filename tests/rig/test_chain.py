@@ -14,6 +14,7 @@ import pytest
 
 from experiments import catalogue
 from rig.analysis.chain import links_of_run
+from rig.analysis.in_force import in_force, keep
 from rig.analysis.recompute import recompute
 from rig.analysis.store import (
     NOT_SEALED_THEN,
@@ -339,3 +340,12 @@ def test_a_journal_of_0_2_0_holds_no_hashes_and_is_read(run: Path) -> None:
     assert journal is not None
     assert not journal.is_chained
     assert next(link.text for link in links_of(path)) == "not sealed (0.2.0)"
+
+
+def test_a_choice_by_hand_that_was_changed_is_refused(run: Path) -> None:
+    analyse(run, estimate(RUNNING, 0.05))
+    keep(run, 2, "B. Other", "2026-01-01")
+    rewritten(run.with_suffix(".analysis") / "kept.json", '"number": 2', '"number": 1')
+    with pytest.raises(ChangedRunError, match=r"kept\.json"):
+        in_force(run)
+    assert broken(run).startswith("choice")
