@@ -26,6 +26,8 @@ from rig.runfile.seal import file_sha256, hash_path
 from tests.adversarial import chain_gear as gear
 from tests.adversarial.chain_gear import FIRST, FRICTION, TARE
 
+MANIFEST = "manifest.txt"
+"""Of the whole gear, beside its folder."""
 WAYS = ("reading", "verify", "--recompute", "--manifest")
 NOTHING = (
     "nothing: whoever can write all files and has the only copy of all hashes can write any past"
@@ -286,47 +288,28 @@ ATTACKS = (
 )
 
 
-def found_by(folder: Path, manifest: Path, scratch: Path) -> dict[str, str]:
-    """Which ways find something in a folder that was attacked, each with its first words."""
-    reading = gear.certify(gear.copied(folder, scratch), "again.pdf")
-    shutil.rmtree(scratch)
-    told = {"reading": reading}
-    for way, words in (
-        ("verify", ()),
-        ("--recompute", ("--recompute",)),
-        ("--manifest", ("--manifest", manifest)),
-    ):
-        told[way] = gear.rig("verify", folder, *words, "--json")
+def found_by(folder: Path, manifest: Path, scratch: Path) -> tuple[dict[str, str], list[str]]:
+    """Which ways find something in a folder that was attacked, each with its first words; what is said of programs."""
     found = {}
-    if told["reading"][0] == 6:
-        found["reading"] = told["reading"][1]
-    first = _error(told["verify"][1])
-    if first:
-        found["verify"] = first
-    again = json.loads(told["--recompute"][1]).get("recomputed", ())
-    differing = [one["text"] for one in again if one["level"] == "error"]
-    if differing:
-        found["--recompute"] = differing[0]
-    lost = json.loads(told["--manifest"][1])["manifest"]
+    code, said = gear.certify(gear.copied(folder, scratch), "again.html", "html")
+    shutil.rmtree(scratch)
+    if code == 6:
+        found["reading"] = said
+    _, printed = gear.rig("verify", folder, "--recompute", "--manifest", manifest, "--json")
+    told = json.loads(printed)
+    findings = [finding for run in told["runs"] for finding in run["findings"]]
+    wrong = [one["text"] for one in (*told["links"], *findings) if one["level"] == "error"]
+    if wrong:
+        found["verify"] = wrong[0]
+    again = [one["text"] for one in told["recomputed"] if one["level"] == "error"]
+    if again:
+        found["--recompute"] = again[0]
+    lost = told["manifest"]
     names = [f"{one['kind']} {one['name']}" for one in (*lost["missing"], *lost["changed"])]
     if names:
         found["--manifest"] = f"missing or changed: {', '.join(names)}"
-    return found
-
-
-def _error(printed: str) -> str:
-    return json.loads(printed).get("error", {}).get("message", "")
-
-
-def warnings_of(folder: Path) -> list[str]:
-    """What `rig verify` says aloud without refusing, of the programs."""
-    told = json.loads(gear.rig("verify", folder, "--json")[1])
-    return [
-        finding["text"]
-        for run in told["runs"]
-        for finding in run["findings"]
-        if finding["check"] == "program" and finding["level"] == "warning"
-    ]
+    aloud = [one["text"] for one in findings if one["check"] == "program"]
+    return found, aloud
 
 
 def prepared(folder: Path) -> Path:
@@ -337,6 +320,8 @@ def prepared(folder: Path) -> Path:
     assert gear.analysis(folder, FRICTION, 2).exists(), told
     code, told = gear.certify(folder)
     assert code == 1, told
+    code, told = gear.rig("verify", folder, "--manifest", folder.with_name(MANIFEST))
+    assert code == 0, told
     return folder
 
 
@@ -344,9 +329,9 @@ def run_attack(attack: Attack, whole: Path, work: Path) -> tuple[dict[str, str],
     """An attack on a copy of the gear: the ways that find it, and what is said aloud of programs."""
     folder = gear.copied(whole, work / "runs")
     manifest = folder / "m.txt" if attack.beside else work / "elsewhere.txt"
-    assert gear.rig("verify", folder, "--manifest", manifest)[0] == 0
+    shutil.copyfile(work / MANIFEST, manifest)
     attack.act(folder)
-    told = found_by(folder, manifest, work / "scratch"), warnings_of(folder)
+    told = found_by(folder, manifest, work / "scratch")
     shutil.rmtree(folder)
     manifest.unlink(missing_ok=True)
     return told

@@ -90,10 +90,10 @@ def limits(folder: Path, upper: float) -> Path:
     return path
 
 
-def certify(folder: Path, name: str = "c.pdf") -> tuple[int, str]:
+def certify(folder: Path, name: str = "c.pdf", form: str = "both") -> tuple[int, str]:
     """Write the certificate of the gear, as HTML and PDF."""
     spec = folder / "spec.toml"
-    words = ("--gear", GEAR, "--runs", folder, "--acceptance", spec, "--format", "both")
+    words = ("--gear", GEAR, "--runs", folder, "--acceptance", spec, "--format", form)
     return rig("certificate", *words, "--output", folder / name)
 
 

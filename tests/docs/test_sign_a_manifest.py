@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.library.stored import RUNNING, analyse, estimate, write
+from tests.docs.given_files import lay_out
 
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "sign-a-manifest.md"
 NEEDED = ("ssh-keygen", "sh")
@@ -20,9 +20,7 @@ NEEDED = ("ssh-keygen", "sh")
     any(shutil.which(name) is None for name in NEEDED), reason="no OpenSSH or no shell"
 )
 def test_the_commands_of_the_page(tmp_path: Path) -> None:
-    runs = tmp_path / "runs"
-    runs.mkdir()
-    analyse(write(runs, 1), estimate(RUNNING, 0.08))
+    lay_out(PAGE, tmp_path)
     write_it, keys, sign, check = re.findall(r"```sh\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
     # `rig` of this environment, under its name.
     rig = f'rig() {{ "{sys.executable}" -m rig "$@"; }}\nset -e\n'
