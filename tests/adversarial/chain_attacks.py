@@ -327,6 +327,7 @@ def prepared(folder: Path) -> Path:
 
 def run_attack(attack: Attack, whole: Path, work: Path) -> tuple[dict[str, str], list[str]]:
     """An attack on a copy of the gear: the ways that find it, and what is said aloud of programs."""
+    # At the place where the gear was made: its card names the acceptance file by its whole path.
     folder = gear.copied(whole, work / "runs")
     manifest = folder / "m.txt" if attack.beside else work / "elsewhere.txt"
     shutil.copyfile(work / MANIFEST, manifest)
@@ -355,7 +356,7 @@ def main() -> None:
         work = chosen.keep or Path(temporary)
         whole = work / "whole"
         if not whole.exists():
-            prepared(whole)
+            prepared(work / "runs").rename(whole)
         unseen = 0
         for number, attack in enumerate(attacks, 1):
             found, warnings = run_attack(attack, whole, work)
