@@ -289,7 +289,7 @@ ATTACKS = (
 
 
 def found_by(folder: Path, manifest: Path, scratch: Path) -> tuple[dict[str, str], list[str]]:
-    """Which ways find something in a folder that was attacked, each with its first words; what is said of programs."""
+    """Which ways find something in a folder that was attacked, each with its first words; what is said aloud without refusing."""
     found = {}
     code, said = gear.certify(gear.copied(folder, scratch), "again.html", "html")
     shutil.rmtree(scratch)
@@ -308,7 +308,11 @@ def found_by(folder: Path, manifest: Path, scratch: Path) -> tuple[dict[str, str
     names = [f"{one['kind']} {one['name']}" for one in (*lost["missing"], *lost["changed"])]
     if names:
         found["--manifest"] = f"missing or changed: {', '.join(names)}"
-    aloud = [one["text"] for one in findings if one["check"] == "program"]
+    aloud = [
+        one["text"]
+        for one in (*told["links"], *findings)
+        if one["level"] == "warning" and one.get("check") != "hash"
+    ]
     return found, aloud
 
 
