@@ -289,7 +289,7 @@ ATTACKS = (
 
 
 def found_by(folder: Path, manifest: Path, scratch: Path) -> tuple[dict[str, str], list[str]]:
-    """Which ways find something in a folder that was attacked, each with its first words; what is said aloud without refusing."""
+    """Which ways find something in a folder that was attacked, each with its first words; and what is only told."""
     found = {}
     code, said = gear.certify(gear.copied(folder, scratch), "again.html", "html")
     shutil.rmtree(scratch)
