@@ -15,6 +15,7 @@ from rig.analysis.judging import GearVerdict, judge, stored_result
 from rig.errors import ChangedRunError, RunFileError
 from rig.gears.acceptance import Acceptance
 from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
+from rig.runfile.seal import check_seal
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Newest:
 def newest_analysed(runs: Sequence[IndexedRun]) -> Newest:
     """The newest of these runs, which are in order of time, by kind.
 
-    Raises `ChangedRunError` for an analysis that is not as it was sealed.
+    Raises `ChangedRunError` for a run or an analysis that is not as it was sealed.
     """
     passed_over: list[str] = []
     chosen = [_newest(kind, runs, passed_over) for kind in catalogue.names()]
@@ -59,6 +60,9 @@ def _newest(
         except RunFileError as error:
             passed_over.append(f"Run {run.run_id} ({kind}) cannot be read: {error}")
             continue
+        if found.analysis is not None and not found.of_this_run:
+            # A run that was changed since it was sealed is refused by name, for the same reason.
+            check_seal(run.path)
         is_analysed = found.analysis is not None and found.of_this_run
         if is_analysed and run.outcome in COUNTED_OUTCOMES:
             return run, found

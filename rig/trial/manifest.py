@@ -139,6 +139,14 @@ def hold_against(file: Path, folder: Path, serial: str = "") -> HeldManifest:
             limit=now.of,
             remedy="Give the --gear that it was made with, or the name of a new file.",
         )
+    # What is listed and lies there is held against the list, whatever leads to it now: a card may name another file.
+    found = {entry.name for entry in now.entries}
+    there = [
+        Entry(entry.name, entry.kind, file_sha256(folder / entry.name))
+        for entry in older.entries
+        if entry.name not in found and (folder / entry.name).is_file()
+    ]
+    now = Manifest.made_of(now.of, [*now.entries, *there])
     return HeldManifest(file, now, changes_since(older, now), older.sha256)
 
 

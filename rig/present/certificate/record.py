@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from rig.analysis.fit import Fit
-from rig.analysis.store import json_text
+from rig.analysis.in_force import InForce
+from rig.analysis.store import Analysis, json_text
 from rig.analysis.wording import show
 from rig.errors import RunFileError
 from rig.present.certificate.front import sentence_of
@@ -66,7 +67,10 @@ def record_of(
         **gathered.verdict.as_json(),
         "acceptance_file": _acceptance(gathered),
         "page_one": _page_one(context),
-        "analyses": [_analysis(fit, gathered.folder) for fit in gathered.fits],
+        "analyses": [
+            _analysis(fit, found, gathered.folder)
+            for fit, found in zip(gathered.fits, gathered.analyses, strict=True)
+        ],
     }
     return (json_text(content) + "\n").encode()
 
@@ -117,28 +121,29 @@ def _from(folder: Path, path: Path) -> str:
     return os.path.relpath(path.resolve(), folder.resolve()).replace(os.sep, "/")
 
 
-def _analysis(fit: Fit, folder: Path) -> dict[str, Any]:
+def _analysis(fit: Fit, found: InForce, folder: Path) -> dict[str, Any]:
     """One analysis with its run, by their paths from the folder of runs on, and all its numbers."""
     assert fit.path is not None
+    assert found.analysis is not None
     return {
         "kind": fit.result.kind,
         "run": fit.result.run,
         "origin": fit.recording.metadata.origin,
         "run_file": _from(folder, fit.path),
         "file": _from(folder, fit.path.parent / fit.stored),
-        "numbers": dict(_numbers(fit)),
+        "numbers": dict(_numbers(fit, found.analysis)),
     }
 
 
-def _numbers(fit: Fit) -> Iterator[tuple[str, dict[str, Any]]]:
+def _numbers(fit: Fit, analysis: Analysis) -> Iterator[tuple[str, dict[str, Any]]]:
     """Every number of a fit by its name: as it is stored, and as it is printed."""
     for name, estimate in fit.result.estimates.items():
-        quantity, stored = fit.result.quantity(name), estimate.as_json()
+        quantity, stored = fit.result.quantity(name), analysis.result["parameters"][name]
         yield (
             name,
             {
                 "title": quantity.titled(name),
-                **{key: stored[key] for key in STORED},
+                **{key: stored.get(key) for key in STORED},
                 "printed": show(estimate, quantity).with_uncertainty,
             },
         )

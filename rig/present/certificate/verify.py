@@ -41,6 +41,10 @@ from rig.runfile.seal import file_sha256, hash_path
 from rig.runfile.sealed import read_sealed
 
 PAGES = (".pdf", ".html")
+GOES_ON = frozenset({"gear card", "choice"})
+"""Kinds that people go on writing after a certificate: another state of theirs is told, and contradicts nothing. What
+was used of them stands in the runs and analyses.
+"""
 SAME_NUMBER = 1e-12
 """Relative; numbers nearer than this are one number."""
 _NOT_READ = re.compile(r"[\s\u200b\u2060\u00ad\u2009\u202f-]+")
@@ -151,12 +155,12 @@ def _rests_on(found: _Certificate) -> Iterator[Finding]:
     files = [entry for entry in found.manifest.entries if entry.kind != PROGRAM]
     kept = 0
     for entry in files:
-        path = found.runs / entry.name
+        path, level = found.runs / entry.name, "warning" if entry.kind in GOES_ON else "error"
         if not path.is_file():
-            yield Finding("rests on", "error", f"{entry.kind} {path} is missing")
+            yield Finding("rests on", level, f"{entry.kind} {path} is missing")
         elif (now := file_sha256(path)) != entry.sha256:
             text = f"{entry.kind} {path} was changed: SHA-256 {now}, certified {entry.sha256}"
-            yield Finding("rests on", "error", text)
+            yield Finding("rests on", level, text)
         else:
             kept += 1
     if kept == len(files):

@@ -144,6 +144,18 @@ def test_what_it_rests_on_is_hashed_again(folder: Path) -> None:
     assert "is missing" in errors(folder)["rests on"]
 
 
+def test_a_card_that_was_written_on_since_is_told_and_contradicts_nothing(folder: Path) -> None:
+    path = folder / "c.manifest.txt"
+    listed = read_manifest(path)
+    card = Entry(".gears/A1.toml", "gear card", "a" * 64)
+    now = Manifest.made_of(listed.of, [*listed.entries, card])
+    overwrite(path, now.as_bytes())
+    edit_record(folder, lambda r: r["manifest"].update({"sha256": now.sha256}))
+    told = [f.text for f in verify_certificate(folder / "c.html") if f.level == "warning"]
+    assert any("gear card" in text for text in told)
+    assert "rests on" not in errors(folder)
+
+
 def test_a_manifest_sealed_anew_is_not_the_one_of_the_record(folder: Path) -> None:
     path = folder / "c.manifest.txt"
     listed = read_manifest(path)
