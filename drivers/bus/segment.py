@@ -381,7 +381,7 @@ class CanSegment:
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)
         if self._mode in _ACTIVE and self._waking.has_slept():
-            commands = [data for _, data in self._command_once(Mode.QUICK_STOP)]
+            commands = [data for _, data in command_once(self._opened().drive, Mode.QUICK_STOP)]
             self._was_enabled = False
             self._waking.woke()
         strangers = self._strangers

@@ -239,7 +239,7 @@ class Session:
         """Tell the watchdog that a turn has happened; if it has acted, it knew better."""
         watchdog.turned()
         if problem := watchdog.take_problem():
-            self._logbook.event("error", "watchdog", "session", problem)
+            self._logbook.event("error", "watchdog", "watchdog", problem)
         if watchdog.acted:
             pause, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
             self._supervisor.latch(
