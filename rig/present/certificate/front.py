@@ -274,15 +274,15 @@ def _gear_set(fit: Fit) -> tuple[str, str, str]:
 
 
 def _remarks(gathered: Certified) -> list[str]:
-    """What makes the page doubtful: stale analyses with the command that renews them, analyses by different programs,
-    newer runs left away.
+    """What makes the page doubtful: analyses without a seal, stale ones with the command that renews them, those by
+    different programs, newer runs left away.
     """
     stale = [
         f"The {one.kind} analysis is stale ({'; '.join(one.stale)}); {one.renewed_by}"
         for one in gathered.analyses
         if one.stale
     ]
-    return [*stale, *_different_programs(gathered), *gathered.passed_over]
+    return [*gathered.unsealed, *stale, *_different_programs(gathered), *gathered.passed_over]
 
 
 def _different_programs(gathered: Certified) -> list[str]:

@@ -13,11 +13,14 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from model.errors import WordedError
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import InForce
 from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.newest import newest_analysed
 from rig.analysis.passport.gather import counted_origin, runs_of
+from rig.analysis.recompute import recompute
+from rig.analysis.store import unsealed_words
 from rig.analysis.stored_fit import fit_in_force
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance, acceptance_for
@@ -46,6 +49,8 @@ class Certified:
     verdict: GearVerdict
     missing: tuple[str, ...] = ()
     passed_over: tuple[str, ...] = ()
+    unsealed: tuple[str, ...] = ()
+    """Of each analysis that was never sealed, or lost its seal: that, and what came of making it again."""
 
     @property
     def is_complete(self) -> bool:
@@ -97,10 +102,25 @@ def certified(
             verdict=judge(fits, acceptance),
             missing=_missing(acceptance, protocols, fits),
             passed_over=newest.passed_over,
+            unsealed=tuple(_unsealed(newest.runs)),
         )
     finally:
         for fit in fits:
             close_recording(fit.recording)
+
+
+def _unsealed(runs: Sequence[tuple[IndexedRun, InForce]]) -> Iterator[str]:
+    """Analyses that nothing vouches for are made again: a number that cannot be made again must not look like one that
+    can.
+    """
+    for run, found in runs:
+        if found.analysis is None or found.analysis.seal.is_whole:
+            continue
+        try:
+            words = recompute(run.path, found.analysis).words
+        except WordedError as error:
+            words = f"not made again: {error}"
+        yield f"{unsealed_words(found.analysis)} It was {words}"
 
 
 def _counted(runs: Sequence[IndexedRun]) -> list[IndexedRun]:

@@ -22,7 +22,7 @@ from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
 from rig.analysis.result_data import quantities_for
-from rig.analysis.store import Basis, append_analysis
+from rig.analysis.store import FORMAT_2, Basis, append_analysis
 from rig.errors import ConfigurationError, RigError
 from rig.gears.acceptance import Acceptance, Limit, save_acceptance
 from rig.main import app
@@ -280,6 +280,19 @@ def test_a_stale_analysis_is_said_with_the_command_that_renews_it(tmp_path: Path
     (remark,) = context_of(folder)["front"]["remarks"]
     assert "stale" in remark
     assert "rig fit" in remark
+
+
+def test_an_analysis_without_a_seal_is_made_again_and_said_on_page_one(tmp_path: Path) -> None:
+    folder = gear(tmp_path)
+    store = next((folder / "00001-friction-A1.analysis").glob("0*.json"))
+    content = json.loads(store.read_text()) | {"format": FORMAT_2}
+    store.chmod(0o644)
+    store.write_text(json.dumps(content))
+    store.with_name(f"{store.name}.sha256").unlink()
+    (remark,) = context_of(folder)["front"]["remarks"]
+    assert "not sealed (0.2.0)" in remark
+    # A run without rows to fit gives none of its numbers again.
+    assert "not made again" in remark
 
 
 def test_a_gear_of_which_nothing_is_analysed_has_no_certificate(tmp_path: Path) -> None:
