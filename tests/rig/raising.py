@@ -156,7 +156,7 @@ def by_command(carrier: Carrier, raiser: Raiser, monkeypatch: pytest.MonkeyPatch
     def line(*_: Any) -> Iterator[Any]:
         yield raiser.on_progress, raiser.on_event
 
-    monkeypatch.setattr("rig.run.progress.progress_line", line)
+    monkeypatch.setattr("rig.commands.progress.progress_line", line)
     monkeypatch.setattr("rig.commands.prompting.terminal_ask", lambda stop: raiser.ask)
     _run(carrier)
 
