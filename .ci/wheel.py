@@ -21,6 +21,11 @@ files = [str(file) for file in metadata.files("harmonic-rig") or () if file.suff
 strangers = {file.split("/")[0] for file in files} - {*PACKAGES, ".."}
 strangers = {name for name in strangers if not name.endswith(".dist-info")}
 assert not strangers, f"the wheel ships {strangers}"
+# The same files give the same hash, in the clone beside this script and out of the wheel.
+shipped = import_module("rig.program").this_program()
+cloned = import_module("rig.program").files_sha256(Path(__file__).resolve().parents[1])
+assert shipped.sha256 == cloned, f"the wheel's files are {shipped.sha256}, the clone's {cloned}"
 print(
-    f"harmonic-rig {metadata.version('harmonic-rig')}: {len(files)} files in {len(PACKAGES)} packages, typed"
+    f"harmonic-rig {metadata.version('harmonic-rig')}: {len(files)} files in {len(PACKAGES)} packages, typed, "
+    f"SHA-256 {shipped.sha256}"
 )

@@ -8,6 +8,8 @@ else as they were sent (`drivers.bus.sync_time`); nothing received gives a time:
 
 A busy computer must never look like an over-speed, and must not hide one:
 
+- A cycle in which frames came twice is not judged: of two values nobody knows which one is true. The third such
+  cycle ends the run (`drivers.bus.strangers`).
 - An interval that is shorter than its periods by more than `JITTER` of one is not judged.
 - Without a stamp of hardware the devices may have heard a SYNC later than it was sent, at the latest
   when their answer was there. A break that this doubt could explain is not one yet; while the doubt
@@ -32,7 +34,7 @@ from numpy.typing import NDArray
 from drivers.channel import Channel
 from drivers.errors import DriverError
 from drivers.port import MISSED_CYCLES, STALE_DATA, UNTIMED_CYCLES, Bound, Guard
-from drivers.samples import Break, CycleFlag
+from drivers.samples import NOT_JUDGED, Break, CycleFlag
 
 JITTER: Final = 0.5
 """Periods by which an interval may be shorter than it should: a SYNC that was late by less is made up for."""
@@ -99,7 +101,7 @@ class CycleJudge:
         self._rows.extend(counts[-_MEMORY:].tolist())
         self._times.extend(time_ns[-_MEMORY:].tolist())
         complete = (flags & CycleFlag.INCOMPLETE) == 0
-        self._good.extend(complete[-_MEMORY:].tolist())
+        self._good.extend(((flags & NOT_JUDGED) == 0)[-_MEMORY:].tolist())
         good_rows = np.flatnonzero(complete)
         self._stale = (
             len(flags) - 1 - int(good_rows[-1]) if len(good_rows) else self._stale + len(flags)
@@ -112,12 +114,11 @@ class CycleJudge:
 
         `time_ns` is when its SYNC was on the bus, `doubt_ns` how much later the devices may have heard it.
         """
-        good = not flags & CycleFlag.INCOMPLETE
         self._rows.append(counts)
         self._times.append(time_ns)
-        self._good.append(good)
+        self._good.append(not flags & NOT_JUDGED)
         self._doubt_ns = doubt_ns
-        self._stale = 0 if good else self._stale + 1
+        self._stale = self._stale + 1 if flags & CycleFlag.INCOMPLETE else 0
         guard = self._guard
         if guard is None:
             return None

@@ -48,6 +48,8 @@ class CycleFlag(IntFlag):
     """With INCOMPLETE: the frame of some other channel did not arrive."""
 
 
+NOT_JUDGED: Final = int(CycleFlag.INCOMPLETE | CycleFlag.DOUBLED)
+"""A cycle of a bus with one of these breaks no bound: of two frames nobody knows which one is true."""
 STALE_OF: Final[Mapping[str, CycleFlag]] = {
     names.STATUSWORD: CycleFlag.STALE_STATUSWORD,
     names.INPUT_ANGLE: CycleFlag.STALE_INPUT,

@@ -5,6 +5,17 @@ A message says what, where, value, limit, and what to do next. The floors above 
 
 from __future__ import annotations
 
+_TRACEBACK = "Traceback (most recent call last)"
+
+
+def without_traceback(text: str) -> str:
+    """A text in which somebody else has put the traceback of an error: what stands before it, and its last line."""
+    before, found, traced = text.partition(_TRACEBACK)
+    if not found:
+        return text
+    last = traced.strip().rpartition("\n")[2].strip()
+    return without_traceback(f"{before.strip()} {last}".strip())
+
 
 class WordedError(Exception):
     """An error in the project's wording.
@@ -16,14 +27,16 @@ class WordedError(Exception):
     def __init__(
         self, what: str, *, where: str = "", value: object = None, limit: str = "", remedy: str = ""
     ) -> None:
+        if isinstance(value, str):
+            value = without_traceback(value)
         self.what, self.where, self.value, self.limit, self.remedy = (
-            what,
+            without_traceback(what),
             where,
             value,
             limit,
             remedy,
         )
-        text = f"{where}: {what}" if where else what
+        text = f"{where}: {self.what}" if where else self.what
         if value is not None:
             text += f"; value {value}"
         if limit:

@@ -295,6 +295,11 @@ def read_shipped(kind: Literal["gear", "motor"], name: str) -> dict[str, Any]:
 
 def read_toml(path: str | Path) -> dict[str, Any]:
     """The content of a TOML file; anything that is not readable TOML is a `ParameterError` with the file's path."""
+    return parse_toml(read_raw(path), str(path))
+
+
+def read_raw(path: str | Path) -> bytes:
+    """The bytes of a parameter file. Raises `ParameterError` with the file's path."""
     where = str(path)
     try:
         with Path(path).open("rb") as stream:
@@ -308,7 +313,7 @@ def read_toml(path: str | Path) -> dict[str, Any]:
         raise ParameterError(
             "is too long for a parameter file", where=where, limit=f"<= {LARGEST_FILE} bytes"
         )
-    return parse_toml(raw, where)
+    return raw
 
 
 def parse_toml(raw: bytes, where: str) -> dict[str, Any]:

@@ -14,7 +14,11 @@ class RunFileError(RigError):
 
 
 class ChangedRunError(RunFileError):
-    """A run file whose bytes are not those that were sealed."""
+    """A run, or what rests on one (an analysis, a campaign's journal), whose bytes are not those that were sealed."""
+
+
+class UnsealedError(ChangedRunError):
+    """A file that was sealed when it was made, and whose note of the SHA-256 is gone."""
 
 
 class RecorderOverflowError(RigError):

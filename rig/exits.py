@@ -20,11 +20,13 @@ verdict is NOT JUDGED. Several verdicts end as the worst of them.
 
 from __future__ import annotations
 
+import tempfile
+import traceback
 from collections.abc import Iterable
 
 from drivers.errors import DriverError, OtherMasterError
 from experiments.errors import AnalysisError, PlanError
-from model.errors import ModelError, ParameterError, WordedError
+from model.errors import ModelError, ParameterError, WordedError, without_traceback
 from rig.errors import BenchInUseError, ConfigurationError, LimitError, RigError
 
 DONE, FAIL, USAGE, MARGINAL, ABORTED, TRIPPED, ERROR, NOT_JUDGED, BUSY = range(9)
@@ -87,7 +89,7 @@ def explain(error: BaseException) -> tuple[int, str] | None:
     """Exit code and sentence of an expected error; None for one that is a defect of the program."""
     for kind, code, sentence in CODE_OF_ERROR:
         if isinstance(error, kind):
-            text = str(error).strip()
+            text = without_traceback(str(error)).strip()
             return code, f"{sentence}: {text}" if text else f"{sentence}."
     return None
 
@@ -108,6 +110,19 @@ def error_object(error: BaseException, sentence: str) -> dict[str, dict[str, str
             "message": sentence,
         }
     }
+
+
+def defect_in_words(error: BaseException) -> str:
+    """What nobody expected, in a sentence: where its traceback lies for a report, and none of it in the message."""
+    with tempfile.NamedTemporaryFile(
+        "w", prefix="harmonic-rig-", suffix=".log", delete=False, encoding="utf-8"
+    ) as log:
+        traceback.print_exception(error, file=log)
+    said = without_traceback(str(error))
+    return (
+        f"A defect of the program: {type(error).__name__}: {said}. "
+        f"The details for its report are in {log.name}"
+    )
 
 
 def _text(part: object) -> str | None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 import traceback
-from importlib import metadata
 from typing import Annotated, Any, cast
 
 import typer
@@ -31,6 +29,7 @@ from rig.commands import (
     running,
     simulating,
     validating,
+    verifying,
     window,
 )
 from rig.commands.earlier_names import Command
@@ -81,7 +80,7 @@ PANELS = {
         importing.import_,
         files.export,
         files.recover,
-        files.verify,
+        verifying.verify,
     ),
 }
 """The commands in the order and under the headings of `rig --help`."""
@@ -102,7 +101,9 @@ for _panel, _commands in PANELS.items():
 
 def _print_version(wanted: bool) -> None:
     if wanted:
-        typer.echo(f"harmonic-rig {metadata.version('harmonic-rig')}")
+        from rig.program import version as program_version
+
+        typer.echo(f"harmonic-rig {program_version()}")
         raise typer.Exit
 
 
@@ -127,6 +128,8 @@ def run(arguments: list[str] | None = None) -> None:
         code = app(args=arguments, standalone_mode=False)
         raise SystemExit(code or exits.DONE)
     except SystemExit as end:
+        for note in _notes(end):
+            sys.stderr.write(f"{note}\n")
         if not isinstance(end.__context__, BrokenPipeError):
             raise
         # Whoever read our output has gone (`| head`); there is nobody left to tell.
@@ -145,35 +148,57 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
     known = _refusal(error) or exits.explain(error)
     from rig.analysis.wording import visible
 
+    notes = [visible(note) for note in _notes(error)]
     if as_json:
-        _tell_as_json(error, known[1] if known is not None else str(error))
+        _tell_as_json(error, "\n".join([known[1] if known is not None else str(error), *notes]))
     elif hasattr(error, "format_message"):
-        from typer.rich_utils import rich_format_error
-
-        rich_format_error(cast("Any", error))
+        _show_refusal(error)
         return exits.USAGE
     if known is not None:
         code, sentence = known
-        sys.stderr.write(f"{visible(sentence)}\n")
+        sys.stderr.write("\n".join([visible(sentence), *notes]) + "\n")
         return code
-    with tempfile.NamedTemporaryFile(
-        "w", prefix="harmonic-rig-", suffix=".log", delete=False
-    ) as log:
-        traceback.print_exception(error, file=log)
     sys.stderr.write(
-        f"The program met something it was not built for: {type(error).__name__}: {visible(str(error))}\n"
-        f"This is a defect; the details for its report are in {log.name}\n"
+        f"{visible(exits.defect_in_words(error))}\n" + "".join(f"{note}\n" for note in notes)
     )
     return exits.ERROR
+
+
+def _notes(error: BaseException) -> list[str]:
+    """What was noted beside an error: how the run ended in which it was raised. Ctrl-C comes as the library's own."""
+    cause = error.__cause__
+    return [
+        *getattr(error, "__notes__", ()),
+        *(_notes(cause) if isinstance(cause, KeyboardInterrupt) else ()),
+    ]
 
 
 def _refusal(error: BaseException) -> tuple[int, str] | None:
     """Exit code and sentence of what the command-line library refuses; None for any other error."""
     if isinstance(error, typer.Abort):
         # A run hears Ctrl-C itself: what comes to here was pressed before it began, or after it ended.
-        return exits.ABORTED, "Stopped by the operator; no rig was moving."
+        standing = "" if _notes(error) else "; no rig was moving"
+        return exits.ABORTED, f"Stopped by the operator{standing}."
     words = getattr(error, "format_message", None)
     return None if words is None else (exits.USAGE, str(words()))
+
+
+def _show_refusal(error: BaseException) -> None:
+    """What the command-line library refuses: how the command is used, and the reason in a frame."""
+    if type(error).__name__ == "NoArgsIsHelpError":
+        return
+    from rich.panel import Panel
+
+    from rig.commands.terminal import console
+    from rig.commands.visible import Text
+
+    out, refusal = console(errors=True), cast("Any", error)
+    context = getattr(refusal, "ctx", None)
+    if context is not None:
+        out.print(Text(context.get_usage(), style="yellow"))
+        out.print(Text(f"Try '{context.command_path} --help' for help.", style="dim"))
+    message = Text(refusal.format_message())
+    out.print(Panel(message, title="Error", title_align="left", border_style="red"))
 
 
 def _tell_as_json(error: BaseException, sentence: str) -> None:

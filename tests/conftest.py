@@ -1,10 +1,14 @@
 """What every test has: benches' state and indexes of runs in folders of the session, never in this computer's own;
-and, on several cores, the order of the files and one thread of linear algebra each.
+memory given back between files; and, on several cores, the order of the files and one thread of linear algebra each.
 """
 
 from __future__ import annotations
 
+import ctypes
+import ctypes.util
+import importlib
 import os
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -37,8 +41,22 @@ def pytest_configure(config: pytest.Config) -> None:
     """Workers take the files in the order above; of itself xdist begins with those that have the most tests."""
     for variable in ONE_THREAD:
         os.environ.setdefault(variable, "1")
+    import_can_alone()
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
+
+
+def import_can_alone() -> None:
+    """Without asammdf, and with it pandas and arrow, which python-can imports for log files that nothing here reads:
+    half a second and 100 MB of every worker. The tests of measurement files import it themselves.
+    """
+    if "asammdf" in sys.modules:
+        return
+    sys.modules["asammdf"] = None  # type: ignore[assignment]  as if it were not installed
+    try:
+        importlib.import_module("can")
+    finally:
+        del sys.modules["asammdf"]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -54,3 +72,36 @@ def state_folders(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         for variable, name in ((VARIABLE, "state"), (INDEX_VARIABLE, "indexes")):
             environment.setenv(variable, str(tmp_path_factory.mktemp(name)))
         yield
+
+
+GROWTH = 30_000_000
+"""Bytes that a file of tests may leave in the worker before what is behind them is asked to go."""
+GENERATIONS = 11
+"""Documents after which typst forgets what it kept of one, for the case that it is set once more."""
+_resident = 0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def memory_given_back() -> Iterator[None]:
+    """A worker lives for thousands of tests: it keeps neither the pages that typst has set nor freed memory."""
+    global _resident
+    yield
+    if resident() - _resident < GROWTH:
+        return
+    if typst := sys.modules.get("typst"):
+        for _ in range(GENERATIONS):
+            typst.compile(b"", ignore_system_fonts=True)
+    # glibc keeps what was freed; elsewhere there is no such call.
+    if sys.platform == "linux" and (name := ctypes.util.find_library("c")):
+        trim = getattr(ctypes.CDLL(name), "malloc_trim", None)
+        if trim is not None:
+            trim(0)
+    _resident = resident()
+
+
+def resident() -> int:
+    """Bytes of this process that lie in memory; 0 where the system has another way to say so."""
+    try:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return 0

@@ -8,8 +8,9 @@ from drivers.acquisition_statistics import AcquisitionReport
 from drivers.bus.cia301 import ObjectRef
 from drivers.bus.device import Missing
 from drivers.bus.network import Pump, RawBus, TimeBase
+from drivers.bus.rig_config import CanRigConfig
 from drivers.bus.rig_nodes import RigNodes
-from drivers.bus.segment import CanRigConfig, CanSegment
+from drivers.bus.segment import CanSegment
 from drivers.clock import Clock
 from drivers.cycled import CycledRig
 from drivers.port import Origin

@@ -14,7 +14,7 @@ is never changed.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -163,6 +163,8 @@ class CycleStore:
         self.lost = [0] * count
         self.surplus = [0] * count
         """By slot: frames that came beside the first of a cycle, since the rig was opened; late ones are among them."""
+        self.surplus_frames = 0
+        """All of them."""
         self.rows = 0
         self._buffer = bytearray(layout.stride)
         self._last = bytes(layout.stride)
@@ -225,6 +227,11 @@ class CycleStore:
         """Whether some COB-ID has been missing for two cycles or more."""
         return max(self._owed, default=0) > 1
 
+    def receiver(self, slot: int) -> Callable[[bytes, int], None]:
+        """What takes the frames of a slot's COB-ID: data and time stamp [ns]."""
+        put = self.put
+        return lambda data, stamp_ns: put(slot, data, stamp_ns)
+
     def put(self, slot: int, data: bytes, stamp_ns: int) -> None:
         """Take a frame."""
         if not self._is_open or (self._awaits_echo and self._owed[slot]):
@@ -232,6 +239,7 @@ class CycleStore:
             flag = CycleFlag.LATE if self._owed[slot] else CycleFlag.DOUBLED
             self._owed[slot] = max(0, self._owed[slot] - 1)
             self.surplus[slot] += 1
+            self.surplus_frames += 1
             if self._is_open:
                 self._flags[-1] |= flag
             else:
@@ -242,6 +250,7 @@ class CycleStore:
             self._to_come -= 1
         else:
             self.surplus[slot] += 1
+            self.surplus_frames += 1
             if not self._owed[slot]:
                 self._flags[-1] |= CycleFlag.DOUBLED
                 return
@@ -304,6 +313,11 @@ class CycleStore:
     def missing_slots(self) -> list[int]:
         """The slots whose frame did not come in the cycle that was closed last."""
         return [slot for slot, owed in enumerate(self._owed) if owed]
+
+    def missing_text(self) -> str:
+        """Who did not answer in the cycle that was closed last, in words."""
+        pdos = [self.layout.pdos[slot] for slot in self.missing_slots()]
+        return ", ".join(f"node {pdo.node_id} (0x{pdo.cob_id:03X})" for pdo in pdos) or "bus"
 
     def decoded(self) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """All records of the block, decoded at once."""

@@ -19,6 +19,7 @@ from drivers.bus.cia301 import (
     EMCY_BASE,
     HEARTBEAT_BASE,
     HIGHEST_NODE_ID,
+    SDO_REQUEST_BASE,
     NmtCommand,
     NmtState,
     error_code_text,
@@ -40,6 +41,21 @@ ADAPTERS_WITH_STAMPS: Final = frozenset({"gs_usb", "pcan", "kvaser"})
 """python-can interfaces whose time stamps are the adapter's own clock; socketcan delivers the kernel's receive time."""
 ADAPTERS_WITH_ECHO: Final = frozenset({"socketcan", "virtual", "kvaser", "vector", "ixxat"})
 """python-can interfaces that hand back what they sent when asked to (gs_usb and udp_multicast do so unasked)."""
+OPENED_TWICE: Final[Mapping[str, bool | None]] = {
+    "socketcand": True,
+    "udp_multicast": True,
+    "virtual": True,
+    "socketcan": None,
+    "gs_usb": None,
+    "ixxat": None,
+    "kvaser": None,
+    "pcan": None,
+    "slcan": None,
+    "vector": None,
+}
+"""python-can interfaces that one process can open twice, as the watchdog wants it: tried, or None: not tried. One that
+is not named here was not tried either.
+"""
 _IDLE_STEP_NS: Final = 1_000_000
 _EVENTS_KEPT: Final = 10_000
 
@@ -100,6 +116,13 @@ class NodeWatch:
     emergencies: int = 0
 
 
+def second_handle_words(interface: str) -> str:
+    """What is known of opening an interface twice, in words."""
+    found = OPENED_TWICE.get(interface)
+    known = {True: "can be opened twice", False: "cannot be opened twice"}
+    return f"{interface} {known[found]}" if found is not None else f"{interface}: not tried"
+
+
 def open_raw_bus(config: BusConfig) -> RawBus:
     """Open the bus through python-can. Raises `BusLostError` with what python-can says."""
     arguments = dict(config.arguments)
@@ -158,6 +181,7 @@ class PumpedBus:
         self.frames_received = self.frames_unknown = self.error_frames = self.events_dropped = 0
         self.errors_seen = 0
         self.echoes = False
+        """Whether the bus hands back what was sent: it shows with the first request or heartbeat."""
         self.last_error: Event | None = None
         self.while_waiting: Callable[[], int] | None = None
         """Asked whenever the owner waits: turns if it is time to and says 0, else the instant at which it will be."""
@@ -167,6 +191,7 @@ class PumpedBus:
         self._events: deque[Event] = deque(maxlen=_EVENTS_KEPT)
         self._heartbeat_period_ns = self._heartbeat_due_ns = 0
         self._is_open = True
+        self._asked: tuple[int, bytes] | None = None
 
     @property
     def clock(self) -> Clock:
@@ -187,6 +212,8 @@ class PumpedBus:
         """Send one frame with an 11-bit identifier. Raises `BusLostError`."""
         self._require_open()
         message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
+        if cob_id >= SDO_REQUEST_BASE:
+            self._asked = (cob_id, data)
         try:
             self._raw.send(message)
         except (can.CanError, OSError, ValueError) as error:
@@ -348,13 +375,14 @@ class PumpedBus:
         elif EMCY_BASE < cob_id <= EMCY_BASE + HIGHEST_NODE_ID:
             self.on_emergency(cob_id - EMCY_BASE, bytes(message.data))
         else:
+            self.echoes = self.echoes or (cob_id, bytes(message.data)) == self._asked
             self.frames_unknown += 1
 
     def _on_heartbeat(self, node_id: int, data: bytes) -> None:
         node = self.nodes.get(node_id)
         if node_id == self.own_node_id:
             # The bus hands back what was sent: the SYNC's own time stamp can be had.
-            self.echoes = True
+            self.echoes = self.echoes or (HEARTBEAT_BASE + node_id, data) == self._asked
             return
         if node is None or len(data) != 1:
             self.frames_unknown += 1

@@ -92,6 +92,18 @@ class RigNodes:
         held = [part.device for part in (*self.counters, *self.modules)]
         return list(dict.fromkeys([self.drive.device, *held]))
 
+    @property
+    def are_simulated(self) -> bool:
+        """Whether one of them calls itself simulated: then the rig is, however it is reached."""
+        return any(identity.is_simulated for identity in self.identities.values())
+
+    def read_integer(self, node_id: int, entry: ObjectRef) -> int:
+        """An object of a node by SDO. Raises `DriverError`."""
+        devices = {device.node_id: device for device in self.devices}
+        if node_id not in devices:
+            raise DriverError("no such node", where="bus", value=node_id, limit=str(list(devices)))
+        return devices[node_id].read_integer(entry)
+
     def missing(self) -> dict[int, list[Missing]]:
         """What each node does not offer, by node-ID."""
         return {device.node_id: device.missing for device in self.devices}

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -21,28 +20,26 @@ from numpy.typing import NDArray
 
 from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatistics
 from drivers.bus.amplifier import Left
-from drivers.bus.amplifiers import AmplifierConfig
-from drivers.bus.cia301 import SYNC_COB_ID, NmtCommand, ObjectRef
-from drivers.bus.cia401 import AnalogModuleConfig
-from drivers.bus.cia402.config import DriveConfig
-from drivers.bus.cia406 import CounterConfig
+from drivers.bus.cia301 import SYNC_COB_ID, ObjectRef
 from drivers.bus.columns import ColumnDecoder
 from drivers.bus.frames import CycleStore
+from drivers.bus.letting_go import command_once, let_go
 from drivers.bus.listening import listen_for_masters, listening_time_ns
-from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
 from drivers.bus.request_line import RequestLine
-from drivers.bus.rig_nodes import GuardContact, RigNodes
-from drivers.bus.sdo import SdoTimeoutError
+from drivers.bus.rig_config import CanRigConfig
+from drivers.bus.rig_nodes import RigNodes
 from drivers.bus.set_points import set_point_counts
+from drivers.bus.silence import Silence
+from drivers.bus.strangers import Strangers
 from drivers.bus.sync_time import SyncTime
+from drivers.bus.waking import LATE_TURN, Waking, longest_pause_ns
 from drivers.channel import Channel
 from drivers.clock import Clock
 from drivers.cycled import Cycle
-from drivers.errors import BusLostError, DriverError, StaleDataError
+from drivers.errors import BusLostError, DriverError
 from drivers.event import Event
 from drivers.port import (
-    LATE_ANSWERS,
     Abilities,
     Command,
     DriveLimits,
@@ -50,60 +47,9 @@ from drivers.port import (
     Origin,
     RigDescription,
 )
-from drivers.samples import Break, CycleFlag
+from drivers.samples import NOT_JUDGED, Break, CycleFlag
 
 _ACTIVE: Final = frozenset({Mode.SPEED, Mode.TORQUE})
-_LONG_SILENCE: Final = 3
-"""Incomplete cycles in a row of whose end is told whether their answers were late or lost."""
-_LATEST_ANSWER: Final = 50
-"""Complete cycles after a silence in which its answers are still waited for."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CanRigConfig:
-    """A rig on one bus: SYNC period [ns], the drive and its encoder, counters and analog modules, the guard's contact.
-
-    `patience_cycles`: how long a frame is waited for before its cycle counts as incomplete;
-    `first_patience_ns`: the same for the very first cycle; `settle_factor`: how much longer is
-    waited, once, after a lost frame for its late arrival; `stale_cycles`: incomplete cycles in a
-    row after which an active drive raises; `stamp_wrap_ns`: range of an adapter's clock that wraps
-    (a 32-bit microsecond counter: 4294967296000), 0 if it does not.
-    """
-
-    cycle_ns: int = 1_000_000
-    drive: AmplifierConfig = field(default_factory=DriveConfig)
-    motor_encoder: MotorEncoder
-    counters: tuple[CounterConfig, ...] = ()
-    modules: tuple[AnalogModuleConfig, ...] = ()
-    guard: GuardContact | None = None
-    patience_cycles: float = 5.0
-    settle_factor: float = 4.0
-    first_patience_ns: int = 500_000_000
-    stale_cycles: int = 50
-    stamp_wrap_ns: int = 0
-    own_node_id: int = 127
-    title: str = "CANopen rig"
-
-    def __post_init__(self) -> None:
-        if not 100_000 <= self.cycle_ns <= 1_000_000_000:
-            raise DriverError(
-                "the SYNC period is out of range",
-                where="rig",
-                value=self.cycle_ns,
-                limit="0.1 ms to 1 s",
-            )
-        if not self.patience_cycles >= 1.0 or not self.settle_factor >= 1.0:
-            raise DriverError(
-                "patience and settle factor must be at least one",
-                where="rig",
-                value=f"{self.patience_cycles}, {self.settle_factor}",
-            )
-
-    @property
-    def node_ids(self) -> tuple[int, ...]:
-        """The nodes that are this rig's, the drive first."""
-        devices = (self.drive, *self.counters, *self.modules)
-        return tuple(device.node_id for device in devices)
 
 
 class CanSegment:
@@ -220,7 +166,8 @@ class CanSegment:
             self._bus = None
             raise
         self._errors_seen = bus.errors_seen
-        return RigDescription(self._origin_of(nodes), config.title, nodes.describe(), self._truth)
+        origin = "simulated" if nodes.are_simulated else self._origin
+        return RigDescription(origin, config.title, nodes.describe(), self._truth)
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits into the drive and return what reads back; infinite where the drive holds none."""
@@ -238,7 +185,7 @@ class CanSegment:
         )
         self._enter(command.mode)
         # A drive that says nothing is not waited for when it is to be stopped: what it held last goes on.
-        may_ask = command.mode in _ACTIVE or not self._silent
+        may_ask = command.mode in _ACTIVE or not self._silence.cycles
         self._frames = nodes.drive.frames(command.mode, speeds, torques, may_ask=may_ask)
         self._speeds, self._torques, self._commanded = speeds, torques, command.mode
         self._store.begin_block(cycles)
@@ -270,47 +217,11 @@ class CanSegment:
         bus, nodes = self._bus, self._nodes
         if bus is None:
             return
-        try:
-            if nodes is not None and self._lost is None:
-                nodes.drive.to_off(resets_fault=False)
-                nodes.drive.device.release_consumer()
-                bus.start_heartbeat(0)
-                for device in nodes.devices:
-                    bus.nmt(NmtCommand.PRE_OPERATIONAL, device.node_id)
-        except DriverError as error:
-            bus.emit("warning", "close", "rig", f"while closing: {error}")
-            self._let_go(bus, nodes, is_silent=isinstance(error, SdoTimeoutError))
+        if nodes is not None and self._lost is None:
+            let_go(bus, nodes)
         bus.close()
         self._left_events += bus.events()
         self._bus = None
-
-    def _let_go(self, bus: PumpedBus, nodes: RigNodes | None, *, is_silent: bool) -> None:
-        """The drive does not obey: servo off by process data all the same, then NMT STOP, to which
-        it reacts by 0x6007.
-
-        One that `is_silent` may have been STOPPED by somebody, and hears neither SDO nor process
-        data before it is woken.
-        """
-        with contextlib.suppress(DriverError):
-            if nodes is None:
-                return
-            drive = nodes.drive
-            for cob_id, data in self._command_once(Mode.OFF):
-                bus.send(cob_id, data)
-            bus.send(SYNC_COB_ID, b"")
-            if is_silent:
-                bus.nmt(NmtCommand.PRE_OPERATIONAL, drive.device.node_id)
-                with contextlib.suppress(DriverError):
-                    drive.to_off(resets_fault=False)
-                    drive.device.release_consumer()
-                    return
-            bus.nmt(NmtCommand.STOP, drive.device.node_id)
-
-    def _command_once(self, mode: Mode) -> list[tuple[int, bytes]]:
-        """(COB-ID, data) of every RPDO in a mode with set-points of zero."""
-        drive, none = self._opened().drive, np.zeros(1, dtype=np.int64)
-        frames = drive.frames(mode, none, none)
-        return [(pdo.cob_id, data) for pdo, (data,) in zip(drive.commands, frames, strict=True)]
 
     # --- beyond the port
 
@@ -327,13 +238,7 @@ class CanSegment:
     def read_integer(self, node_id: int, entry: ObjectRef) -> int:
         """An object of a node by SDO, between two cycles. Raises `DriverError`."""
         self._pause()
-        for device in self._opened().devices:
-            if device.node_id == node_id:
-                return device.read_integer(entry)
-        node_ids = [device.node_id for device in self._opened().devices]
-        raise DriverError(
-            "no such node", where=self._config.title, value=node_id, limit=str(node_ids)
-        )
+        return self._opened().read_integer(node_id, entry)
 
     @property
     def nodes(self) -> RigNodes:
@@ -346,17 +251,11 @@ class CanSegment:
 
         Process data, and the SYNC with which they act: the drive's SDO channel belongs to this loop.
         """
-        return [*self._command_once(Mode.QUICK_STOP), (SYNC_COB_ID, b"")]
+        commands = command_once(self._opened().drive, Mode.QUICK_STOP)
+        self._strangers.announce(commands)
+        return [*commands, (SYNC_COB_ID, b"")]
 
     # --- inside
-
-    def _origin_of(self, nodes: RigNodes) -> Origin:
-        """Devices that call themselves simulated make the rig simulated, however it is reached."""
-        return (
-            "simulated"
-            if any(identity.is_simulated for identity in nodes.identities.values())
-            else self._origin
-        )
 
     def _opened(self) -> RigNodes:
         if self._nodes is None:
@@ -380,29 +279,39 @@ class CanSegment:
         self._mode = Mode.OFF
         self._first_cycle = 0
         self._due_ns: int | None = None
-        self._echo_stamp = self._errors_seen = self._silent = 0
-        self._open_silence = self._cycles_open = 0
-        self._surplus_before = list(self._store.surplus)
+        self._echo_stamp = self._errors_seen = 0
+        self._silence = Silence(self._store, bus.emit)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
         self._was_enabled = False
+        self._waking = Waking(
+            self._clock,
+            longest_pause_ns(
+                self._config.drive.computer_lost_ms,
+                self._config.cycle_ns,
+                self._config.patience_cycles * self._config.settle_factor,
+            ),
+        )
         nodes.drive.find(nodes.layout)
         self._pause_pending = False
         self._line = RequestLine(bus, nodes.places(self._store.is_absent), nodes.drive)
         self._lost = None
         bus.sample_time_ns = self._event_time
-        bus.subscribe(SYNC_COB_ID, self._on_sync)
         for slot, pdo in enumerate(nodes.layout.pdos):
-            bus.subscribe(pdo.cob_id, self._receiver(slot))
+            bus.subscribe(pdo.cob_id, self._store.receiver(slot))
+        self._watch_for_strangers(bus, nodes)
 
-    def _receiver(self, slot: int) -> Callable[[bytes, int], None]:
-        put = self._store.put
-        return lambda data, stamp_ns: put(slot, data, stamp_ns)
+    def _watch_for_strangers(self, bus: PumpedBus, nodes: RigNodes) -> None:
+        """Listen to SYNCs and to the drive's commands. Whether the bus hands back what was sent has shown by now."""
+        cob_ids = [pdo.cob_id for pdo in nodes.drive.commands]
+        self._strangers = Strangers(self._store, self._clock, bus.emit, cob_ids, echoes=bus.echoes)
+        bus.subscribe(SYNC_COB_ID, self._on_sync)
+        for number, cob_id in enumerate(cob_ids):
+            bus.subscribe(cob_id, self._strangers.listener(number))
 
     def _on_sync(self, data: bytes, stamp_ns: int) -> None:
-        self._echo_stamp = stamp_ns
-        if self._bus is not None:
-            self._bus.echoes = True
-        self._store.echo()
+        if self._strangers.sync_heard():
+            self._echo_stamp = stamp_ns
+            self._store.echo()
 
     def _event_time(self) -> int:
         """Now, in the base of the samples: the latest stamp and what has passed since."""
@@ -422,6 +331,7 @@ class CanSegment:
             with self._sync_goes_on(self._live_bus()):
                 drive.enable(mode)
             self._mode, self._was_enabled = mode, True
+            self._waking.cycled()
         elif not self._was_enabled:
             state = drive.state()
             raise DriverError(
@@ -430,14 +340,7 @@ class CanSegment:
                 value=state.value,
                 remedy="Command OFF, find and remove the cause, acknowledge the fault; there is no automatic restart.",
             )
-        if self._silent >= self._config.stale_cycles:
-            raise StaleDataError(
-                "no complete cycle came back",
-                where=self._silent_text(),
-                value=f"{self._silent} cycles",
-                limit=f"< {self._config.stale_cycles}",
-                remedy="Stop the drive; is the node powered and on the bus?",
-            )
+        self._silence.require_shorter(self._config.stale_cycles)
 
     @contextlib.contextmanager
     def _sync_goes_on(self, bus: PumpedBus) -> Generator[None]:
@@ -468,16 +371,6 @@ class CanSegment:
                 self._statistics.pause()
                 self._decoder.pause()
 
-    def _silent_text(self) -> str:
-        layout = self._opened().layout
-        slots = self._store.missing_slots()
-        return (
-            ", ".join(
-                f"node {layout.pdos[s].node_id} (0x{layout.pdos[s].cob_id:03X})" for s in slots
-            )
-            or "bus"
-        )
-
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
         self._pause_pending = True
@@ -487,16 +380,26 @@ class CanSegment:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
         self._wait_for_turn(bus, row)
+        if self._mode in _ACTIVE and self._waking.has_slept():
+            commands = [data for _, data in command_once(self._opened().drive, Mode.QUICK_STOP)]
+            self._was_enabled = False
+            self._waking.woke()
+        strangers = self._strangers
+        if not self._sync_time.cycles:
+            strangers.begin()
+        strangers.sends(commands)
+        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
+        bus.send_heartbeat()
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().drive.commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
-        is_first = not self._first_cycle and not row
-        patience = self._patience(is_first)
+        patience = self._patience(is_first=not self._first_cycle and not row)
         self._echo_stamp = 0
-        self._store.begin_cycle(bus.echoes)
+        self._store.begin_cycle(strangers.echoes)
         sent = self._clock.monotonic_ns()
         calendar = self._clock.calendar_ns()
         bus.send(SYNC_COB_ID, b"")
+        self._waking.cycled()
         if self.on_sync is not None:
             self.on_sync()
         if line is not None and line.is_busy:
@@ -509,34 +412,13 @@ class CanSegment:
         )
         if is_host:
             self._host_rows.append(row)
-        self._count_silence(bus, bool(flags & CycleFlag.INCOMPLETE))
-        bus.check_heartbeats()
+        self._silence.count(bool(flags & CycleFlag.INCOMPLETE))
+        strangers.close_cycle(flags)
+        if not self._waking.has_slept():
+            # After a sleep of ours nobody was heard: they were not silent.
+            bus.check_heartbeats()
         times = self._sync_time
         return Cycle(stamp, latency, flags, times.sync_ns, times.doubt(latency))
-
-    def _count_silence(self, bus: PumpedBus, is_incomplete: bool) -> None:
-        """Incomplete cycles in a row. What comes after them tells a slow computer from a cable: what was delayed comes
-        in the end, what was lost does not (a controller repeats one frame at most).
-        """
-        if is_incomplete:
-            if not self._silent and not self._open_silence:
-                self._surplus_before = list(self._store.surplus)
-            self._silent += 1
-            return
-        if self._silent >= _LONG_SILENCE:
-            self._open_silence, self._cycles_open = self._silent, 0
-        self._silent = 0
-        if not self._open_silence:
-            return
-        self._cycles_open += 1
-        late = zip(self._store.surplus, self._surplus_before, strict=True)
-        # Of one COB-ID: nodes with many would make up a silence by the one frame that each controller repeats.
-        if 2 * max(now - before for now, before in late) >= self._open_silence:
-            text = f"the answers of {self._open_silence} cycles came after all, too late for their cycles"
-            bus.emit("warning", LATE_ANSWERS, "bus", text)
-        elif self._cycles_open < _LATEST_ANSWER:
-            return
-        self._open_silence = 0
 
     def _wait_for_turn(self, bus: PumpedBus, row: int) -> None:
         if row == 0:
@@ -560,11 +442,9 @@ class CanSegment:
             bus.receive(self._due_ns)
         # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
         bus.drain()
-        # The turn itself sends the heartbeat that the drive watches: when this loop is dead, the drive stops.
-        bus.send_heartbeat()
         self._due_ns += self._config.cycle_ns
 
-    def _patience(self, is_first: bool) -> int:
+    def _patience(self, *, is_first: bool) -> int:
         if is_first:
             return max(self._config.first_patience_ns, self._config.cycle_ns)
         if self._store.is_silent:
@@ -585,14 +465,20 @@ class CanSegment:
 
     def trouble(self, row: int, flags: int) -> Break | None:
         """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""
-        bus, mode = self._live_bus(), self._commanded
+        bus, mode, waking = self._live_bus(), self._commanded, self._waking
+        if waking.overslept_ms:
+            overslept, waking.overslept_ms = waking.overslept_ms, 0.0
+            allowed = waking.allowed_ns * 1e-6
+            bus.emit("error", LATE_TURN, "bus", waking.words_of(overslept))
+            self._errors_seen = bus.errors_seen
+            return Break(row, LATE_TURN.replace("-", "_"), overslept, allowed, True)
         if bus.errors_seen != self._errors_seen:
             self._errors_seen = bus.errors_seen
             event = bus.last_error
             return Break(
                 row, event.code.replace("-", "_") if event else "bus_error", 1.0, 0.0, True
             )
-        if mode in _ACTIVE and not flags & CycleFlag.INCOMPLETE and self._was_enabled:
+        if mode in _ACTIVE and not flags & NOT_JUDGED and self._was_enabled:
             left = self._opened().drive.left(self._store.last_record)
             if left is not None:
                 return self._left(left, row)

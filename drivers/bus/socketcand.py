@@ -59,8 +59,9 @@ class SocketcandBus(SocketCanDaemonBus):
         try:
             message, is_filtered = super()._recv_internal(timeout)
         except can.CanError as error:
-            # Its text carries a whole traceback.
-            raise can.CanOperationError(str(error).splitlines()[0].strip()) from error
+            # Its text carries a whole traceback, whose head stands in the first line.
+            words = str(error).partition("Traceback")[0].strip()
+            raise can.CanOperationError(words or "the hub's line has failed") from error
         if message is None and self._has_ended():
             raise can.CanOperationError("the hub has closed the connection")
         return message, is_filtered

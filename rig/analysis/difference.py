@@ -25,6 +25,7 @@ from rig.analysis.change_words import acquisition_unit, read_in, words_of
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.store import Analysis
 from rig.analysis.wording import laboratory_unit, number, show
+from rig.program import PROGRAM_KEYS
 from rig.runfile.header import read_header
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.source import FileSource
@@ -41,11 +42,14 @@ GROUPS = (
     "results",
 )
 """What is compared, in this order."""
-VERSIONS = ("program_version", "git_commit")
 RUN_CHANGES = frozenset({"truth", "acquisition", "planned_duration"})
 """What the file keeps of the process that is compared elsewhere, or is the truth of a simulation,
 which no rig tells.
 """
+PROGRAM_FACTS = dict(
+    zip(("program version", "program commit", "program files"), PROGRAM_KEYS, strict=True)
+)
+"""What an analysis says of the program that made it, and its key there; older ones do not say all of it."""
 SUBJECT = (
     "torque_is_of",
     "torque_balance",
@@ -196,7 +200,7 @@ def _facts(path: Path) -> _Facts:
 def _groups(recording: Recording) -> dict[str, dict[str, str]]:
     m = recording.metadata
     process = {name: value for name, value in m.process.items() if name not in RUN_CHANGES}
-    rig = {name: process.pop(name) for name in list(process) if name not in VERSIONS}
+    rig = {name: process.pop(name) for name in list(process) if name not in PROGRAM_KEYS}
     return {
         "run": {
             "run": m.run_id,
@@ -359,7 +363,7 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
             **a.result.get("options", {}),
             **{f"setting {n}": v for n, v in a.content.get("settings", {}).items()},
             "tare": a.content.get("tare", {}).get("run", "none"),
-            "program version": a.content.get("program_version", ""),
+            **{t: a.content[key] for t, key in PROGRAM_FACTS.items() if key in a.content},
         }
         for a in (left, right)
     ]

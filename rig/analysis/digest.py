@@ -20,7 +20,7 @@ from rig.analysis.fit_run import TARE_AGE_SETTING, Choices, fit_run
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.stored_fit import fit_in_force
 from rig.analysis.tare import tare_kind
-from rig.errors import RigError, RunFileError
+from rig.errors import ChangedRunError, RigError, RunFileError
 
 if TYPE_CHECKING:
     from model.identify.estimate import Estimate
@@ -104,6 +104,8 @@ def digest(path: Path, created: str, kind: str = "", choices: Choices | None = N
         return Digest(path=path, in_force=in_force(path, kind), because=(str(error),))
     try:
         kept = store(fit, created)
+    except ChangedRunError:
+        raise
     except RunFileError as error:
         return Digest(path=path, fit=fit, in_force=in_force(path, kind), not_stored=str(error))
     return Digest(path=path, fit=kept, in_force=in_force(path, kind))

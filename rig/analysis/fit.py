@@ -19,6 +19,7 @@ from rig.analysis.gear_set import GearSource
 from rig.analysis.tare import check_tare, takes_tare, tare_kind
 from rig.analysis.tare_search import FoundTare
 from rig.errors import RigError
+from rig.runfile.seal import Seal
 
 if TYPE_CHECKING:
     from experiments.contract import Evidence
@@ -47,6 +48,8 @@ class Fit:
     tare: Fit | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     stored: str = ""
+    stored_seal: Seal = field(default_factory=Seal)
+    """Of a stored fit: the SHA-256 of the file of its analysis, and whether that is the one noted."""
     gear_known: bool = True
     largest_missed_share: float | None = None
     """Share of missed cycles that was allowed; None: the analyses' own limit."""
@@ -120,6 +123,8 @@ class Fit:
             "chosen": "by hand" if found.path is None or found.by_hand else "found",
             "age_days": found.age_days,
             "analysis_version": catalogue.load(self.tare.result.kind).version,
+            "analysis": self.tare.stored,
+            "analysis_sha256": self.tare.stored_seal.sha256,
         }
 
 
@@ -279,4 +284,4 @@ def store(fit: Fit, created: str) -> Fit:
     kept = append_analysis(fit.path, fit.result, basis)
     found = in_force(fit.path, kept.kind)
     other = "" if found.number == kept.number else found.words_for_another(kept.number)
-    return dataclasses.replace(fit, stored=kept.name, not_in_force=other)
+    return dataclasses.replace(fit, stored=kept.name, stored_seal=kept.seal, not_in_force=other)

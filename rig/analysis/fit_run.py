@@ -214,6 +214,7 @@ def _basis_of(
             continue
         named = {"run": run.run_id, "file": run.path.name}
         named |= {"kind": run.protocol, "number": found.number}
+        named |= {"analysis_sha256": found.analysis.seal.sha256}
         return found.analysis.whole_result(), named
     return None
 

@@ -11,7 +11,6 @@ parameter set of the gear, the settings under which its tare was found, the vers
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,15 +22,27 @@ from rig.analysis import format_1
 from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_kind
-from rig.errors import ConfigurationError, RunFileError
-from rig.runfile.seal import sealed_sha256
+from rig.errors import ConfigurationError, RunFileError, UnsealedError
+from rig.runfile.seal import (
+    file_sha256,
+    is_unsealed_allowed,
+    recorded_sha256,
+    sealed_sha256,
+    unsealed,
+)
+from rig.runfile.sealed import read_sealed, replace_sealed
 
 if TYPE_CHECKING:
     from experiments.recording import RunMetadata
     from model.gear import HarmonicDrive
 
 KEPT_NAME = "kept.json"
-KEPT_FORMAT = "harmonic-rig-kept-1"
+UNSEALED = "not sealed"
+"""Stands for the hash of a run whose note is missing."""
+KEPT_FORMAT = "harmonic-rig-kept-2"
+"""Sealed from birth, as analyses are."""
+KEPT_FORMAT_1 = "harmonic-rig-kept-1"
+"""The same without a seal: what version 0.2.0 wrote."""
 
 
 @dataclass(frozen=True)
@@ -192,10 +203,16 @@ class _Things:
             self._sha256 = _hash_now(self._run)
         return self._sha256 in ("", str(analysis.content.get("run_sha256", "")))
 
+    @property
+    def _of_another_run(self) -> str:
+        if self._sha256 == UNSEALED:
+            return "the run file is not sealed: its note is missing"
+        return "the run file is not the one that was analysed"
+
     def changed(self, analysis: Analysis) -> Iterator[str]:
         """What of that on which an analysis rests is not what it was, in words."""
         if not self.is_of_this_run(analysis):
-            yield "the run file is not the one that was analysed"
+            yield self._of_another_run
         yield from self._tare_changed(analysis)
         yield from self._gear_changed(analysis)
         yield from _version_changed(analysis)
@@ -215,6 +232,9 @@ class _Things:
             return
         if _hash_now(path) != str(tare.get("sha256", "")):
             yield f"the tare {tare.get('run', '')} is not the one that was subtracted"
+        named = path.parent / str(tare.get("analysis") or "")
+        if tare.get("analysis") and _stored_hash(named) != tare.get("analysis_sha256"):
+            yield f"the analysis {tare['analysis']} of its tare is not the one that was subtracted"
         yield from _tare_of_another_version(tare)
         yield from _tare_too_old(tare, self._run.parent)
 
@@ -269,11 +289,15 @@ class _Things:
         path = self._run.parent / str(built_on["file"])
         if not path.is_file():
             return
-        number = in_force(path, str(built_on["kind"])).number
-        if number != built_on["number"]:
+        found = in_force(path, str(built_on["kind"]))
+        before = built_on.get("analysis_sha256", "")
+        if before and found.analysis is not None and found.number == built_on["number"]:
+            if found.analysis.seal.sha256 != before:
+                yield f"analysis {found.number} of {built_on['run']}, on which it builds, is another one now"
+        elif found.number != built_on["number"]:
             yield (
                 f"it builds on analysis {built_on['number']} of {built_on['run']}, of which analysis "
-                f"{number} is in force now"
+                f"{found.number} is in force now"
             )
 
 
@@ -310,8 +334,15 @@ def _hash_now(path: Path) -> str:
         return ""
     try:
         return sealed_sha256(path)
+    except UnsealedError:
+        return UNSEALED
     except RunFileError:
         return "changed"
+
+
+def _stored_hash(analysis: Path) -> str:
+    """The hash of a stored analysis: as it was noted, of one that was never sealed as it is; "" where it is gone."""
+    return recorded_sha256(analysis) or (file_sha256(analysis) if analysis.is_file() else "")
 
 
 def _metadata(run: Path) -> RunMetadata:
@@ -324,16 +355,19 @@ def kept_by_hand(run: str | Path) -> tuple[Kept, ...]:
     """The choices by hand for a run, oldest first; the last of a kind counts. Raises `RunFileError`."""
     path = analysis_folder(run) / KEPT_NAME
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        if content["format"] != KEPT_FORMAT:
+        if not path.exists():
+            return ()
+        data, seal = read_sealed(path, is_sealed_from_birth=False)
+        content = json.loads(data)
+        if content["format"] not in (KEPT_FORMAT, KEPT_FORMAT_1):
             raise ValueError(content["format"])
+        if content["format"] == KEPT_FORMAT and not (seal.is_whole or is_unsealed_allowed()):
+            raise unsealed(path)
         return tuple(
             Kept(str(c["kind"]), int(c["number"]), str(c["by"]), str(c["at"]))
             for c in content["kept"]
         )
-    except FileNotFoundError:
-        return ()
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise RunFileError(
             "the choices by hand cannot be read",
             where=str(path),
@@ -375,12 +409,10 @@ def _listed(numbers: Iterable[int]) -> str:
 
 def _write_kept(run: Path, choices: tuple[Kept, ...]) -> None:
     folder = analysis_folder(run)
-    scratch = folder / f".{KEPT_NAME}.{os.getpid()}.tmp"
     content = {"format": KEPT_FORMAT, "kept": [vars(choice) for choice in choices]}
     try:
         folder.mkdir(exist_ok=True)
-        scratch.write_text(json_text(json_ready(content)) + "\n", encoding="utf-8")
-        scratch.replace(folder / KEPT_NAME)
+        replace_sealed(folder / KEPT_NAME, (json_text(json_ready(content)) + "\n").encode())
     except OSError as error:
         raise RunFileError(
             "the choice cannot be written beside its run",

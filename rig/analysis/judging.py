@@ -115,8 +115,8 @@ def stored_as(
 class GearVerdict:
     """What a gear, or one run of it, is worth: the verdict, why it is not a better one, and every limit with its own.
 
-    `source` names the acceptance file, empty where there is none. `stale` says of every stale analysis
-    among those that were looked at what changed, and what renews it; a limit or not.
+    `source` names the acceptance file with the SHA-256 that it had, empty where there is none. `stale` says of every
+    stale analysis among those that were looked at what changed, and what renews it; a limit or not.
     """
 
     verdict: VerdictOutcome
@@ -124,6 +124,7 @@ class GearVerdict:
     lines: tuple[Verdict, ...] = ()
     source: str = ""
     stale: tuple[str, ...] = ()
+    acceptance_sha256: str = ""
 
     def of(self, result: Result) -> tuple[Verdict, ...]:
         """The lines that one result had a part in."""
@@ -136,6 +137,7 @@ class GearVerdict:
             "because": list(self.because),
             "stale": list(self.stale),
             "acceptance": self.source,
+            "acceptance_sha256": self.acceptance_sha256,
             "decision_rule": DECISION_RULE,
             "limits": [line.as_json() for line in self.lines],
         }
@@ -155,7 +157,12 @@ def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
     of_kind = [limit for limit in acceptance.limits if limit.kind == one.result.kind]
     if not of_kind:
         nothing = f"no limit of {acceptance.name} applies to what this run measures"
-        return replace(not_judged(nothing), source=acceptance.path, stale=_stale([one]))
+        return replace(
+            not_judged(nothing),
+            source=acceptance.path,
+            acceptance_sha256=acceptance.sha256,
+            stale=_stale([one]),
+        )
     return _worst(of_kind, [one], acceptance)
 
 
@@ -243,6 +250,7 @@ def _worst(
         because=tuple(because),
         lines=tuple(lines),
         source=acceptance.path,
+        acceptance_sha256=acceptance.sha256,
         stale=_stale(found),
     )
 

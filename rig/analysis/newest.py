@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from experiments import catalogue
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.judging import GearVerdict, judge, stored_result
-from rig.errors import RunFileError
+from rig.errors import ChangedRunError, RunFileError
 from rig.gears.acceptance import Acceptance
 from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
+from rig.runfile.seal import check_seal
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,10 @@ class Newest:
 
 
 def newest_analysed(runs: Sequence[IndexedRun]) -> Newest:
-    """The newest of these runs, which are in order of time, by kind."""
+    """The newest of these runs, which are in order of time, by kind.
+
+    Raises `ChangedRunError` for a run or an analysis that is not as it was sealed.
+    """
     passed_over: list[str] = []
     chosen = [_newest(kind, runs, passed_over) for kind in catalogue.names()]
     return Newest(tuple(one for one in chosen if one is not None), tuple(passed_over))
@@ -50,9 +54,15 @@ def _newest(
     for run in reversed([run for run in runs if run.protocol in (kind, "")]):
         try:
             found = in_force(run.path, kind)
+        except ChangedRunError:
+            # Nobody may go on without it: what was changed would make room for an older run.
+            raise
         except RunFileError as error:
             passed_over.append(f"Run {run.run_id} ({kind}) cannot be read: {error}")
             continue
+        if found.analysis is not None and not found.of_this_run:
+            # A run that was changed since it was sealed is refused by name, for the same reason.
+            check_seal(run.path)
         is_analysed = found.analysis is not None and found.of_this_run
         if is_analysed and run.outcome in COUNTED_OUTCOMES:
             return run, found

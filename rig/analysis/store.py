@@ -1,10 +1,12 @@
 """The analysis store: what was found of a run lies beside it, one numbered file per analysis, appended, never edited.
 
-`<run>.analysis/0001.json` names the run and its tare by their SHA-256, the versions of program and
+`<run>.analysis/0001.json` is sealed as runs are (`0001.json.sha256` beside it) and checked whenever it is
+read. It names the run and its tare by their SHA-256, the versions of program and
 analysis, the parameter set and the settings that were used, and holds the result as `rig fit
 --json` prints it, what each of its numbers is, and the covariance of what was fitted together. Its
 figures lie beside it, packed, under a name made of their content. The run file itself is never
-touched. Analyses of format 1 are read as if they were of format 2.
+touched. Analyses of format 1 are read as if they were of format 2. Those of formats 1 and 2, which
+version 0.2.0 and earlier ones wrote, were not sealed: they are read, and told as `NOT_SEALED_THEN`.
 """
 
 from __future__ import annotations
@@ -18,7 +20,6 @@ import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +33,17 @@ from rig.analysis.result_data import (
     result_from_mapping,
     table_to_mapping,
 )
-from rig.errors import RunFileError
+from rig.errors import ChangedRunError, RunFileError
+from rig.program import this_program
+from rig.runfile.seal import Seal, is_unsealed_allowed, unsealed
+from rig.runfile.sealed import read_sealed, write_sealed
 
-STORE_FORMAT = "harmonic-rig-analysis-2"
+STORE_FORMAT = "harmonic-rig-analysis-3"
+"""Sealed from birth: without its note an analysis that says so of itself is refused."""
+FORMAT_2 = "harmonic-rig-analysis-2"
+"""The same but for the seal: what version 0.2.0 wrote."""
+NOT_SEALED_THEN = "not sealed (0.2.0)"
+"""What is told in the place of the hash of an analysis that was made before analyses were sealed."""
 _NUMBER = re.compile(r"(\d{4,})\.json\Z")
 _FIGURES = re.compile(r"figures-[0-9a-f]{16}\.json\.gz")
 NO_FIGURES = "The version that made this analysis kept no figures: `rig fit` makes them."
@@ -47,6 +56,15 @@ class Analysis:
     number: int
     path: Path
     content: Mapping[str, Any]
+    seal: Seal = field(default_factory=Seal)
+
+    @property
+    def seal_words(self) -> str:
+        """The SHA-256 of its file; with the words that it is not sealed where nothing vouches for it."""
+        if self.seal.is_whole:
+            return self.seal.sha256
+        is_older = self.content.get("format") != STORE_FORMAT
+        return f"{self.seal.sha256}, {NOT_SEALED_THEN if is_older else 'not sealed'}"
 
     @property
     def kind(self) -> str:
@@ -97,7 +115,16 @@ class Analysis:
         # Only a name that this program gives: a file from elsewhere does not choose what is read.
         if not _FIGURES.fullmatch(name):
             raise ValueError(f"figures {name!r}")
-        return json.loads(gzip.decompress((self.path.parent / name).read_bytes()))
+        text = gzip.decompress((self.path.parent / name).read_bytes())
+        if _figures_name(text) != name:
+            raise ChangedRunError(
+                "the figures of an analysis were changed since they were stored",
+                where=str(self.path.parent / name),
+                value=_figures_name(text),
+                limit=name,
+                remedy="Take the original, or the backup; or analyse the run again with `rig fit`.",
+            )
+        return json.loads(text)
 
     def quantity(self, name: str) -> Quantity:
         """What its protocol declares of an estimate; what was stored of one that it no longer declares."""
@@ -130,12 +157,13 @@ class Basis:
     no_tare: tuple[str, ...] = ()
 
 
-def program_version() -> str:
-    """The installed version of the program."""
-    try:
-        return metadata.version("harmonic-rig")
-    except metadata.PackageNotFoundError:
-        return "not installed"
+def unsealed_words(analysis: Analysis) -> str:
+    """What stands on every page of an analysis that nothing vouches for."""
+    is_older = analysis.content.get("format") != STORE_FORMAT
+    since = f"{NOT_SEALED_THEN}: " if is_older else "not sealed: "
+    return (
+        f"The analysis {analysis.name} is {since}nothing beside it says that it is what was stored."
+    )
 
 
 def json_ready(content: Any) -> Any:
@@ -181,7 +209,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
     content = {
         "format": STORE_FORMAT,
         "created": basis.created,
-        "program_version": program_version(),
+        **this_program().as_json(),
         "run": result.run,
         "run_file": Path(run).name,
         "run_sha256": basis.run_sha256,
@@ -228,10 +256,15 @@ def _quantity(result: Result, name: str) -> dict[str, str]:
     }
 
 
+def _figures_name(text: bytes) -> str:
+    """The name of a file of figures: by what it holds."""
+    return f"figures-{hashlib.sha256(text).hexdigest()[:16]}.json.gz"
+
+
 def _write_figures(folder: Path, result: Result) -> str:
     """Write the figures of a result under a name made of their content; the same figures are written once."""
     text = json_text([plot_to_mapping(plot) for plot in result.plots]).encode()
-    path = folder / f"figures-{hashlib.sha256(text).hexdigest()[:16]}.json.gz"
+    path = folder / _figures_name(text)
     if not path.exists():
         scratch = folder / f".{path.name}.{os.getpid()}.tmp"
         scratch.write_bytes(gzip.compress(text, compresslevel=6, mtime=0))
@@ -241,60 +274,48 @@ def _write_figures(folder: Path, result: Result) -> str:
 
 
 def _write_next(folder: Path, content: Mapping[str, Any], number: int) -> Analysis:
-    """Write under the first number from `number` on that nobody has; a number is taken by creating its file."""
+    """Write under the first number from `number` on that nobody has; a number is taken by creating its note."""
     while True:
         path = folder / f"{number:04d}.json"
-        scratch = folder / f".{number:04d}.{os.getpid()}.tmp"
+        numbered = {**content, "number": number}
         try:
-            with scratch.open("x", encoding="utf-8") as file:
-                file.write(json_text({**content, "number": number}) + "\n")
-                file.flush()
-                os.fsync(file.fileno())
-            scratch.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
-            # A hard link fails if the number is taken; where there are no links, exclusive creation does the same.
-            _take(scratch, path)
-            return Analysis(number, path, {**content, "number": number})
+            digest = write_sealed(path, (json_text(numbered) + "\n").encode())
+            return Analysis(number, path, numbered, Seal(digest, is_whole=True))
         except FileExistsError:
             number += 1
-        finally:
-            scratch.unlink(missing_ok=True)
-
-
-def _take(scratch: Path, path: Path) -> None:
-    try:
-        os.link(scratch, path)
-    except FileExistsError:
-        raise
-    except OSError:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(scratch.read_text(encoding="utf-8"))
-        path.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
 
 
 def read_analyses(run: str | Path) -> tuple[Analysis, ...]:
-    """The stored analyses of a run, oldest first. Raises `RunFileError` for a file that is not what was written."""
+    """The stored analyses of a run, oldest first. Raises `ChangedRunError` for one that is not as it was
+    sealed, `RunFileError` for a file that is none.
+    """
     folder = analysis_folder(run)
     if not folder.is_dir():
         return ()
-    analyses = []
-    for path in sorted(folder.iterdir()):
-        match = _NUMBER.fullmatch(path.name)
-        if match is None:
-            continue
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise RunFileError(
-                "a stored analysis cannot be read", where=str(path), value=str(error)
-            ) from None
-        if isinstance(content, dict) and content.get("format") == format_1.FORMAT:
-            content = format_1.from_format_1(content)
-        elif not isinstance(content, dict) or content.get("format") != STORE_FORMAT:
-            raise RunFileError(
-                "is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}"
-            )
-        analyses.append(Analysis(int(match[1]), path, content))
-    return tuple(sorted(analyses, key=lambda a: a.number))
+    paths = [path for path in folder.iterdir() if _NUMBER.fullmatch(path.name)]
+    return tuple(sorted(map(read_analysis, paths), key=lambda a: a.number))
+
+
+def read_analysis(path: Path) -> Analysis:
+    """One stored analysis, by its file. Raises as `read_analyses` does."""
+    data, seal = read_sealed(path, is_sealed_from_birth=False)
+    try:
+        content = json.loads(data)
+    except ValueError as error:
+        raise RunFileError(
+            "a stored analysis cannot be read", where=str(path), value=str(error)
+        ) from None
+    found = content.get("format") if isinstance(content, dict) else None
+    if found not in (STORE_FORMAT, FORMAT_2, format_1.FORMAT):
+        raise RunFileError(
+            "is no analysis of this program", where=str(path), limit=f"format {STORE_FORMAT}"
+        )
+    if found == STORE_FORMAT and not seal.is_whole and not is_unsealed_allowed():
+        raise unsealed(path)
+    if found == format_1.FORMAT:
+        content = format_1.from_format_1(content)
+    match = _NUMBER.fullmatch(path.name)
+    return Analysis(int(match[1]) if match else 0, path, content, seal)
 
 
 def _without_time(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from model.gear_file import gear_from_mapping, shipped_gear
 from rig.analysis.fit import Fit
 from rig.analysis.gear_set import GearSource
-from rig.analysis.store import Analysis
+from rig.analysis.store import Analysis, unsealed_words
 from rig.analysis.tare_search import FoundTare
 from rig.runfile import read
 
@@ -25,6 +25,8 @@ def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = Non
     result and for a run that cannot be read.
     """
     result = analysis.whole_result()
+    if not analysis.seal.is_whole:
+        result = replace(result, warnings=(*result.warnings, unsealed_words(analysis)))
     recording = recording or read.open_run(path)
     leaned_on = analysis.content.get("gear")
     own = recording.metadata.gear
@@ -36,6 +38,7 @@ def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = Non
         path=path,
         settings=dict(analysis.content.get("settings", {})),
         stored=analysis.name,
+        stored_seal=analysis.seal,
         gear_known=own is not None or _was_given(analysis),
         gear_source=GearSource.from_json(analysis.content.get("gear_source") or {}),
         found_tare=FoundTare(None, tuple(analysis.content.get("no_tare", ()))),

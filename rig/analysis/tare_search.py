@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from experiments.evidence import tare as checks
 from model.errors import WordedError
 from rig.analysis.tare import tare_kind
+from rig.errors import ChangedRunError
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
@@ -58,6 +59,7 @@ def find_tare(
     """The tare that belongs to a run, among the runs of a folder.
 
     Where there is none, `because` says of every candidate what it failed by, the nearest in time first.
+    Raises `ChangedRunError` for a candidate that is not as it was sealed: it may be the one.
     """
     listed = library.search()
     candidates = _candidates(run, listed)
@@ -147,6 +149,8 @@ def _rests_on_another_rig(run: Recording, path: Path) -> tuple[str, str]:
 
     try:
         tare = open_run(path, rows=False)
+    except ChangedRunError:
+        raise
     except WordedError as error:
         return f"cannot be read: {error}", ""
     try:

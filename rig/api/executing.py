@@ -53,7 +53,9 @@ def execute(
     `seed` and `world` (gear_seed, bench_seed, mount, mount_turn_deg, hours, day, day_correlation, number, population,
     start_state) choose a simulated world.
     A rig of hardware is described by `config` and armed by `confirm`, the serial number once more; prompts are put
-    on the terminal, unless `ask` answers them. In the main thread Ctrl-C is a STOP, a second one an ABORT.
+    on the terminal, unless `ask` answers them. In the main thread Ctrl-C is a STOP, a second one an ABORT. In another
+    thread nobody hears Ctrl-C; the end of the main thread is a STOP. What `ask` raises is a STOP too, and is raised
+    here once the rig stands and the run is sealed, with a note of how it ended.
 
     Raises `PlanError`, `LimitError`, `ConfigurationError` before anything moves; `RigError` where nothing was recorded.
     """

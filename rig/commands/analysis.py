@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, nearest, print_json, ruled_table
 
 if TYPE_CHECKING:
@@ -104,6 +105,7 @@ def fit(
     everything: Annotated[
         bool, typer.Option("--all", help="The statistical part of every interval too.")
     ] = False,
+    unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
@@ -156,6 +158,7 @@ def compare(
     no_tare: NoTare = False,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
+    unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:
     """Hold a parameter set against a run: what it predicts, what was measured, and how far apart they are."""
@@ -285,12 +288,14 @@ def _store(fits: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], list[str]]:
     from datetime import datetime
 
     from rig.analysis.fit import store
-    from rig.errors import RunFileError
+    from rig.errors import ChangedRunError, RunFileError
 
     kept, notes = [], []
     for one in fits:
         try:
             stored = store(one, datetime.now().astimezone().isoformat(timespec="seconds"))
+        except ChangedRunError:
+            raise
         except RunFileError as error:
             echo(f"Not stored: {error}", errors=True)
             kept.append(one)

@@ -8,9 +8,8 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import typer
-
 from experiments.steps.note import Prompt
+from rig.commands.terminal import echo
 
 if TYPE_CHECKING:
     from rig.run.dry_run import PlannedRun
@@ -27,8 +26,8 @@ if TYPE_CHECKING:
 def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
     """STOP by signals, prompts at the terminal, each run armed by whoever sits there, and progress."""
     from rig.commands.ordering import confirmed
+    from rig.commands.progress import progress_line
     from rig.commands.prompting import terminal_ask
-    from rig.run.progress import progress_line
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.campaign.conduct import Crew
 
@@ -37,11 +36,11 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
 
     def begun(index: int, one: WalkedStage) -> None:
         if not quiet:
-            typer.echo(f"[{index + 1}/{number}] {one.stage.protocol}", err=True)
+            echo(f"[{index + 1}/{number}] {one.stage.protocol}", errors=True)
 
     def ended(done: DoneStage, _: RunReport) -> None:
         if not quiet:
-            typer.echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), err=True)
+            echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), errors=True)
 
     def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
         return confirmed(request, planned, asks=not quiet)

@@ -231,8 +231,26 @@ def _conducted(order: CampaignOrder, crew: Crew, pattern: RunRequest) -> Conduct
     certificate = _certificate(report, order, pattern)
     # An analysis that crashed is made again by the same command: the campaign is not over.
     if report.is_complete and not report.problems:
-        report.journal.with_end(report.verdict.verdict, ", ".join(certificate), order.now())
+        report.journal.with_end(
+            report.verdict.verdict,
+            ", ".join(certificate),
+            order.now(),
+            _rests_on(report, certificate),
+        )
     return Conducted(report, certificate)
+
+
+def _rests_on(report: CampaignReport, certificate: list[str]) -> dict[str, Any]:
+    """What the end of a campaign names by its hash: what the gear had to show, and the certificate."""
+    from rig.runfile.seal import file_sha256
+
+    return {
+        "acceptance": report.verdict.source,
+        "acceptance_sha256": report.verdict.acceptance_sha256,
+        "certificates": [
+            {"name": Path(path).name, "sha256": file_sha256(Path(path))} for path in certificate
+        ],
+    }
 
 
 def _conducted_for_a_program(

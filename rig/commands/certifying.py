@@ -9,6 +9,7 @@ import typer
 
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.reporting import ReportFormat, suffixes_of
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, print_json
 
 
@@ -38,6 +39,7 @@ def certificate(
         ),
     ] = None,
     require_verdict: RequireVerdict = False,
+    unsealed: Unsealed = False,
     json: Annotated[
         bool,
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),

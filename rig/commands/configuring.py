@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.discovering import discover
-from rig.commands.terminal import console, print_json
+from rig.commands.terminal import console, echo, print_json
 
 if TYPE_CHECKING:
     from rig.bench.config.apply import ConfiguredRig
@@ -61,7 +61,7 @@ def new(
         raise ConfigurationError(
             f"cannot be written: {error.strerror or error}", where=str(file)
         ) from error
-    typer.echo(
+    echo(
         f"{file}: fill in the numbers of your rig, then `rig config check {file}` and `rig doctor --config {file}`."
     )
 

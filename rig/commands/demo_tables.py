@@ -7,14 +7,14 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
 from experiments.result import Result
 from experiments.truth import TruthRow
 from rig.analysis.wording import number, show
 from rig.commands.result_tables import print_verdict, print_warnings
 from rig.commands.terminal import console, ruled_table
-from rig.commands.visible import Text
+from rig.commands.visible import Text, plain_column
 from rig.trial.demo.chain import ORDER, Demonstration, Finished, Step
 
 
@@ -38,11 +38,11 @@ def _line(message: Step | Finished) -> None:
 @contextlib.contextmanager
 def _bars() -> Iterator[Callable[[Step | Finished], None]]:
     columns = (
-        TextColumn("{task.description:<16}"),
+        plain_column("{task.description:<16}"),
         BarColumn(),
         TaskProgressColumn(),
         TimeRemainingColumn(),
-        TextColumn("{task.fields[what]}"),
+        plain_column("{task.fields[what]}"),
     )
     with Progress(*columns, console=console(errors=True, highlight=True), transient=True) as bars:
         tasks = {name: bars.add_task(name, total=1.0, what="waiting") for name in ORDER}

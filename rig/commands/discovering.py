@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, echo, print_json, table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -110,7 +110,7 @@ def _progress(*, silent: bool) -> Any:
             return
         spent = time.monotonic() - since
         left = f", {spent / done * (of - done):.1f} s left" if done and spent else ""
-        typer.echo(f"{what}: {done} of {of}{left}", err=True)
+        echo(f"{what}: {done} of {of}{left}", errors=True)
 
     return tell
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.running import MountedHow, StdinControl
-from rig.commands.terminal import console, outliving_the_terminal, print_json, table
+from rig.commands.terminal import console, echo, outliving_the_terminal, print_json, table
 
 if TYPE_CHECKING:
     from rig.run.start import RunRequest
@@ -125,7 +125,7 @@ def doctor(
             serial_line=readout_of(request),
             stop=stop,
             on_stage=lambda stage: (
-                None if json or stdin_control else typer.echo(f"{stage} ...", err=True)
+                None if json or stdin_control else echo(f"{stage} ...", errors=True)
             ),
         )
     if stdin_control:

@@ -85,7 +85,7 @@ def drill(
     drills = random_drills(random, seed, backend) if random else chosen(fault or (), backend)
     if list_:
         for one in drills:
-            typer.echo(f"{one.name}: {one.what} ({' or '.join(one.carriers)})")
+            echo(f"{one.name}: {one.what} ({' or '.join(one.carriers)})")
         return
 
     def run(without: bool) -> list[DrillRow]:
@@ -102,7 +102,7 @@ def drill(
             rows.append(row)
             if not json:
                 word = "ok    " if row.passed else missed
-                typer.echo(f"[{len(rows)}/{len(drills)}] {word} {row.fault}", err=True)
+                echo(f"[{len(rows)}/{len(drills)}] {word} {row.fault}", errors=True)
         return rows
 
     rows = run(without_faults)
@@ -281,18 +281,18 @@ def _run_pairs(
         rows.append(row)
         if not json:
             names = " + ".join(drill.name for drill in row.pair.drills)
-            typer.echo(f"[{len(rows)}/{number}] {row.verdict}: {names}", err=True)
+            echo(f"[{len(rows)}/{number}] {row.verdict}: {names}", errors=True)
     counted = Counter(row.verdict for row in rows)
     if json:
         pairs = [row.as_json() for row in rows]
         print_json({"seed": seed, "verdicts": dict(counted), "pairs": pairs})
         return all(row.passed for row in rows)
-    typer.echo(f"{number} pairs of seed {seed}, by the plant's truth and the program's word:")
+    echo(f"{number} pairs of seed {seed}, by the plant's truth and the program's word:")
     for verdict, count in counted.most_common():
-        typer.echo(f"  {count:5d} {verdict}")
+        echo(f"  {count:5d} {verdict}")
     for row in rows:
         if not row.passed:
-            typer.echo(f"{row.verdict}: {row.sentence()}")
+            echo(f"{row.verdict}: {row.sentence()}")
     return all(row.passed for row in rows)
 
 

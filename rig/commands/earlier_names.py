@@ -1,10 +1,13 @@
-"""Earlier names of a flag: scripts that use them run on, and the help shows the one name that there is now."""
+"""Earlier names of a flag: scripts that use them run on, and the help shows the one name that there is now. And how a
+command ends by Ctrl-C.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
+from typer import Abort
 from typer.core import TyperCommand
 
 FOLDER = "--runs"
@@ -21,6 +24,16 @@ class Command(TyperCommand):
         own = {name for parameter in self.params for name in parameter.opts}
         names = {old: now for old, now in NAMED_BEFORE.items() if old not in own and now in own}
         return super().parse_args(ctx, [_renamed(word, names) for word in args])
+
+    def invoke(self, ctx: Any) -> Any:
+        """Execute; a Ctrl-C that was raised in a run and ended it is told with the words of how the run ended."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            if not getattr(error, "__notes__", ()):
+                raise
+            # The library would make an exit of it that says nothing.
+            raise Abort from error
 
 
 def _renamed(word: str, names: Mapping[str, str]) -> str:

@@ -13,8 +13,10 @@ from rich.table import Table
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
+from rig.analysis.chain import Link
 from rig.analysis.judging import GearVerdict
 from rig.analysis.listed_verdicts import told
+from rig.analysis.recompute import Recomputed
 from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
@@ -237,6 +239,34 @@ def print_findings(checked: Mapping[str, Sequence[Finding]]) -> None:
                 Text(finding.text),
             )
         out.print(checks)
+
+
+def print_links(links: Sequence[Link], again: Sequence[Recomputed]) -> None:
+    """The chain of evidence, link by link, what was made again, and which link is the first that does not hold."""
+    out = console(highlight=True)
+    rows = table("", "", "", "", overflow="fold", box=None, show_header=False)
+    for link in links:
+        text = link.text if link.text != "ok" or not link.sha256 else f"SHA-256 {link.sha256}"
+        rows.add_row(
+            Text(link.level, style=_COLOURS[link.level]),
+            link.kind,
+            Text(link.path.name),
+            Text(text),
+        )
+    for one in again:
+        rows.add_row(
+            Text(one.level, style=_COLOURS[one.level]),
+            "recomputed",
+            Text(one.analysis.name),
+            Text(one.words),
+        )
+    out.print(rows)
+    first = next((link for link in links if link.level == "error"), None)
+    if first is not None:
+        out.print(
+            Text(f"The first broken link: {first.kind} {first.path}", style="bold red"),
+            soft_wrap=True,
+        )
 
 
 def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
@@ -61,8 +62,8 @@ def runs(
 
     What the files say is kept in an index, which is only a cache: a large folder is searched at once.
     """
+    from rig.commands.progress import reading_bar
     from rig.library.index import LibraryIndex
-    from rig.run.progress import reading_bar
 
     with reading_bar("Reading the runs", quiet=json) as on_progress:
         index = LibraryIndex(folder, on_progress, nested=True)
@@ -105,7 +106,7 @@ def _day(text: str | None, flag: str) -> str | None:
         raise typer.BadParameter(f"{text!r} is no day; write YYYY-MM-DD", param_hint=flag) from None
 
 
-def show(run: RunArgument, json: JsonFlag = False) -> None:
+def show(run: RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
     from rig.analysis.listed_verdicts import verdict_of_run
     from rig.commands.file_tables import print_recording, recording_as_json
@@ -134,6 +135,7 @@ def export(
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite an export that is there already.")
     ] = False,
+    unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
     """Write a run for other programs, in SI with units in the headings; SIMULATED or IMPORTED runs
@@ -165,66 +167,32 @@ def export(
 
 def recover(
     part: Annotated[
-        list[Path], typer.Argument(metavar="PART...", help="Files (.h5.part) whose writer died.")
+        list[Path],
+        typer.Argument(
+            metavar="PART|DIR...",
+            help="Files (.h5.part) whose writer died, or folders in which all of them are taken.",
+        ),
     ],
     json: JsonFlag = False,
 ) -> None:
-    """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows, and what was cut.
+    """Turn what a dead writer left behind into runs with outcome INTERRUPTED; says how many rows could be
+    read, how many not, and what was cut.
 
-    A header without rows is taken away.
-    """
-    from rig.runfile.recover import recover_run
-
-    recovered = [recover_run(path) for path in part]
-    if json:
-        paths = [
-            {
-                "run": str(r.path),
-                "rows": r.rows,
-                "outcome": r.outcome,
-                "notes": r.notes,
-                "removed": r.is_removed,
-            }
-            for r in recovered
-        ]
-        print_json({"recovered": paths})
-        return
-    for run in recovered:
-        echo(
-            f"{run.path} was taken away:"
-            if run.is_removed
-            else f"{run.rows} rows recovered into {run.path}, outcome {run.outcome or '-'}"
-        )
-        for note in run.notes:
-            echo(f"  {note}")
-
-
-def verify(
-    run: Annotated[list[Path], typer.Argument(metavar="RUN...", help="Run files.")],
-    json: JsonFlag = False,
-) -> None:
-    """Check that runs are what was recorded: hash, counters, time, flags, segments, calibrations.
-    Exit code 6 if not.
+    The .part stays beside its run, byte for byte, as .h5.part.kept. Only a file that is proved to hold
+    nothing is taken away. Exit code 6 if one could not be made a run: it is left as it is.
     """
     from rig import exits
-    from rig.runfile.verify import verify_run
+    from rig.commands.recovering import as_json, recover_all, words_of
 
-    checked = {str(path): verify_run(path) for path in run}
-    failed = any(finding.level == "error" for findings in checked.values() for finding in findings)
+    outcomes = recover_all(part)
     if json:
-        paths = [
-            {
-                "run": path,
-                "findings": [
-                    {"check": f.check, "level": f.level, "text": f.text} for f in findings
-                ],
-            }
-            for path, findings in checked.items()
-        ]
-        print_json({"runs": paths, "trusted": not failed})
-    else:
-        from rig.commands.file_tables import print_findings
-
-        print_findings(checked)
-    if failed:
+        print_json(as_json(outcomes))
+    for outcome in outcomes:
+        refused = outcome.error is not None
+        if refused or not json:
+            for line in words_of(outcome):
+                echo(line, errors=refused)
+    if not outcomes and not json:
+        echo(f"Nothing to recover in {', '.join(map(str, part))}.")
+    if any(outcome.error is not None for outcome in outcomes):
         raise typer.Exit(exits.ERROR)

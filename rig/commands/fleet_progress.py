@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
+from rig.analysis.wording import visible
 from rig.fleet.progress import Progress
 
 ON_A_TERMINAL, IN_A_LOG = 0.2, 30.0
@@ -26,7 +27,7 @@ def telling(now: Callable[[], float] = time.monotonic) -> Iterator[Callable[[Pro
             return
         told = now()
         start, end = ("\r\x1b[K", "") if is_terminal else ("", "\n")
-        sys.stderr.write(f"{start}{progress.words()}{end}")
+        sys.stderr.write(f"{start}{visible(progress.words())}{end}")
         sys.stderr.flush()
 
     try:

@@ -87,7 +87,8 @@ def fit(
 
     The same fit as `rig fit`, each run with its tare. What is done is not done again, what rests on something that
     changed is. A run that cannot be read or analysed is a row with its reason. Ctrl-C keeps all that is done.
-    The exit code is 0 whatever the verdicts: they stand in the table; 6 where no run at all could be analysed.
+    The exit code is 0 whatever the verdicts: they stand in the table; 6 where no run at all could be analysed,
+    or a file is not as it was sealed.
     """
     from rig import exits
     from rig.commands.fleet_progress import telling
@@ -113,7 +114,7 @@ def fit(
     else:
         _print_report(report)
     none = len(report.failed) == report.runs
-    raise typer.Exit(exits.ERROR if none else exits.DONE)
+    raise typer.Exit(exits.ERROR if none or report.changed else exits.DONE)
 
 
 def _print_report(report: FleetReport) -> None:

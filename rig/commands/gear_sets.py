@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, echo, print_json, table
 
 if TYPE_CHECKING:
     from model.catalogue.contradictions import Contradiction
@@ -178,12 +178,13 @@ def asked(
     """What somebody at the terminal answers: one question for each value; Enter or the end of input keeps it."""
     from model.errors import ParameterError
     from model.quantities import readable
+    from rig.analysis.wording import visible
     from rig.gears.stating import value_of
 
     answers: dict[str, float] = {}
     for value in values:
         (text,), unit = readable([value.value], value.unit)
-        question = f"{value.description} [{text} {unit}, {value.origin.provenance}]: "
+        question = visible(f"{value.description} [{text} {unit}, {value.origin.provenance}]: ")
         while True:
             try:
                 answer = ask(question).strip()
@@ -195,7 +196,7 @@ def asked(
                 answers[value.path] = value_of(value.path, answer, known[value.path])
                 break
             except ParameterError as error:
-                typer.echo(str(error))
+                echo(str(error))
     return answers
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands import gear_sets
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, echo, print_json, table
 
 if TYPE_CHECKING:
     from rig.gears.card import GearCard
@@ -54,7 +54,7 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
         print_json({"gears": content})
         return
     if not listed:
-        typer.echo(
+        echo(
             f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120"
         )
         return
@@ -107,7 +107,7 @@ def set_(
     with `rig gear confirm`.
     """
     if show_help:
-        typer.echo(context.get_help())
+        echo(context.get_help())
         _print_flags()
         raise typer.Exit
     from experiments.parameters import parameter_fields

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ def diff(
     everything: Annotated[
         bool, typer.Option("--all", help="What is the same in both too.")
     ] = False,
+    unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
     """Say what differs between two runs: parameters, limits, calibrations, versions, conditions, gear, results.
@@ -95,6 +97,7 @@ def passport(
     baseline: Annotated[
         int, typer.Option(min=2, metavar="RUNS", help="First runs that make the control limits.")
     ] = 10,
+    unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
     """Show a gear over its runs: transmission accuracy, order spectrum, friction, starting torque, with control limits.

@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rig.commands.terminal import echo
+
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.bench.backends.assembly import WorldChoice
@@ -118,7 +120,7 @@ def carded(request: RunRequest, mounting: str | None, parameters_given: bool) ->
             remedy=f"If it was mounted anew: rig gear set {card.serial} --mounting {mounting}.",
         )
     if card.warning:
-        sys.stderr.write(f"warning: {card.warning}\n")
+        echo(f"warning: {card.warning}", errors=True)
     return with_card(request, card, parameters_given=parameters_given)
 
 
@@ -137,8 +139,6 @@ def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunReques
 
     print_plan(planned)
     expected = arming_of(request, planned).expected
-    sys.stderr.write(
-        f"\nThis moves the rig. Guard closed, hands away, emergency stop within reach? Type {expected} to arm: "
-    )
-    sys.stderr.flush()
+    question = "This moves the rig. Guard closed, hands away, emergency stop within reach?"
+    echo(f"\n{question} Type {expected} to arm: ", errors=True, is_line=False)
     return replace(request, confirmation=sys.stdin.readline().strip())

@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterable
 
 from experiments.steps.note import Prompt
+from rig.commands.terminal import echo
 from rig.run.remote import PATIENCE, lines_of
 from rig.run.stop import StopRequest
 
@@ -93,5 +94,4 @@ def terminal_ask(stop: StopRequest) -> Callable[[Prompt], str | None]:
 
 
 def _show(text: str) -> None:
-    sys.stderr.write(text)
-    sys.stderr.flush()
+    echo(text, errors=True, is_line=False)

@@ -13,6 +13,7 @@ import typer
 
 from rig.commands.analysis import Json, Parameters
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, print_json
 from rig.commands.worlds import (
     BenchSeed,
@@ -111,6 +112,7 @@ def report(
     models: Models = False,
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
+    unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:
     """Write a self-contained report: verdict, figures, parameters with intervals and budgets, conditions, provenance.

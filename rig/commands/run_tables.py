@@ -11,7 +11,7 @@ from rich.panel import Panel
 from experiments import catalogue
 from experiments.parameters import ParameterField, parameter_fields
 from model.units import RPM
-from rig.commands.terminal import console, table
+from rig.commands.terminal import console, echo, table
 from rig.run.margins import number, worded
 from rig.run.progress import in_words
 
@@ -25,7 +25,7 @@ def print_help(context: typer.Context) -> None:
     """The command's own help, then the protocols, or the flags of the one that is named."""
     text = context.get_help()
     if text:
-        typer.echo(text)
+        echo(text)
     out = console()
     named = next((word for word in context.args if word in catalogue.names()), "")
     if not named:

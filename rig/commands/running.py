@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
-from rig.commands.terminal import nearest, outliving_the_terminal, print_json
+from rig.commands.terminal import echo, nearest, outliving_the_terminal, print_json
 from rig.commands.worlds import (
     BenchSeed,
     Day,
@@ -277,7 +277,7 @@ def _repeated(context: typer.Context, run: str, request: RunRequest) -> RunReque
         )
     repeated, warning = repetition(run_named(request.output, run), request)
     if warning:
-        sys.stderr.write(f"warning: {warning}\n")
+        echo(f"warning: {warning}", errors=True)
     return repeated
 
 
@@ -348,8 +348,8 @@ def _values_after(rest: list[str], field: ParameterField) -> list[str]:
 
 
 def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:
+    from rig.commands.progress import progress_line
     from rig.commands.prompting import terminal_ask
-    from rig.run.progress import progress_line
     from rig.run.start import run_request
     from rig.run.stop import StopRequest, pressed_by_signals
 

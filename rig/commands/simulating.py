@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from rig.commands.terminal import echo
 from rig.commands.worlds import (
     BenchSeed,
     Day,
@@ -152,7 +153,7 @@ def serve(
     )
 
     def announce(served: Served) -> None:
-        typer.echo(served.as_json() if json else _sentence(served, config_out))
+        echo(served.as_json() if json else _sentence(served, config_out))
 
     serve_rig(
         request,
@@ -222,7 +223,7 @@ def certificate(
         raise ConfigurationError(
             f"cannot be written: {error.strerror or error}", where=str(output)
         ) from error
-    typer.echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
+    echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
 
 
 def _faults(texts: list[str]) -> list[Any]:

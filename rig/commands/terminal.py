@@ -24,11 +24,14 @@ def console(*, errors: bool = False, highlight: bool = False) -> Console:
     return VisibleConsole(stderr=errors, highlight=highlight)
 
 
-def echo(text: str, *, errors: bool = False) -> None:
-    """A line on standard output, or on that of the errors, with nothing in it that a terminal obeys."""
+def echo(text: str, *, errors: bool = False, is_line: bool = True) -> None:
+    """A line on standard output, or on that of the errors, with nothing in it that a terminal obeys.
+
+    Not `is_line`: what is written next goes on behind it.
+    """
     from rig.analysis.wording import visible
 
-    typer.echo(visible(text), err=errors)
+    typer.echo(visible(text), err=errors, nl=is_line)
 
 
 def table(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.analysis import Json, NoTare, Parameters, Settings, Tare, choices_of_flags
+from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, print_json, ruled_table
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def validate(
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="Draw it as a picture (.png).")
     ] = None,
+    unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:
     """Judge models by runs that they were not fitted to: hold-out error, skill against the null model, BIC.

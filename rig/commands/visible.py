@@ -2,17 +2,20 @@
 
 Operators' names, notes, events, serial numbers, paths and messages come from files that anybody may
 have written. Markup of rich is nothing here, an escape sequence, a carriage return or a turn of the
-writing direction is shown by its number. Every text of a command goes through one of these two.
+writing direction is shown by its number. Every text of a command goes through one of these.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import rich.text
 from rich.console import Console, ConsoleOptions, RenderableType
 
 from rig.analysis.wording import visible
+
+if TYPE_CHECKING:
+    from rich.progress import Task, TextColumn
 
 
 class Text(rich.text.Text):
@@ -42,3 +45,14 @@ class VisibleConsole(Console):
         if isinstance(renderable, rich.text.Text) and visible(renderable.plain) != renderable.plain:
             renderable = Text(renderable.plain, style=renderable.style)
         return super().render(renderable, options)
+
+
+def plain_column(template: str) -> TextColumn:
+    """A text beside a bar of progress. That of rich reads markup in it, whatever its console is told."""
+    from rich.progress import TextColumn
+
+    class PlainColumn(TextColumn):
+        def render(self, task: Task) -> rich.text.Text:
+            return Text(self.text_format.format(task=task), style=self.style, justify=self.justify)
+
+    return PlainColumn(template)

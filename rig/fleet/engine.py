@@ -18,6 +18,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar, cast
 
+from model.errors import without_traceback
 from rig.errors import ConfigurationError, RigError
 
 if TYPE_CHECKING:
@@ -209,7 +210,9 @@ def _work_on(
                 batches.suspect(batch)
                 continue
             else:
-                outcome = errand.lost(batch[0], f"no worker survived it: {future.exception()}")
+                outcome = errand.lost(
+                    batch[0], f"no worker survived it: {without_traceback(str(future.exception()))}"
+                )
             yield batch, outcome
     finally:
         client.cancel(list(underway))

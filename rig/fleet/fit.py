@@ -52,6 +52,8 @@ class FleetReport:
     fitted: int
     reused: int
     failed: tuple[tuple[str, str], ...]
+    changed: tuple[str, ...]
+    """Of those that failed: runs refused because a file is not as it was sealed."""
     seconds: float
     fit_seconds: float
 
@@ -62,6 +64,7 @@ class FleetReport:
             "fitted": self.fitted,
             "reused": self.reused,
             "failed": [{"run": run, "reason": reason} for run, reason in self.failed],
+            "changed": list(self.changed),
             "output": str(self.output),
         }
 
@@ -74,6 +77,7 @@ class _Tally:
         self.fitted = 0
         self.reused = len(work.reused)
         self.failed = list(work.failed)
+        self.changed: list[str] = []
         self.restamped: dict[Identity, str] = {}
         self.seconds = self.fit_seconds = 0.0
 
@@ -81,6 +85,7 @@ class _Tally:
         self.fitted += len(done.fitted)
         self.reused += len(done.reused)
         self.failed += done.failed
+        self.changed += done.changed
         self.seconds += done.seconds
         self.fit_seconds += done.fit_seconds
         still = set(done.reused)
@@ -145,6 +150,7 @@ def fit_fleet(
         fitted=tally.fitted,
         reused=tally.reused,
         failed=tuple(sorted(tally.failed)),
+        changed=tuple(sorted(tally.changed)),
         seconds=tally.seconds,
         fit_seconds=tally.fit_seconds,
     )

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments import catalogue
 from experiments.result import WORST_FIRST
-from rig.analysis import store
+from model.errors import without_traceback
 from rig.analysis.judging import GearVerdict, whose_limit
 from rig.analysis.store import json_ready
 from rig.fleet.results import NAMES, Row
+from rig.program import version as program_version
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
@@ -24,12 +24,6 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
 
 EMPTY: Row = dict.fromkeys(NAMES)
-
-
-@cache
-def program_version() -> str:
-    """The installed version of the program, looked up once."""
-    return store.program_version()
 
 
 def compact_json(content: Any) -> str:
@@ -114,7 +108,7 @@ def row_of_failure(shared: Row, error: BaseException, recording: Recording | Non
 
 def failure_of(error: BaseException) -> str:
     """Why a run has no result; never empty."""
-    return str(error).strip() or type(error).__name__
+    return without_traceback(str(error)).strip() or type(error).__name__
 
 
 def _deciding(verdict: GearVerdict) -> dict[str, Verdict]:

@@ -33,8 +33,8 @@ from rig.fleet.engine import Crew, Errand, at_work
 from rig.fleet.neighbours import digest
 from rig.fleet.progress import Progress
 from rig.fleet.questions import TRUTH_NAME
-from rig.fleet.rows import program_version
 from rig.fleet.truth import gather_truth, keep_truth
+from rig.program import version as program_version
 from rig.run.latch import TripLatch
 from rig.run.start import RunRequest, run_request
 

@@ -20,6 +20,7 @@ from experiments import catalogue
 from rig.analysis.fit_run import Choices, Footing, footing_of
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import judge_run
+from rig.errors import ChangedRunError
 from rig.fleet.neighbours import Neighbours, digest, neighbours_of
 from rig.fleet.results import SCHEMA_VERSION, Row
 from rig.fleet.rows import failure_of, row_of_failure, rows_of_fit, settings_part
@@ -65,7 +66,8 @@ class RunTask:
 class Done:
     """What came of some runs: their rows as the bytes of a Parquet file (none where all were known), and the counts.
 
-    `failed` are run file and reason; `fit_seconds` is the part of `seconds` that the analyses themselves took, from
+    `failed` are run file and reason, `changed` those among them that are refused because a file is not as it was
+    sealed; `fit_seconds` is the part of `seconds` that the analyses themselves took, from
     opening the run to closing it.
     """
 
@@ -73,6 +75,7 @@ class Done:
     fitted: tuple[str, ...] = ()
     reused: tuple[str, ...] = ()
     failed: tuple[tuple[str, str], ...] = ()
+    changed: tuple[str, ...] = ()
     seconds: float = 0.0
     fit_seconds: float = 0.0
 
@@ -84,13 +87,14 @@ def fit_runs(
     began, spent = now(), 0.0
     neighbours = neighbours_of(job.name, job.created)
     rows: list[Row] = []
-    fitted, reused, failed = [], [], []
+    fitted, reused, failed, changed = [], [], [], []
     for task in tasks:
         one = _Analysis(job, task, neighbours, now)
         rows += one.rows()
         spent += one.fit_seconds
         if one.error is not None:
             failed.append((task.run_file, failure_of(one.error)))
+            changed += [task.run_file] if isinstance(one.error, ChangedRunError) else []
         elif one.is_known:
             reused.append(task.run_file)
         else:
@@ -100,6 +104,7 @@ def fit_runs(
         fitted=tuple(fitted),
         reused=tuple(reused),
         failed=tuple(failed),
+        changed=tuple(changed),
         seconds=now() - began,
         fit_seconds=spent,
     )

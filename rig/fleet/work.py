@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 from experiments import catalogue
 from model.errors import WordedError
-from rig.analysis.in_force import KEPT_NAME
 from rig.analysis.store import analysis_folder
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.analysis.tare_search import tare_days_of
@@ -29,6 +28,7 @@ from rig.gears.acceptance import acceptance_for, acceptance_named, acceptance_te
 from rig.gears.card import card_path
 from rig.library.folder import run_files
 from rig.library.index import IndexedRun, LibraryIndex, fingerprint_of
+from rig.runfile.layout import HASH_SUFFIX
 from rig.runfile.seal import sealed_sha256
 
 if TYPE_CHECKING:
@@ -284,13 +284,13 @@ def _hash_of(run: Path) -> str:
 
 
 def _stored(run: Path) -> list[str]:
-    """The analyses beside a run by their names, and the choices among them."""
+    """The analyses beside a run, their notes and the choices among them: by name, size and time."""
     try:
         with os.scandir(analysis_folder(run)) as entries:
             return sorted(
-                f"{entry.name}:{entry.stat().st_mtime_ns if entry.name == KEPT_NAME else ''}"
+                f"{entry.name}:{entry.stat().st_size}:{entry.stat().st_mtime_ns}"
                 for entry in entries
-                if entry.name.endswith(".json")
+                if entry.name.endswith((".json", HASH_SUFFIX))
             )
     except OSError:
         return []

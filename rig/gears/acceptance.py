@@ -13,9 +13,10 @@ Inside, limits are SI; the file keeps the unit in which they were stated.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date
 from importlib import resources
 from pathlib import Path
@@ -109,7 +110,8 @@ class Limit:
 class Acceptance:
     """What a gear must show: the limits of one acceptance file, in their order.
 
-    `path` is the file, or the name of one that comes with the program.
+    `path` is the file, or the name of one that comes with the program; `sha256` that of the bytes that
+    were read, "" for one that was not read from a file.
     """
 
     name: str
@@ -117,6 +119,7 @@ class Acceptance:
     use: Use
     limits: tuple[Limit, ...]
     path: str
+    sha256: str = field(default="", compare=False)
 
     def doubt(self, limit: Limit, *, is_simulated: bool) -> str:
         """Why this limit cannot judge a run, of the simulated rig or not; "" where it can."""
@@ -130,10 +133,11 @@ class Acceptance:
 def load_acceptance(path: str | Path) -> Acceptance:
     """The acceptance file at `path`. Raises `ConfigurationError` with file, table, key, value, limit and remedy."""
     try:
-        content = quantities.read_toml(path)
+        raw = quantities.read_raw(path)
+        content = quantities.parse_toml(raw, str(path))
     except ParameterError as error:
         raise _refusal(error, "") from error
-    return _acceptance(content, str(path))
+    return _with_hash(_acceptance(content, str(path)), raw)
 
 
 def shipped_acceptance(name: str) -> Acceptance:
@@ -147,8 +151,12 @@ def shipped_acceptance(name: str) -> Acceptance:
             limit=", ".join(names),
             remedy="Name one of these, or the path of a TOML file.",
         )
-    text = (_shipped() / f"{name}.toml").read_text(encoding="utf-8")
-    return _acceptance(tomllib.loads(text), name)
+    raw = (_shipped() / f"{name}.toml").read_bytes()
+    return _with_hash(_acceptance(tomllib.loads(raw.decode("utf-8")), name), raw)
+
+
+def _with_hash(acceptance: Acceptance, raw: bytes) -> Acceptance:
+    return dataclasses.replace(acceptance, sha256=hashlib.sha256(raw).hexdigest())
 
 
 def shipped_names() -> tuple[str, ...]:

@@ -8,7 +8,8 @@ default.
 A gear whose runs lie in folders of folders (year, month) has one card: in a folder without a card of this serial number
 the one of the nearest folder above counts, and what is changed is changed there.
 
-A confirmation holds until something of `CONFIRMED_FIELDS` changes: what decides about limits, directions and results.
+A confirmation keeps what was confirmed (`rig.gears.card_history`), and holds until something of `CONFIRMED_FIELDS`
+changes, by a command or an editor: what decides about limits, directions and results.
 """
 
 from __future__ import annotations
@@ -16,26 +17,31 @@ from __future__ import annotations
 import dataclasses
 import os
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
-from urllib.parse import quote as in_file_name
+from typing import TYPE_CHECKING, Annotated, Any
 
 from annotated_types import Ge, Gt, Le
 
 from experiments.errors import PlanError
 from experiments.parameters import Help, Unit, make_parameters, parameter_fields
 from rig.errors import ConfigurationError, RigError
+from rig.gears.card_history import (
+    CardEvent,
+    confirmation_of,
+    event_of,
+    latest_confirmed,
+    value_text,
+)
+from rig.gears.card_places import above, card_path, cards_folder
 
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive
 
 FORMAT = "gear-card-1"
 """The value of `format` in the files that this program reads and writes."""
-FOLDER = ".gears"
-"""Lies in the folder of runs."""
 LARGEST_FILE = 5_000_000
 """Bytes; a card with a long history is some hundred kilobytes."""
 
@@ -100,18 +106,6 @@ CONFIRMED_FIELDS = tuple(
 """Fields whose change asks for a new confirmation; hours grow by themselves, and what a gear must show changes
 nothing about how it turns."""
 
-EventKind = Literal["changed", "confirmed"]
-
-
-@dataclass(frozen=True)
-class CardEvent:
-    """One line of a card's history: when (ISO 8601 with zone), by whom, what, and the new values where some changed."""
-
-    at: str
-    by: str
-    what: EventKind
-    values: Mapping[str, Any] = field(default_factory=dict)
-
 
 @dataclass(frozen=True)
 class GearCard:
@@ -137,7 +131,9 @@ class GearCard:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether the latest confirmation is younger than the latest change that asks for one."""
+        """Whether the latest confirmation is younger than the latest change that asks for one, and is of what
+        the card says.
+        """
         last = next(
             (
                 event
@@ -146,7 +142,27 @@ class GearCard:
             ),
             None,
         )
-        return last is not None and last.what == "confirmed"
+        return last is not None and last.what == "confirmed" and not self.edited
+
+    @property
+    def edited(self) -> str:
+        """What the card says besides what its latest confirmation is of, in words; "" where it says the same.
+
+        Every change by a command stands in the history: this one was made by hand.
+        """
+        if self.confirmation is None:
+            return ""
+        before = latest_confirmed(self.history)
+        if before is None:
+            return "what was confirmed"
+        changes = self.history[self.history.index(self.confirmation) :]
+        since = {name for event in changes if event.what == "changed" for name in event.values}
+        now = stated_facts(self.facts)
+        return ", ".join(
+            f"{in_words(name)} {now.get(name, 'unknown')}, confirmed was {before.get(name, 'unknown')}"
+            for name in CONFIRMED_FIELDS
+            if name not in since and _differ(now.get(name), before.get(name))
+        )
 
     @property
     def warning(self) -> str:
@@ -156,6 +172,11 @@ class GearCard:
         change, before = self.last_change, self.confirmation
         if before is None:
             return f"the card of gear {self.serial} has never been confirmed"
+        if self.edited:
+            return (
+                f"the card of gear {self.serial} was edited by hand ({self.edited}) "
+                f"after its last confirmation ({before.by}, {before.at})"
+            )
         names = (
             ", ".join(name for name in change.values if name in CONFIRMED_FIELDS) if change else ""
         )
@@ -170,10 +191,21 @@ class GearCard:
             "confirmed": self.is_confirmed,
             "warning": self.warning,
             "history": [
-                {"at": e.at, "by": e.by, "what": e.what, "values": dict(e.values)}
+                {
+                    "at": e.at,
+                    "by": e.by,
+                    "what": e.what,
+                    "values": dict(e.values),
+                    "sha256": e.sha256,
+                }
                 for e in self.history
             ],
         }
+
+
+def _differ(one: Any, other: Any) -> bool:
+    """Whether two values of a fact are not the same; empty text and None are what nobody told."""
+    return (None if one == "" else one) != (None if other == "" else other)
 
 
 def _asks(event: CardEvent) -> bool:
@@ -272,7 +304,9 @@ def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
             value=", ".join(missing),
             remedy="Look at the gear and its papers, then fill it in.",
         )
-    return GearCard(card.facts, (*card.history, CardEvent(at, by.strip(), "confirmed")))
+    facts = stated_facts(card.facts)
+    values = {name: facts[name] for name in CONFIRMED_FIELDS if name in facts}
+    return GearCard(card.facts, (*card.history, confirmation_of(by.strip(), at, values)))
 
 
 def _named(by: str, what: str) -> None:
@@ -319,6 +353,8 @@ def conditions_of(card: GearCard) -> dict[str, Any]:
     confirmation = card.confirmation
     if card.is_confirmed and confirmation is not None:
         conditions["gear_card_confirmed"] = f"{confirmation.by}, {confirmation.at}"
+        if confirmation.sha256:
+            conditions["gear_card_sha256"] = confirmation.sha256
     else:
         conditions["gear_card_warning"] = card.warning
     return conditions
@@ -329,38 +365,6 @@ def in_words(name: str) -> str:
     for ending in ("_kg_m2", "_um", "_rpm", "_deg"):
         name = name.removesuffix(ending)
     return name.replace("runout", "run-out").replace("_", " ")
-
-
-def cards_folder(folder: str | Path) -> Path:
-    """Where the cards of a folder of runs lie."""
-    return Path(folder) / FOLDER
-
-
-def card_file(serial: str) -> str:
-    """The name of the file of one gear's card; characters that a file name cannot have are written as %XX."""
-    name = in_file_name(serial.strip(), safe=" ()+,=@").replace("~", "%7E")
-    return f"{name or '%20'}.toml"
-
-
-def card_path(folder: str | Path, serial: str) -> Path:
-    """The file of one gear's card: the nearest one of this folder and those above it; in this folder where none is."""
-    name = card_file(serial)
-    # Asked for thousands of gears: texts, not paths, and no file is looked for where no folder of cards is.
-    own = os.path.join(folder, FOLDER, name)
-    if not os.path.exists(own):
-        for place in _above(folder):
-            cards = os.path.join(place, FOLDER)
-            if os.path.isdir(cards) and os.path.isfile(os.path.join(cards, name)):
-                return Path(cards, name)
-    return Path(own)
-
-
-def _above(folder: str | Path) -> Iterator[str]:
-    """The folders above a folder, the nearest first."""
-    place = os.path.abspath(folder)
-    while (higher := os.path.dirname(place)) != place:
-        yield higher
-        place = higher
 
 
 def card_for(folder: str | Path, serial: str) -> GearCard | None:
@@ -393,7 +397,7 @@ class ListedCard:
 def list_cards(folder: str | Path) -> tuple[ListedCard, ...]:
     """The cards that count in a folder of runs, by serial number; unreadable ones with their reason."""
     nearest: dict[str, Path] = {}
-    for place in (folder, *_above(folder)):
+    for place in (folder, *above(folder)):
         for path in cards_folder(place).glob("*.toml"):
             nearest.setdefault(path.name, path)
     cards = []
@@ -436,7 +440,7 @@ def load_card(path: Path) -> GearCard:
         raise ConfigurationError("has no table [facts] or no list [[history]]", where=where)
     try:
         return GearCard(
-            make_facts(facts), tuple(_event(entry, i, where) for i, entry in enumerate(events))
+            make_facts(facts), tuple(event_of(entry, i, where) for i, entry in enumerate(events))
         )
     except PlanError as error:
         raise ConfigurationError(
@@ -484,7 +488,7 @@ def card_text(card: GearCard) -> str:
     fields = {f.name: f for f in parameter_fields(GearFacts)}
     for name, value in stated_facts(card.facts).items():
         unit = f"  # {fields[name].unit}" if fields[name].unit else ""
-        lines.append(f"{name} = {_toml(value, quote)}{unit}")
+        lines.append(f"{name} = {value_text(value)}{unit}")
     for event in card.history:
         lines += [
             "",
@@ -495,31 +499,9 @@ def card_text(card: GearCard) -> str:
         ]
         if event.values:
             inside = ", ".join(
-                f"{name} = {_toml(value, quote)}" for name, value in event.values.items()
+                f"{name} = {value_text(value)}" for name, value in event.values.items()
             )
             lines.append(f"values = {{ {inside} }}")
+        if event.sha256:
+            lines.append(f"sha256 = {quote(event.sha256)}")
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: Any, quote: Callable[[str], str]) -> str:
-    return quote(value) if isinstance(value, str) else repr(float(value))
-
-
-def _event(entry: Any, index: int, where: str) -> CardEvent:
-    fields = entry if isinstance(entry, dict) else {}
-    at, by, what, values = (fields.get(name) for name in ("at", "by", "what", "values"))
-    values = {} if values is None else values
-    if not (isinstance(at, str) and isinstance(by, str) and isinstance(values, dict)):
-        raise ConfigurationError(
-            "is no line of a history",
-            where=f"{where}: history[{index}]",
-            limit="at, by, what, values",
-        )
-    if what not in ("changed", "confirmed"):
-        raise ConfigurationError(
-            "is none of the words there are",
-            where=f"{where}: history[{index}].what",
-            value=repr(what),
-            limit="changed, confirmed",
-        )
-    return CardEvent(at, by, what, values)

@@ -16,14 +16,13 @@ from rig.errors import ConfigurationError
 from rig.gears.acceptance import acceptance_named
 from rig.gears.card import (
     GearCard,
-    card_file,
     card_for,
-    cards_folder,
     gear_of,
     save_card,
     stated_facts,
     with_changes,
 )
+from rig.gears.card_places import card_file, cards_folder
 
 SETS = "sets"
 """Folder of the parameter sets that were made for cards, in the folder of the cards."""

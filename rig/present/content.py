@@ -24,6 +24,7 @@ from rig.analysis.wording import (
 )
 from rig.present.columns import column
 from rig.present.provenance import Provenance, provenance_of
+from rig.program import version
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -533,6 +534,4 @@ def key_results(fits: Sequence[Fit], most: int = 8) -> tuple[tuple[str, str, str
 
 def program_version() -> str:
     """Name and version of the program that made the report."""
-    from rig.analysis import store as results
-
-    return f"harmonic-rig {results.program_version()}"
+    return f"harmonic-rig {version()}"

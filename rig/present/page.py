@@ -84,15 +84,10 @@ def write_context(context: dict[str, Any], path: str | Path) -> Path:
     that cannot be written.
     """
     path = Path(path)
-    if path.suffix.lower() == ".pdf":
-        from rig.present.paper import render_pdf
-
-        content_bytes = render_pdf(context)
-    else:
-        content_bytes = render_page(context).encode("utf-8")
+    page = rendered(context, path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(content_bytes)
+        path.write_bytes(page)
     except OSError as error:
         raise RigError(
             "the report cannot be written",
@@ -101,6 +96,15 @@ def write_context(context: dict[str, Any], path: str | Path) -> Path:
             remedy="Choose another --output.",
         ) from None
     return path
+
+
+def rendered(context: dict[str, Any], path: Path) -> bytes:
+    """The content of a report as PDF or HTML, by the suffix of its path. Raises `RigError`."""
+    if path.suffix.lower() != ".pdf":
+        return render_page(context).encode("utf-8")
+    from rig.present.paper import render_pdf
+
+    return render_pdf(context)
 
 
 def report_context(

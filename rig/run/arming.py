@@ -3,7 +3,8 @@
     before it is connected   operator named, gear named, confirmation typed: the gear's serial number, letter for
                              letter, and after it the limits of a drive that does not tell them
     while it is connected    guard closed (where the configuration names its input), limits written and read back,
-                             the computer's loss watched by the drive or covered otherwise
+                             the computer's loss watched by the drive or covered otherwise, the watchdog's own handle on
+                             the bus open or not needed
 
 Every rule is a row here; a rule that is not met refuses the run, and nothing has moved. The limits
 are written and compared by `rig.run.session`; the drive is switched on only after all of it.
@@ -100,7 +101,8 @@ def loss_check(unwatched: Callable[[], Sequence[str]] | None, covered_by: str) -
     """
     reasons = unwatched() if unwatched is not None else ("nobody knows whether it would",)
     if not reasons:
-        return Check("loss of the computer", "ok", "the drive watches the computer's heartbeat")
+        text = "the drive watches the computer's heartbeat, and stops then: as it reads back"
+        return Check("loss of the computer", "ok", text)
     text = f"the drive does not stop by itself: {'; '.join(reasons)}"
     if covered_by.strip():
         return Check(
@@ -115,6 +117,41 @@ def loss_check(unwatched: Callable[[], Sequence[str]] | None, covered_by: str) -
         text,
         "Cover it by hardware (a watchdog relay in the safe-torque-off line, the drive's own life guarding), try it "
         "with the motor free, and say it as `computer_loss_covered_by` in [drive].",
+    )
+
+
+def handle_check(
+    open_it: Callable[[], object],
+    known: str,
+    unwatched: Callable[[], Sequence[str]] | None,
+    covered_by: str,
+) -> Check:
+    """Whether the watchdog has a handle of its own on the bus; `open_it` opens it, `known` is what is known of the
+    adapter. Without one a run goes on where the loss of the whole computer is covered: what is lost is the quick stop
+    of a loop that hangs, before the drive misses its heartbeat.
+    """
+    try:
+        open_it()
+    except Exception as error:  # noqa: BLE001  whatever an adapter's library raises
+        text = f"the bus cannot be opened twice, the run goes on without a watchdog: {error}"
+    else:
+        return Check("watchdog", "ok", "it has a handle of its own on the bus")
+    text += f" ({known})" if known else ""
+    watched = unwatched is not None and not unwatched()
+    if watched or covered_by.strip():
+        covered = "the drive watches the computer's heartbeat" if watched else covered_by.strip()
+        return Check(
+            "watchdog",
+            "warning",
+            f"{text}. A loop that hangs is covered by: {covered}",
+            "Use an adapter that can be opened twice, or a hub (socketcand) in front of it.",
+        )
+    return Check(
+        "watchdog",
+        "failed",
+        text.replace("the run goes on without a watchdog", "and nothing else stops the motor"),
+        "Use an adapter that can be opened twice, or cover the loss of the computer by hardware and say it as "
+        "`computer_loss_covered_by` in [drive].",
     )
 
 

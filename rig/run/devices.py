@@ -7,12 +7,14 @@ from rig.run.logbook import Logbook
 
 
 class DeviceListener:
-    """Brings what the devices of a port tell into the logbook of a run. `latest_error` is in a
-    device's own words; `late_answers` says of the latest events how a silence ended, if one did.
+    """Brings what the devices of a port tell into the logbook of a run.
+
+    `latest_error` is in a device's own words, `latest_cause` the cause of a trip that it is; `late_answers`
+    says of the latest events how a silence ended, if one did.
     """
 
     def __init__(self, port: RigPort, logbook: Logbook) -> None:
-        self.latest_error = self.late_answers = ""
+        self.latest_error = self.latest_cause = self.late_answers = ""
         self._port, self._logbook = port, logbook
 
     def keep_events(self) -> None:
@@ -24,4 +26,5 @@ class DeviceListener:
                 self.late_answers = event.text
             if event.level == "error":
                 self.latest_error = f"{event.source}: {event.text}"
+                self.latest_cause = event.code.replace("-", "_")
             self._logbook.event(event.level, event.code, event.source, event.text, event.time_ns)

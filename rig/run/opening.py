@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import functools
-import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any, cast
 
 from drivers.port import RigDescription
 from experiments.recording import Origin, RunMetadata
 from rig.library.folder import RunPlace, claim_run
+from rig.program import this_program
 from rig.run.dry_run import vars_of
+from rig.run.keeping import keep_files
 from rig.run.order import RunOrder
 from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
 from rig.run.session import output_sense
@@ -94,8 +93,7 @@ def header_of(
     process: dict[str, Any] = {
         "backend": order.backend,
         "seed": "" if order.seed is None else order.seed,
-        "program_version": metadata.version("harmonic-rig"),
-        "git_commit": git_commit(),
+        **this_program().as_json(),
         "rig": description.title,
         "motor": planned.motor.name,
         "planned_duration": planned.nominal,
@@ -106,6 +104,8 @@ def header_of(
         process["bench"] = order.bench
     if order.output_bearing:
         process["output_bearing"] = dict(order.output_bearing)
+    if order.files:
+        process["files"] = keep_files(order.files, order.output)
     if order.world:
         process["world"] = order.world
         process["output_bearing"] = OUTPUT_BEARINGS[order.world["population"]]
@@ -137,22 +137,3 @@ def header_of(
         truth=description.truth,
         epoch_ns=epoch_ns,
     )
-
-
-@functools.cache
-def git_commit() -> str:
-    """The commit of the source tree that this program runs from; "" for an installed package."""
-    root = Path(__file__).resolve().parents[2]
-    if not (root / ".git").exists():
-        return ""
-    try:
-        done = subprocess.run(
-            ["git", "-C", str(root), "rev-parse", "HEAD"],
-            capture_output=True,
-            text=True,
-            timeout=5,
-            check=False,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""

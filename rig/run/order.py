@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from drivers.clock import Clock
 from drivers.port import RigDescription, RigPort
@@ -23,6 +23,9 @@ from rig.run.preflight import Check
 from rig.run.recorder import Recorder
 from rig.run.trips import Trip
 from rig.run.watchdog import Watchdog
+
+if TYPE_CHECKING:
+    from rig.bench.config.used import UsedFile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +63,8 @@ class RunOrder:
     """Says, from before arming until verified standstill, that this run may be in motion."""
     watchdog: Watchdog | None = None
     """Watches in real time that turns happen."""
+    files: Sequence[UsedFile] = ()
+    """The description of the rig and its calibrations: the run notes their hashes."""
     arm: Callable[[], tuple[Check, ...]] | None = None
     """What is looked at last before a rig of hardware may move: the guard, the computer. Called
     once the rig is open.

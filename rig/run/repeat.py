@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from importlib import metadata as program
 from pathlib import Path
 from typing import Any
 
 from model.gear_file import gear_from_mapping
 from rig.bench.backends.assembly import WORLD_OF_0_2_0, StartState, WorldChoice
 from rig.errors import ConfigurationError
+from rig.program import version as program_version
 from rig.run.start import RunRequest, plan_request
 from rig.runfile.read import close_recording, open_run, read_run_header
 
@@ -61,7 +61,7 @@ def repetition(path: Path, request: RunRequest) -> tuple[RunRequest, str]:
                 limit=f"the {what} that its file names",
                 remedy="Give the --config that it was made with.",
             )
-    version, now = process["program_version"], program.version("harmonic-rig")
+    version, now = process["program_version"], program_version()
     return repeated, (
         f"{run.run_id} was made by version {version}, this is {now}: counts may differ"
         if version != now

@@ -14,7 +14,6 @@ out from the sealed file, by whoever asks: no analysis can cost the data.
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -31,16 +30,18 @@ from rig.bench import limits as lim
 from rig.errors import LimitError, RigError
 from rig.run.acquisition import AcquisitionLog
 from rig.run.bounds import Geometry
+from rig.run.callbacks import ON_PROGRESS, Callbacks, brought_to_its_end, how_it_ended
 from rig.run.devices import DeviceListener
 from rig.run.direct_line import STOP
 from rig.run.dry_run import PlannedRun
+from rig.run.emergency import GIVEN_UP, Emergency
 from rig.run.engine import Ask, Engine, StepFailedError
 from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
 from rig.run.margins import worded
 from rig.run.order import Begin, Progress, RunOrder, RunReport
-from rig.run.phases import Machine, Turn
+from rig.run.phases import Journal, Machine, Turn
 from rig.run.preflight import (
     STANDING_TIME,
     Check,
@@ -53,6 +54,7 @@ from rig.run.preflight import (
 )
 from rig.run.stop import StopRequest
 from rig.run.supervisor import Supervisor
+from rig.run.telling import ProgressTeller
 from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, LATE_TURN, MAKE_SAFE_FAILED, Trip
 from rig.run.watchdog import Watchdog
 
@@ -60,7 +62,6 @@ STOP_SHARE = 0.25
 """Share of the allowed deceleration that a controlled stop uses."""
 SPACE_CHECK_CYCLES = 1000
 """Cycles between two looks at the free space of the disk."""
-GIVEN_UP = "the rig does not answer any more"
 EXCHANGE_ATTEMPTS = 3
 """Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
 
@@ -74,12 +75,18 @@ def execute(
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
-    """Run an order from preflight to the sealed file.
+    """Run an order from preflight to the sealed file. What callbacks raise is the matter of `rig.run.callbacks`.
 
     Raises (`RigError`, `LimitError`, `DriverError`) for what is wrong before there is a file and
     before anything moves; afterwards every ending is in the report. A rig that is connected and
     refuses (its limits read back differently, it does not stand) leaves a file that says so.
     """
+    stop = stop or StopRequest()
+    callbacks = Callbacks(stop, ask, on_progress, on_event)
+    return brought_to_its_end(lambda: _execute(order, begin, stop, callbacks), callbacks, stop)
+
+
+def _execute(order: RunOrder, begin: Begin, stop: StopRequest, callbacks: Callbacks) -> RunReport:
     planned, port = order.planned, order.port
     if order.latch is not None:
         order.latch.refuse()
@@ -100,8 +107,9 @@ def execute(
                 "no cycle came back", where="preflight", remedy="Check the bus and the SYNC."
             )
         epoch = calendar - int(first.time_ns[0])
-        logbook = Logbook(begin(order, description, epoch, iso_time(calendar)), epoch, on_event)
-        session = Session(order, logbook, stop or StopRequest(), ask, on_progress)
+        begun = begin(order, description, epoch, iso_time(calendar))
+        logbook = Logbook(begun, epoch, callbacks.on_event)
+        session = Session(order, logbook, stop, callbacks)
         return session.run(first, checks)
     finally:
         port.close()
@@ -115,24 +123,27 @@ class Session:
         order: RunOrder,
         logbook: Logbook,
         stop: StopRequest,
-        ask: Ask,
-        on_progress: Callable[[Progress], None] | None,
+        callbacks: Callbacks,
     ) -> None:
         port, planned = order.port, order.planned
         self._order, self._port, self._planned = order, port, planned
-        self._logbook, self._stop, self._on_progress = logbook, stop, on_progress
+        self._logbook, self._stop, self._callbacks = logbook, stop, callbacks
         self._machine = Machine(port.channels, port.cycle_ns)
         geometry = _geometry(planned) if self._machine.has(OUTPUT_ANGLE) else None
         self._supervisor = Supervisor(
             port.channels, port.cycle_ns, planned.limits, geometry, planned.travel, order.watch
         )
-        self._engine = Engine(planned.plan, self._machine, logbook, ask, order.block_cycles)
+        self._engine = Engine(
+            planned.plan, self._machine, logbook, callbacks.ask, order.block_cycles
+        )
         self._make_safe: MakeSafe | None = None
         self._outcome = self._message = ""
         self._devices = DeviceListener(port, logbook)
         self._acquisition = AcquisitionLog(port, logbook)
         self._silent = 0
-        self._step_index, self._step_rows = -1, 0
+        self._teller = ProgressTeller(
+            planned, self._engine, self._machine, self._supervisor, str(logbook.run.part)
+        )
         self._space_rows = 0
 
     def run(self, first: SampleBlock, checks: tuple[Check, ...]) -> RunReport:
@@ -143,9 +154,12 @@ class Session:
         except BaseException as error:
             self._outcome = "ABORTED" if isinstance(error, KeyboardInterrupt) else "ERROR"
             self._message = f"{type(error).__name__}: {error}"
-            self._logbook.event("error", "exception", "session", self._message)
-            self._emergency()
-            self._report()
+            self._emergency(error)
+            try:
+                error.add_note(how_it_ended(self._report()))
+            except Exception as failed:  # noqa: BLE001  the first error is the one that is raised
+                error.add_note(f"The run file was not closed: {type(failed).__name__}: {failed}")
+                self._logbook.run.recorder.abandon()
             raise
         finally:
             if self._order.watchdog is not None:
@@ -198,14 +212,21 @@ class Session:
                 self._keep(block, turn)
                 self._name_silence()
                 self._supervisor.review(block, turn)
-                self._supervisor.explain(self._devices.latest_error)
+                self._supervisor.explain(self._devices.latest_error, self._devices.latest_cause)
                 for code, text in self._supervisor.state.notes:
                     self._logbook.event("warning", code, "supervisor", text)
             self._watch_space()
-            for note in self._stop.take_notes():
-                self._logbook.event("info", "note", "operator", note)
+            self._hear_operator()
             turn = self._advance(block)
             self._tell_progress()
+
+    def _hear_operator(self) -> None:
+        """What was said beside the run: notes, and what has failed on the operator's side."""
+        self._stop.heed_main_thread()
+        for note in self._stop.take_notes():
+            self._logbook.event("info", "note", "operator", note)
+        for text in self._stop.take_problems():
+            self._logbook.event("warning", "callback", "session", text)
 
     def _name_silence(self) -> None:
         """A silence that ended the run and whose answers came after all was the computer's, not a cable's."""
@@ -217,6 +238,8 @@ class Session:
     def _watch_turns(self, watchdog: Watchdog) -> None:
         """Tell the watchdog that a turn has happened; if it has acted, it knew better."""
         watchdog.turned()
+        if problem := watchdog.take_problem():
+            self._logbook.event("error", "watchdog", "watchdog", problem)
         if watchdog.acted:
             pause, allowed = watchdog.longest_pause * 1e3, watchdog.deadline * 1e3
             self._supervisor.latch(
@@ -301,9 +324,8 @@ class Session:
         # In the order of rank: a trip takes over from whatever goes on, the operator from the plan or a softer stop.
         trip, error = self._supervisor.state.trip, self._logbook.error
         # A ramp is given up for any trip, whatever it was begun for: the drive may not follow it any more.
-        ramps = self._make_safe is not None and (
-            self._make_safe.report.action is Action.CONTROLLED_STOP
-        )
+        made = self._make_safe
+        ramps = made is not None and made.report.action is Action.CONTROLLED_STOP
         if trip is not None and (ramps or self._outcome not in ("TRIPPED", "ERROR")):
             failed = self._outcome == "ERROR"
             message = f"{self._message} (While it was stopped: {trip})" if failed else str(trip)
@@ -317,20 +339,15 @@ class Session:
             stop = level == 1
             action = Action.CONTROLLED_STOP if stop else Action.QUICK_STOP
             text = (
-                "STOP by the operator: controlled ramp"
+                f"STOP by {self._stop.by}: controlled ramp"
                 if stop
-                else "ABORT by the operator: quick stop"
+                else f"ABORT by {self._stop.by}: quick stop"
             )
             self._end(action, "ABORTED", text, "STOP" if stop else "ABORT")
             return True
-        if (
-            level == 2
-            and self._make_safe is not None
-            and self._make_safe.report.action is Action.CONTROLLED_STOP
-        ):
-            self._end(
-                Action.QUICK_STOP, self._outcome, "ABORT by the operator: quick stop", "ABORT"
-            )
+        if level == 2 and ramps:
+            text = f"ABORT by {self._stop.by}: quick stop"
+            self._end(Action.QUICK_STOP, self._outcome, text, "ABORT")
             return True
         return False
 
@@ -343,7 +360,7 @@ class Session:
         )
         self._make_safe = self._make_safe_by(action)
 
-    def _make_safe_by(self, action: Action) -> MakeSafe:
+    def _make_safe_by(self, action: Action, journal: Journal | None = None) -> MakeSafe:
         limits = self._planned.limits
         if action is Action.CONTROLLED_STOP:
             deceleration = STOP_SHARE * limits.value(lim.DECELERATION)
@@ -354,7 +371,7 @@ class Session:
         return MakeSafe(
             action=action,
             machine=self._machine,
-            journal=self._logbook,
+            journal=journal or self._logbook,
             deceleration=deceleration,
             ratio=ratio,
             block_cycles=cycles,
@@ -363,59 +380,35 @@ class Session:
             has_quick_stop=self._port.abilities.has_quick_stop,
         )
 
-    def _emergency(self) -> None:
+    def _emergency(self, error: BaseException) -> None:
         """Make safe after an exception that nobody expected; nothing that happens here may hide it."""
-        with contextlib.suppress(Exception):
+        cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
+
+        def make_safe(journal: Journal) -> MakeSafe:
+            self._make_safe = self._make_safe_by(Action.QUICK_STOP, journal)
+            return self._make_safe
+
+        emergency = Emergency(self._port, self._machine, cycles, make_safe)
+        emergency.stop()
+        with emergency.caught.catching():
+            self._devices.keep_events()
+        with emergency.caught.catching():
             self._engine.cut()
-        self._make_safe = make_safe = self._make_safe_by(Action.QUICK_STOP)
-        with contextlib.suppress(Exception):
-            turn, silent = make_safe.next(None), 0
-            while turn is not None and silent < EXCHANGE_ATTEMPTS:
-                try:
-                    block = self._port.exchange(turn.command, turn.cycles, Guard(turn.until))
-                except DriverError:
-                    silent += 1
-                    continue
-                silent = 0 if len(block) else silent + 1
-                self._keep(block, turn)
-                turn = make_safe.next(block)
-            if turn is None:
-                return
-        make_safe.give_up(GIVEN_UP)
+        with emergency.caught.catching():
+            self._logbook.event("error", "exception", "session", self._message)
+        emergency.keep(self._keep_late, self._logbook)
+        for text in emergency.caught.texts():
+            error.add_note(text)
+
+    def _keep_late(self, block: SampleBlock) -> None:
+        """Record a block after the rig was stopped."""
+        self._logbook.put(block)
+        self._acquisition.put(block)
 
     def _tell_progress(self) -> None:
-        if self._on_progress is None:
-            return
-        engine, planned, machine = self._engine, self._planned, self._machine
-        if engine.index != self._step_index:
-            self._step_index, self._step_rows = engine.index, machine.rows
-        left = 0.0
-        if self._make_safe is None and engine.index < len(planned.steps):
-            in_step = (machine.rows - self._step_rows) * machine.period
-            left = planned.remaining(engine.index) + max(
-                planned.steps[engine.index].nominal - in_step, 0.0
-            )
-        what = engine.words if self._make_safe is None else "making safe"
-        step = min(engine.index + 1, len(planned.plan))
-        elapsed, speed = machine.rows * machine.period, machine.speed(cycles=50)
-        nearest, margin = self._supervisor.smallest_margin()
-        events = len(self._logbook.warnings)
-        self._on_progress(
-            Progress(
-                step=step,
-                steps=len(planned.plan),
-                what=what,
-                elapsed=elapsed,
-                left=left,
-                speed=speed,
-                events=events,
-                nearest=nearest,
-                margin=margin,
-                margins=self._supervisor.margins(),
-                file=str(self._logbook.run.part),
-                begun=[row * machine.period for row in engine.begun],
-            )
-        )
+        if self._callbacks.hears(ON_PROGRESS):
+            events, leads = len(self._logbook.warnings), self._make_safe is None
+            self._callbacks.on_progress(self._teller.progress(events, engine_leads=leads))
 
     # The end.
 
@@ -445,6 +438,7 @@ class Session:
         metrics.update(counted)
         if self._order.thermal_state is not None:
             figures["thermal_state"] = dict(self._order.thermal_state())
+        self._hear_operator()
         if trip is not None:
             self._latch_trip(trip)
         if ending is not None and ending.safe and self._order.marker is not None:

@@ -25,18 +25,21 @@ from rig.bench.backends.registry import (
     world_record,
 )
 from rig.bench.config.apply import limits_by_hand
+from rig.bench.config.used import files_used
 from rig.bench.identity import Bench, bench_of
 from rig.errors import ConfigurationError
 from rig.library.folder import RunPlace, claim_run
-from rig.run.arming import Arming, guard_check, loss_check, refuse_unarmed
+from rig.program import this_program
+from rig.run.arming import Arming, guard_check, handle_check, loss_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
 from rig.run.latch import latch_of
 from rig.run.marker import RunMarker
-from rig.run.opening import begin_inline_run, begin_threaded_run, git_commit
+from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Progress, RunOrder, RunReport
+from rig.run.own_handle import OwnHandle
 from rig.run.preflight import Check, refuse_failed, static_checks
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
@@ -225,12 +228,13 @@ def run_on(
     """
     bench = bench or bench_for(request)
     # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
-    git_commit()
+    this_program()
     marker = RunMarker(bench.state, bench.id)
 
     cycles = request.block_cycles
     if rig.real_time:
         cycles = block_cycles(request.sample_rate, cycles, rig.reaction)
+    handle = handle_of(rig)
     order = RunOrder(
         planned=planned,
         port=rig.port,
@@ -250,8 +254,9 @@ def run_on(
         bench=bench.id,
         latch=latch_of(bench),
         marker=marker,
-        watchdog=watchdog_of(rig, cycles) if rig.real_time else None,
-        arm=(lambda: arm(rig)) if rig.real_time else None,
+        watchdog=watchdog_of(rig, handle, cycles),
+        arm=(lambda: arm(rig, handle)) if rig.real_time else None,
+        files=files_used(request.configuration),
     )
     run, begin = (
         (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)
@@ -280,34 +285,38 @@ def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
     )
 
 
-def arm(rig: AssembledRig) -> tuple[Check, ...]:
-    """What is looked at last before a rig in real time may move."""
+def arm(rig: AssembledRig, handle: OwnHandle | None = None) -> tuple[Check, ...]:
+    """What is looked at last before a rig in real time may move; opens the watchdog's own handle."""
+    unwatched, covered_by = rig.port.abilities.unwatched, rig.loss_covered_by
+    own = (
+        () if handle is None else (handle_check(handle.open, handle.known, unwatched, covered_by),)
+    )
     return (
         *claim_real_time(rig.priority, rig.lock_memory),
         guard_check(rig.guard),
-        loss_check(rig.port.abilities.unwatched, rig.loss_covered_by),
+        loss_check(unwatched, covered_by),
+        *own,
     )
 
 
-def watchdog_of(rig: AssembledRig, cycles: int) -> Watchdog | None:
-    """The watchdog of a rig in real time that can be stopped over a bus handle of its own; None where it cannot.
+def handle_of(rig: AssembledRig) -> OwnHandle | None:
+    """The second handle on the bus of a rig in real time, not opened yet; None where it has none.
 
-    `AssembledRig.second_bus` opens that handle, where a rig has one; the port tells the frames.
+    `AssembledRig.second_bus` opens it, where a rig has one; the port tells the frames.
     """
     frames = rig.port.abilities.quick_stop_frames
-    if rig.second_bus is None or frames is None:
+    if not rig.real_time or rig.second_bus is None or frames is None:
         return None
-    bus = rig.second_bus()
+    return OwnHandle(rig.second_bus, frames, rig.second_handle)
 
-    def quick_stop() -> None:
-        import can
 
-        for cob_id, data in frames():
-            bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
-
+def watchdog_of(rig: AssembledRig, handle: OwnHandle | None, cycles: int) -> Watchdog | None:
+    """The watchdog of a rig that can be stopped over a bus handle of its own; None where it cannot."""
+    if handle is None:
+        return None
     return Watchdog(
         WallClock(),
         watchdog_deadline(cycles, 1e9 / rig.port.cycle_ns),
-        quick_stop,
-        close=bus.shutdown,
+        handle.quick_stop,
+        close=handle.close,
     )

@@ -10,6 +10,7 @@ import os
 import select
 import signal
 import threading
+import weakref
 from collections import deque
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,35 +18,49 @@ from typing import Any
 
 from rig.run import console_windows
 
+OPERATOR = "the operator"
+EXIT = "the end of the main thread"
+"""Who presses STOP, in words."""
+
 
 class StopRequest:
-    """What the operator has asked for so far: 0 nothing, 1 STOP, 2 ABORT; it only ever rises. And
-    notes for the run file.
+    """What the operator has asked for so far: 0 nothing, 1 STOP, 2 ABORT; it only ever rises. `by` says who asked.
+
+    And what is to stand in the run file: notes of the operator, problems of whoever serves the run.
     """
 
     def __init__(self) -> None:
+        self.by = OPERATOR
         self._level = 0
         self._notes: deque[str] = deque()
+        self._problems: deque[str] = deque()
 
     @property
     def level(self) -> int:
         """0: go on, 1: STOP, 2: ABORT."""
         return self._level
 
-    def stop(self) -> None:
+    def stop(self, by: str = OPERATOR) -> None:
         """Ask for a controlled stop."""
-        self._level = max(self._level, 1)
+        self._rise(1, by)
 
-    def abort(self) -> None:
+    def abort(self, by: str = OPERATOR) -> None:
         """Ask for a quick stop."""
-        self._level = 2
+        self._rise(2, by)
 
-    def press(self) -> None:
+    def press(self, by: str = OPERATOR) -> None:
         """One Ctrl-C: the first is a STOP, the second an ABORT."""
-        if self._level:
-            self.abort()
-        else:
-            self.stop()
+        self._rise(2 if self._level else 1, by)
+
+    def _rise(self, level: int, by: str) -> None:
+        if level > self._level:
+            self.by = by
+            self._level = level
+
+    def heed_main_thread(self) -> None:
+        """A main thread that has ended is a STOP: nobody is left who could press it. Looked at in every turn."""
+        if not self._level and not threading.main_thread().is_alive():
+            self.stop(by=EXIT)
 
     def note(self, text: str) -> None:
         """Write something into the run."""
@@ -53,10 +68,45 @@ class StopRequest:
 
     def take_notes(self) -> list[str]:
         """The notes since the last call."""
-        taken = []
-        while self._notes:
-            taken.append(self._notes.popleft())
-        return taken
+        return _taken(self._notes)
+
+    def problem(self, text: str) -> None:
+        """Warn of something in the run, from any thread."""
+        self._problems.append(text)
+
+    def take_problems(self) -> list[str]:
+        """The problems since the last call."""
+        return _taken(self._problems)
+
+
+def _taken(texts: deque[str]) -> list[str]:
+    taken = []
+    while texts:
+        taken.append(texts.popleft())
+    return taken
+
+
+def pressed_by_the_exit(stop: StopRequest) -> None:
+    """The end of the main thread presses STOP of a run that turns in another one.
+
+    `heed_main_thread` sees a main thread that waits for this one. One that waits for the threads of an executor
+    (`concurrent.futures`, `asyncio.to_thread`) still counts as alive: the interpreter tells of it by this list alone,
+    the latest entry first, and drops the list when it ends.
+    """
+    waiting = weakref.ref(stop)
+
+    def press() -> None:
+        asked = waiting()
+        if asked is not None:
+            asked.stop(by=EXIT)
+
+    register = getattr(threading, "_register_atexit", None)
+    if register is not None:
+        try:
+            register(press)
+        except RuntimeError:
+            # It is ending already.
+            stop.stop(by=EXIT)
 
 
 ESCALATING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGBREAK")
@@ -69,7 +119,8 @@ SAID_TWICE = ("SIGHUP",)
 def pressed_by_signals(stop: StopRequest) -> Iterator[None]:
     """Ctrl-C, a termination request and a closed terminal press STOP. The handlers before are put back.
 
-    A signal that this process was started to ignore (`nohup`, a job in the background) stays ignored.
+    A signal that this process was started to ignore stays ignored: `nohup` keeps a run alive without its terminal,
+    and a Ctrl-C in a shell is not meant for its jobs in the background. SIGTERM (`kill`) stops those too.
     On Windows the console says some of it in another way, for as long as the block lasts.
     """
 

@@ -47,6 +47,7 @@ from rig.run.trips import (
     DISAGREEMENT,
     DRIVE_FAULT,
     FOLLOWING_ERROR,
+    FOREIGN_COMMAND,
     GUARD_OPEN,
     LATE_TURN,
     MISSED_CYCLES,
@@ -198,9 +199,15 @@ class Supervisor:
         self.state = replace(self.state, trip=trip)
         return trip
 
-    def explain(self, text: str) -> None:
-        """What a device said of the latched trip, where the trip itself has no words for it."""
+    def explain(self, text: str, cause: str = "") -> None:
+        """What a device said of the latched trip, where the trip itself has no words for it.
+
+        A state to which a stranger's command led the drive in the same block bears the stranger's name.
+        """
         trip = self.state.trip
+        if trip is not None and trip.cause == UNEXPECTED_STATE and cause == FOREIGN_COMMAND:
+            self.state = replace(self.state, trip=replace(trip, cause=cause, detail=text))
+            return
         if trip is not None and text and not trip.detail and trip.cause in DEVICE_CAUSES:
             self.state = replace(self.state, trip=replace(trip, detail=text))
 

@@ -42,6 +42,9 @@ DRIVE_STATE = "drive_state"
 DRIVE_MODE = "drive_mode"
 DRIVE_FOLLOWING = "drive_following"
 DRIVE_NOT_FOLLOWING = "drive_not_following"
+FOREIGN_SYNC = "foreign_sync"
+FOREIGN_TPDO = "foreign_tpdo"
+FOREIGN_COMMAND = "foreign_command"
 FAULT = "fault"
 LATE_TURN = "late_turn"
 MAKE_SAFE_FAILED = "make_safe_failed"
@@ -59,6 +62,9 @@ DEVICE_CAUSES = frozenset(
         DRIVE_MODE,
         DRIVE_FOLLOWING,
         DRIVE_NOT_FOLLOWING,
+        FOREIGN_SYNC,
+        FOREIGN_TPDO,
+        FOREIGN_COMMAND,
         FAULT,
         BUS_LOST,
     }
@@ -133,6 +139,22 @@ TRIPS: dict[str, TripRule] = {
         "somebody else has changed the drive's mode of operation",
         Action.QUICK_STOP,
         "Find the other master or the tool on the bus and take it off.",
+    ),
+    FOREIGN_COMMAND: TripRule(
+        "somebody else commands the drive",
+        Action.QUICK_STOP,
+        "Find the other master or program on the bus and take it off; only one may send to the drive.",
+    ),
+    FOREIGN_SYNC: TripRule(
+        "somebody else sends SYNC: the samples are not ours any more",
+        Action.QUICK_STOP,
+        "Find the other SYNC producer (a second master, or a node with 0x1005 bit 30) and take it off.",
+    ),
+    FOREIGN_TPDO: TripRule(
+        "process data come twice in one cycle: somebody else sends with a node's COB-ID",
+        Action.QUICK_STOP,
+        "Look for two nodes with one node-ID and for a program that sends process data; check the bus for errors that "
+        "make frames come twice.",
     ),
     DRIVE_FOLLOWING: TripRule(
         "the shaft is further behind its target position than the drive allows (0x6065)",

@@ -1,5 +1,9 @@
 """The watchdog of a run in real time: a thread that only watches that turns happen, and can stop the drive alone.
 
+It is a thread of this process: it ends after the turn thread, whatever becomes of the thread that serves the run, and
+it sees nothing of what stops all threads at once (the process killed or suspended, another thread that keeps the
+interpreter, a computer without power). For that there is the drive's watch over the heartbeat.
+
 It takes no part in the loop: the loop tells it "I have turned", it compares the clock with a
 deadline, and when the loop is late it sends the drive's quick stop over a bus handle of its own,
 once, as process data: the SDO channel of the drive belongs to the loop. Below it the drive misses
@@ -48,6 +52,11 @@ class Watchdog:
         if self._last is not None:
             self.longest_pause = max(self.longest_pause, (now - self._last) * NS)
         self._last = now
+
+    def take_problem(self) -> str:
+        """Why the drive was not stopped when it should have been, once; empty: it was."""
+        problem, self.problem = self.problem, ""
+        return f"the watchdog could not stop the drive: {problem}" * bool(problem)
 
     def rest(self) -> None:
         """No turn is expected for a while: the rig is safe, or the drive is being switched on."""

@@ -20,6 +20,7 @@ from model.errors import ModelError
 from model.gear import HarmonicDrive, Mounting
 from model.gear_file import gear_from_mapping, gear_to_mapping, gear_to_toml
 from rig.errors import RunFileError
+from rig.program import PROGRAM_KEYS
 from rig.runfile import layout
 from rig.runfile.closing import ACQUISITION, Closing, create_closing, read_closing
 from rig.runfile.layout import Column
@@ -100,7 +101,7 @@ def write_header(file: h5py.File, header: RunHeader) -> None:
     }.items():
         layout.create_field(process, name, text)
     layout.create_field(process, "sample_rate", float(metadata.sample_rate), "Hz")
-    for name in ("backend", "seed", "program_version", "git_commit"):
+    for name in ("backend", "seed", *PROGRAM_KEYS):
         if name in metadata.process:
             layout.create_field(process, name, str(metadata.process[name]))
     layout.create_field(process, "parameters", layout.to_json(metadata.parameters))

@@ -6,7 +6,7 @@ import dataclasses
 from pathlib import Path
 
 from experiments.recording import Event, Recording, RunMetadata
-from rig.errors import RunFileError
+from rig.errors import RunFileError, UnsealedError
 from rig.runfile import layout
 from rig.runfile.checks import require_sound
 from rig.runfile.damage import refusing_damage
@@ -32,7 +32,7 @@ def open_run(
     # The seal comes first: of a changed file that, and not what the change made of it, is the thing to say.
     with refusing_damage(path):
         require_hdf5(path)
-    seal = check_seal(path, anew=verify) if digest or verify else Seal()
+    seal = _seal_of(path, anew=verify) if digest or verify else Seal()
     if verify and not seal.is_whole:
         raise RunFileError(
             "has no note of its SHA-256",
@@ -53,6 +53,16 @@ def open_run(
         source.close()
         raise
     return recording
+
+
+def _seal_of(path: Path, *, anew: bool) -> Seal:
+    """The seal of a run; of a file without a note that is no run at all, that is the thing to say."""
+    try:
+        return check_seal(path, anew=anew)
+    except UnsealedError:
+        with open_for_reading(path) as held, refusing_damage(path), held.use() as file:
+            check_format(file)
+        raise
 
 
 def follow(recording: Recording) -> Recording:

@@ -1,4 +1,9 @@
-"""Sealing a run: its SHA-256 beside it, its final name, read-only. After that it is never changed."""
+"""Sealing a file: its SHA-256 beside it, its final name, read-only. After that it is never changed.
+
+Runs are sealed here, and by the same note (`<file>.sha256`, as `sha256sum --check` reads it) the
+small files of `rig.runfile.sealed`. Where the note of a file that is sealed from birth is missing,
+the file is refused, unless whoever asks for it said that it may be read unsealed (`allowing_unsealed`).
+"""
 
 from __future__ import annotations
 
@@ -8,12 +13,13 @@ import os
 import stat
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rig.errors import ChangedRunError, RunFileError
+from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.runfile.damage import refusing_damage
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
 
@@ -26,10 +32,27 @@ HASHES_KEPT = 4096
 _hashes: OrderedDict[_Fingerprint, str] = OrderedDict()
 """The latest hashes that this process took, by what changes when a file does."""
 
+_unsealed_allowed: ContextVar[bool] = ContextVar("unsealed_allowed", default=False)
+
+
+@contextlib.contextmanager
+def allowing_unsealed() -> Iterator[None]:
+    """Within it a file whose note is missing is read, and told as not sealed, where it is refused otherwise."""
+    token = _unsealed_allowed.set(True)
+    try:
+        yield
+    finally:
+        _unsealed_allowed.reset(token)
+
+
+def is_unsealed_allowed() -> bool:
+    """Whether a file whose note is missing may be read (`allowing_unsealed`)."""
+    return _unsealed_allowed.get()
+
 
 @dataclass(frozen=True)
 class Seal:
-    """The SHA-256 of a run's bytes ("" while it is written), and whether it is the one noted when it was sealed."""
+    """The SHA-256 of a file's bytes ("" while it is written), and whether it is the one noted when it was sealed."""
 
     sha256: str = ""
     is_whole: bool = False
@@ -46,7 +69,7 @@ def final_path(part: Path) -> Path:
 
 
 def hash_path(run: Path) -> Path:
-    """The file beside a run that holds its SHA-256, in the form that `sha256sum --check` reads."""
+    """The file beside a sealed file that holds its SHA-256, in the form that `sha256sum --check` reads."""
     return run.with_name(run.name + HASH_SUFFIX)
 
 
@@ -60,7 +83,7 @@ def file_sha256(path: Path) -> str:
 
 
 def recorded_sha256(run: Path) -> str:
-    """The SHA-256 that was noted when the run was sealed; "" where there is no note. Raises
+    """The SHA-256 that was noted when the file was sealed; "" where there is no note. Raises
     `ChangedRunError` for a note that cannot be read or holds nothing.
     """
     note, reason = hash_path(run), "it is empty"
@@ -74,7 +97,7 @@ def recorded_sha256(run: Path) -> str:
     except OSError as error:
         reason = error.strerror or str(error)
     raise ChangedRunError(
-        f"the note of the run's SHA-256 cannot be used: {reason}",
+        f"the note of the SHA-256 cannot be used: {reason}",
         where=str(note),
         remedy="Take the original, or the backup.",
     )
@@ -84,8 +107,8 @@ def check_seal(run: Path, *, anew: bool = False, now_ns: Callable[[], int] = tim
     """The seal of a run file: the hash of its bytes, held against the note beside it.
 
     A file whose size, times and file number are those of an earlier look is not read again, unless
-    `anew`. A run without a note is not sealed, and nothing says that it is what was recorded.
-    Raises `ChangedRunError` for a file that is not the one that was sealed.
+    `anew`. Raises `ChangedRunError` for a file that is not the one that was sealed, `UnsealedError`
+    for a run without a note: every run was sealed, and nothing says that this one is what was recorded.
     """
     if run.name.endswith(PART_SUFFIX):
         return Seal()
@@ -99,17 +122,38 @@ def check_seal(run: Path, *, anew: bool = False, now_ns: Callable[[], int] = tim
             _hashes[before] = computed
             if len(_hashes) > HASHES_KEPT:
                 _hashes.popitem(last=False)
-    noted = recorded_sha256(run)
+    return held_against_note(run, computed)
+
+
+def held_against_note(path: Path, computed: str, *, is_sealed_from_birth: bool = True) -> Seal:
+    """The seal of a file whose bytes have the SHA-256 `computed`, held against the note beside it.
+
+    Raises `ChangedRunError` where the note says another, `UnsealedError` where there is none although
+    it was sealed from birth (unless that is allowed).
+    """
+    noted = recorded_sha256(path)
+    if not noted and is_sealed_from_birth and not is_unsealed_allowed():
+        raise unsealed(path)
     if noted and noted != computed:
-        changed, sealed = (_moment(path.stat().st_mtime) for path in (run, hash_path(run)))
+        changed, sealed = (_moment(one.stat().st_mtime) for one in (path, hash_path(path)))
         raise ChangedRunError(
             "was changed since it was sealed",
-            where=str(run),
-            value=f"SHA-256 {computed} ({before[2]} bytes, last changed {changed})",
+            where=str(path),
+            value=f"SHA-256 {computed} ({path.stat().st_size} bytes, last changed {changed})",
             limit=f"{noted} (noted {sealed})",
             remedy="Take the original, or the backup.",
         )
     return Seal(computed, bool(noted))
+
+
+def unsealed(path: Path) -> UnsealedError:
+    """The refusal of a file that was sealed when it was made, and whose note is gone."""
+    return UnsealedError(
+        "is not sealed: the note of its SHA-256 is missing",
+        where=str(path),
+        limit=f"a file {hash_path(path).name} beside it",
+        remedy="Take the original with its note, or the backup; --unsealed uses it as it is, and says so.",
+    )
 
 
 def sealed_sha256(run: Path) -> str:
@@ -155,14 +199,13 @@ def seal_file(part: Path, final: Path) -> Path:
         note = hash_path(final)
         note.unlink(missing_ok=True)
         # The note comes first: a sealed run without its hash could be anything, a hash without a run harms nobody.
-        note.write_text(f"{digest}  {final.name}\n", encoding="ascii")
+        note.write_text(note_text(digest, final), encoding="utf-8")
+        _synchronise(note)
         # The bytes reach the disk before the name does, or a power cut leaves a sealed name with half a run.
         _synchronise(part)
-        _rename_to_new(part, final)
+        rename_to_new(part, final)
         protect(final)
-        # The new name is an entry of the folder; where folders cannot be opened (Windows) the system sees to it.
-        if hasattr(os, "O_DIRECTORY"):
-            _synchronise(final.parent)
+        synchronise_folder(final.parent)
     except OSError as error:
         raise RunFileError(
             f"cannot be sealed: {error.strerror or error}",
@@ -172,8 +215,19 @@ def seal_file(part: Path, final: Path) -> Path:
     return final
 
 
+def note_text(digest: str, path: Path) -> str:
+    """What stands in the note of a file: one line as `sha256sum --check` reads it."""
+    return f"{digest}  {path.name}\n"
+
+
+def synchronise_folder(folder: Path) -> None:
+    """A new name is an entry of its folder; where folders cannot be opened (Windows) the system sees to it."""
+    if hasattr(os, "O_DIRECTORY"):
+        _synchronise(folder)
+
+
 def protect(run: Path) -> None:
-    """Make a run and the note of its hash read-only."""
+    """Make a file and the note of its hash read-only."""
     for path in (run, hash_path(run)):
         path.chmod(stat.S_IRUSR | stat.S_IRGRP | stat.S_IROTH)
 
@@ -219,8 +273,11 @@ def _closing_once(descriptor: int) -> Callable[[], None]:
     return close
 
 
-def _rename_to_new(part: Path, final: Path) -> None:
-    """Rename without replacing anything; a hard link does that atomically where the file system has them."""
+def rename_to_new(part: Path, final: Path) -> None:
+    """Rename without replacing anything; a hard link does that atomically where the file system has them.
+
+    Raises `FileExistsError` for a name that is taken.
+    """
     try:
         os.link(part, final)
     except FileExistsError:

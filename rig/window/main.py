@@ -6,8 +6,6 @@ import ctypes
 import os
 import signal
 import sys
-import tempfile
-import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +26,7 @@ from PySide6.QtWidgets import (
 )
 
 from rig.errors import ConfigurationError
+from rig.exits import defect_in_words
 from rig.window.fleet.page import FleetPage
 from rig.window.prepare.page import PreparePage
 from rig.window.review.page import ReviewPage
@@ -36,7 +35,15 @@ from rig.window.run.prompt_view import ConsentButton
 from rig.window.run.stop_filter import StopFilter
 from rig.window.shell.collector import collector_in_this_thread
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, room_for, scrolled, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    room_for,
+    scrolled,
+    set_tip,
+    text_label,
+)
 from rig.window.shell.theme import apply_theme, theme_named
 from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
@@ -123,7 +130,7 @@ class MainWindow(QMainWindow):
         row.addWidget(self.stop)
         where = f"rig: {self.session.backend}   runs: {self.session.folder}"
         label = text_label(where, "muted")
-        label.setToolTip(where)
+        set_tip(label, where)
         # On a small screen its end is cut off before anything that is pressed.
         label.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         row.addWidget(label, 1)
@@ -319,13 +326,7 @@ def _defects_shown(session: WindowSession) -> Iterator[None]:
     """What nobody expected goes into a log and into the status bar, and the window stays: a run may be going on."""
 
     def tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="harmonic-rig-", suffix=".log", delete=False
-        ) as log:
-            traceback.print_exception(kind, error, trace, file=log)
-        session.message.emit(
-            f"A defect of the program: {kind.__name__}: {error}. Details for its report: {log.name}"
-        )
+        session.message.emit(defect_in_words(error.with_traceback(trace)))
 
     before = sys.excepthook
     sys.excepthook = tell

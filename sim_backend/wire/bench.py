@@ -83,7 +83,7 @@ _LOOP_MODE = {
 POWER_STAGE_ERROR = 0x2310
 
 
-def _synchronise(slaves: Sequence[Slave], now_ns: int) -> None:
+def synchronise(slaves: Sequence[Slave], now_ns: int) -> None:
     """What a SYNC does to slaves while the plant stands: latch, act, send."""
     for slave in slaves:
         slave.hear_sync(now_ns)
@@ -397,7 +397,7 @@ class WireBench:
             for slave in self.slaves:
                 if cob == slave.sync_cob_id:
                     # A SYNC of its own, which the plant does not run with.
-                    _synchronise([slave], now)
+                    synchronise([slave], now)
                 else:
                     slave.receive(cob, payload, now)
 

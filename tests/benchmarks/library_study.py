@@ -89,7 +89,9 @@ def copy(source: Path, folder: Path, number: int) -> None:
     store.mkdir()
     for analysis in analysis_folder(source).glob("*.json"):
         text = analysis.read_text().replace(file_sha256(source), digest)
-        (store / analysis.name).write_text(text.replace(before, run_id))
+        stored = store / analysis.name
+        stored.write_text(text.replace(before, run_id))
+        hash_path(stored).write_text(f"{file_sha256(stored)}  {stored.name}\n")
 
 
 def measured(what: str, action: Callable[[], object], times: int = 5) -> None:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.rig.library.stored import RUNNING, analyse, estimate, write
+
 FOREIGN = Path(__file__).parents[1] / "data" / "foreign"
 _MAP = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 RATE = 200.0
@@ -39,4 +41,13 @@ def _write(path: Path, headings: str, *columns: np.ndarray) -> None:
     np.savetxt(path, np.column_stack(columns), "%.9g", ",", header=headings, comments="")
 
 
-GIVEN: dict[str, Callable[[Path, Path], None]] = {"import-a-recording": _recordings}
+def _gear(page: Path, folder: Path) -> None:
+    """A gear A1 with one analysed run."""
+    (folder / "runs").mkdir()
+    analyse(write(folder / "runs", 1), estimate(RUNNING, 0.08))
+
+
+GIVEN: dict[str, Callable[[Path, Path], None]] = {
+    "import-a-recording": _recordings,
+    "sign-a-manifest": _gear,
+}

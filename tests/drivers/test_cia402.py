@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.bus.cia402 import stop_words
 from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.drive import ServoAmplifier
@@ -179,7 +180,7 @@ def test_every_statusword_is_a_state(word: int) -> None:
 
 
 def test_the_tables_lead_somewhere_from_every_state() -> None:
-    for table in (obj.TO_ENABLED, obj.TO_OFF):
+    for table in (obj.TO_ENABLED, stop_words.TO_OFF):
         assert set(table) >= {
             DriveState.SWITCH_ON_DISABLED,
             DriveState.READY,

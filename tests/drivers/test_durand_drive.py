@@ -34,14 +34,9 @@ from rig.trial.drill.catalogue import DRILLS
 from rig.trial.drill.staging import Placed
 from rig.trial.drill.suite import row_of, stage
 from sim_backend.wire import faults as wire
+from tests.drivers.amplifier import CYCLIC_POSITION, CYCLIC_TORQUE, Power
 from tests.drivers.can_bench import servo
-from tests.drivers.durand_drive import (
-    CYCLIC_POSITION,
-    CYCLIC_TORQUE,
-    DurandBench,
-    DurandDrive,
-    Power,
-)
+from tests.drivers.durand_drive import DurandBench, DurandDrive
 from tests.drivers.durand_node import COMMUNICATION_ERROR, HEARTBEAT_ERROR
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()

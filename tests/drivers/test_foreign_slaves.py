@@ -149,6 +149,7 @@ def test_a_process_data_frame_at_the_start_of_operation_is_marked_and_no_more() 
         flags = made.rig.exchange(Command(Mode.OFF), 5, Guard()).flags
         assert flags[0] != 0
         assert not flags[1:].any()
+        assert "foreign-tpdo" not in made.codes()
 
 
 # Process data -------------------------------------------------------------------------------------

@@ -201,7 +201,7 @@ def hub(*connections: list[bytes]) -> Iterator[BusConfig]:
         thread.start()
         host, port = door.getsockname()
         yield BusConfig("socketcand", "can0", arguments={"host": host, "port": port})
-        thread.join(10.0)
+        thread.join(600.0)
         assert not thread.is_alive()
 
 
@@ -236,7 +236,7 @@ def test_a_bus_that_is_busy_is_joined() -> None:
     with hub([b"< hi >"], [b"< h", b"i >", b"< ok >", b"< ok >" + 50 * frame]) as config:
         raw = open_raw_bus(config)
         for _ in range(50):
-            message = raw.recv(10.0)
+            message = raw.recv(600.0)
             assert message is not None
             assert message.arbitration_id == 0x701
         raw.shutdown()
@@ -255,6 +255,39 @@ def test_a_hub_that_goes_away_is_a_lost_bus_after_everything_it_sent() -> None:
         with pytest.raises(BusLostError):
             pumped.drain()
         pumped.close()
+
+
+class Reset:
+    """The socket of a line that was reset: there is something to be read, and reading it fails."""
+
+    def __init__(self) -> None:
+        self._line, self._other = socket.socketpair()
+        self._other.send(b"x")
+
+    def fileno(self) -> int:
+        return self._line.fileno()
+
+    def recv(self, length: int) -> bytes:
+        raise ConnectionResetError(104, "Connection reset by peer")
+
+    def close(self) -> None:
+        self._line.close()
+        self._other.close()
+
+
+def test_a_hub_that_resets_the_line_is_said_in_a_sentence() -> None:
+    """The client of python-can puts a whole traceback into the text of its error, its head into the first line."""
+    with hub([b"< hi >"], GREETED) as config:
+        raw = open_raw_bus(config)
+        line = vars(raw)["_SocketCanDaemonBus__socket"]
+        vars(raw)["_SocketCanDaemonBus__socket"] = reset = Reset()
+        with pytest.raises(BusLostError) as caught:
+            PumpedBus(raw, WallClock()).drain()
+        vars(raw)["_SocketCanDaemonBus__socket"] = line
+        reset.close()
+        raw.shutdown()
+    assert "Connection reset by peer" in str(caught.value)
+    assert "Traceback" not in str(caught.value)
 
 
 class ResetLine:

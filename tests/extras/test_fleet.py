@@ -15,7 +15,6 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet as pq
 import pytest
-from distributed import Client
 
 import rig
 from experiments import catalogue
@@ -31,6 +30,7 @@ from rig.fleet.progress import Progress
 from rig.fleet.work import PathMap
 from rig.gears.acceptance import acceptance_text, shipped_acceptance
 from rig.library.index import LibraryIndex
+from rig.runfile.seal import hash_path
 from tests.extras.fleet_runs import (
     BATCH_SECONDS,
     RUNS,
@@ -149,6 +149,8 @@ class _Reaper:
             self._workers.pop().send_signal(signal.SIGKILL)
         elif since >= 8 and len(self._workers) == 1 and now.done < RUNS - 4:
             self._cluster.join()
+            from distributed import Client
+
             with Client(self._cluster.address, set_as_default=False) as client:
                 client.wait_for_workers(2)
             self._workers.pop().send_signal(signal.SIGKILL)
@@ -332,3 +334,17 @@ def test_a_defect_of_one_analysis_does_not_end_the_others_and_is_tried_again(
     report = fleet(runs, tmp_path, names=homes)
     assert (report.fitted, report.reused, report.failed) == (1, 1, ())
     assert not any(DataSet(tmp_path).table()["failure"].to_pylist())
+
+
+def test_a_run_without_its_note_is_a_row_that_says_so_and_is_tried_again(
+    runs: Path, tmp_path: Path
+) -> None:
+    tare = next(runs.rglob("*-motor_tare-*.h5"))
+    path = tmp_path / tare.name
+    shutil.copy2(tare, path)
+    report = fleet(tmp_path, tmp_path / "r", names=[path])
+    assert report.changed == (path.name,)
+    assert "is not sealed" in report.failed[0][1]
+    shutil.copy2(hash_path(tare), hash_path(path))
+    again = fleet(tmp_path, tmp_path / "r", names=[path])
+    assert (again.fitted, again.changed) == (1, ())

@@ -8,12 +8,9 @@ from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import duckdb
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from dask import config
-from distributed import LocalCluster
 
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.extras import require
@@ -129,6 +126,8 @@ def test_batches_are_longer_where_workers_are_many() -> None:
 def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    from distributed import LocalCluster
+
     options: dict[str, Any] = {
         "processes": False,
         "dashboard_address": "127.0.0.1:0",
@@ -154,6 +153,8 @@ def test_a_crew_is_processes_or_a_cluster() -> None:
 
 
 def test_workers_keep_no_profile_by_which_they_would_grow(monkeypatch: pytest.MonkeyPatch) -> None:
+    from dask import config
+
     """What is set while processes are made goes to them: dask hands its settings on."""
     seen: list[bool] = []
 
@@ -230,6 +231,8 @@ def test_a_file_of_another_schema_is_refused(tmp_path: Path) -> None:
 
 
 def test_other_programs_read_the_results(tmp_path: Path) -> None:
+    import duckdb
+
     pandas = pytest.importorskip("pandas")
     keep(tmp_path, production())
     frame = pandas.read_parquet(tmp_path)

@@ -218,6 +218,7 @@ def test_from_a_production_to_an_answer_by_command(
         "fitted": 2,
         "reused": 0,
         "failed": [],
+        "changed": [],
         "output": str(tmp_path / "fleet-results"),
     }
     assert rig("fleet", "fit", tmp_path) == 0

@@ -7,7 +7,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import asammdf
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -59,6 +58,8 @@ def tdms_file(path: Path) -> None:
 
 def mdf_file(path: Path) -> None:
     version = "4.10" if path.suffix == ".mf4" else "3.30"
+    import asammdf
+
     with asammdf.MDF(version=version) as file:
         file.header.start_time = START
         file.append(
@@ -134,6 +135,8 @@ def test_samples_that_an_mdf_marks_as_invalid_are_holes(tmp_path: Path) -> None:
     path = tmp_path / "bench.mf4"
     invalid = np.zeros(100, dtype=bool)
     invalid[7] = True
+    import asammdf
+
     with asammdf.MDF(version="4.10") as file:
         signal = asammdf.Signal(
             TORQUE[:100], TIME[:100], unit="Nm", name="M", invalidation_bits=invalid
@@ -175,6 +178,8 @@ def test_words_that_stand_for_numbers_are_those_numbers(tmp_path: Path) -> None:
     path = tmp_path / "bench.mf4"
     state = np.arange(100, dtype=np.uint8) // 50
     words = {"val_0": 0, "text_0": b"rest", "val_1": 1, "text_1": b"run"}
+    import asammdf
+
     with asammdf.MDF(version="4.10") as file:
         file.append([asammdf.Signal(state, TIME[:100], name="state", conversion=words)])
         file.save(path)

@@ -4,14 +4,13 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-import xarray
-from silx.io import open as silx_open
-from silx.io.nxdata.parse import get_default
 
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of, write_run
 
 
 def test_xarray_shows_si_over_time(tmp_path: Path) -> None:
+    import xarray
+
     path = write_run(tmp_path)
     with xarray.open_dataset(path, engine="h5netcdf", group="entry/data") as dataset:
         assert dict(dataset.sizes) == {"time": 2500}
@@ -31,6 +30,9 @@ def test_xarray_shows_si_over_time(tmp_path: Path) -> None:
 
 
 def test_silx_finds_the_default_plot_with_axis_labels_and_units(tmp_path: Path) -> None:
+    from silx.io import open as silx_open
+    from silx.io.nxdata.parse import get_default
+
     with silx_open(str(write_run(tmp_path))) as file:
         data = get_default(file)
         assert data is not None

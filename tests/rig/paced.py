@@ -1,4 +1,6 @@
-"""`rig` as a process of its own with one more rig, `paced`: the simulated one at the speed of the wall clock.
+"""`rig` as a process of its own with one more rig, `paced`: the simulated one that waits as long as its cycles last.
+
+Its clock counts only these waits: however long the computer did something else, no cycle is late.
 
 What the plant really does is told on a pipe of its own (the descriptor in the environment), one
 line each: `moving` once its input turns, `stands` once it has come to rest; and `flushed N`, the rows
@@ -20,27 +22,36 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from drivers.clock import WallClock
+from drivers.clock import VirtualClock
 from drivers.samples import SampleBlock
 from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.registry import BACKENDS
 from rig.bench.backends.simulated import assembled, parts_of
+from rig.run.stop import ESCALATING, SAID_TWICE
 from rig.runfile.write import RunWriter
 from sim_backend.direct import SimulatedRig
 
 VARIABLE = "RIG_TELLS_ON"
 TURNING = 0.5
 """rad/s of the input above which the plant is called moving."""
-DEADLINE = 60.0
-"""s that a test waits for a line before it fails."""
+DEADLINE = 600.0
+"""s that a test waits for a line before it fails; on a quiet computer none takes a hundredth of it."""
 LONG = ("run", "warm-up", "--backend", "paced", "--sample-rate", "200", "--block", "4")
 LONG += ("--at-most", "3600", "--tolerance", "1e-9", "--window", "60", "--zero-time", "0.5")
 """A protocol that nobody's computer finishes."""
 
 
+class PacedClock(VirtualClock):
+    """Virtual time that takes as long as it lasts, at least: nobody's computer runs through an hour of it."""
+
+    def wait_until_ns(self, instant_ns: int) -> None:
+        time.sleep(max(instant_ns - self.monotonic_ns(), 0) * 1e-9)
+        super().wait_until_ns(instant_ns)
+
+
 def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
-    """The simulated rig in real time; `tell` hears what its plant does."""
-    clock = WallClock()
+    """The simulated rig at its own pace; `tell` hears what its plant does."""
+    clock = PacedClock(time.time_ns())
     port: Any = SimulatedRig(**parts_of(request), clock=clock)
     exchange, plant, moving = port.exchange, port._plant, [False]
 
@@ -98,9 +109,25 @@ class PacedProcess:
             self.heard += [text.decode() for text in whole]
 
 
+def hear_every_signal() -> None:
+    """In a process that begins: no signal is ignored because the tests were started by `nohup` or in the background."""
+    for name in (*ESCALATING, *SAID_TWICE):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_DFL)
+
+
 @contextmanager
-def paced_process(arguments: Sequence[str], **options: Any) -> Iterator[PacedProcess]:
-    """Start `rig ARGUMENTS` with the paced rigs; it is killed at the end of the block if it still runs."""
+def paced_process(
+    arguments: Sequence[str], *, begin: Callable[[], None] = lambda: None, **options: Any
+) -> Iterator[PacedProcess]:
+    """Start `rig ARGUMENTS` with the paced rigs, after `begin` in its process; it is killed at the end of the block
+    if it still runs.
+    """
+
+    def prepare() -> None:
+        hear_every_signal()
+        begin()
+
     reading, writing = os.pipe()
     command = [sys.executable, "-m", "tests.rig.paced", *arguments]
     usual: dict[str, Any] = {
@@ -114,6 +141,7 @@ def paced_process(arguments: Sequence[str], **options: Any) -> Iterator[PacedPro
         cwd=Path(__file__).parents[2],
         env={**os.environ, VARIABLE: str(writing)},
         pass_fds=[writing],
+        preexec_fn=prepare,
         **{**usual, **options},
     )
     os.close(writing)

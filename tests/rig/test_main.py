@@ -18,7 +18,7 @@ HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "pydantic")
 
 def run_python(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=1800, check=False
     )
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.bus.amplifier import Left, Written
 from drivers.bus.cia301 import ObjectRef
+from drivers.bus.cia402 import stop_words
 from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cia402.drive import ServoAmplifier
@@ -35,8 +36,8 @@ from drivers.errors import DriverError
 from drivers.port import Ask, Mode
 
 _CONTROLWORD: Final = {
-    Mode.OFF: obj.DISABLE_VOLTAGE,
-    Mode.QUICK_STOP: obj.QUICK_STOP,
+    Mode.OFF: stop_words.DISABLE_VOLTAGE,
+    Mode.QUICK_STOP: stop_words.QUICK_STOP,
     Mode.SPEED: obj.ENABLE,
     Mode.TORQUE: obj.ENABLE,
 }
@@ -445,10 +446,7 @@ class CyclicDrive(ServoAmplifier):
     def stops(self) -> Mapping[Ask, Written]:
         """The controlwords that stop it and switch it off."""
         word = self.device.typed(obj.CONTROLWORD)
-        return {
-            Ask.QUICK_STOP: Written(word, obj.QUICK_STOP),
-            Ask.SERVO_OFF: Written(word, obj.DISABLE_VOLTAGE),
-        }
+        return {ask: Written(word, said) for ask, said in stop_words.STOP_WORDS.items()}
 
     def status_of(self, count: int) -> int:
         """The statusword is what it is."""

@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import Final
 
 from drivers.bus.cia301 import NmtState, error_code_text
+from drivers.bus.cia402 import stop_words
 from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.config import DriveConfig, DriveReadings
 from drivers.bus.cia402.limits import write_limits
@@ -219,14 +220,14 @@ class ServoAmplifier:
                 self.device.where,
                 "the drive was found enabled; quick stop",
             )
-            self._control(obj.QUICK_STOP)
+            self._control(stop_words.QUICK_STOP)
         if state in (DriveState.ENABLED, DriveState.QUICK_STOP):
             self._await_standstill()
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION) and not resets_fault:
             self._await(
                 lambda s: s is not DriveState.FAULT_REACTION, "the end of the fault reaction"
             )
-            self._control(obj.DISABLE_VOLTAGE)
+            self._control(stop_words.DISABLE_VOLTAGE)
             return
         if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
             self.bus.emit(
@@ -242,7 +243,7 @@ class ServoAmplifier:
                 if self.state() is not DriveState.FAULT:
                     raise
                 return
-        self._walk(obj.TO_OFF, DriveState.SWITCH_ON_DISABLED, "servo off")
+        self._walk(stop_words.TO_OFF, DriveState.SWITCH_ON_DISABLED, "servo off")
 
     def enable(self, mode: Mode) -> None:
         """Operation enabled in the drive's speed or torque mode; set-points are zero. Raises `DriverError`."""
@@ -315,7 +316,9 @@ class ServoAmplifier:
         """
         with contextlib.suppress(DriverError):
             self._control(
-                obj.QUICK_STOP if self.state() is DriveState.ENABLED else obj.DISABLE_VOLTAGE
+                stop_words.QUICK_STOP
+                if self.state() is DriveState.ENABLED
+                else stop_words.DISABLE_VOLTAGE
             )
 
     def _choose_one(self, candidates: Sequence[OperationMode]) -> None:
@@ -352,8 +355,8 @@ class ServoAmplifier:
         return self._mode_now
 
     def choose_mode(self, operation: OperationMode) -> None:
-        """Write 0x6060 and wait until 0x6061 shows it."""
-        if operation is self._mode_now:
+        """Write 0x6060 and wait until 0x6061 shows it; one that is still shown is not written again."""
+        if operation is self._mode_now and self._shows(operation):
             return
         self._mode_now = None
         self.device.write(obj.MODE, operation)
@@ -373,11 +376,20 @@ class ServoAmplifier:
             limit=operation.name,
         )
 
+    def _shows(self, operation: OperationMode) -> bool:
+        """Whether the drive still shows the mode that it was given, as far as it shows any."""
+        shown = self.device.read_optional(obj.MODE_DISPLAY)
+        if shown is None or shown == operation:
+            return True
+        text = f"it shows mode of operation {shown} (0x6061), it was given {operation}: given again"
+        self.bus.emit("warning", "mode", self.device.where, text)
+        return False
+
     def reset_fault(self) -> None:
         """Fault reset by a rising edge of bit 7, from a low level. Raises when the cause persists."""
         self._await(lambda s: s is not DriveState.FAULT_REACTION, "the end of the fault reaction")
         if self.state() is DriveState.FAULT:
-            self._control(obj.DISABLE_VOLTAGE)
+            self._control(stop_words.DISABLE_VOLTAGE)
             self._control(obj.FAULT_RESET)
             was = self.error_text()
             try:
@@ -389,7 +401,7 @@ class ServoAmplifier:
                     remedy="Remove the cause (see the drive's manual), then acknowledge again.",
                 ) from error
             finally:
-                self._control(obj.DISABLE_VOLTAGE)
+                self._control(stop_words.DISABLE_VOLTAGE)
             self.bus.emit("info", "fault-reset", self.device.where, f"fault reset; it was {was}")
 
     def _walk(self, table: Mapping[DriveState, int], goal: DriveState, words: str) -> None:

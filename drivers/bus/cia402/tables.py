@@ -7,6 +7,7 @@ from enum import IntEnum
 from typing import Final
 
 from drivers.bus.cia301 import I8, I16, I32, U8, U16, U32, ObjectRef
+from drivers.bus.cia402.stop_words import DISABLE_VOLTAGE
 from drivers.drive_state import DriveState
 
 ERROR_CODE: Final = ObjectRef(0x603F, 0, U16, "error code")
@@ -101,14 +102,7 @@ FOLLOWING_ERROR_BIT: Final = 0x2000
 REMOTE_BIT: Final = 0x0200
 """Statusword bit 9: the drive obeys the controlword; clear while a panel or a tool holds it."""
 
-SHUTDOWN, SWITCH_ON, ENABLE, DISABLE_VOLTAGE, QUICK_STOP, FAULT_RESET = (
-    0x06,
-    0x07,
-    0x0F,
-    0x00,
-    0x02,
-    0x80,
-)
+SHUTDOWN, SWITCH_ON, ENABLE, FAULT_RESET = 0x06, 0x07, 0x0F, 0x80
 
 TO_ENABLED: Final[Mapping[DriveState, int]] = {
     DriveState.SWITCH_ON_DISABLED: SHUTDOWN,
@@ -125,17 +119,6 @@ TO_SWITCHED_ON: Final[Mapping[DriveState, int]] = {
     DriveState.QUICK_STOP: DISABLE_VOLTAGE,
 }
 """Controlword that leads one step towards switched on: where targets are set before they act."""
-TO_OFF: Final[Mapping[DriveState, int]] = {
-    DriveState.SWITCH_ON_DISABLED: DISABLE_VOLTAGE,
-    DriveState.READY: DISABLE_VOLTAGE,
-    DriveState.SWITCHED_ON: DISABLE_VOLTAGE,
-    DriveState.ENABLED: DISABLE_VOLTAGE,
-    DriveState.QUICK_STOP: DISABLE_VOLTAGE,
-}
-"""Controlword that takes the power off in each state (transitions 7, 9, 10 and 12): it does not
-depend on an option code.
-"""
-
 ERROR_CODES: Final[Mapping[int, str]] = {
     0x0000: "no error",
     0x2110: "short circuit or earth leakage on the input side",

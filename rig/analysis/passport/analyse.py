@@ -12,6 +12,7 @@ from rig.analysis.passport.followed import watched_kinds
 from rig.analysis.passport.gather import counted_origin, runs_of
 from rig.analysis.store import read_analyses
 from rig.analysis.tare import takes_tare
+from rig.errors import ChangedRunError
 from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
 
 
@@ -58,6 +59,8 @@ def _lacks_analysis(run: IndexedRun) -> bool:
         return False
     try:
         return all(analysis.kind != run.protocol for analysis in read_analyses(run.path))
+    except ChangedRunError:
+        raise
     except WordedError:
         return False
 
@@ -72,6 +75,8 @@ def _analyse(
         tell(run)
     try:
         made = digest(run.path, created, choices=Choices(tare=tare))
+    except ChangedRunError:
+        raise
     except WordedError as error:
         return Analysed(run, problem=str(error))
     if made.fit is None:

@@ -17,8 +17,8 @@ from rig.analysis.fit import NOT_SEALED
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
-from rig.analysis.store import Analysis
-from rig.errors import RigError, RunFileError
+from rig.analysis.store import Analysis, unsealed_words
+from rig.errors import ChangedRunError, RigError, RunFileError
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.library.listed import COUNTED_OUTCOMES
 from rig.runfile.read import close_recording, open_run
@@ -88,7 +88,7 @@ def moment(text: str) -> datetime:
 
 def gather(runs: Sequence[IndexedRun], origin: str = "") -> Gathered:
     """Read what was found of each run. Without `origin`: hardware alone where there is any, else
-    every origin for itself. Raises `ChangedRunError` for a run that is not the one that was sealed.
+    every origin for itself. Raises `ChangedRunError` for a run or an analysis that is not as it was sealed.
     """
     only = counted_origin(runs, origin)
     counted: list[IndexedRun] = []
@@ -139,6 +139,8 @@ def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
         stored = {
             kind: found for kind, found in in_force_by_kind(run.path).items() if kind in kinds
         }
+    except ChangedRunError:
+        raise
     except RunFileError as error:
         return [], [
             Missing(str(error), run.run_id, "Move the damaged file away and fit the run again.")
@@ -174,6 +176,8 @@ def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
                 )
                 for reason in found.stale
             ]
+            if not analysis.seal.is_whole:
+                missing.append(Missing(unsealed_words(analysis), run.run_id))
             analysed.append(_analysed(run, recording, analysis))
         return analysed, missing
     finally:

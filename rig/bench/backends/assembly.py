@@ -96,7 +96,8 @@ class AssembledRig:
 
     `nodes` are those of its bus, once it is open, for whoever looks them over; None: it has no bus.
 
-    Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, `guard`
+    Of a rig of hardware: `second_bus` opens another handle on its bus for the watchdog, once the rig is open
+    (`second_handle`: what is known of its adapter in that), `guard`
     reads the input of the guard's contact (value, whether that means closed) once the rig is open,
     `loss_covered_by` says what stops the motor when the computer is lost and the drive does not see to it,
     `reaction` [s] is how long an exchange may take, `priority` and `lock_memory` are what the loop
@@ -112,6 +113,7 @@ class AssembledRig:
     real_time: bool = False
     nodes: Callable[[], RigNodes] | None = None
     second_bus: Callable[[], RawBus] | None = None
+    second_handle: str = ""
     guard: Callable[[], tuple[int, bool]] | None = None
     loss_covered_by: str = ""
     reaction: float = 0.02

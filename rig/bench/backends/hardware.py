@@ -17,7 +17,7 @@ from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.device_file import load_device_file
 from drivers.bus.motor_encoder import MotorEncoder
-from drivers.bus.network import BusConfig, open_raw_bus
+from drivers.bus.network import BusConfig, open_raw_bus, second_handle_words
 from drivers.bus.rig_nodes import GuardContact
 from drivers.bus.status_lines import Line, StatusLines
 from drivers.channel import OUTPUT_ANGLE
@@ -68,6 +68,7 @@ def hardware(request: RigRequest) -> AssembledRig:
         real_time=True,
         nodes=lambda: port.nodes,
         second_bus=lambda: open_raw_bus(bus),
+        second_handle=second_handle_words(bus.interface),
         guard=None if guard is None else lambda: read_guard(port, guard),
         loss_covered_by=configuration.drive.computer_loss_covered_by,
         reaction=real_time.reaction_ms * 1e-3,

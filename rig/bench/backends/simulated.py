@@ -23,6 +23,7 @@ from sim_backend.population import drawn
 from sim_backend.world import ThermalState, World
 
 if TYPE_CHECKING:
+    from drivers.bus.cia402.tables import OperationMode
     from drivers.bus.cyclic import CanRig, CanRigConfig
     from drivers.bus.rig_nodes import RigNodes
     from drivers.source import Source
@@ -152,11 +153,25 @@ def position_config(
     bench: WireBench, motor: ServoMotor, *, has_guard: bool = False
 ) -> CanRigConfig:
     """What the drivers are told of a simulated bench whose drive is to be led by target positions."""
-    from drivers.bus.cia402.config import DriveConfig
     from drivers.bus.cia402.tables import OperationMode
+
+    return _in_mode(OperationMode.CYCLIC_POSITION, bench, motor, has_guard=has_guard)
+
+
+def profile_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False) -> CanRigConfig:
+    """What the drivers are told of a simulated bench whose drive has profile velocity and no cyclic velocity."""
+    from drivers.bus.cia402.tables import OperationMode
+
+    return _in_mode(OperationMode.PROFILE_VELOCITY, bench, motor, has_guard=has_guard)
+
+
+def _in_mode(
+    mode: OperationMode, bench: WireBench, motor: ServoMotor, *, has_guard: bool
+) -> CanRigConfig:
+    from drivers.bus.cia402.config import DriveConfig
     from sim_backend.wire.bench import DRIVE_NODE
 
-    drive = DriveConfig(node_id=DRIVE_NODE, speed_modes=(OperationMode.CYCLIC_POSITION,))
+    drive = DriveConfig(node_id=DRIVE_NODE, speed_modes=(mode,))
     return replace(wire_config(bench, motor, has_guard=has_guard), drive=drive)
 
 

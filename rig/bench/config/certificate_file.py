@@ -19,7 +19,7 @@ from __future__ import annotations
 import datetime
 import math
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -59,6 +59,8 @@ class CertificateFile:
     path: str
     header: Header
     curve: AngleCertificate
+    content: bytes = field(default=b"", repr=False, compare=False)
+    """The bytes that were read."""
 
 
 def read_certificate(folder: Path, name: str) -> CertificateFile:
@@ -75,7 +77,7 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not text in UTF-8 at byte {error.start}") from error
     try:
-        return CertificateFile(name, *_read(text))
+        return CertificateFile(name, *_read(text), content=raw)
     except ParameterError as error:
         raise ValueError(f"{path}: {error}") from error
     except ValueError as error:

@@ -14,7 +14,7 @@ from experiments.result import Plot, Series, Verdict
 from rig.analysis.fit import Fit
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport
-from rig.present.certificate.gather import Certified
+from rig.present.certificate.gather import CHARTED_FROM, Certified
 from rig.present.content import Part, data_grid
 from rig.present.page import Figure, figures_of
 from rig.present.provenance import Provenance
@@ -23,8 +23,6 @@ PAPER = ("9", "12", "13", "16", "17", "19")
 """The figures of the paper that a certificate shows, in their order."""
 TWICE = frozenset({"friction-curve-low"})
 """Figures that another one shows enlarged beside itself."""
-CHARTED_FROM = 3
-"""Runs from which on a quantity has a control chart: two points are no history."""
 MARK = 0.06
 """Half the length of a limit's line over the speed at which it holds, as a share of the largest speed."""
 
@@ -103,10 +101,7 @@ def without_paper(fit: Fit) -> Fit:
 
 def chart_part(gathered: Certified, before: int) -> Part | None:
     """The control charts of all quantities that enough runs tell of; None while there are too few runs."""
-    counts = [
-        sum(run.protocol == fit.result.kind for run in gathered.runs) for fit in gathered.fits
-    ]
-    if max(counts, default=0) < CHARTED_FROM:
+    if not gathered.has_charts:
         return None
     record = passport(gathered.folder, gathered.serial)
     charted = [one for one in record.series if len(one.points) >= CHARTED_FROM]

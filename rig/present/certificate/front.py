@@ -23,6 +23,8 @@ from rig.present import figure as figures
 from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.laboratory import LaboratoryWords
 from rig.present.content import Grid
+from rig.program import Program, this_program
+from rig.runfile.manifest import Manifest
 
 VALUES = 5
 """Lines of page one: every judged one, and until there are so many the first key quantity of every kind in turn."""
@@ -50,8 +52,10 @@ class Curve:
     title: str
 
 
-def front_page(gathered: Certified, laboratory: LaboratoryWords) -> dict[str, Any]:
-    """What page one shows, as plain values, tables and drawings."""
+def front_page(
+    gathered: Certified, laboratory: LaboratoryWords, manifest: Manifest
+) -> dict[str, Any]:
+    """What page one shows, as plain values, tables and drawings; `manifest` is that of what it rests on."""
     verdict = gathered.verdict
     return {
         "laboratory": _laboratory(laboratory),
@@ -66,7 +70,7 @@ def front_page(gathered: Certified, laboratory: LaboratoryWords) -> dict[str, An
         "values": value_grid(gathered),
         "curves": [asdict(curve) for curve in _curves(gathered.fits)],
         "conditions": conditions_of(gathered),
-        "hashes": hash_grid(gathered),
+        "hashes": hash_grid(gathered, manifest),
         "remarks": _remarks(gathered),
     }
 
@@ -234,8 +238,8 @@ def conditions_of(gathered: Certified) -> list[tuple[str, str]]:
     return lines
 
 
-def hash_grid(gathered: Certified) -> Grid:
-    """Run files, tares, parameter sets and acceptance file with their SHA-256."""
+def hash_grid(gathered: Certified, manifest: Manifest) -> Grid:
+    """Run files, tares, parameter sets, acceptance file, program and manifest with their SHA-256."""
     rows = [
         (f"run, {fit.result.kind}", fit.recording.metadata.run_id, fit.recording.metadata.sha256)
         for fit in gathered.fits
@@ -251,8 +255,16 @@ def hash_grid(gathered: Certified) -> Grid:
         acceptance = gathered.acceptance
         name = Path(acceptance.path).name
         rows.append(("acceptance file", name, acceptance_sha256(acceptance)))
+    program = this_program()
+    rows.append(("program", _named(program), program.sha256))
+    rows.append(("manifest", "all that this rests on", manifest.sha256))
     columns = ("What", "Name", "SHA-256")
     return Grid("", columns, tuple(rows), (False, False, False), hashes=columns[2:])
+
+
+def _named(program: Program) -> str:
+    """A program by version and commit, short enough for a cell of a table."""
+    return program.in_words().partition(", files")[0]
 
 
 def _gear_set(fit: Fit) -> tuple[str, str, str]:
@@ -262,10 +274,25 @@ def _gear_set(fit: Fit) -> tuple[str, str, str]:
 
 
 def _remarks(gathered: Certified) -> list[str]:
-    """What makes the page doubtful: stale analyses with the command that renews them, newer runs left away."""
+    """What makes the page doubtful: analyses without a seal, stale ones with the command that renews them, those by
+    different programs, newer runs left away.
+    """
     stale = [
         f"The {one.kind} analysis is stale ({'; '.join(one.stale)}); {one.renewed_by}"
         for one in gathered.analyses
         if one.stale
     ]
-    return [*stale, *gathered.passed_over]
+    return [*gathered.unsealed, *stale, *_different_programs(gathered), *gathered.passed_over]
+
+
+def _different_programs(gathered: Certified) -> list[str]:
+    """A sentence where the analyses were not all made by one program, with the analyses that each one made."""
+    kinds: dict[str, list[str]] = {}
+    for one in gathered.analyses:
+        if one.analysis is not None:
+            made_by = Program.from_json(one.analysis.content).in_words()
+            kinds.setdefault(made_by, []).append(one.analysis.kind)
+    if len(kinds) < 2:
+        return []
+    words = "; ".join(f"{', '.join(names)} by {program}" for program, names in kinds.items())
+    return [f"The analyses were made by different programs: {words}."]

@@ -13,16 +13,22 @@ from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 
+from model.errors import WordedError
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import InForce
 from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.newest import newest_analysed
 from rig.analysis.passport.gather import counted_origin, runs_of
+from rig.analysis.recompute import recompute
+from rig.analysis.store import unsealed_words
 from rig.analysis.stored_fit import fit_in_force
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
 from rig.runfile.read import close_recording
+
+CHARTED_FROM = 3
+"""Runs of a kind from which on a control chart tells anything."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +49,19 @@ class Certified:
     verdict: GearVerdict
     missing: tuple[str, ...] = ()
     passed_over: tuple[str, ...] = ()
+    unsealed: tuple[str, ...] = ()
+    """Of each analysis that was never sealed, or lost its seal: that, and what came of making it again."""
 
     @property
     def is_complete(self) -> bool:
         """Whether every protocol that was asked for has an analysed run."""
         return not self.missing
+
+    @property
+    def has_charts(self) -> bool:
+        """Whether any kind has as many runs as make a control chart."""
+        counts = [sum(run.protocol == fit.result.kind for run in self.runs) for fit in self.fits]
+        return max(counts, default=0) >= CHARTED_FROM
 
     def fit_of(self, kind: str) -> Fit | None:
         """The newest analysed run of a kind."""
@@ -88,10 +102,25 @@ def certified(
             verdict=judge(fits, acceptance),
             missing=_missing(acceptance, protocols, fits),
             passed_over=newest.passed_over,
+            unsealed=tuple(_unsealed(newest.runs)),
         )
     finally:
         for fit in fits:
             close_recording(fit.recording)
+
+
+def _unsealed(runs: Sequence[tuple[IndexedRun, InForce]]) -> Iterator[str]:
+    """Analyses that nothing vouches for are made again: a number that cannot be made again must not look like one that
+    can.
+    """
+    for run, found in runs:
+        if found.analysis is None or found.analysis.seal.is_whole:
+            continue
+        try:
+            words = recompute(run.path, found.analysis).words
+        except WordedError as error:
+            words = f"not made again: {error}"
+        yield f"{unsealed_words(found.analysis)} It was {words}"
 
 
 def _counted(runs: Sequence[IndexedRun]) -> list[IndexedRun]:

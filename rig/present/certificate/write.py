@@ -11,6 +11,7 @@ from typing import Any
 
 from experiments.result import DECISION_RULE
 from rig.analysis.judging import GearVerdict
+from rig.errors import RigError
 from rig.gears.acceptance import Acceptance
 from rig.present import content, definitions, provenance
 from rig.present import figure as figures
@@ -25,17 +26,21 @@ from rig.present.certificate.front import front_page, sentence_of
 from rig.present.certificate.gather import Certified, acceptance_sha256, certified
 from rig.present.certificate.laboratory import LaboratoryWords
 from rig.present.certificate.numbers import number_grids
+from rig.present.certificate.record import certificate_files, manifest_path, record_of, record_path
+from rig.present.certificate.rests_on import manifest_of
 from rig.present.content import Part
 from rig.present.page import (
     ORIGIN_SENTENCES,
     figures_of,
     paper_figure_rows,
+    rendered,
     run_line,
     signature_of,
-    write_context,
 )
 from rig.present.provenance import Provenance
+from rig.runfile.manifest import Manifest
 from rig.runfile.seal import forget_hashes
+from rig.runfile.sealed import replace_sealed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +50,11 @@ class Certificate:
     number: str
     serial: str
     paths: tuple[Path, ...]
+    record: Path
+    """Its numbers and hashes for programs, beside it."""
+    manifest: Path
+    """The list of what it rests on, beside it."""
+    manifest_sha256: str
     verdict: GearVerdict
     sentence: str
     missing: tuple[str, ...]
@@ -57,6 +67,9 @@ class Certificate:
             "certificate": self.number,
             "serial": self.serial,
             "files": [str(path) for path in self.paths],
+            "record": str(self.record),
+            "manifest": str(self.manifest),
+            "manifest_sha256": self.manifest_sha256,
             "complete": not self.missing,
             "missing": list(self.missing),
             "runs": dict(self.runs),
@@ -78,21 +91,34 @@ def write_certificate(
     """Write the certificate of a gear, HTML or PDF by the suffix of each output.
 
     `acceptance` is what the gear must show (that of its card without one), `protocols` those that a
-    plan lists; `created` is the calendar time, now without one. Nothing is fitted. Raises `RigError`
-    where no run of this gear is analysed or a file cannot be written.
+    plan lists; `created` is the calendar time, now without one. The outputs differ in their suffix alone; beside
+    them come the record (`.json`) and the manifest of what the certificate rests on (`.manifest.txt`), all
+    sealed. Nothing is fitted. Raises `RigError` where no run of this gear is analysed or a file cannot be written.
     """
     forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     with certified(folder, serial, acceptance=acceptance, protocols=protocols) as gathered:
+        manifest = manifest_of(gathered)
         context = certificate_context(
-            gathered, laboratory or LaboratoryWords(), created=created.replace("T", " ", 1)
+            gathered,
+            laboratory or LaboratoryWords(),
+            manifest,
+            created=created.replace("T", " ", 1),
         )
-        for output in outputs:
-            write_context(context, output)
+        pages = {output: rendered(context, output) for output in outputs}
+        record = record_of(
+            gathered, context=context, created=created, manifest=manifest, pages=pages
+        )
+        record_file, manifest_file = record_path(outputs[0]), manifest_path(outputs[0])
+        # The record comes last: it names all others, and without it there is no certificate to verify.
+        _write_sealed({**pages, manifest_file: manifest.as_bytes(), record_file: record})
         return Certificate(
             number=context["number"],
             serial=serial,
             paths=tuple(outputs),
+            record=record_file,
+            manifest=manifest_file,
+            manifest_sha256=manifest.sha256,
             verdict=gathered.verdict,
             sentence=sentence_of(gathered),
             missing=gathered.missing,
@@ -100,8 +126,30 @@ def write_certificate(
         )
 
 
+def _write_sealed(files: Mapping[Path, bytes]) -> None:
+    """Write each file with its note, over what this program wrote there before."""
+    for path in files:
+        if path.suffix == ".json" and path.exists() and not certificate_files(path):
+            raise RigError(
+                "the record of the certificate has no place: another file has its name",
+                where=str(path),
+                remedy="Choose another --output, or move that file away.",
+            )
+    for path, data in files.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            replace_sealed(path, data)
+        except OSError as error:
+            raise RigError(
+                "the certificate cannot be written",
+                where=str(path),
+                value=error.strerror or str(error),
+                remedy="Choose another --output.",
+            ) from None
+
+
 def certificate_context(
-    gathered: Certified, laboratory: LaboratoryWords, *, created: str
+    gathered: Certified, laboratory: LaboratoryWords, manifest: Manifest, *, created: str
 ) -> dict[str, Any]:
     """Everything that a certificate shows, under the names that the templates know."""
     fits = tuple(with_limits(fit, gathered.verdict.lines) for fit in gathered.fits)
@@ -113,7 +161,7 @@ def certificate_context(
     origins = list(dict.fromkeys(fit.recording.metadata.origin for fit in fits))
     facts = [(part.title, part.provenance) for part in annexes]
     return {
-        "front": front_page(replace(gathered, fits=fits), laboratory),
+        "front": front_page(replace(gathered, fits=fits), laboratory, manifest),
         "created": created,
         "number": _number(gathered),
         "heading": f"Certificate of gear {gathered.serial}",

@@ -10,7 +10,6 @@ import contextlib
 import multiprocessing
 import os
 import signal
-import traceback
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from pathlib import Path
 
 from experiments.errors import AnalysisError
 from model.errors import WordedError
+from rig.exits import defect_in_words
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,8 +93,8 @@ def analyse(run: Path, created: str) -> Analysed:
         return Analysed(run=run, refused=str(error))
     except (WordedError, OSError) as error:
         return Analysed(run=run, crashed=str(error))
-    except Exception:  # noqa: BLE001  whatever it was, the run stays and the campaign must hear of it
-        return Analysed(run=run, crashed=traceback.format_exc())
+    except Exception as error:  # noqa: BLE001  whatever it was, the run stays and the campaign must hear of it
+        return Analysed(run=run, crashed=defect_in_words(error))
     lacks = fit.found_tare is not None and fit.found_tare.path is None
     return Analysed(
         run=run, without_tare=fit.found_tare.because if fit.found_tare and lacks else ()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.analysis.judging import GearVerdict, StoredResult, judge, stored_result
 from rig.analysis.tare import takes_tare, tare_kind
+from rig.runfile.seal import sealed_sha256
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.analyst import Analysed, Analyst, analyst
 from rig.trial.campaign.journal import DoneStage, Journal
@@ -193,6 +194,7 @@ def _run_missing(
             outcome=report.outcome,
             message=report.message,
             at=order.now(),
+            sha256=sealed_sha256(report.path) if report.path.is_file() else "",
         )
         journal = journal.with_stage(done)
         crew.ended(done, report)

@@ -2,10 +2,15 @@
 
 `<folder of runs>/.campaigns/<gear>-<campaign>-<number>.jsonl`, one JSON object a line, written to the
 disk before the next stage begins. A last line that a power cut left unfinished is not counted.
+
+A journal grows, so it has no note beside it: each line holds under `before` the SHA-256 of the line
+before, and a line that was changed, taken out or put in is found when it is read. Whole lines taken
+away at its end are not: nothing after them tells. Journals of format 1 (version 0.2.0) hold no hashes.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import re
@@ -14,12 +19,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rig.errors import RunFileError
+from rig.errors import ChangedRunError, RunFileError
 from rig.trial.campaign.plan import CampaignPlan
 
 FOLDER = ".campaigns"
 """Lies in the folder of runs."""
-FORMAT = "harmonic-rig-campaign-1"
+FORMAT = "harmonic-rig-campaign-2"
+FORMAT_1 = "harmonic-rig-campaign-1"
+BEFORE = "before"
+"""The key under which a line holds the SHA-256 of the line before, "" in the first one."""
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9._]+")
 _NUMBER = re.compile(r"-(\d{3,})\.jsonl\Z")
 
@@ -35,6 +43,8 @@ class DoneStage:
     message: str = ""
     at: str = ""
     outdated: str = ""
+    sha256: str = ""
+    """Of the run file as it was sealed; "" where it was not noted."""
 
     @property
     def counts(self) -> bool:
@@ -51,6 +61,11 @@ class Journal:
     stages: tuple[DoneStage, ...] = ()
     """Every run of it, the newest of a stage last."""
     ended: Mapping[str, Any] | None = None
+
+    @property
+    def is_chained(self) -> bool:
+        """Whether each of its lines holds the hash of the line before."""
+        return self.begun.get("format") == FORMAT
 
     @property
     def number(self) -> int:
@@ -84,9 +99,11 @@ class Journal:
         )
         return replace(self, stages=stages)
 
-    def with_end(self, verdict: str, certificate: str, at: str) -> Journal:
-        """The journal of a campaign that came to its end."""
-        ended = {"verdict": verdict, "certificate": certificate, "at": at}
+    def with_end(
+        self, verdict: str, certificate: str, at: str, rests_on: Mapping[str, Any] | None = None
+    ) -> Journal:
+        """The journal of a campaign that came to its end; `rests_on` names files with the hashes that they had."""
+        ended = {"verdict": verdict, "certificate": certificate, "at": at, **(rests_on or {})}
         _append(self.path, {"what": "ended", **ended})
         return replace(self, ended=ended)
 
@@ -130,17 +147,25 @@ def unfinished(folder: Path, plan: CampaignPlan, serial: str) -> Journal | None:
 
 
 def read(path: Path) -> Journal | None:
-    """The journal in a file; None for one in which nothing was begun. Raises `RunFileError` for one that is none."""
+    """The journal in a file; None for one in which nothing was begun.
+
+    Raises `RunFileError` for one that is none, `ChangedRunError` for one whose lines are not those that were written.
+    """
     rows = _rows(path)
     if not rows:
         return None
     first = rows[0]
-    if first.get("what") != "begun" or first.get("format") != FORMAT:
+    if first.get("what") != "begun" or first.get("format") not in (FORMAT, FORMAT_1):
         raise RunFileError("is no journal of a campaign", where=str(path), limit=f"format {FORMAT}")
-    journal = Journal(path, {key: value for key, value in first.items() if key != "what"})
+    journal = Journal(path, _without_frame(first))
     for row in rows[1:]:
         journal = _taken_in(journal, row)
     return journal
+
+
+def _without_frame(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What a line says, without what it is and the hash of the line before."""
+    return {key: value for key, value in row.items() if key not in ("what", BEFORE)}
 
 
 def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
@@ -153,6 +178,7 @@ def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
             outcome=str(row["outcome"]),
             message=str(row.get("message", "")),
             at=str(row.get("at", "")),
+            sha256=str(row.get("sha256", "")),
         )
         return replace(journal, stages=(*journal.stages, stage))
     if what == "outdated":
@@ -163,18 +189,18 @@ def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
         )
         return replace(journal, stages=stages)
     if what == "ended":
-        return replace(journal, ended=row)
+        return replace(journal, ended=_without_frame(row))
     return journal
 
 
 def _rows(path: Path) -> list[dict[str, Any]]:
     try:
-        lines = path.read_text(encoding="utf-8").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
+        lines = path.read_bytes().split(b"\n")
+    except OSError as error:
         raise RunFileError(
             "the journal of a campaign cannot be read", where=str(path), value=str(error)
         ) from None
-    rows = []
+    rows: list[dict[str, Any]] = []
     # What stands behind the last newline was being written when the power went.
     for number, line in enumerate(lines[:-1], 1):
         try:
@@ -187,19 +213,36 @@ def _rows(path: Path) -> list[dict[str, Any]]:
                 where=f"{path}: line {number}",
                 remedy="Move the file away and begin the campaign anew; its runs stay what they are.",
             )
+        if rows and rows[0].get("format") != FORMAT_1:
+            _check_line(path, number, row, lines[number - 2])
         rows.append(row)
     return rows
+
+
+def _check_line(path: Path, number: int, row: Mapping[str, Any], before: bytes) -> None:
+    """Refuse a line that does not follow upon the one before it."""
+    digest = hashlib.sha256(before).hexdigest()
+    if row.get(BEFORE) != digest:
+        raise ChangedRunError(
+            "the journal of a campaign was changed since it was written",
+            where=f"{path}: line {number - 1}",
+            value=f"SHA-256 {digest}",
+            limit=f"{row.get(BEFORE) or 'none'} (as line {number} says)",
+            remedy="Take the original, or the backup; or begin the campaign anew with --anew.",
+        )
 
 
 def _append(path: Path, row: Mapping[str, Any]) -> None:
     try:
         kept = path.read_bytes() if path.exists() else b""
         whole = kept[: kept.rfind(b"\n") + 1]
+        lines = whole.split(b"\n")[:-1]
+        before = hashlib.sha256(lines[-1]).hexdigest() if lines else ""
         with path.open("r+b" if path.exists() else "xb") as file:
             # A line that was cut off is taken away: the next one would be glued to it.
             file.truncate(len(whole))
             file.seek(len(whole))
-            file.write(json.dumps(row, ensure_ascii=False).encode() + b"\n")
+            file.write(json.dumps({**row, BEFORE: before}, ensure_ascii=False).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
     except OSError as error:

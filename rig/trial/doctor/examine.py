@@ -21,10 +21,10 @@ from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
-from rig.run.arming import guard_check, loss_check
+from rig.run.arming import guard_check, handle_check, loss_check
 from rig.run.dry_run import PlannedRun
 from rig.run.order import RunReport
-from rig.run.start import RunRequest, bench_for, plan_request, run_on
+from rig.run.start import RunRequest, bench_for, handle_of, plan_request, run_on
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
@@ -188,11 +188,15 @@ def _limits(looked: Looked) -> Iterable[Finding]:
 
 
 def _guard(looked: Looked) -> Iterable[Finding]:
-    if looked.rig.real_time or looked.rig.guard is not None:
-        return (
-            armed(guard_check(looked.rig.guard)),
-            armed(loss_check(looked.rig.port.abilities.unwatched, looked.rig.loss_covered_by)),
-        )
+    rig = looked.rig
+    if rig.real_time or rig.guard is not None:
+        unwatched, handle = rig.port.abilities.unwatched, handle_of(rig)
+        found = [armed(guard_check(rig.guard)), armed(loss_check(unwatched, rig.loss_covered_by))]
+        if handle is not None:
+            check = handle_check(handle.open, handle.known, unwatched, rig.loss_covered_by)
+            handle.close()
+            found.append(armed(check))
+        return found
     return (
         Finding(
             group="safety",

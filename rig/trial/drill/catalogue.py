@@ -29,6 +29,7 @@ from sim_backend.faults import Fault
 from sim_backend.wire import analog_faults as analog
 from sim_backend.wire import box_faults as box
 from sim_backend.wire import faults as wire
+from sim_backend.wire import strangers
 from sim_backend.wire.analog_amplifier import NO_ALARM
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
 
@@ -67,6 +68,9 @@ TORQUE: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-csp")
 BY_POSITION: tuple[Carrier, ...] = ("wire-csp",)
 """What goes wrong with a drive that is led by target positions."""
 REFERENCE: tuple[Carrier, ...] = ("wire-analog",)
+SPEED_MODES: tuple[Carrier, ...] = ("wire", "wire-csp", "wire-pv")
+"""A drive by target velocity, by target position and by profile velocity: what another master on the bus can spoil."""
+ANY_DRIVE: tuple[Carrier, ...] = (*SPEED_MODES, "wire-box", "wire-analog")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,9 +297,16 @@ _FRAMES = (
     ),
     Drill(
         name="TPDO doubled",
-        cause=marked(CycleFlag.DOUBLED),
-        what="the counter's process data come twice",
+        cause=trips.FOREIGN_TPDO,
+        what="the counter's process data come twice in every cycle",
         fault=wire.TpdoDoubled,
+        carriers=BUS_COUNTER,
+    ),
+    Drill(
+        name="TPDO doubled, twice",
+        cause=marked(CycleFlag.DOUBLED),
+        what="the counter's process data come twice in two cycles",
+        fault=lambda at: wire.TpdoDoubled(at, cycles=2),
         is_harmless=True,
         carriers=BUS_COUNTER,
     ),
@@ -637,7 +648,74 @@ _BUS = (
         what="another master puts the drive into profile torque",
         cause=trips.DRIVE_MODE,
         fault=wire.ModeFromOutside,
-        carriers=CIA_402,
+        carriers=(*SPEED_MODES, "wire-box"),
+    ),
+    Drill(
+        name="mode changed by another master, cyclic torque",
+        what="another master puts the drive into cyclic synchronous torque",
+        cause=trips.DRIVE_MODE,
+        fault=lambda at: wire.ModeFromOutside(at, mode=10),
+        carriers=SPEED_MODES,
+    ),
+)
+
+_STRANGERS = (
+    Drill(
+        name="second SYNC producer",
+        what="somebody else begins to send a SYNC in every cycle, and the nodes answer it",
+        cause=trips.FOREIGN_SYNC,
+        fault=strangers.SecondSync,
+        carriers=ANY_DRIVE,
+    ),
+    Drill(
+        name="second SYNC producer, two SYNCs",
+        what="somebody else sends two SYNCs",
+        cause=marked(CycleFlag.DOUBLED),
+        fault=lambda at: strangers.SecondSync(at, cycles=2),
+        carriers=SPEED_MODES,
+        is_harmless=True,
+    ),
+    Drill(
+        name="alien process data",
+        what="a second device sends with the counter's COB-ID in every fourth cycle",
+        cause=trips.FOREIGN_TPDO,
+        fault=lambda at: strangers.AlienTpdo(at, every=4),
+        carriers=(*SPEED_MODES, "wire-analog"),
+    ),
+    Drill(
+        name="alien process data, drive",
+        what="a second device sends with the drive's COB-ID for 40 cycles",
+        cause=trips.FOREIGN_TPDO,
+        fault=lambda at: strangers.AlienTpdo(at, node_id=DRIVE_NODE, byte=0x27, cycles=40),
+        carriers=SPEED_MODES,
+    ),
+    Drill(
+        name="alien set-point",
+        what="another master sends the drive one other set-point",
+        cause=trips.FOREIGN_COMMAND,
+        fault=lambda at: strangers.AlienCommand(at, cycles=1),
+        carriers=(*SPEED_MODES, "wire-box"),
+    ),
+    Drill(
+        name="alien controlword",
+        what="another master sends the drive one other controlword",
+        cause=trips.FOREIGN_COMMAND,
+        fault=lambda at: strangers.AlienCommand(at, cycles=1, byte=0, flip=0x08),
+        carriers=(*SPEED_MODES, "wire-box"),
+    ),
+    Drill(
+        name="alien controlword, shutdown",
+        what="another master tells the drive once to leave operation",
+        cause=trips.FOREIGN_COMMAND,
+        fault=lambda at: strangers.AlienCommand(at, cycles=1, byte=0, flip=0x09),
+        carriers=SPEED_MODES,
+    ),
+    Drill(
+        name="alien reference",
+        what="another master writes the coupler's outputs once",
+        cause=trips.FOREIGN_COMMAND,
+        fault=lambda at: strangers.AlienCommand(at, cycles=1, byte=0),
+        carriers=REFERENCE,
     ),
 )
 
@@ -815,6 +893,7 @@ DRILLS: Mapping[str, Drill] = {
         *_LINES_AND_DISK,
         *_OPERATOR,
         *_BUS,
+        *_STRANGERS,
         *_SLOW_LIES,
         *_SOURCES,
         *_REFERENCE,

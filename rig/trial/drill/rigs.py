@@ -16,6 +16,7 @@ from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.simulated import (
     box_port,
     position_config,
+    profile_config,
     reference_config,
     reference_device,
     wire_config,
@@ -29,8 +30,11 @@ from sim_backend.imperfections import individual_gear
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
 
-Carrier = Literal["sim", "wire", "wire-box", "wire-csp", "wire-analog"]
-CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-csp", "wire-analog")
+Carrier = Literal["sim", "wire", "wire-box", "wire-csp", "wire-pv", "wire-analog"]
+CARRIERS: tuple[Carrier, ...] = ("sim", "wire", "wire-box", "wire-csp", "wire-pv", "wire-analog")
+"""The direct rig, and those on the wire: a drive by target velocity (csv), the same with a counter box, one by target
+position (csp), one by profile velocity (pv), and an amplifier by analog reference.
+"""
 SPEED_ONLY: tuple[Carrier, ...] = ("wire-analog",)
 """Which of them take no set-points of torque."""
 IN_PAIRS: tuple[Carrier, ...] = ("sim", "wire")
@@ -260,6 +264,8 @@ def drilled_rig(
             port = box_port(bench, motor, has_guard=True)
         elif carrier == "wire-csp":
             port = wire_port(bench, motor, position_config(bench, motor, has_guard=True))
+        elif carrier == "wire-pv":
+            port = wire_port(bench, motor, profile_config(bench, motor, has_guard=True))
         elif reference is not None:
             port = wire_port(bench, motor, reference_config(bench, motor, has_guard=True))
         else:

@@ -31,8 +31,10 @@ AFTERMATH = 1.0
 """s of rig time that pass, where standstill was not verified, before the truth is looked at: the
 drive stops by itself.
 """
-PATIENCE = Patience(ramp=0.3, quick_stop=0.3, servo_off=0.6)
-"""Less than a real rig is given: the simulated one stops within a few hundredths of a second or not at all."""
+PATIENCE = Patience(ramp=0.3, quick_stop=0.3, servo_off=1.2)
+"""Less than a real rig is given, as the simulated one stops within a few hundredths of a second or not at all; but
+three times the longest silence among the faults, in which nobody can say so.
+"""
 SPOILED = "measurement spoiled unnoticed"
 """What a drill detects, and must not, where a completed run shows a lost revolution that nothing has marked."""
 COMPARED = ("input_angle", "output_angle", "torque")

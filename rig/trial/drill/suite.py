@@ -200,7 +200,7 @@ def run_drills(
             yield row_of(drill, carrier, ending, staged.reference(carrier).outcome)
 
 
-def carrier_of(drill: Drill, backend: str | None) -> Carrier:
+def carrier_of(drill: Drill, backend: str | None = None) -> Carrier:
     """The rig on which a drill is run: the one that is asked for, or the drill's own choice."""
     return next(each for each in CARRIERS if each == (backend or drill.carriers[0]))
 

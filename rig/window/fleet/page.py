@@ -28,6 +28,7 @@ from rig.window.shell.stack import (
     line_field,
     push_button,
     room_for,
+    set_tip,
     split,
     text_label,
 )
@@ -183,7 +184,7 @@ class FleetPage(QWidget):
     def _show_lot(self) -> None:
         lot = self.lot
         self.where.setText(str(lot.data.folder if lot else self.folder))
-        self.where.setToolTip(self.where.text())
+        set_tip(self.where, self.where.text())
         benches = (
             {bench for gear in lot.gears for bench in gear.bench.split(", ")} if lot else set()
         )

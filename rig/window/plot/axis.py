@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from html import escape
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,8 @@ class LabAxis(pg.AxisItem):
     def labelString(self) -> str:
         """The label, or its unit alone where the axis is too short for it: the title says what is drawn."""
         whole = self.labelText
-        self.labelText = self._fitting(whole)
+        # The library takes it for HTML; names of channels come from files.
+        self.labelText = escape(self._fitting(whole)).replace("\n", "<br>")
         try:
             return super().labelString()
         finally:

@@ -7,6 +7,7 @@ in the canvas itself, so that a picture of the plot cannot lose it.
 
 from __future__ import annotations
 
+import html
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -90,6 +91,7 @@ class LabPlot(QWidget):
         self._session, self._curves, self._extras = session, [], []
         self._title, self._legend = QLabel(title), QLabel()
         self._title.setProperty("part", "heading")
+        self._title.setTextFormat(Qt.TextFormat.PlainText)
         self._legend.setTextFormat(Qt.TextFormat.RichText)
         self._legend.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._legend.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
@@ -345,7 +347,7 @@ class LabPlot(QWidget):
         for curve in self._curves:
             if curve.name:
                 sign = _LEGEND_SIGNS.get(curve.style, "━━")
-                name = curve.name.replace(" ", "&nbsp;")
+                name = html.escape(curve.name).replace(" ", "&nbsp;")
                 parts.append(
                     f'<span style="color:{colour_of(curve, palette)}">{sign}</span>&nbsp;{name}'
                 )
@@ -374,7 +376,11 @@ class LabPlot(QWidget):
     def _draw_mark(self, palette: Palette) -> None:
         # In a row of its own above the data: part of the picture, and never over a curve.
         self.item.setTitle(
-            self._mark_text or None, color=palette.warning, size="8pt", bold=True, justify="right"
+            html.escape(self._mark_text) or None,
+            color=palette.warning,
+            size="8pt",
+            bold=True,
+            justify="right",
         )
         if self._mark_text:
             self._mark.setMaximumHeight(MARK_HEIGHT)

@@ -6,7 +6,6 @@ logarithmic axis), error bars and bands, and a sentence for what a logarithmic a
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -24,7 +23,14 @@ from rig.present.figure import foot_of, without_what_logs_lose
 from rig.window.plot.plots import Curve, CurveStyle, LabPlot, upright
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, room_for, side_list, split, text_label
+from rig.window.shell.stack import (
+    in_column,
+    room_for,
+    set_tip,
+    side_list,
+    split,
+    text_label,
+)
 
 CROWDED_POINTS = 120
 """More points than this are drawn small."""
@@ -156,7 +162,7 @@ class ResultPlot(PanelPlot):
         for place, (panel, lower) in enumerate(zip(plot.panels, self.below, strict=True), 1):
             is_last = place == len(plot.panels)
             # A low panel has no room for a label in one line.
-            label = html.escape(panel.y_label).replace(" [", "<br>[")
+            label = panel.y_label.replace(" [", "\n[")
             lower.set_labels("", plot.x_label if is_last else "", label)
             lower.show_series(drawable, place)
             lower.item.setXLink(self.item)
@@ -264,7 +270,7 @@ class PlotGallery(QWidget):
             self.titles.clear()
             for title in distinct_titles(plots):
                 item = QListWidgetItem(title)
-                item.setToolTip(title)
+                set_tip(item, title)
                 self.titles.addItem(item)
         if not plots:
             self.plot.clear_figure()

@@ -8,10 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QSizePolicy, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QSizePolicy, QWidget
 
 from rig.run.preflight import Check
-from rig.window.shell.stack import text_label
+from rig.window.shell.stack import (
+    set_tip,
+    text_label,
+)
 
 SIGNS = {"ok": ("✓ ok", "good"), "warning": ("! warning", "warning"), "failed": ("✗ failed", "bad")}
 """Result of a check: how it is shown, and the part of the style sheet that colours it."""
@@ -89,7 +92,7 @@ class Checklist(QWidget):
         box.setEnabled(check.result != "failed")
         box.setChecked(check in self._ticked)
         box.setAccessibleName(f"{check.name}: {check.evidence}")
-        box.setToolTip("Seen and accepted" if box.isEnabled() else "Has to be put right first")
+        set_tip(box, "Seen and accepted" if box.isEnabled() else "Has to be put right first")
         box.toggled.connect(lambda on, check=check: self._tick(check, on))
         words, part = SIGNS[check.result]
         sign = text_label(words, part)
@@ -97,12 +100,11 @@ class Checklist(QWidget):
             check.evidence
             + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else ""),
             wraps=True,
-            plain=True,
             selectable=True,
         )
         text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         text.setMinimumSize(1, 1)
-        for column, widget in enumerate((box, sign, QLabel(check.name))):
+        for column, widget in enumerate((box, sign, text_label(check.name))):
             self._grid.addWidget(widget, row, column, Qt.AlignmentFlag.AlignTop)
         self._grid.addWidget(text, row, 3, Qt.AlignmentFlag.AlignTop)
         return box

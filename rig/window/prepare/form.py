@@ -13,13 +13,17 @@ from typing import Any
 
 from PySide6.QtCore import QObject, QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QWheelEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLabel, QLineEdit, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLineEdit, QWidget
 
 from experiments.errors import ExperimentError, PlanError
 from experiments.parameters import ParameterField
 from rig.analysis.wording import pretty
 from rig.window.prepare.request import heading
-from rig.window.shell.stack import restyled, text_label
+from rig.window.shell.stack import (
+    restyled,
+    set_tip,
+    text_label,
+)
 
 Checker = Callable[[str, Any], None]
 """Raises `PlanError` for a value of a field that the model refuses."""
@@ -57,9 +61,9 @@ class FieldRow(QObject):
         super().__init__()
         self.field, self.choices, self.suggestions = field, choices, suggestions
         self._optional = optional or field.optional
-        self.label = QLabel(heading(field.name))
+        self.label = text_label(heading(field.name))
         self.unit = text_label(printed(field.unit) if field.unit != "1" else "", "muted")
-        self.note = text_label(wraps=True, plain=True)
+        self.note = text_label(wraps=True)
         self.editor = self._new_editor()
         self.editor.setObjectName(field.name)
         self.editor.setAccessibleName(f"{self.label.text()} {self.unit.text()}".strip())
@@ -117,7 +121,7 @@ class FieldRow(QObject):
         restyled(self.note, "bad" if text else "muted")
         self.editor.style().unpolish(self.editor)
         self.editor.style().polish(self.editor)
-        self.editor.setToolTip(text or self.hint)
+        set_tip(self.editor, text or self.hint)
 
     @property
     def hint(self) -> str:

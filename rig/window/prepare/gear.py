@@ -33,7 +33,15 @@ from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.new_gear import NewGearForm
 from rig.window.prepare.preview_plot import short_name
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, restyled, room_for, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    restyled,
+    room_for,
+    set_tip,
+    text_label,
+)
 
 NEW_GEAR = "another gear …"
 
@@ -63,8 +71,8 @@ class GearSection(QWidget):
             {"part": shipped_parts(), "acceptance": shipped_names()},
         )
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
-        self.status = text_label(wraps=True, plain=True)
-        self.digest = text_label(wraps=True, plain=True)
+        self.status = text_label(wraps=True)
+        self.digest = text_label(wraps=True)
         self.details_button = QPushButton("Card d&etails")
         self.details_button.setCheckable(True)
         self.details_button.toggled.connect(self._show_details)
@@ -251,7 +259,7 @@ class GearSection(QWidget):
         )
         self.confirm_button.setText(who)
         self.confirm_button.setEnabled(bool(self._operator) and shown is not None)
-        self.confirm_button.setToolTip(self._why_not(shown))
+        set_tip(self.confirm_button, self._why_not(shown))
         last = stored.confirmation if stored is not None else None
         if edited:
             text, part = (

@@ -29,7 +29,6 @@ class AcknowledgeDialog(QDialog):
         self.what = text_label(
             trip_in_words(trip) if trip is not None else "No trip is latched any more.",
             wraps=True,
-            plain=True,
         )
         self.remark = line_field(
             "What was found and done", "what was found and done; kept with your name"

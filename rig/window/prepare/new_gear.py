@@ -19,7 +19,15 @@ from rig.gears.card import now_text
 from rig.gears.making import made_gear, write_new_gear
 from rig.gears.stating import declared, value_of
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, line_field, push_button, restyled, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    line_field,
+    push_button,
+    restyled,
+    set_tip,
+    text_label,
+)
 from rig.window.work.background import single_shot
 
 TYPING_PAUSE = 200
@@ -38,7 +46,7 @@ class NewGearField(QObject):
         super().__init__()
         self.editor: QLineEdit = line_field(name, hint)
         self.label = text_label(name, buddy=self.editor)
-        self.note = text_label("", "muted", wraps=True, plain=True)
+        self.note = text_label("", "muted", wraps=True)
         self.editor.textChanged.connect(lambda _: self.changed.emit())
 
     @property
@@ -77,7 +85,7 @@ class NewGearForm(QWidget):
         self.product = NewGearField("Part number", f"such as {EXAMPLE}")
         self.serial = NewGearField("Serial number", "from the plate of the gear")
         self.nameplate = {path: NewGearField("") for path in NAMEPLATE}
-        self.says = text_label("", "muted", wraps=True, plain=True)
+        self.says = text_label("", "muted", wraps=True)
         self.make_button = push_button("&Make this gear", "primary", act=self.make)
         self.cancel_button = push_button("Do not make it", act=self.given_up)
         self._pause = single_shot(self, TYPING_PAUSE, self.look_up)
@@ -183,13 +191,13 @@ class NewGearForm(QWidget):
             words = value.description[:1].upper() + value.description[1:]
             field.label.setText(short_label(path))
             field.editor.setAccessibleName(words)
-            field.editor.setToolTip(words)
+            set_tip(field.editor, words)
             field.editor.setPlaceholderText(f"{text} {unit}".rstrip())
             origin = value.origin
             part = "warning" if origin.provenance in ASSUMED else "muted"
             # The document and its conditions are read once, by the few who doubt: they stand in the tip.
             field.say(f"{origin.provenance}: {origin.source.partition(': ')[0]}", part)
-            field.note.setToolTip(origin.source)
+            set_tip(field.note, origin.source)
 
     def _show_state(self) -> None:
         """What it waits for, and what is still assumed."""
@@ -203,7 +211,7 @@ class NewGearForm(QWidget):
             else ""
         )
         self.make_button.setEnabled(not waits)
-        self.make_button.setToolTip(waits)
+        set_tip(self.make_button, waits)
         if self.gear is None:
             self.says.setText(f"! {waits}")
             return

@@ -58,6 +58,7 @@ from rig.window.shell.stack import (
     restyled,
     room_for,
     scrolled,
+    set_tip,
     split,
     text_label,
 )
@@ -106,7 +107,7 @@ class PreparePage(QWidget):
         )
         self.training_button = push_button("&Training …", act=self.open_training)
         self.acknowledge_button = push_button("Ac&knowledge the trip …", act=self.acknowledge_trip)
-        self.waiting = text_label(wraps=True, plain=True)
+        self.waiting = text_label(wraps=True)
         self._start_process: Callable[[Sequence[str]], RunProcess] = RunProcess
         self._doctor: RunProcess | None = None
         self._examination: dict[str, Any] | None = None
@@ -417,12 +418,12 @@ class PreparePage(QWidget):
             any(check.name == "trip latch" for check in self.checklist.failed)
         )
         self.acknowledge_button.setEnabled(bool(name))
-        self.acknowledge_button.setToolTip("" if name else "The operator has to be named first")
-        self.start_button.setToolTip("\n".join(reasons) or "Ctrl+2 shows the run")
+        set_tip(self.acknowledge_button, "" if name else "The operator has to be named first")
+        set_tip(self.start_button, "\n".join(reasons) or "Ctrl+2 shows the run")
         if reasons:
             more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
             self.waiting.setText(f"Start waits: {reasons[0]}{more}")
-            self.waiting.setToolTip("\n".join(reasons))
+            set_tip(self.waiting, "\n".join(reasons))
         else:
             self.waiting.setText("✓ Ready.")
         restyled(self.waiting, "muted" if reasons else "good")

@@ -24,7 +24,13 @@ from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
 from rig.window.plot.plots import LabPlot
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, read_only, room_for, split
+from rig.window.shell.stack import (
+    in_column,
+    read_only,
+    room_for,
+    set_tip,
+    split,
+)
 
 FIGURES = {
     "speed": ("Input speed", "nominal time [s]", "speed [r/min]"),
@@ -86,7 +92,7 @@ class PreviewPlots(QTabWidget):
         for row, margin in enumerate(margins):
             for column, text in enumerate(_cells(margin)):
                 item = QTableWidgetItem(text)
-                item.setToolTip(f"{text}\n{margin.limit}")
+                set_tip(item, f"{text}\n{margin.limit}")
                 if column in (3, 4):
                     item.setTextAlignment(
                         Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter

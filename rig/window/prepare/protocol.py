@@ -17,7 +17,13 @@ from rig.window.prepare.campaign import armed_protocol, plan_named
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.request import KNOWN_BY_THE_RIG
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    set_tip,
+    text_label,
+)
 
 CAMPAIGN = "campaign:"
 """Before the name of a campaign, or the path of its plan, among the choices."""
@@ -54,7 +60,7 @@ class ProtocolSection(QWidget):
             act=lambda: self.form.set_values({}),
         )
         self.anew = QCheckBox("Begin anew instead of going on")
-        self.anew.setToolTip("The runs of the unfinished campaign stay in the folder.")
+        set_tip(self.anew, "The runs of the unfinished campaign stay in the folder.")
         self.anew.toggled.connect(lambda _: self.changed.emit())
         self._place = QVBoxLayout()
         self.form = ParameterForm((), lambda name, value: None)

@@ -5,13 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from PySide6.QtWidgets import QComboBox, QLabel, QWidget
+from PySide6.QtWidgets import QComboBox, QWidget
 
 from rig.analysis.difference import Change, Difference, difference
 from rig.analysis.wording import readable
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import choice_box, in_column, in_row, text_label
+from rig.window.shell.stack import (
+    choice_box,
+    in_column,
+    in_row,
+    text_label,
+)
 from rig.window.work.background import LatestTask
 
 COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
@@ -33,7 +38,7 @@ class DifferenceView(QWidget):
         self.group.currentIndexChanged.connect(lambda _: self._fill())
         self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
         self._comparing = LatestTask(self, self._take, self.says.setText)
-        head = in_row(QLabel("show"), self.group, (self.says, 1))
+        head = in_row(text_label("show"), self.group, (self.says, 1))
         self.setLayout(in_column(self.title, head, (self.table, 1), margins=(8, 8, 8, 4)))
 
     def show_runs(self, first: Path, second: Path) -> None:

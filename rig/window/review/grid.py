@@ -11,7 +11,10 @@ from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem
 
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import row_by_row
+from rig.window.shell.stack import (
+    row_by_row,
+    set_tip,
+)
 
 WORD_COLOURS: Mapping[str, str] = {
     "yes": "good",
@@ -63,7 +66,7 @@ class GridTable(QTableWidget):
         for number, row in enumerate(rows):
             for place, text in enumerate(row):
                 item = QTableWidgetItem(text)
-                item.setToolTip(text)
+                set_tip(item, text)
                 if place < len(numeric) and numeric[place]:
                     item.setTextAlignment(right)
                 self.setItem(number, place, item)

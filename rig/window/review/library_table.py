@@ -46,6 +46,7 @@ from rig.window.shell.stack import (
     line_field,
     push_button,
     row_by_row,
+    set_tip,
     text_label,
 )
 from rig.window.work.background import single_shot
@@ -96,7 +97,7 @@ class FilterBar(QWidget):
             edit.setCalendarPopup(True)
             edit.setDisplayFormat("yyyy-MM-dd")
             edit.setAccessibleName(word)
-            edit.setToolTip(word.capitalize())
+            set_tip(edit, word.capitalize())
             edit.setDate(_day(today()))
             edit.dateChanged.connect(lambda _: self._tell())
             edit.hide()

@@ -31,6 +31,7 @@ from rig.window.shell.stack import (
     in_column,
     in_row,
     push_button,
+    set_tip,
     side_list,
     split,
     text_label,
@@ -152,7 +153,7 @@ class OverlayView(QWidget):
                 item = QListWidgetItem(
                     f"{line.name}\n{line.run.protocol}, {local_time(line.run.start)}{state}"
                 )
-                item.setToolTip(line.problem or line.run.path.name)
+                set_tip(item, line.problem or line.run.path.name)
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
                 off = keep and row in hidden
                 item.setCheckState(Qt.CheckState.Unchecked if off else Qt.CheckState.Checked)

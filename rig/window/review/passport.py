@@ -33,7 +33,14 @@ from rig.window.review.fit import FitDesk, FitOrder, renewal_of
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    restyled,
+    set_tip,
+    text_label,
+)
 from rig.window.work.background import LatestTask
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
 from rig.window.work.verdicts import SIGNS, ListedVerdict, listed_verdict
@@ -75,8 +82,8 @@ class PassportView(QWidget):
         self.desk = FitDesk(parent=self)
         self.passport: Passport | None = None
         self.title, self.mark = text_label("Passport", "title"), text_label("", "mark")
-        self.verdict = text_label(plain=True)
-        self.because = text_label("", "muted", wraps=True, plain=True, selectable=True)
+        self.verdict = text_label()
+        self.because = text_label("", "muted", wraps=True, selectable=True)
         self.because.hide()
         self.says = text_label("", "muted", wraps=True)
         self.analyse = push_button(
@@ -198,7 +205,7 @@ class PassportView(QWidget):
         restyled(self.verdict, VERDICT_COLOURS[read.judged.verdict])
         reasons = read.judged.because
         self.because.setText(because_words(reasons))
-        self.because.setToolTip("\n".join(reasons))
+        set_tip(self.because, "\n".join(reasons))
         self.because.setVisible(bool(reasons))
         self.title.setText(
             f"Passport of {passport.serial}" + (f" · {passport.gear}" if passport.gear else "")
@@ -234,8 +241,9 @@ class PassportView(QWidget):
         self.prepare.setVisible(bool(self._lacking))
         if self._lacking:
             self.prepare.setText(f"&Prepare {self._lacking[0]}")
-            self.prepare.setToolTip(
-                f"The acceptance of this gear asks for runs that it lacks: {', '.join(self._lacking)}"
+            set_tip(
+                self.prepare,
+                f"The acceptance of this gear asks for runs that it lacks: {', '.join(self._lacking)}",
             )
 
     def _prepare(self) -> None:

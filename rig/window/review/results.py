@@ -8,7 +8,6 @@ from pathlib import Path
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import (
     QFileDialog,
-    QLabel,
     QProgressBar,
     QTextBrowser,
     QWidget,
@@ -29,6 +28,7 @@ from rig.window.shell.stack import (
     choice_box,
     in_column,
     in_row,
+    plain_tip,
     push_button,
     restyled,
     split,
@@ -63,7 +63,7 @@ class FitBar(QWidget):
         self.parameters = choice_box("Parameter set", letters=9)
         self.kind.currentTextChanged.connect(lambda _: self._offer_tare())
         self.parameters.activated.connect(self._choose_parameters)
-        self.tare_label = QLabel("tare")
+        self.tare_label = text_label("tare")
         self.fit = push_button(
             "&Fit",
             "primary",
@@ -100,11 +100,11 @@ class FitBar(QWidget):
 
     def _lay_out(self) -> None:
         choices = (
-            QLabel("fit as"),
+            text_label("fit as"),
             (self.kind, 1),
             self.tare_label,
             (self.tare, 1),
-            QLabel("parameters"),
+            text_label("parameters"),
             (self.parameters, 1),
         )
         row = in_row(*choices, self.fit, self.compare, self.save, spacing=6)
@@ -184,7 +184,9 @@ class FitBar(QWidget):
         self.tare.addItem("none", "")
         for run in self._tares:
             self.tare.addItem(f"run {run.number}, {local_time(run.start)}", str(run.path))
-            self.tare.setItemData(self.tare.count() - 1, run.path.name, Qt.ItemDataRole.ToolTipRole)
+            self.tare.setItemData(
+                self.tare.count() - 1, plain_tip(run.path.name), Qt.ItemDataRole.ToolTipRole
+            )
         self.tare.setCurrentIndex(len(self._tares))
         self.tare.setVisible(needs)
         self.tare_label.setVisible(needs)
@@ -197,7 +199,7 @@ class FitBar(QWidget):
             self.parameters.setCurrentIndex(0)
             return
         self.parameters.insertItem(1, path.name, str(path))
-        self.parameters.setItemData(1, str(path), Qt.ItemDataRole.ToolTipRole)
+        self.parameters.setItemData(1, plain_tip(str(path)), Qt.ItemDataRole.ToolTipRole)
         self.parameters.setCurrentIndex(1)
 
     def _compare(self) -> None:

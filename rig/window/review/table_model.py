@@ -25,6 +25,7 @@ from rig.library.index import IndexedRun
 from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.shell.palette import Palette
+from rig.window.shell.stack import plain_tip
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
 from rig.window.work.verdicts import ListedVerdict
 
@@ -264,7 +265,7 @@ class LibraryModel(QAbstractTableModel):
             return run
         if role == Qt.ItemDataRole.ToolTipRole:
             said = verdict.reasons if verdict is not None else ""
-            return "\n".join(part for part in (tool_tip(run), said) if part)
+            return plain_tip("\n".join(part for part in (tool_tip(run), said) if part))
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if column.numeric else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter

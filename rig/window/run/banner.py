@@ -14,7 +14,13 @@ from PySide6.QtWidgets import (
 )
 
 from rig.window.run.state import RunState, State
-from rig.window.shell.stack import in_column, in_row, push_button, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    set_tip,
+    text_label,
+)
 from rig.window.shell.theme import BANNER_CAPITAL
 
 WORD_SHARE = 0.6
@@ -115,7 +121,7 @@ class Banner(QFrame):
         self._words = (
             state.remedy if state.state is State.LOST or state.safe is False else state.what
         )
-        self._what.setToolTip(state.what)
+        set_tip(self._what, state.what)
         fresh, self._look = look != self._look, look
         self._fit()
         if not fresh:

@@ -13,7 +13,13 @@ from PySide6.QtWidgets import (
 
 from experiments.recording import Event
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, line_field, push_button
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    line_field,
+    push_button,
+    set_tip,
+)
 
 SIGNS = {"info": "·", "warning": "⚠", "error": "✖"}
 LONGEST = 150
@@ -97,7 +103,7 @@ class EventsView(QWidget):
         sign.setData(Qt.ItemDataRole.UserRole, event.level)
         words = event.text if len(event.text) <= LONGEST else event.text[:LONGEST].rstrip() + " …"
         text = QTableWidgetItem(words)
-        text.setToolTip(f"{event.level}, {event.source}, {event.code}\n{event.text}")
+        set_tip(text, f"{event.level}, {event.source}, {event.code}\n{event.text}")
         for column, item in enumerate((when, sign, text)):
             self.table.setItem(row, column, item)
         self._colour(row)

@@ -33,11 +33,11 @@ class LiveNumbers(QWidget):
         self.clear()
 
     def _tile(self, name: str) -> QFrame:
-        number = text_label(NOTHING, "number", plain=True)
+        number = text_label(NOTHING, "number")
         number.setAccessibleName(name.capitalize())
         # The number may change five times a second: nothing around it moves for that.
         number.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
-        caption = text_label(name, "muted", plain=True)
+        caption = text_label(name, "muted")
         caption.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Fixed)
         for label in (number, caption):
             label.setAlignment(Qt.AlignmentFlag.AlignHCenter)

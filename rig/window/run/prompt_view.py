@@ -14,7 +14,13 @@ from PySide6.QtWidgets import QFrame, QPushButton
 from drivers.clock import Clock, WallClock
 from experiments.steps.note import Prompt
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, line_field, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    line_field,
+    set_tip,
+    text_label,
+)
 
 UNARMED_NS = 1_000_000_000
 """ns after a question in which nothing answers it."""
@@ -69,7 +75,7 @@ class PromptView(QFrame):
         self._prompt: Prompt | None = None
         self._armed_ns = 0
         self.setObjectName("prompt")
-        self.question = text_label(wraps=True, plain=True)
+        self.question = text_label(wraps=True)
         self.question.setStyleSheet("font-size: 13pt; font-weight: 600;")
         self.field = line_field("Answer to the question of the run", "Answer")
         self.field.setMinimumWidth(220)
@@ -103,9 +109,7 @@ class PromptView(QFrame):
         self.hint.setText("A click, or Tab and then Space" if prompt.consent else "")
         self.field.clear()
         self.field.setVisible(not prompt.consent)
-        self.field.setToolTip(
-            f"kept in the run as {prompt.key}" if prompt.key else "kept in the run"
-        )
+        set_tip(self.field, f"kept in the run as {prompt.key}" if prompt.key else "kept in the run")
         self._show_armed()
         self._looks.start()
         self.show()

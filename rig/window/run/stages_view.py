@@ -10,6 +10,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QLabel, QSizePolicy
 
 from rig.window.shell.session import WindowSession
+from rig.window.shell.stack import set_tip
 
 SYMBOLS = {"to come": "○", "under way": "▶", "counts": "✓", "COMPLETED": "✓"}
 """Before the name of a run; any other outcome has a cross."""
@@ -93,6 +94,6 @@ class StagesView(QLabel):
             told = escape(words).replace(" ", "&nbsp;").replace("-", "&#8209;")
             parts.append(f'<span style="color:{colour}; font-weight:{weight}">{told}</span>')
         self.setText(" &nbsp;&nbsp; ".join(parts))
-        self.setToolTip(
-            "\n".join(f"{row.protocol}: {row.standing}" for row in self.rows) or "no campaign"
+        set_tip(
+            self, "\n".join(f"{row.protocol}: {row.standing}" for row in self.rows) or "no campaign"
         )

@@ -6,9 +6,11 @@ A layout is written in one place, in the order in which it is seen.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from html import escape
+from typing import Any, Protocol
 
 from PySide6.QtCore import Qt, SignalInstance
+from PySide6.QtGui import Qt as GuiQt
 from PySide6.QtWidgets import (
     QBoxLayout,
     QComboBox,
@@ -66,17 +68,35 @@ def split(
     return splitter
 
 
+class HasTip(Protocol):
+    """A widget, or a row of a list: whatever shows words where the pointer rests."""
+
+    def setToolTip(self, text: str, /) -> None:
+        """Give it these words."""
+
+
+def plain_tip(text: str) -> str:
+    """Words for a tip, in which what looks like markup stands as it is: Qt guesses, and a tip has no other way."""
+    if not GuiQt.mightBeRichText(text):
+        return text
+    return f"<qt>{escape(text).replace(chr(10), '<br>')}</qt>"
+
+
+def set_tip(thing: HasTip, text: str) -> None:
+    """What is shown where the pointer rests on it."""
+    thing.setToolTip(plain_tip(text))
+
+
 def text_label(
     text: str = "",
     part: str = "",
     *,
     wraps: bool = False,
-    plain: bool = False,
     selectable: bool = False,
     align: Qt.AlignmentFlag | None = None,
     buddy: QWidget | None = None,
 ) -> QLabel:
-    """Words on the window, a `part` of the style sheet; `plain`: what looks like markup stands as it is.
+    """Words on the window, a `part` of the style sheet; what looks like markup in them stands as it is.
 
     The letter after an ampersand leads to the `buddy`.
     """
@@ -84,8 +104,7 @@ def text_label(
     label.setWordWrap(wraps)
     if part:
         label.setProperty("part", part)
-    if plain:
-        label.setTextFormat(Qt.TextFormat.PlainText)
+    label.setTextFormat(Qt.TextFormat.PlainText)
     if selectable:
         label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
     if align is not None:
@@ -100,7 +119,7 @@ def line_field(name: str, hint: str = "", *, tip: str = "") -> QLineEdit:
     field = QLineEdit()
     field.setAccessibleName(name)
     field.setPlaceholderText(hint)
-    field.setToolTip(tip)
+    set_tip(field, tip)
     return field
 
 
@@ -162,7 +181,7 @@ def push_button(
 ) -> QPushButton:
     """A button, a `part` of the style sheet; `tip` says what it does, `act` does it."""
     button = QPushButton(text)
-    button.setToolTip(tip)
+    set_tip(button, tip)
     if part:
         button.setProperty("part", part)
     if act is not None:

@@ -11,7 +11,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QObject, QProcess, QProcessEnvironment, QTimer, Signal
 
-from model.errors import WordedError
+from model.errors import WordedError, without_traceback
 from rig.exits import explain
 
 PATIENCE = 3000
@@ -99,7 +99,7 @@ def json_object(text: str) -> dict[str, Any] | None:
 def in_words(complaint: str) -> str:
     """What a command said on standard error, or that it said nothing."""
     return (
-        complaint.strip()[-LONGEST_COMPLAINT:]
+        without_traceback(complaint).strip()[-LONGEST_COMPLAINT:]
         or "The program ended without a result and without a word."
     )
 

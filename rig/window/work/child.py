@@ -26,6 +26,7 @@ from PySide6.QtCore import QObject, Signal
 
 from experiments.recording import Event
 from experiments.steps.note import Prompt
+from model.errors import without_traceback
 from rig.run.order import Progress
 
 LONGEST_COMPLAINT = 8000
@@ -175,7 +176,11 @@ class RunProcess(QObject):
         for stream in (process.stdout, process.stderr):
             stream.close()
         with contextlib.suppress(RuntimeError):
-            self._gone.emit(Ending(code, False, "".join(complaint)[-LONGEST_COMPLAINT:].strip()))
+            self._gone.emit(
+                Ending(
+                    code, False, without_traceback("".join(complaint))[-LONGEST_COMPLAINT:].strip()
+                )
+            )
 
     def _take(self, line: str) -> None:
         """One line of the run; what is not one of its objects is passed over (a library's own printing)."""

@@ -12,11 +12,14 @@ import pytest
 from drivers.channel import Calibration
 from model.gear_file import shipped_gear
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR
+from rig.analysis import store
 from rig.analysis.difference import GROUPS, Change, Difference, difference
 from rig.analysis.store import json_text
 from rig.errors import RunFileError
+from rig.program import Program
 from rig.runfile.layout import Column
 from tests.rig.library.stored import RUNNING, TORQUE, analyse, estimate, write
+from tests.rig.runfile.making import reseal
 
 SIMULATED = {"backend": "sim", "seed": 3, "program_version": "0.1.0", "git_commit": "abc"}
 
@@ -164,6 +167,7 @@ def test_the_outcome_that_older_analyses_held_is_not_compared(runs: tuple[Path, 
     content = json.loads(older.read_text(encoding="utf-8"))
     assert "outcome" not in content
     older.write_text(json.dumps(content | {"outcome": "FAIL"}), encoding="utf-8")
+    reseal(older)
     analyse(runs[1], estimate(RUNNING, 0.08))
     found = difference(*runs)
     assert found.of("results") == ()
@@ -261,6 +265,17 @@ def test_the_newest_analysis_counts_and_equal_results_are_not_told(runs: tuple[P
     assert f"friction: {RUNNING}" in {change.name for change in found.same}
 
 
+def test_analyses_by_different_programs_are_said_to_be(
+    runs: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = Program("0.3.0", "a" * 40, "b" * 64), Program("0.3.0", "a" * 40, "c" * 64)
+    for run, made_by in zip(runs, (first, second), strict=True):
+        monkeypatch.setattr(store, "this_program", lambda made_by=made_by: made_by)
+        analyse(run, estimate(RUNNING, 0.08))
+    told = texts(difference(*runs), "results")
+    assert told == {"friction: program files": (first.sha256, second.sha256)}
+
+
 def test_what_only_one_of_them_has(runs: tuple[Path, Path]) -> None:
     analyse(runs[0], estimate(RUNNING, 0.08), estimate("coulomb", 70.0, "N"))
     analyse(runs[0], estimate("x", 1.0), kind="motion", options={})
@@ -281,6 +296,7 @@ def test_an_estimate_without_an_uncertainty_is_compared_without_a_verdict(
     told["result"]["parameters"][RUNNING] |= {"expanded_uncertainty": None, "budget": []}
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
+    reseal(stored.path)
     found = result(difference(*runs))
     assert (found.significant, found.uncertainty, found.difference) == (
         None,

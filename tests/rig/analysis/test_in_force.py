@@ -22,6 +22,7 @@ from rig.analysis.store import Analysis, Basis, analysis_folder, append_analysis
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.card import save_card, with_changes
 from rig.runfile.seal import check_seal, hash_path
+from rig.runfile.sealed import seal_in_place
 from tests.rig.handmade import friction_result, kinematic_result
 from tests.rig.library.stored import write
 
@@ -148,6 +149,9 @@ def test_choices_that_cannot_be_read_are_refused_by_name(run: Path, text: str) -
 def test_a_run_file_that_was_replaced_makes_its_analysis_stale(run: Path) -> None:
     stored(run, 1)
     rewritten(run, "x")
+    found = in_force(run)
+    assert found.stale == ("the run file is not sealed: its note is missing",)
+    seal_in_place(run, run.read_bytes())
     found = in_force(run)
     assert found.stale == ("the run file is not the one that was analysed",)
     assert not found.of_this_run
@@ -281,6 +285,7 @@ def test_an_analysis_of_format_1_was_checked_for_nothing_and_is_stale(run: Path)
     old = {**analysis.content, "format": format_1.FORMAT}
     analysis.path.chmod(0o644)
     analysis.path.write_text(json_text(old), encoding="utf-8")
+    hash_path(analysis.path).unlink()
     assert in_force(run).stale[0] == "it was made before analyses were checked for evidence"
 
 

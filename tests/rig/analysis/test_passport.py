@@ -22,8 +22,10 @@ from rig.analysis.store import json_text
 from rig.errors import RigError, RunFileError
 from rig.library.index import LibraryIndex
 from rig.library.place import index_path
+from rig.runfile.seal import hash_path
 from tests.rig.analysis.test_difference import calibrated
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
+from tests.rig.runfile.making import reseal
 
 ROOT = Path(__file__).parents[3]
 VALUES = (80.0, 81.0, 79.0, 80.5, 79.5, 80.0, 81.0, 80.0, 79.0, 80.0, 80.5, 79.5)
@@ -266,6 +268,7 @@ def test_a_damaged_analysis_and_a_copied_run_are_named(folder: Path, tmp_path: P
     first, second = runs_in(folder)[:2]
     stored = analyse(first, estimate(RUNNING, 0.08))
     stored.path.unlink()
+    hash_path(stored.path).unlink()
     stored.path.write_text("{", encoding="utf-8")
     analyse(second, estimate(RUNNING, 0.08))
     copies = tmp_path / "copies"
@@ -416,6 +419,7 @@ def test_starting_torque_is_followed_beside_the_value_of_the_catalogue(tmp_path:
     told["gear"] = gear_to_mapping(shipped_gear())
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
+    reseal(stored.path)
     one = series(passport(tmp_path, "A1"), "starting_torque")
     assert one.limit is not None
     stated = shipped_gear().value("ratings.starting_torque")

@@ -23,7 +23,7 @@ def python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
     script.write_text(code, encoding="utf-8")
     words = [sys.executable, str(script)]
     return subprocess.run(
-        words, cwd=folder, capture_output=True, text=True, timeout=300, check=False
+        words, cwd=folder, capture_output=True, text=True, timeout=1800, check=False
     )
 
 
@@ -72,7 +72,7 @@ def test_a_foreign_package_ends_the_command_with_one_sentence(tmp_path: Path) ->
     paths = {**os.environ, "PYTHONPATH": str(tmp_path)}
     words = [sys.executable, "-m", "rig", "--help"]
     done = subprocess.run(
-        words, env=paths, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False
+        words, env=paths, cwd=tmp_path, capture_output=True, text=True, timeout=1800, check=False
     )
     assert done.returncode == 6
     (sentence,) = done.stderr.splitlines()

@@ -125,6 +125,7 @@ def opened(path: Path) -> Iterator[Recording]:
     close_recording(recording)
 
 
+@pytest.mark.realtime
 def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
     served: Served, tmp_path: Path
 ) -> None:
@@ -141,6 +142,7 @@ def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
         assert recording.metadata.time_base == "host"
 
 
+@pytest.mark.realtime
 def test_an_open_guard_keeps_the_rig_still(served: Served, tmp_path: Path) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path, guard_closed=0))
     report = run_request(request, planned_drill())
@@ -151,6 +153,7 @@ def test_an_open_guard_keeps_the_rig_still(served: Served, tmp_path: Path) -> No
         assert float(angle.max() - angle.min()) < 1e-2
 
 
+@pytest.mark.realtime
 def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
     served: Served, tmp_path: Path
 ) -> None:
@@ -172,6 +175,7 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
         assert recording.rows > 0
 
 
+@pytest.mark.realtime
 def test_a_second_master_is_refused_and_the_first_goes_on(
     served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -204,6 +208,7 @@ def test_a_second_master_is_refused_and_the_first_goes_on(
     assert not [event for event in events if event.code in ("not-operational", "heartbeat-lost")]
 
 
+@pytest.mark.realtime
 def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) -> None:
     request, stop = armed_request(tmp_path, served.configuration(tmp_path)), StopRequest()
     report = run_request(

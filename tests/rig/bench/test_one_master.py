@@ -108,6 +108,7 @@ def turning_run(description: Path, folder: Path) -> Iterator[subprocess.Popen[st
             process.kill()
 
 
+@pytest.mark.realtime
 def test_a_hub_has_one_master_and_remembers_the_one_that_was_killed(tmp_path: Path) -> None:
     with served_rig(RATE) as served:
         description = served.configuration(tmp_path)

@@ -1,4 +1,4 @@
-"""How the process of a run can be ended from outside: signals, a closed terminal, kill. The rig turns in real time."""
+"""How the process of a run can be ended from outside: signals, a closed terminal, kill."""
 
 from __future__ import annotations
 
@@ -100,9 +100,7 @@ def test_a_terminal_closed_in_motion_costs_neither_ramp_nor_file(tmp_path: Path)
 
     ours, theirs = pty.openpty()
     terminal: dict[str, Any] = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
-    with moving_run(
-        tmp_path, start_new_session=True, preexec_fn=take_terminal, **terminal
-    ) as paced:
+    with moving_run(tmp_path, start_new_session=True, begin=take_terminal, **terminal) as paced:
         os.close(theirs)
         # Something is drawn by then, and there is more to be drawn.
         assert os.read(ours, 1)
@@ -124,11 +122,16 @@ def test_readers_that_have_gone_cost_neither_ramp_nor_file(tmp_path: Path) -> No
 
 
 def test_a_signal_that_was_to_be_ignored_stays_ignored(tmp_path: Path) -> None:
-    def ignore() -> None:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    # What `nohup` and a job in the background ignore; a termination request stops the run all the same.
+    unheard = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT)
 
-    with moving_run(tmp_path, "--json", preexec_fn=ignore) as paced:
-        paced.process.send_signal(signal.SIGHUP)
+    def ignore() -> None:
+        for number in unheard:
+            signal.signal(number, signal.SIG_IGN)
+
+    with moving_run(tmp_path, "--json", begin=ignore) as paced:
+        for number in unheard:
+            paced.process.send_signal(number)
         paced.process.send_signal(signal.SIGTERM)
         out, _ = paced.process.communicate(timeout=DEADLINE)
         assert json.loads(out)["outcome"] == "ABORTED"

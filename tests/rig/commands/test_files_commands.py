@@ -305,9 +305,40 @@ def test_recover(rig: Rig, tmp_path: Path) -> None:
     assert "nowhere" in rig.err
 
 
+def test_recover_takes_all_parts_of_a_folder_and_one_stops_no_other(
+    rig: Rig, tmp_path: Path
+) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    dead = dead_run(inner)
+    before = dead.read_bytes()
+    damaged = tmp_path / "00001-a-b.h5.part"
+    damaged.write_bytes(before[: len(before) // 2])
+    (tmp_path / "00003-a-b.h5.part").touch()
+    living = RunWriter(tmp_path / "00004-a-b.h5", header())
+    assert rig("recover", tmp_path, "--json") == 6
+    told = json.loads(rig.out)
+    living.abandon()
+    gone, run = sorted(told["recovered"], key=lambda found: found["rows"])
+    assert (gone["removed"], run["rows"], run["rows_unread"]) == (True, 70, 0)
+    assert Path(run["kept"]).read_bytes() == before
+    (refused,) = told["refused"]
+    assert refused["part"] == str(damaged)
+    assert refused["error"]["message"]
+    assert "left as it is" in rig.err
+    assert damaged.exists()
+    assert told["being_written"] == [str(living.part)]
+    damaged.unlink()
+    living.part.unlink()
+    assert rig("recover", tmp_path) == 0
+    assert "Nothing to recover" in rig.out
+    assert rig("recover", tmp_path / "nowhere") == 6
+
+
 def test_recover_says_so(rig: Rig, tmp_path: Path) -> None:
     assert rig("recover", dead_run(tmp_path)) == 0
     assert "70 rows recovered" in rig.out
+    assert ".part.kept, byte for byte" in rig.out
     assert "INTERRUPTED" in rig.out
 
 

@@ -17,11 +17,12 @@ from model.motor import shipped_motor
 from rig import exits
 from rig.bench.backends.assembly import RigRequest, WorldChoice
 from rig.bench.backends.registry import BACKENDS, make_port
+from rig.commands.progress import progress_line
 from rig.commands.running import read_flags, read_protocol
 from rig.errors import ConfigurationError
 from rig.main import run as main
 from rig.run.order import Progress
-from rig.run.progress import in_words, progress_line
+from rig.run.progress import in_words
 from rig.run.start import RunRequest, plan_request, run_request
 
 FAST = ("--zero-time", "0.5", "--positions", "2")

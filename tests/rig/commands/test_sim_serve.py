@@ -49,7 +49,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
         "--eds",
         str(folder / "eds"),
         "--lifetime",
-        "60",
+        "600",
     ]
     options += ["--fault", f"EMCY@{FAULT_AT}"]
     command = [
@@ -75,7 +75,7 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]
             socket.create_connection((told["host"], readout)),
         ):
             process.send_signal(signal.SIGTERM)
-            assert process.wait(60.0) == 0
+            assert process.wait(600.0) == 0
         assert process.stderr.read() == ""
 
 

@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from typer.testing import CliRunner
 from experiments.recording import Event
 from rig.analysis.wording import visible
 from rig.commands.terminal import table
-from rig.commands.visible import Text, VisibleConsole
+from rig.commands.visible import Text, VisibleConsole, plain_column
 from rig.main import app, run
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import EPOCH_NS, block, header
@@ -88,13 +89,66 @@ def test_texts_cells_titles_and_texts_made_elsewhere() -> None:
 
 def test_no_command_makes_its_texts_past_it() -> None:
     """One place makes texts safe: whoever writes for a terminal uses its `Text` and its console."""
-    wrong = re.compile(r"from rich\.text|rich\.text\.Text|\bConsole\(")
+    wrong = re.compile(
+        r"from rich\.text|rich\.text\.Text|\bConsole\(|\bTextColumn\(|from_markup|rich_utils"
+        r"|typer\.s?echo\("
+    )
     past = [
         path.name
-        for path in COMMANDS.glob("*.py")
-        if path.name != "visible.py" and wrong.search(path.read_text(encoding="utf-8"))
+        for path in [*COMMANDS.rglob("*.py"), *(COMMANDS.parent / "run").glob("*.py")]
+        if path.name not in ("visible.py", "terminal.py")
+        and wrong.search(path.read_text(encoding="utf-8"))
     ]
     assert not past
+
+
+HOSTILE = "SN[/x]"
+
+
+COMMANDS_OF_A_DAY = (
+    (0, "gear set SN[/x] --by [/z] --lubricant [red]oil[/q]"),
+    (0, "gear show SN[/x]"),
+    (0, "gear list"),
+    (0, "plan home --gear SN[/x]"),
+    (0, "run home --gear SN[/x] --operator [bold]A[/y]"),
+    (0, "runs runs"),
+    (0, "show runs/00001-home-SN_x.h5"),
+    (0, "campaign incoming --gear SN[/x] --dry-run"),
+    (0, "report runs/00001-home-SN_x.h5 -o [b]r[/b].html"),
+    (6, "report --gear SN[/y]"),
+    (2, "no-such[/x]"),
+    (6, "fit [/x].h5"),
+    (6, "recover [/x].h5.part"),
+)
+"""Exit codes and commands, each with what rich would take for markup."""
+
+
+def test_a_terminal_takes_no_word_of_people_for_markup(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a terminal too, where bars are drawn; the rig is the simulated one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    for code, command in COMMANDS_OF_A_DAY:
+        with pytest.raises(SystemExit) as end:
+            run(command.split())
+        shown = capsys.readouterr()
+        assert int(end.value.code or 0) == code, (command, shown)
+        for stream in (shown.out, shown.err):
+            assert "MarkupError" not in stream
+            assert "A defect" not in stream
+            assert "Traceback" not in stream
+
+
+def test_a_bar_of_progress_shows_a_serial_number_as_it_is() -> None:
+    """The columns of rich read markup, whatever their console is told."""
+    from rich.progress import Progress
+
+    stream = io.StringIO()
+    out = VisibleConsole(file=stream, width=120, force_terminal=True)
+    with Progress(plain_column("{task.description}"), console=out) as bar:
+        bar.add_task(f"home {HOSTILE} [red]A[/red]")
+    assert f"home {HOSTILE} [red]A[/red]" in stream.getvalue()
 
 
 @pytest.mark.parametrize(

@@ -25,11 +25,13 @@ from rig.gears.card import (
     conditions_of,
     gear_of,
     list_cards,
+    load_card,
     make_facts,
     save_card,
     with_changes,
     with_confirmation,
 )
+from rig.gears.card_history import CardEvent
 from rig.main import run as main
 from rig.run.gear import card_checks, with_card
 from rig.run.start import RunRequest, run_request
@@ -307,3 +309,60 @@ def test_folders_of_folders_share_the_card_above_and_the_nearest_counts(tmp_path
     assert [one.path.parent.parent for one in list_cards(deep)] == [deep]
     assert card_for(deep.parent, "SN-0815") == changed
     assert card_for(deep, "SN-0816") is None
+
+
+def edited(folder: Path, before: str, after: str) -> GearCard:
+    """The card as somebody changes it in an editor, once."""
+    path = save_card(folder, confirmed_card())
+    text = path.read_text(encoding="utf-8")
+    assert before in text
+    path.write_text(text.replace(before, after, 1), encoding="utf-8")
+    return load_card(path)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "words"),
+    [
+        ('= "circular-spline-fixed"', '= "flexspline-fixed"', "mounting flexspline-fixed, confirmed was circular"),
+        ("load_inertia_kg_m2 = 0.08", "load_inertia_kg_m2 = 0.09", "load inertia 0.09, confirmed was 0.08"),
+        ("output_radial_runout_um = 8.0  # um\n", "", "output radial run-out unknown, confirmed was 8"),
+        ("[facts]", "[facts]\noutput_axial_runout_um = 0", "axial run-out 0.0, confirmed was unknown"),
+    ],
+)  # fmt: skip
+def test_a_card_that_was_edited_by_hand_is_not_confirmed(
+    tmp_path: Path, before: str, after: str, words: str
+) -> None:
+    card = edited(tmp_path, before, after)
+    assert not card.is_confirmed
+    assert words in card.warning
+    assert "edited by hand" in card.warning
+    assert [check.result for check in card_checks(card, card.serial)] == ["failed"]
+    assert "gear_card_confirmed" not in conditions_of(card)
+    assert card.as_json()["confirmed"] is False
+    assert with_confirmation(card, "C. Third", "2026-03-01").is_confirmed
+
+
+def test_what_is_not_confirmed_may_be_edited(tmp_path: Path) -> None:
+    assert edited(tmp_path, "hours = 12.5", "hours = 20.0").is_confirmed
+
+
+def test_a_confirmation_whose_values_were_edited_confirms_nothing(tmp_path: Path) -> None:
+    path = save_card(tmp_path, confirmed_card())
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("circular-spline-fixed", "flexspline-fixed"), encoding="utf-8")
+    card = load_card(path)
+    assert not card.is_confirmed
+    assert "what was confirmed" in card.warning
+
+
+def test_a_confirmation_of_version_0_2_0_is_of_what_the_changes_before_it_made(
+    tmp_path: Path,
+) -> None:
+    card = confirmed_card()
+    bare = CardEvent("2026-01-02", "B. Other", "confirmed")
+    before = GearCard(card.facts, (card.history[0], bare))
+    assert before.is_confirmed
+    path = save_card(tmp_path, before)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace("circular-spline-fixed", "flexspline-fixed", 1), encoding="utf-8")
+    assert not load_card(path).is_confirmed

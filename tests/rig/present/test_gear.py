@@ -30,6 +30,7 @@ from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
 from tests.rig.library.stored import RUNNING, estimate, start, write
 from tests.rig.present.test_paper import squeezed
+from tests.rig.runfile.making import reseal
 
 CREATED = "2026-11-21 08:00:00+00:00"
 VALUES = (80.0, 81.0, 79.5, 80.5, 95.25)
@@ -247,5 +248,6 @@ def test_an_analysis_that_is_none_is_named(tmp_path: Path) -> None:
         .replace('"verdicts"', '"verdict"')
         .replace('"unit"', '"units"')
     )
+    reseal(newest)
     with pytest.raises(RigError, match="holds no result"):
         gear_context(found, created=CREATED)

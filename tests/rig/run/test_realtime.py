@@ -14,16 +14,17 @@ import pytest
 from drivers.clock import VirtualClock
 from experiments.recording import Event
 from experiments.steps.vocabulary import HoldTime, Prompt, Ramp
+from rig.run.callbacks import Callbacks
 from rig.run.opening import begin_threaded_run
 from rig.run.order import Progress
 from rig.run.realtime import (
-    Relay,
     block_cycles,
     collector_off,
     execute_in_real_time,
     watchdog_deadline,
 )
 from rig.run.remote import RemoteOperator, lines_of
+from rig.run.serving import Relay
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 from rig.run.watchdog import Watchdog
@@ -150,7 +151,8 @@ def test_a_prompt_is_put_in_the_main_thread_and_the_turn_never_waits() -> None:
     asked: list[str] = []
     prompt = Prompt("temperature?", "temperature")
     told: list[Progress] = []
-    relay = Relay(lambda p: (asked.append(p.text), "22")[1], told.append, None)
+    stop = StopRequest()
+    relay = Relay(Callbacks(stop, lambda p: (asked.append(p.text), "22")[1], told.append))
     assert relay.ask(prompt) is None
     relay.progress(Progress(step=1, steps=2, what="x", elapsed=0.0, left=1.0, speed=0.0, events=0))
     relay.serve()

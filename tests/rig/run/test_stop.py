@@ -20,6 +20,21 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 Handler = Callable[[int, FrameType | None], None]
 
 
+@pytest.fixture(autouse=True)
+def usual_signals() -> Iterator[None]:
+    """As in a terminal, also where the tests were started by `nohup` or in the background."""
+    usual = {
+        signal.SIGINT: signal.default_int_handler,
+        signal.SIGTERM: signal.SIG_DFL,
+        signal.SIGQUIT: signal.SIG_DFL,
+        signal.SIGHUP: signal.SIG_DFL,
+    }
+    before = {number: signal.signal(number, handler) for number, handler in usual.items()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
 def handler_of(number: int) -> Handler:
     return cast(Handler, signal.getsignal(number))
 

@@ -258,6 +258,16 @@ def test_the_first_cause_is_latched() -> None:
     assert supervisor.guard(_turn()).bounds == ()
 
 
+def test_a_state_that_a_stranger_commanded_bears_the_strangers_name() -> None:
+    told = "COB-ID 0x201: a command that is not ours: 06 00"
+    for cause, named in (("foreign_command", trips.FOREIGN_COMMAND), ("emcy", "")):
+        supervisor = _supervisor(FakeRig())
+        left = trips.Trip(trips.UNEXPECTED_STATE, 3, math.nan, math.nan, detail="0x0231")
+        supervisor.latch(left)
+        supervisor.explain(told, cause)
+        assert supervisor.state.trip == (replace(left, cause=named, detail=told) if named else left)
+
+
 def test_every_trip_has_an_action_and_words() -> None:
     for cause, rule in trips.TRIPS.items():
         assert rule.action in STAGES

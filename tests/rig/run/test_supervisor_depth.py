@@ -23,7 +23,7 @@ from rig.run.bounds import Watch
 from rig.run.order import Progress, RunReport
 from rig.run.phases import Turn
 from rig.run.session import execute
-from rig.run.start import watchdog_of
+from rig.run.start import handle_of, watchdog_of
 from rig.run.stop import StopRequest
 from rig.run.supervisor import Supervisor
 from rig.run.torque_review import TorqueReview, TorqueState, heat_integral
@@ -220,14 +220,15 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
     rig = drilled_rig("wire", shipped_gear(), shipped_motor(), (), StopRequest(), 0)
     assert rig.bench is not None
     port, bench = rig.port, rig.bench
-    watchdog = watchdog_of(
-        TwoHandledRig(
-            name="wire", port=port, clock=rig.clock, real_time=True, second_bus=bench.bus
-        ),
-        20,
+    two_handled = TwoHandledRig(
+        name="wire", port=port, clock=rig.clock, real_time=True, second_bus=bench.bus
     )
+    handle = handle_of(two_handled)
+    watchdog = watchdog_of(two_handled, handle, 20)
+    assert handle is not None
     assert watchdog is not None
     port.open()
+    handle.open()
     port.exchange(Command(Mode.SPEED, np.full(150, 20.0)), 150, Guard())
     assert bench.plant.input_speed == pytest.approx(20.0, rel=0.1)
     watchdog._quick_stop()
@@ -242,7 +243,9 @@ def test_the_watchdog_stops_the_drive_over_its_own_bus_without_the_loop() -> Non
 
 def test_a_rig_without_a_second_handle_has_no_watchdog() -> None:
     rig = FakeRig()
-    assert watchdog_of(AssembledRig(name="fake", port=rig, clock=rig.clock), 20) is None
+    handle = handle_of(AssembledRig(name="fake", port=rig, clock=rig.clock, real_time=True))
+    assert handle is None
+    assert watchdog_of(AssembledRig(name="fake", port=rig, clock=rig.clock), handle, 20) is None
 
 
 PERIOD_NS = 1_000_000

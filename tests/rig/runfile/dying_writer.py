@@ -37,6 +37,8 @@ def main(folder: str, compress: str, chunk_rows: str) -> None:
         elif command in "fs":
             writer.flush() if command == "f" else writer.synchronise()
             print(writer.rows, flush=True)
+        elif command == "r":
+            print("ready", flush=True)
         elif command == "w":
             # Writes without end until it is killed from outside, acknowledging every flush.
             while True:

@@ -15,13 +15,15 @@ import pytest
 
 from rig.errors import RunFileError
 from rig.runfile import layout, write
+from rig.runfile.empty import BEING_WRITTEN, SIGNATURE, VERSION_AND_SIZES
 from rig.runfile.read import close_recording, follow, open_run
-from rig.runfile.recover import UNFINISHED_HEADER, recover_run
+from rig.runfile.recover import recover_run
 from rig.runfile.verify import verify_run
 from tests.rig.runfile.making import CHANNELS, CYCLE_NS, EPOCH_NS, counts_of, header
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="SIGKILL")
 ROOT = Path(__file__).parents[3]
+UNFINISHED_HEADER = SIGNATURE + VERSION_AND_SIZES + bytes([BEING_WRITTEN])
 
 
 class Writer:
@@ -94,9 +96,12 @@ def test_acknowledged_rows_survive_a_kill(tmp_path: Path, moment: int, letters: 
     acknowledged = writer.tell(letters)[-1]
     writer.kill()
     part = tmp_path / "00001-friction-A1.h5.part"
+    before = part.read_bytes()
     recovered = recover_run(part)
     assert recovered.outcome == "INTERRUPTED"
     assert not part.exists()
+    assert recovered.kept is not None
+    assert recovered.kept.read_bytes() == before
     assert check_rows(recovered.path, acknowledged) == recovered.rows
     recording = open_run(recovered.path)
     assert recording.metadata.outcome == "INTERRUPTED"
@@ -180,6 +185,57 @@ def test_a_header_that_was_never_completed_is_taken_away_and_named(
     assert "never completed" in gone.notes[0]
     assert f"({left} bytes)" in gone.notes[0]
     assert not part.exists()
+
+
+@pytest.mark.parametrize("chunk_rows", [128, 4])
+def test_rows_that_no_flush_has_brought_into_the_table_are_kept(
+    tmp_path: Path, chunk_rows: int
+) -> None:
+    """Whole chunks lie in the file before the first flush, and nothing points to them: no header without rows."""
+    writer = Writer(tmp_path, compress=True, chunk_rows=chunk_rows)
+    part = tmp_path / "00001-friction-A1.h5.part"
+    begun = part.stat().st_size
+    writer.tell("aaaaaaaa")
+    writer.into.write("r")
+    writer.into.flush()
+    assert writer.out.readline() == "ready\n"
+    writer.kill()
+    before = part.read_bytes()
+    assert b"EAHD" not in before
+    recovered = recover_run(part)
+    assert not recovered.is_removed
+    assert (recovered.rows, recovered.unread, recovered.outcome) == (0, 0, "INTERRUPTED")
+    assert recovered.beyond == len(before) - begun > 0
+    assert "after the last flush" in recovered.notes[-1]
+    assert recovered.kept is not None
+    assert recovered.kept.read_bytes() == before
+    assert open_run(recovered.path, verify=True).metadata.gear_serial == "A1"
+
+
+def test_a_header_with_zeros_behind_it_is_not_proved_empty(tmp_path: Path) -> None:
+    """Power fails: the length of a file can be on the disk before what was written there."""
+    writer = Writer(tmp_path, compress=True)
+    writer.kill()
+    part = tmp_path / "00001-friction-A1.h5.part"
+    with part.open("ab") as stream:
+        stream.write(bytes(4096))
+    recovered = recover_run(part)
+    assert (recovered.is_removed, recovered.beyond) == (False, 4096)
+
+
+def test_an_unfinished_header_that_reaches_beyond_its_stated_end_is_left_as_it_is(
+    tmp_path: Path,
+) -> None:
+    """Killed while the header is brought to the system: its superblock, which is written last, is still the first."""
+    part = tmp_path / "00001-friction-A1.h5.part"
+    write.RunWriter(tmp_path / "00001-friction-A1.h5", header()).abandon()
+    raw = bytearray(part.read_bytes())
+    raw[: len(UNFINISHED_HEADER)] = UNFINISHED_HEADER
+    raw[28:36] = (48).to_bytes(8, "little")
+    part.write_bytes(raw)
+    with pytest.raises(RunFileError, match=r"header was never completed; value .* left as it is"):
+        recover_run(part)
+    assert part.read_bytes() == bytes(raw)
 
 
 def test_a_run_that_was_cut_short_by_a_copy_is_left_where_it_is(tmp_path: Path) -> None:

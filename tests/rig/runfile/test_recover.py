@@ -103,6 +103,72 @@ def test_recovery_that_fails_leaves_the_part_alone(
     assert recover_run(part).rows == 300
 
 
+def test_of_a_damaged_column_the_rows_before_the_damage_are_recovered(tmp_path: Path) -> None:
+    writer = RunWriter(tmp_path / "00007-x-y.h5", header(), chunk_rows=8192)
+    writer.append(block(0, 10_000))
+    writer.flush()
+    writer.abandon()
+    with h5py.File(writer.part, "r", libver="latest", swmr=True) as source:
+        second = source["entry/data/torque"].id.get_chunk_info(1)
+    raw = bytearray(writer.part.read_bytes())
+    raw[second.byte_offset + second.size // 2] ^= 0xFF
+    writer.part.write_bytes(raw)
+    recovered = recover_run(writer.part)
+    assert (recovered.rows, recovered.unread, recovered.outcome) == (8192, 1808, "INTERRUPTED")
+    assert "rows from 8192 on cannot be read in torque" in recovered.notes[0]
+    assert recovered.kept is not None
+    assert recovered.kept.read_bytes() == bytes(raw)
+    recording = open_run(recovered.path, verify=True)
+    np.testing.assert_array_equal(recording.stored("torque"), counts_of(np.arange(8192))[:, 2])
+
+
+def test_a_file_of_which_no_row_can_be_read_is_left_as_it_is(tmp_path: Path) -> None:
+    part = dead_part(tmp_path)
+    with h5py.File(part, "r", libver="latest", swmr=True) as source:
+        first = source["entry/data/torque"].id.get_chunk_info(0)
+    raw = bytearray(part.read_bytes())
+    raw[first.byte_offset + first.size // 2] ^= 0xFF
+    part.write_bytes(raw)
+    with pytest.raises(RunFileError, match="none of its 300 rows can be read"):
+        recover_run(part)
+    assert part.read_bytes() == bytes(raw)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [part.name]
+
+
+def test_a_recovery_that_was_cut_off_before_the_last_rename_is_finished(tmp_path: Path) -> None:
+    part = dead_part(tmp_path)
+    first = recover_run(part)
+    assert first.kept is not None
+    first.kept.rename(part)
+    before = part.read_bytes()
+    again = recover_run(part)
+    assert (again.path, again.rows, again.outcome) == (first.path, 300, "INTERRUPTED")
+    assert again.kept is not None
+    assert again.kept.read_bytes() == before
+
+
+def test_what_was_kept_before_is_never_replaced(tmp_path: Path) -> None:
+    first = recover_run(dead_part(tmp_path))
+    assert first.kept is not None
+    first.path.rename(tmp_path / "elsewhere.h5")
+    second = recover_run(dead_part(tmp_path, rows=400))
+    assert second.kept not in (None, first.kept)
+    assert first.kept.exists()
+
+
+def test_rows_beyond_the_last_complete_flush_are_counted_and_kept(tmp_path: Path) -> None:
+    """A full disk lengthens columns whose rows it did not take: the counter comes last."""
+    part = dead_part(tmp_path)
+    with h5py.File(part, "r", libver="latest", swmr=True) as source:
+        place = source["entry/process/rows_written"].id.get_offset()
+    raw = bytearray(part.read_bytes())
+    raw[place : place + 8] = (290).to_bytes(8, "little")
+    part.write_bytes(raw)
+    recovered = recover_run(part)
+    assert (recovered.rows, recovered.unread) == (290, 10)
+    assert recovered.kept is not None
+
+
 def test_recovery_refuses_what_it_cannot_do(tmp_path: Path) -> None:
     part = dead_part(tmp_path)
     with pytest.raises(RunFileError, match="needs no recovery"):

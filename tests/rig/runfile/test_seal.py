@@ -20,12 +20,12 @@ from rig.analysis.fit_run import fit_files
 from rig.analysis.passport.build import passport
 from rig.bench.backends.assembly import RigRequest
 from rig.bench.backends.replayed import replayed
-from rig.errors import ChangedRunError, RunFileError
+from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.main import app
 from rig.present.build import report_on_files, report_on_gear
 from rig.runfile import seal
 from rig.runfile.read import close_recording, open_run
-from rig.runfile.seal import check_seal, file_sha256, hash_path
+from rig.runfile.seal import allowing_unsealed, check_seal, file_sha256, hash_path
 from tests.rig.library import stored
 from tests.rig.runfile.making import edit, reseal, write_run
 
@@ -88,28 +88,44 @@ def test_a_run_that_is_sealed(tmp_path: Path) -> None:
     close_recording(recording)
 
 
-def test_a_run_without_a_note_is_not_sealed_and_says_so_everywhere(tmp_path: Path) -> None:
+@pytest.mark.parametrize("use", worked_with(Path("run.h5")))
+def test_a_run_without_a_note_is_refused(tmp_path: Path, use: str) -> None:
     path = stored.write(tmp_path, 1)
     stored.analyse(path, stored.estimate(stored.RUNNING, 0.08))
     hash_path(path).unlink()
-    recording = open_run(path)
-    assert recording.metadata.seal == f"{file_sha256(path)}, not sealed"
-    close_recording(recording)
-    with pytest.raises(RunFileError, match="has no note"):
-        open_run(path, verify=True)
-    call = CliRunner().invoke
-    assert "NOT SEALED" in call(app, ["show", str(path)]).output
-    assert json.loads(call(app, ["show", str(path), "--json"]).output)["sealed"] is False
-    assert "not sealed" in call(app, ["verify", str(path)]).output
-    shown = call(app, ["passport", "A1", "--output", str(tmp_path)]).output
+    with pytest.raises(UnsealedError, match="the note of its SHA-256 is missing"):
+        worked_with(path)[use]()
+
+
+def test_a_run_without_a_note_is_used_where_that_is_said_and_every_page_says_so(
+    tmp_path: Path,
+) -> None:
+    path = stored.write(tmp_path, 1)
+    stored.analyse(path, stored.estimate(stored.RUNNING, 0.08))
+    hash_path(path).unlink()
+    with allowing_unsealed():
+        recording = open_run(path)
+        assert recording.metadata.seal == f"{file_sha256(path)}, not sealed"
+        close_recording(recording)
+        with pytest.raises(RunFileError, match="has no note"):
+            open_run(path, verify=True)
+
+    def call(*words: str) -> str:
+        return CliRunner().invoke(app, [*words, "--unsealed"]).output
+
+    assert "NOT SEALED" in call("show", str(path))
+    assert json.loads(call("show", str(path), "--json"))["sealed"] is False
+    assert "not sealed" in call("verify", str(path))
+    shown = call("passport", "A1", "--output", str(tmp_path))
     assert "is not sealed" in " ".join(shown.split())
-    export = tmp_path / "run.csv"
-    call(app, ["export", str(path), "--output", str(export)])
+    export, page = tmp_path / "run.csv", tmp_path / "gear.html"
+    call("export", str(path), "--output", str(export))
     assert "not sealed" in export.read_text()
-    page = tmp_path / "gear.html"
-    report_on_gear(tmp_path, "A1", [page])
+    call("report", "--gear", "A1", "--runs", str(tmp_path), "--output", str(page))
     assert NOT_SEALED in page.read_text()
     assert "NOT SEALED" in page.read_text()
+    # What one command was allowed, the next is not.
+    assert CliRunner().invoke(app, ["show", str(path)]).exit_code
 
 
 @pytest.mark.parametrize("content", ["", "\n", "no hash"])

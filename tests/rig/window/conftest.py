@@ -37,8 +37,8 @@ from rig.window.work.prepared import PreparedRun
 from tests.rig.window.reviewing import destroy
 
 CHILDREN = Path(__file__).with_name("children.py")
-LONGEST = 120_000
-"""ms that a test waits for something before it fails; nothing takes a fifth of it on an idle computer."""
+LONGEST = 600_000
+"""ms that a test waits for something before it fails; nothing takes a twentieth of it on an idle computer."""
 
 QUICK = {
     "points": 6,
@@ -62,6 +62,22 @@ def collector_in_the_main_thread() -> Iterator[None]:
     yield
     gc.collect(0)
     gc.enable()
+
+
+class PatientBot(QtBot):
+    """Waits for as long as a computer may take that has other things to do."""
+
+    def waitUntil(self, callback: Callable[[], Any], *, timeout: int = LONGEST) -> None:
+        super().waitUntil(callback, timeout=timeout)
+
+    def waitSignal(self, signal: Any, *, timeout: int = LONGEST, **more: Any) -> Any:
+        return super().waitSignal(signal, timeout=timeout, **more)
+
+
+@pytest.fixture
+def qtbot(qapp: Any, request: pytest.FixtureRequest) -> QtBot:
+    """pytest-qt's own gives up after 5 s."""
+    return PatientBot(request)
 
 
 @pytest.fixture

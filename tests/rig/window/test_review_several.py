@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -22,6 +21,7 @@ from rig.window.review.page import ReviewPage, report_path
 from rig.window.review.passport import missing_fits
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand
+from tests.rig.runfile.making import reseal
 from tests.rig.window.reviewing import LONGEST, indexed
 
 
@@ -177,9 +177,10 @@ def test_a_report_chooses_no_tare_of_its_own_and_leaves_that_to_the_analysis_in_
     analysis = read_analyses(friction[1])[0]
     with_tare = {**analysis.content, "tare": {"run": friction[0].name.removesuffix(".h5")}}
     analysis.path.write_text(json_text(with_tare), encoding="utf-8")
-    assert in_force(friction[1]).analysis == replace(
-        analysis, content=json.loads(json_text(with_tare))
-    )
+    reseal(analysis.path)
+    found = in_force(friction[1]).analysis
+    assert found is not None
+    assert found.content == json.loads(json_text(with_tare))
     page = opened()
     page.make_report([friction[1]])
     # With --tare the report would be made anew, by hand; without, it reads what is in force.

@@ -7,6 +7,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
@@ -101,6 +102,7 @@ def test_on_the_wire_and_replayed(window: MainWindow, session: WindowSession, qt
     assert (window.run.report["rows"], window.run.plots.rows_read) == (rows, rows)
 
 
+@pytest.mark.realtime
 def test_through_the_drivers_of_hardware_in_real_time(
     window: MainWindow, session: WindowSession, qtbot: QtBot, tmp_path: Path
 ) -> None:

@@ -176,8 +176,11 @@ def closing(window: MainWindow) -> None:
 
 
 def theme(window: MainWindow) -> None:
+    """Another one than before the test: Qt takes seconds to draw a window anew, once is enough."""
     window.show_page("prepare")
-    window.switch_theme()
+    if not hasattr(window, "has_other_theme"):
+        window.switch_theme()
+        window.has_other_theme = True  # type: ignore[attr-defined]
 
 
 PLACES: dict[str, Callable[[MainWindow], None]] = {

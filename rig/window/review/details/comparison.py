@@ -18,7 +18,11 @@ from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, text_label
+from rig.window.shell.stack import (
+    in_column,
+    set_tip,
+    text_label,
+)
 
 
 class ComparisonView(QWidget):
@@ -47,7 +51,7 @@ class ComparisonView(QWidget):
         rows = comparison_rows(content, _gear(parameters))
         kind, run, against = (content.get(key, "") for key in ("kind", "run", "parameter_set"))
         self.title.setText(f"{kind}: run {run} against the set {against}")
-        self.title.setToolTip(str(parameters))
+        set_tip(self.title, str(parameters))
         self.table.show_rows(
             COMPARISON_COLUMNS, rows, (False, True, True, True, False, True, False)
         )

@@ -5,12 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from PySide6.QtCore import Signal
-from PySide6.QtWidgets import QLabel, QWidget
+from PySide6.QtWidgets import QWidget
 
 from experiments.recording import Event, Recording
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import choice_box, in_column, in_row, text_label
+from rig.window.shell.stack import (
+    choice_box,
+    in_column,
+    in_row,
+    text_label,
+)
 
 COLUMNS = ("time [s]", "level", "source", "code", "what")
 FILTERS = ("everything", "notes and answers", "warnings and errors")
@@ -32,7 +37,7 @@ class RunEventsView(QWidget):
         self.table.activated.connect(
             lambda index: self.moment_chosen.emit(self._shown[index.row()][0])
         )
-        head = in_row(QLabel("show"), self.filter, (self.count, 1))
+        head = in_row(text_label("show"), self.filter, (self.count, 1))
         self.setLayout(in_column(head, (self.table, 1), margins=(6, 6, 6, 4)))
 
     def show_recording(self, recording: Recording) -> None:

@@ -15,6 +15,7 @@ from rig.analysis.wording import number, readable
 from rig.present.content import Grid
 from rig.present.provenance import conditions_of, parameters_in_words, value_in_words
 from rig.present.run_words import acquisition_facts, world_facts
+from rig.program import PROGRAM_KEYS
 from rig.runfile.header import RunHeader
 from rig.runfile.read import read_run_header
 from rig.window.review.words import facts_html, grid_html
@@ -32,7 +33,7 @@ CALIBRATION_COLUMNS = (
     "due",
     "device",
 )
-OF_THE_PROGRAM = ("program_version", "git_commit", "backend", "seed", "motor", "rig")
+OF_THE_PROGRAM = (*PROGRAM_KEYS, "backend", "seed", "motor", "rig")
 
 
 @dataclass(frozen=True)

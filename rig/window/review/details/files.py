@@ -30,8 +30,8 @@ class RunFilesView(QWidget):
         self._opener = opener
         self._path: Path | None = None
         self._analyses: tuple[Analysis, ...] = ()
-        self.file = text_label(wraps=True, plain=True, selectable=True)
-        self.findings = text_label(wraps=True, plain=True, selectable=True)
+        self.file = text_label(wraps=True, selectable=True)
+        self.findings = text_label(wraps=True, selectable=True)
         self.verify = push_button(
             "Ch&eck the file",
             tip="Is the file what was recorded? Hash, counters, time, flags, segments, calibrations",

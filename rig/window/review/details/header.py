@@ -14,7 +14,14 @@ from rig.runfile.header import ORIGIN_WORDS
 from rig.window.review.signals.data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, push_button, restyled, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    push_button,
+    restyled,
+    set_tip,
+    text_label,
+)
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
 from rig.window.work.verdicts import ListedVerdict
 
@@ -31,13 +38,13 @@ class RunHeaderView(QFrame):
         super().__init__()
         self._session = session
         self.setProperty("part", "card")
-        self.title = text_label("", "title", plain=True, selectable=True)
-        self.outcome, self.mark = text_label(plain=True), text_label("", "mark")
-        self.verdict = text_label(plain=True)
-        self.because = text_label("", "muted", wraps=True, plain=True, selectable=True)
+        self.title = text_label("", "title", selectable=True)
+        self.outcome, self.mark = text_label(), text_label("", "mark")
+        self.verdict = text_label()
+        self.because = text_label("", "muted", wraps=True, selectable=True)
         self.because.hide()
-        self.facts = text_label(wraps=True, plain=True, selectable=True)
-        self.file = text_label("", "muted", wraps=True, plain=True, selectable=True)
+        self.facts = text_label(wraps=True, selectable=True)
+        self.file = text_label("", "muted", wraps=True, selectable=True)
         self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.recover = push_button(
             "&Recover this run",
@@ -61,7 +68,7 @@ class RunHeaderView(QFrame):
         """The head of a run; `state` as the library knows it."""
         m = recording.metadata
         self.title.setText(m.run_id or path.name)
-        self.title.setToolTip(str(path))
+        set_tip(self.title, str(path))
         self.mark.setText(ORIGIN_WORDS[m.origin])
         self.allow_report(state == "sealed")
         self.recover.setVisible(state == LEFT_BEHIND)
@@ -83,7 +90,7 @@ class RunHeaderView(QFrame):
         backend = ", ".join(f"{k} {m.process[k]}" for k in ("backend", "seed") if k in m.process)
         parts = [f"{fixed(recording.rows, 0)} rows{rate}", backend, _hash_words(m)]
         self.file.setText(" · ".join(part for part in parts if part))
-        self.file.setToolTip(m.seal)
+        set_tip(self.file, m.seal)
 
     def show_verdict(self, listed: ListedVerdict | None) -> None:
         """What the run is worth, with the first reason; nothing for a run that is not sealed."""
@@ -92,7 +99,7 @@ class RunHeaderView(QFrame):
         reasons = listed.reasons.splitlines() if listed is not None else []
         more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
         self.because.setText(f"{reasons[0]}{more}" if reasons else "")
-        self.because.setToolTip("\n".join(reasons))
+        set_tip(self.because, "\n".join(reasons))
         self.because.setVisible(bool(reasons))
         if listed is not None:
             restyled(self.verdict, VERDICT_COLOURS[listed.judged.verdict])

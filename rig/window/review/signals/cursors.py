@@ -15,7 +15,13 @@ from rig.window.review.grid import GridTable
 from rig.window.review.signals.stretch import Stretch
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
-from rig.window.shell.stack import in_column, in_row, room_for, text_label
+from rig.window.shell.stack import (
+    in_column,
+    in_row,
+    room_for,
+    set_tip,
+    text_label,
+)
 
 NAMES = ("A", "B")
 SHARES = (0.25, 0.75)
@@ -52,7 +58,7 @@ class Cursors(QWidget):
         self._session = session
         self._lines: dict[str, list[Any]] = {name: [] for name in NAMES}
         self.switch = QCheckBox("&Cursors")
-        self.switch.setToolTip("Two upright lines to be moved: what lies between them in numbers")
+        set_tip(self.switch, "Two upright lines to be moved: what lies between them in numbers")
         self.switch.toggled.connect(self._show)
         self.times = {name: self._time_field(name) for name in NAMES}
         self.says = text_label("", wraps=True, selectable=True)
@@ -67,7 +73,7 @@ class Cursors(QWidget):
 
     def _time_field(self, name: str) -> QDoubleSpinBox:
         field = QDoubleSpinBox()
-        field.setToolTip("Read at the nearest complete row within the stretch")
+        set_tip(field, "Read at the nearest complete row within the stretch")
         field.setAccessibleName(f"Cursor {name}, time since the first row [s]")
         field.setMinimumWidth(FIELD_WIDTH)
         field.setDecimals(DECIMALS)

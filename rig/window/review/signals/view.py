@@ -37,6 +37,7 @@ from rig.window.shell.stack import (
     in_row,
     push_button,
     room_for,
+    set_tip,
     side_list,
     split,
     text_label,
@@ -189,7 +190,7 @@ class SignalsView(QWidget):
             for name, (what, unit) in channels.items():
                 words = name.replace("_", " ")
                 item = QListWidgetItem(f"{words} [{unit}]" if unit not in ("", "1") else words)
-                item.setToolTip(what)
+                set_tip(item, what)
                 item.setData(Qt.ItemDataRole.UserRole, name)
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
                 item.setCheckState(

@@ -22,7 +22,7 @@ from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
 from rig.analysis.result_data import quantities_for
-from rig.analysis.store import Basis, append_analysis
+from rig.analysis.store import FORMAT_2, Basis, append_analysis
 from rig.errors import ConfigurationError, RigError
 from rig.gears.acceptance import Acceptance, Limit, save_acceptance
 from rig.main import app
@@ -32,12 +32,14 @@ from rig.present.certificate.curves import with_limits
 from rig.present.certificate.front import front_page, value_grid
 from rig.present.certificate.gather import certified
 from rig.present.certificate.laboratory import LaboratoryWords, laboratory_of
+from rig.present.certificate.rests_on import manifest_of
 from rig.present.certificate.write import certificate_context
 from rig.present.page import render_page
 from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
 from tests.rig.library.stored import RUNNING, estimate, start, write
 from tests.rig.present.test_paper import squeezed
+from tests.rig.runfile.making import reseal
 
 AT = "2026-03-02T10:00:00+00:00"
 ACCURACY = "transmission_accuracy_forward"
@@ -136,7 +138,9 @@ def accepted(folder: Path) -> Acceptance:
 def context_of(folder: Path, **more: Any) -> dict[str, Any]:
     told = {"acceptance": accepted(folder), **more}
     with certified(folder, "A1", **told) as gathered:
-        return certificate_context(gathered, LABORATORY, created="2026-03-02 10:00:00")
+        return certificate_context(
+            gathered, LABORATORY, manifest_of(gathered), created="2026-03-02 10:00:00"
+        )
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +254,7 @@ def test_what_was_asked_for_and_is_missing_makes_it_incomplete(tmp_path: Path) -
 
 def test_a_gear_without_an_acceptance_file_is_not_judged(whole: Path) -> None:
     with certified(whole, "A1") as gathered:
-        front = front_page(gathered, LABORATORY)
+        front = front_page(gathered, LABORATORY, manifest_of(gathered))
     assert front["word"] == "NOT JUDGED"
     assert "--acceptance" in front["sentence"]
     assert {row[-1] for row in front["values"].rows} == {front_module.NO_LIMIT}
@@ -272,9 +276,23 @@ def test_a_stale_analysis_is_said_with_the_command_that_renews_it(tmp_path: Path
     content = json.loads(store.read_text()) | {"analysis_version": 1}
     store.chmod(0o644)
     store.write_text(json.dumps(content))
+    reseal(store)
     (remark,) = context_of(folder)["front"]["remarks"]
     assert "stale" in remark
     assert "rig fit" in remark
+
+
+def test_an_analysis_without_a_seal_is_made_again_and_said_on_page_one(tmp_path: Path) -> None:
+    folder = gear(tmp_path)
+    store = next((folder / "00001-friction-A1.analysis").glob("0*.json"))
+    content = json.loads(store.read_text()) | {"format": FORMAT_2}
+    store.chmod(0o644)
+    store.write_text(json.dumps(content))
+    store.with_name(f"{store.name}.sha256").unlink()
+    (remark,) = context_of(folder)["front"]["remarks"]
+    assert "not sealed (0.2.0)" in remark
+    # A run without rows to fit gives none of its numbers again.
+    assert "not made again" in remark
 
 
 def test_a_gear_of_which_nothing_is_analysed_has_no_certificate(tmp_path: Path) -> None:
@@ -293,7 +311,9 @@ def test_words_of_a_run_and_of_a_laboratory_stay_words(tmp_path: Path) -> None:
     folder = gear(tmp_path, changes=None)
     with certified(folder, "A1", acceptance=accepted(folder)) as gathered:
         worded = replace(LABORATORY, name=evil, customer=evil, order=evil)
-        context = certificate_context(replace(gathered, passed_over=(evil,)), worded, created=evil)
+        context = certificate_context(
+            replace(gathered, passed_over=(evil,)), worded, manifest_of(gathered), created=evil
+        )
     shown = render_page(context)
     assert "<script" not in shown
     assert evil in html.unescape(shown)
@@ -340,7 +360,7 @@ def test_a_logo_stands_on_the_page(tmp_path: Path, whole: Path) -> None:
     (tmp_path / "logo.svg").write_bytes(logo)
     laboratory = laboratory_of(described(tmp_path, "logo = 'logo.svg'"))
     with certified(whole, "A1", acceptance=accepted(whole)) as gathered:
-        context = certificate_context(gathered, laboratory, created="now")
+        context = certificate_context(gathered, laboratory, manifest_of(gathered), created="now")
     assert "data:image/svg+xml;base64," in render_page(context)
     assert render_pdf({**context, "parts": (), "parameter_sets": ()}).startswith(b"%PDF")
 

@@ -1,0 +1,162 @@
+"""`rig verify`: whether files are what was recorded and found, link by link of the chain of evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.commands.sealing import Unsealed
+from rig.commands.terminal import print_json
+
+if TYPE_CHECKING:
+    from rig.analysis.chain import Link
+    from rig.analysis.recompute import Recomputed
+    from rig.errors import RigError
+    from rig.runfile.checks import Finding
+
+
+def verify(
+    places: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="FILE|FOLDER...",
+            help="Runs, analyses, journals, certificates, or their folders.",
+        ),
+    ],
+    recompute: Annotated[
+        bool,
+        typer.Option(
+            "--recompute", help="Fit each stored analysis again and compare every number."
+        ),
+    ] = False,
+    manifest: Annotated[
+        Path | None,
+        typer.Option(
+            "--manifest",
+            metavar="FILE",
+            help="List all evidence of the folder in FILE by name, kind and SHA-256; "
+            "where FILE is there already, tell what is missing, changed or added since instead.",
+        ),
+    ] = None,
+    gear: Annotated[
+        str,
+        typer.Option(
+            metavar="SERIAL", help="List only this gear, with the tares that it rests on."
+        ),
+    ] = "",
+    unsealed: Unsealed = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print one JSON object on standard output.")
+    ] = False,
+) -> None:
+    """Check that runs are what was recorded, and what was found of them what was stored; names the first broken link.
+
+    Of a run: hash, counters, time, flags, segments, calibrations. Then its analyses, the tares and analyses on which
+    those rest, and of a folder the campaigns, gear cards and sealed files too. Of a certificate: its seals,
+    everything that it rests on, its record against the stored analyses, its pages against the record. A
+    manifest that is there is never written over; the hash that is printed is worth what the place is worth
+    where it is kept. Exit code 6 if anything does not hold.
+    """
+    from rig import exits
+    from rig.present.certificate.verify import certificates_in, runs_of, verify_certificate
+    from rig.runfile.verify import verify_run
+    from rig.trial.chain import first_broken, links_of, runs_in
+    from rig.trial.manifest import hold_against
+
+    if (manifest is not None or gear) and (manifest is None or not _is_one_folder(places)):
+        raise typer.BadParameter(
+            "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
+        )
+    runs = list(dict.fromkeys(run for place in places for run in runs_in(place)))
+    certificates = [one for place in places for one in certificates_in(place)]
+    checked = {str(run): verify_run(run) for run in runs}
+    checked |= {str(one): verify_certificate(one) for one in certificates}
+    links = [link for place in places for link in links_of(place)]
+    named = [run for one in certificates for run in runs_of(one)] if recompute else []
+    again = (
+        [one for run in dict.fromkeys((*runs, *named)) for one in _again(run)] if recompute else []
+    )
+    held = hold_against(manifest, places[0], gear) if manifest is not None else None
+    error = _first_error(checked, first_broken(links), again) or (held and held.error)
+    if json:
+        told = _as_object(checked, links, again if recompute else None, error)
+        print_json(told if held is None else told | {"manifest": held.as_json()})
+    else:
+        from rig.commands.file_tables import print_findings, print_links
+        from rig.commands.manifest_tables import print_manifest
+
+        print_findings(checked)
+        print_links(links, again)
+        if held is not None:
+            print_manifest(held)
+    if error:
+        raise typer.Exit(exits.ERROR)
+
+
+def _is_one_folder(places: Sequence[Path]) -> bool:
+    return len(places) == 1 and places[0].is_dir()
+
+
+def _again(run: Path) -> list[Recomputed]:
+    """Every stored analysis of a run that can be read, made again."""
+    from model.errors import WordedError
+    from rig.analysis.recompute import Recomputed, recompute
+    from rig.analysis.store import read_analyses
+    from rig.errors import RigError
+
+    try:
+        stored = read_analyses(run)
+    except RigError:
+        return []  # Which of them cannot be read stands among the links.
+    made = []
+    for analysis in stored:
+        try:
+            made.append(recompute(run, analysis))
+        except WordedError as error:
+            made.append(Recomputed(analysis, because=str(error), level="error"))
+    return made
+
+
+def _first_error(
+    checked: Mapping[str, Sequence[Finding]], link: Link | None, again: Sequence[Recomputed]
+) -> RigError | None:
+    """What is wrong first: of the chain, then of a run's content, then of what was made again."""
+    from rig.errors import ChangedRunError, RunFileError
+
+    if link is not None:
+        return link.error or ChangedRunError(link.text, where=str(link.path))
+    for run, findings in checked.items():
+        for finding in findings:
+            if finding.level == "error":
+                return RunFileError(f"{finding.check}: {finding.text}", where=run)
+    wrong = next((one for one in again if one.level == "error"), None)
+    return wrong and ChangedRunError(wrong.words, where=str(wrong.analysis.path))
+
+
+def _as_object(
+    checked: Mapping[str, Sequence[Finding]],
+    links: Sequence[Link],
+    again: Sequence[Recomputed] | None,
+    error: RigError | None,
+) -> dict[str, Any]:
+    from rig import exits
+
+    told: dict[str, Any] = {
+        "runs": [
+            {
+                "run": run,
+                "findings": [
+                    {"check": f.check, "level": f.level, "text": f.text} for f in findings
+                ],
+            }
+            for run, findings in checked.items()
+        ],
+        "links": [link.as_json() for link in links],
+        "trusted": error is None,
+    }
+    if again is not None:
+        told["recomputed"] = [one.as_json() for one in again]
+    return told if error is None else told | exits.error_object(error, str(error))

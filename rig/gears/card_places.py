@@ -1,0 +1,43 @@
+"""Where gear cards lie: in a folder of runs, or in one above it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import quote as in_file_name
+
+FOLDER = ".gears"
+"""Lies in the folder of runs."""
+
+
+def cards_folder(folder: str | Path) -> Path:
+    """Where the cards of a folder of runs lie."""
+    return Path(folder) / FOLDER
+
+
+def card_file(serial: str) -> str:
+    """The name of the file of one gear's card; characters that a file name cannot have are written as %XX."""
+    name = in_file_name(serial.strip(), safe=" ()+,=@").replace("~", "%7E")
+    return f"{name or '%20'}.toml"
+
+
+def card_path(folder: str | Path, serial: str) -> Path:
+    """The file of one gear's card: the nearest one of this folder and those above it; in this folder where none is."""
+    name = card_file(serial)
+    # Asked for thousands of gears: texts, not paths, and no file is looked for where no folder of cards is.
+    own = os.path.join(folder, FOLDER, name)
+    if not os.path.exists(own):
+        for place in above(folder):
+            cards = os.path.join(place, FOLDER)
+            if os.path.isdir(cards) and os.path.isfile(os.path.join(cards, name)):
+                return Path(cards, name)
+    return Path(own)
+
+
+def above(folder: str | Path) -> Iterator[str]:
+    """The folders above a folder, the nearest first."""
+    place = os.path.abspath(folder)
+    while (higher := os.path.dirname(place)) != place:
+        yield higher
+        place = higher

@@ -1,0 +1,118 @@
+"""Whether the suite passes where it is run: README's test command beside a load, by `nohup`, or in the background.
+
+    python -m tests.benchmarks.suite_study --load 8        # beside four busy processes a core, on two cores
+    python -m tests.benchmarks.suite_study --nohup
+    python -m tests.benchmarks.suite_study --background    # `... &` of a script
+    python -m tests.benchmarks.suite_study -- tests/rig/run   # what follows is for pytest
+
+It makes the load itself. Prints what pytest says at its end, processor time (user and system, with all processes that the tests
+start), the largest resident memory of one worker, the wall time, and the load average before. Its exit code is that of pytest.
+Linux: memory is read from /proc.
+"""  # noqa: E501
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from tests.benchmarks.long_run import load_average
+
+COMMAND = (sys.executable, "-m", "pytest", "-n", "auto", "--dist", "loadfile", "-q")
+INTERVAL = 1.0
+"""s between two looks at the memory of the workers."""
+IGNORED = {"nohup": (signal.SIGHUP,), "background": (signal.SIGINT, signal.SIGQUIT), "terminal": ()}
+"""What a process is started to ignore: by `nohup`, by a shell that starts it with `&`."""
+
+
+def ignoring(numbers: tuple[signal.Signals, ...]) -> Callable[[], None]:
+    """What a child does before it begins: the signals ignored, the others as usual."""
+
+    def prepare() -> None:
+        for number in (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT):
+            signal.signal(number, signal.SIG_IGN if number in numbers else signal.SIG_DFL)
+
+    return prepare
+
+
+@contextmanager
+def busy(count: int) -> Iterator[None]:
+    """So many processes that do nothing but compute."""
+    load = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(count)]
+    try:
+        yield
+    finally:
+        for process in load:
+            process.kill()
+            process.wait()
+
+
+def children_of(parent: int) -> list[int]:
+    """The processes that a process has started: those of pytest are its workers."""
+    return [int(word) for word in _read(parent, f"task/{parent}/children").split()]
+
+
+def resident(process: int) -> int:
+    """Bytes of a process that lie in memory, 0 once it has ended."""
+    words = _read(process, "statm").split()
+    return int(words[1]) * os.sysconf("SC_PAGE_SIZE") if words else 0
+
+
+def _read(process: int, name: str) -> str:
+    try:
+        return Path(f"/proc/{process}/{name}").read_text()
+    except OSError:
+        return ""
+
+
+def watch_memory(parent: int, over: threading.Event, most: list[int]) -> None:
+    """Keep the largest resident memory of a worker until it is over."""
+    while not over.wait(INTERVAL):
+        most.append(max(map(resident, children_of(parent)), default=0))
+        del most[:-2]
+        most[:] = [max(most)]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument("--load", type=int, default=0, help="busy processes beside the suite")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--nohup", dest="how", action="store_const", const="nohup")
+    how.add_argument("--background", dest="how", action="store_const", const="background")
+    parser.add_argument("more", nargs="*", help="for pytest, after --")
+    order = parser.parse_args()
+    how_started = order.how or "terminal"
+    print(f"load average before: {load_average()}; busy beside: {order.load}; as by: {how_started}")
+    began, over, most = time.monotonic(), threading.Event(), [0]
+    with busy(order.load), tempfile.TemporaryFile("w+") as said:
+        suite = subprocess.Popen(
+            [*COMMAND, *order.more],
+            stdout=said,
+            stderr=subprocess.STDOUT,
+            preexec_fn=ignoring(IGNORED[how_started]),
+        )
+        watcher = threading.Thread(target=watch_memory, args=(suite.pid, over, most))
+        watcher.start()
+        _, status, used = os.wait4(suite.pid, 0)
+        over.set()
+        watcher.join()
+        said.seek(0)
+        lines = said.read().splitlines()
+    code = os.waitstatus_to_exitcode(status)
+    suite.returncode = code
+    print("\n".join([line for line in lines if line.startswith(("FAILED", "ERROR"))] + lines[-1:]))
+    print(f"processor time: {used.ru_utime:.0f} s user + {used.ru_stime:.0f} s system")
+    print(f"largest worker: {most[0] / 1e6:.0f} MB; wall time: {time.monotonic() - began:.0f} s")
+    return code
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
