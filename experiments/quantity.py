@@ -95,11 +95,14 @@ class Quantity:
                 limit=f"a multiple of {self.unit} among {', '.join(LABORATORY_UNITS)}",
             )
 
-    def target_for(self, value: float) -> float | None:
-        """U that a useful result of this value stays below, in `unit`; None where none is declared."""
+    def target_for(self, value: float, unit: str) -> float | None:
+        """U that a useful result of this value [unit] stays below; None where none is declared, or in another unit.
+
+        A target in N m says nothing of friction in ampere; a share holds in any unit.
+        """
         if self.target_share is not None:
             return self.target_share * abs(value)
-        return self.target_uncertainty
+        return self.target_uncertainty if unit == self.unit else None
 
     @property
     def target_text(self) -> str:

@@ -2,8 +2,8 @@
 
 *Identifiable* says that the data decided: not a bound, not the start of a search, not the sampling.
 A number whose U is larger than what its quantity declares as useful, or than half of itself where
-nothing is declared, is at most "weakly"; one that cannot be told from zero says below which value
-it lies.
+nothing is declared, is at most "weakly"; one that cannot be told from zero, signed or not, says
+below which value it lies.
 """
 
 from __future__ import annotations
@@ -88,30 +88,32 @@ def _called(
     angle: Callable[[], SamplingWindow],
     ratio: float,
 ) -> Estimate:
-    """The estimate, called identified only where the data decided."""
+    """The estimate, called identified only where sampling and the data decided."""
     order = _order(quantity.member(name)) if quantity.placeholder == ORDER else None
     if order is not None:
         estimate = sampled(estimate, order, angle(), ratio)
-    if estimate.identifiable != "yes":
-        return estimate
+    return judged(quantity, estimate) if estimate.identifiable == "yes" else estimate
+
+
+def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
+    """What a number may be called by its U alone: one rule for every quantity of every kind.
+
+    An interval that holds zero says only below which size the number lies. That is "yes" where a target is declared in
+    its own unit and U keeps it. On a circle zero is a place like any other.
+    """
     u = estimate.expanded_uncertainty
     if not (math.isfinite(estimate.value) and math.isfinite(u)):
         return replace(estimate, identifiable="no", note="no value with an uncertainty")
-    target = quantity.target_for(estimate.value)
-    is_useful = target is not None and u <= target
-    if quantity.is_signed or quantity.is_circular:
-        too_wide = target is not None and not is_useful
-        return _weakly(estimate, f"U is above {target:.3g}") if too_wide else estimate
-    if abs(estimate.value) <= u:
+    target = quantity.target_for(estimate.value, estimate.unit)
+    is_within_target = target is not None and u <= target
+    if abs(estimate.value) <= u and not quantity.is_circular:
         note = f"not distinguishable from zero, below {abs(estimate.value) + u:.3g} {estimate.unit}"
-        is_order = quantity.placeholder == ORDER
-        return (
-            replace(estimate, note=note) if is_useful and not is_order else _weakly(estimate, note)
-        )
-    if target is not None and not is_useful:
-        return _weakly(estimate, f"U is above {target:.3g} {quantity.unit}")
-    if target is None and u > LARGEST_SHARE * abs(estimate.value):
-        return _weakly(estimate, f"U is {100.0 * u / abs(estimate.value):.0f} % of the value")
+        return replace(estimate, note=note) if is_within_target else _weakly(estimate, note)
+    if target is not None and not is_within_target:
+        return _weakly(estimate, f"U is above {target:.3g} {estimate.unit}")
+    share = u / abs(estimate.value) if estimate.value else 0.0
+    if target is None and share > LARGEST_SHARE and not quantity.is_circular:
+        return _weakly(estimate, f"U is {100.0 * share:.0f} % of the value")
     return estimate
 
 

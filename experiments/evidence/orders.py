@@ -18,6 +18,8 @@ from model.identify.orders.aliases import HIGHEST_SHARE, SamplingSums, SamplingW
 ANGLES = ("input_angle", "position", "output_angle")
 NAMED = 1e-5
 """Orders to which the name of one tells it."""
+WHOLE_TURN = 0.99
+"""Of its own period that must have been recorded: a part of a wave is as well an offset, a slope or another order."""
 BLOCK = 1 << 16
 """Rows that are read at a time."""
 
@@ -49,6 +51,9 @@ def sampled(
     highest = HIGHEST_SHARE * angle.per_revolution
     if order > highest:
         note = f"above {HIGHEST_SHARE:g} of the {angle.per_revolution:.3g} samples per revolution"
+        return replace(estimate, identifiable="no", note=_with(estimate, note))
+    if order * angle.revolutions < WHOLE_TURN:
+        note = f"{order * angle.revolutions:.2g} of one turn of its own was recorded"
         return replace(estimate, identifiable="no", note=_with(estimate, note))
     other: float | None = angle.alias_of(order)
     if other is None and not _is_of_gear(order, ratio):

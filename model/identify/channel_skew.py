@@ -80,12 +80,7 @@ def fit_skew(pair: Pair, longest: float, unit: str) -> SkewFit:
         BudgetLine("choice of the averaging", "B", abs(other - tau) / math.sqrt(3.0)),
     )
     half = student_quantile(fit.freedom) * deviation
-    note = (
-        "" if abs(tau) > half else f"not distinguishable from zero, below {abs(tau) + half:.2g} s"
-    )
-    skew = Estimate(
-        name="skew", value=tau, unit="s", low=tau - half, high=tau + half, note=note, budget=lines
-    )
+    skew = Estimate(name="skew", value=tau, unit="s", low=tau - half, high=tau + half, budget=lines)
     gain = _estimate(fit, coarse, 1, "gain", "")
     has_sign = _column_of_sign(narrow) is not None
     hysteresis = _estimate(fit, coarse, 3, "hysteresis", unit) if has_sign else None

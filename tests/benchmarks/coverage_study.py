@@ -235,7 +235,7 @@ def _numbers(fit: Any) -> Iterator[Line]:
             "type_b": math.hypot(*shared),
             "seen": row.seen,
             "true": row.measurand,
-            "target": quantity.target_for(e.value),
+            "target": quantity.target_for(e.value, e.unit),
             "is_share": quantity.target_share is not None,
             "is_circular": quantity.is_circular,
         }

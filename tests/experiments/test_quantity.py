@@ -30,9 +30,10 @@ def test_a_target_is_a_number_or_a_share_of_the_value() -> None:
     )
     share = Quantity(name="b", title="b", unit="1/s2", target_share=0.1)
     none = Quantity(name="c", title="c", unit="1")
-    assert absolute.target_for(-1.0) == absolute.target_uncertainty
-    assert share.target_for(-4e5) == pytest.approx(4e4)
-    assert none.target_for(1.0) is None
+    assert absolute.target_for(-1.0, "rad") == absolute.target_uncertainty
+    assert absolute.target_for(-1.0, "m") is None
+    assert share.target_for(-4e5, "1/s2") == pytest.approx(4e4)
+    assert none.target_for(1.0, "1") is None
     assert (absolute.target_text, share.target_text, none.target_text) == (
         "<= 6 arcsec",
         "<= 10 % of the value",

@@ -97,6 +97,11 @@ class SamplingWindow:
     weight: Array
     per_revolution: float
 
+    @property
+    def revolutions(self) -> float:
+        """Turns from the least angle to the greatest; infinite where no angle is known."""
+        return float(np.ptp(self.angle)) / REVOLUTION if len(self.angle) > 1 else math.inf
+
     def correlation(self, order: float, other: float) -> float:
         """How alike two orders are at these samples: 0 apart, 1 one and the same."""
         return max(self._together(other - order), self._together(other + order))

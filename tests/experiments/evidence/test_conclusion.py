@@ -8,8 +8,9 @@ import math
 import numpy as np
 import pytest
 
+from experiments import catalogue
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
-from experiments.evidence.conclusion import checked_analysis, concluded
+from experiments.evidence.conclusion import checked_analysis, concluded, judged
 from experiments.evidence.holds import Recorded
 from experiments.quantity import Quantity
 from experiments.recording import Recording
@@ -22,7 +23,9 @@ QUANTITIES = (
     Quantity(name="size", title="size", unit="N m"),
     Quantity(name="aimed", title="aimed", unit="N m", target_uncertainty=0.3),
     Quantity(name="place", title="place", unit="rad", is_signed=True),
-    Quantity(name="amplitude_{order}", title="order {order}", unit="rad", target_uncertainty=1.0),
+    Quantity(name="aimed_place", title="place", unit="N m", is_signed=True, target_uncertainty=0.3),
+    Quantity(name="amplitude_{order}", title="order {order}", unit="N m", target_uncertainty=1.0),
+    Quantity(name="phase", title="phase", unit="rad", is_circular=True),
 )
 OK = Check(name="gaps", outcome="ok")
 MISSING = Check(name="torque zero", outcome="not checked", words="no zero")
@@ -83,10 +86,16 @@ def of(*estimates: Estimate, **more: object) -> Result:
         ("aimed", 1.0, 0.31, "weakly", "U is above 0.3"),
         # An answer: whatever it is, it is small.
         ("aimed", 0.1, 0.2, "yes", "not distinguishable from zero, below 0.3 N m"),
-        ("place", 0.0, 0.2, "yes", ""),
+        # Zero is a value like any other of a place, and still nobody knows on which side of it the place lies.
+        ("place", 0.0, 0.2, "weakly", "not distinguishable from zero, below 0.2"),
+        ("place", 0.3, 0.2, "weakly", "U is 67 % of the value"),
+        ("place", 3.0, 0.2, "yes", ""),
+        ("aimed_place", 0.0, 0.2, "yes", "not distinguishable from zero, below 0.2"),
+        ("aimed_place", 0.0, 0.4, "weakly", "not distinguishable from zero, below 0.4"),
         ("amplitude_2", 1.0, 0.2, "yes", ""),
-        # An order that may be nothing is no order, however small it is.
-        ("amplitude_2", 0.1, 0.2, "weakly", "not distinguishable from zero"),
+        ("amplitude_2", 0.1, 0.2, "yes", "not distinguishable from zero, below 0.3"),
+        # On a circle zero is a place like any other.
+        ("phase", 0.0, 0.2, "yes", ""),
     ],
 )
 def test_a_number_is_called_identified_where_its_uncertainty_says_so(
@@ -96,6 +105,24 @@ def test_a_number_is_called_identified_where_its_uncertainty_says_so(
     found = concluded(result, (), recorded(result)).estimates[name]
     assert (found.identifiable, found.value) == (called, value)
     assert note in found.note if note else not found.note
+
+
+@pytest.mark.parametrize("kind", catalogue.kinds())
+def test_an_interval_that_holds_zero_is_called_so_of_every_declared_quantity(kind: str) -> None:
+    for quantity in (q for q in catalogue.load(kind).quantities if not q.is_circular):
+        found = judged(quantity, dataclasses.replace(estimate("x", 0.1, 0.2), unit=quantity.unit))
+        target = quantity.target_uncertainty
+        assert "not distinguishable from zero" in found.note, quantity.name
+        expected = "yes" if target is not None and target >= 0.2 else "weakly"
+        assert found.identifiable == expected, quantity.name
+
+
+def test_a_target_in_another_unit_is_none() -> None:
+    in_ampere = dataclasses.replace(estimate("aimed", 1.0, 0.29), unit="A")
+    assert judged(QUANTITIES[1], in_ampere).identifiable == "yes"
+    assert judged(QUANTITIES[1], dataclasses.replace(in_ampere, value=0.1)).identifiable == "weakly"
+    wide = dataclasses.replace(estimate("aimed", 10.0, 0.4), unit="A")
+    assert judged(QUANTITIES[1], wide).identifiable == "yes"
 
 
 @pytest.mark.parametrize("word", ["weakly", "no"])

@@ -7,9 +7,12 @@ import pytest
 
 from experiments import catalogue
 from experiments.contract import Evidence
+from experiments.evidence.orders import sampled
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear_file import shipped_gear
+from model.identify.estimate import Estimate
+from model.identify.orders.aliases import SamplingSums, SamplingWindow
 from model.units import REVOLUTION
 from tests.experiments.test_analyses_without_plan import foreign
 
@@ -92,3 +95,17 @@ def test_whole_samples_per_revolution_leave_a_pair() -> None:
 def test_noise_alone_has_no_orders() -> None:
     for kind in ("order-spectrum", "revolution"):
         assert called(analysed(kind, ripple(2.0, 0.0)), "yes") == []
+
+
+def test_an_order_needs_one_whole_turn_of_its_own() -> None:
+    angle = SamplingWindow(REVOLUTION * np.linspace(0.0, 1.0, 500), np.ones(500), 500.0)
+    one = Estimate(name="amplitude", value=1.0, unit="N m", low=0.9, high=1.1)
+    assert sampled(one, 1.0, angle).identifiable == "yes"
+    quarter = sampled(one, 0.25, angle, ratio=4.0)
+    assert quarter.identifiable == "no"
+    assert "0.25 of one turn of its own was recorded" in quarter.note
+
+
+def test_an_order_of_an_angle_that_nobody_knows_is_left_as_it_is() -> None:
+    one = Estimate(name="amplitude", value=1.0, unit="N m", low=0.9, high=1.1)
+    assert sampled(one, 0.25, SamplingSums().window(), ratio=4.0) == one
