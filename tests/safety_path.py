@@ -5,7 +5,7 @@ when it is carried out in the run with the fault and not in the same run with th
 
     python -m tests.safety_path docs/reference/safety-path.md
 
-makes every drill twice, traced, and writes the page (some minutes).
+makes every drill twice, traced, and writes the page (some minutes); with `--lists` only the lists are made anew.
 """
 
 from __future__ import annotations
@@ -222,10 +222,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0] if __doc__ else "")
     parser.add_argument("page", type=Path)
     parser.add_argument("--drill", action="append", help="only these rows")
+    parser.add_argument(
+        "--lists", action="store_true", help="keep the rows of the drills as they are"
+    )
     chosen = parser.parse_args(arguments)
-    rows = drill_rows(chosen_drills(chosen.drill or ()))
+    if chosen.lists:
+        rows = chosen.page.read_text(encoding="utf-8").split(DRILLS)[1].rstrip()
+    else:
+        rows = "\n".join(drill_rows(chosen_drills(chosen.drill or ())))
     page = [INTRODUCTION.format(most=MOST_STOPPING), *lists_table()]
-    text = "\n".join(page) + "\n" + DRILLS + "\n".join(rows) + "\n"
+    text = "\n".join(page) + "\n" + DRILLS + rows + "\n"
     chosen.page.write_text(text, encoding="utf-8")
 
 

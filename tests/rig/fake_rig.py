@@ -58,6 +58,8 @@ class Physics:
     ignore_quick_stop: bool = False
     ignore_off: bool = False
     ignore_ramp: bool = False
+    slowing: float = 5000.0
+    """rad/s2 of a quick stop, and of coasting."""
     fault: bool = False
     flags: int = 0
     temperature: float = 25.0
@@ -187,7 +189,7 @@ class FakeRig:
             else:
                 p.speed = 0.0
         elif not (p.ignore_off or p.ignore_quick_stop or p.ignore_ramp):
-            slow = 5000.0 * dt
+            slow = p.slowing * dt
             p.speed -= math.copysign(min(slow, abs(p.speed)), p.speed)
         if p.blocked:
             p.speed = 0.0

@@ -36,6 +36,7 @@ def made_safe(
     speed: float = 30.0,
     block: int = 20,
     line: Answers | None = None,
+    deceleration: float = 500.0,
 ) -> tuple[FakeRig, MakeSafeReport, Notes]:
     """Bring an ideal rig to `speed`, change something about it, make it safe."""
     rig, notes = FakeRig(), Notes()
@@ -49,7 +50,7 @@ def made_safe(
     rig.exchanged.clear()
     change(rig)
     direct = None if line is None else line.of(rig)
-    make_safe = MakeSafe(action, machine, notes, 500.0, 120.0, block, line=direct)
+    make_safe = MakeSafe(action, machine, notes, deceleration, 120.0, block, line=direct)
     _exchange(rig, machine, make_safe)
     return rig, make_safe.report, notes
 
@@ -113,6 +114,19 @@ def test_a_quick_stop_that_is_not_obeyed_becomes_servo_off() -> None:
     assert rig.physics.state is DriveState.READY
     assert not report.safe
     assert "the input turns" in report.problem
+
+
+@pytest.mark.parametrize(("deceleration", "escalated"), [(20.0, []), (500.0, ["quick stop"])])
+def test_a_quick_stop_has_the_time_that_its_ramp_takes(
+    deceleration: float, escalated: list[str]
+) -> None:
+    def slow(rig: FakeRig) -> None:
+        rig.physics.slowing = 20.0
+
+    # 1.5 s from 30 rad/s: longer than the patience alone.
+    _, report, _ = made_safe(Action.QUICK_STOP, slow, deceleration=deceleration)
+    assert report.escalated == escalated
+    assert report.safe
 
 
 def test_a_power_stage_that_only_a_quick_stop_switches_off() -> None:
