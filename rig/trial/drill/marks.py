@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from drivers.samples import CycleFlag
 from experiments.recording import Recording
 from rig.errors import RigError
 from rig.run.order import RunReport
+from rig.runfile.layout import PART_SUFFIX
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.trial.drill.cause import marked
@@ -51,6 +53,22 @@ def look_at_file(
         return whole and fits and has_rows, _marks(recording, row, reference)
     finally:
         close_recording(recording)
+
+
+def left_readable(folder: Path) -> bool:
+    """Whether every file that a run left which ended in an exception can be read, recovered where it was cut off."""
+    try:
+        for part in sorted(folder.glob(f"*{PART_SUFFIX}")):
+            recover_run(part)
+        for path in sorted(folder.glob("*.h5")):
+            recording = open_run(path, verify=True)
+            try:
+                recording.si("input_angle")
+            finally:
+                close_recording(recording)
+    except RigError:
+        return False
+    return True
 
 
 def _marks(recording: Recording, row: int, reference: Mapping[str, NDArray[np.int64]]) -> Marks:

@@ -21,7 +21,7 @@ from rig.runfile.read import close_recording, open_run
 from rig.trial.drill.catalogue import Drill
 from rig.trial.drill.cause import NO_VALUE, causes_of_events, not_obeyed, reading_refused
 from rig.trial.drill.disk import FailingDisk
-from rig.trial.drill.marks import Marks, look_at_file
+from rig.trial.drill.marks import Marks, left_readable, look_at_file
 from rig.trial.drill.protocol import breaks_closure
 from rig.trial.drill.rigs import Carrier, DrilledRig, Happening, drilled_rig
 
@@ -226,6 +226,7 @@ class Staged:
                 safe=safe,
                 evidence=tuple(facts),
                 causes=(message.partition(":")[0],),
+                file_readable=left_readable(self.folder),
                 verified=self.said_safe,
                 rightly_denied=self.rightly_denied,
             )
