@@ -366,4 +366,5 @@ EXPERIMENT = Experiment(
     gear_mounted=False,
     has_plan=False,
     quantities=QUANTITIES,
+    version=2,
 )

@@ -317,6 +317,6 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
     cuts_gaps=True,
 )
