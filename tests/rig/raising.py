@@ -188,15 +188,6 @@ CASES = [
     if way != "api" or which == "ask"
 ]
 """Way, callback, error."""
-TELLING = tuple(way for way in WAYS if way != "api")
-"""Ways that have all three callbacks."""
-PAIRS = [
-    (way, which, error)
-    for way, which, error in CASES
-    # A Latin square: the places in the three lists add up to a multiple of three.
-    if way == "api" or (TELLING.index(way) + CALLBACKS.index(which) + ERRORS.index(error)) % 3 == 0
-]
-"""Of these so many that every two of way, callback and error meet."""
 
 
 def judge(

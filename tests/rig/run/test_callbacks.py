@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +19,12 @@ from rig.run.serving import Relay, _serve_until_over
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
-from tests.rig.raising import CALLBACKS, ERRORS, PAIRS, TELLING, Carrier, judge
+from tests.rig.raising import CASES, Carrier, judge
 
 STEPS = (Ramp(20.0, 500.0), HoldTime(0.1), Mark("in-motion", "it turns"), HoldTime(0.3))
 
 
-@pytest.mark.parametrize(("way", "which", "error"), PAIRS)
+@pytest.mark.parametrize(("way", "which", "error"), CASES)
 def test_a_run_on_the_wire_is_left_through_standstill_alone(
     way: str, which: str, error: type[BaseException], tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -33,15 +32,6 @@ def test_a_run_on_the_wire_is_left_through_standstill_alone(
     words = ("--backend", "wire", "--sample-rate", "250")
     carrier = Carrier({"backend": "wire", "sample_rate": 250.0}, words, tmp_path)
     judge(carrier, way, which, error, monkeypatch)
-
-
-def test_every_two_of_way_callback_and_error_meet_here() -> None:
-    """All three at once meet over the hub."""
-    told = [case for case in PAIRS if case[0] in TELLING]
-    assert {case[:2] for case in told} == set(product(TELLING, CALLBACKS))
-    assert {case[1:] for case in told} == set(product(CALLBACKS, ERRORS))
-    assert {case[::2] for case in told} == set(product(TELLING, ERRORS))
-    assert {case[2] for case in PAIRS if case[0] == "api"} == set(ERRORS)
 
 
 def test_the_rule() -> None:
