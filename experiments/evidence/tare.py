@@ -14,8 +14,8 @@ from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded
 from experiments.recording import Recording
 from experiments.result import Result
-from experiments.torque import tare_witness as witness
-from experiments.torque.tare import TareDoubt, tare_of, with_doubts
+from experiments.tares import tare_witness as witness
+from experiments.tares.tare import TareDoubt, tare_of, with_doubts
 from model.identify.running_torque import Tare
 
 AGE_LIMIT = 7.0

@@ -15,7 +15,7 @@ from experiments.contract import Evidence
 from experiments.evidence import SATURATED
 from experiments.recording import ArraySource, Recording, Segment
 from experiments.result import Result
-from experiments.torque.tare import TABLE
+from experiments.tares.tare import TABLE
 from model.identify.estimate import Estimate
 
 Stored = NDArray[Any]
@@ -450,7 +450,7 @@ def tare_not_its_own(honest: Honest) -> Honest:
     """Somebody changed the table, and not what the result states."""
     tare = honest.evidence.tare
     assert tare is not None
-    changed = dataclasses.replace(_tare_times(honest, 1.4).evidence.tare, estimates=tare.estimates)
+    changed = dataclasses.replace(tare_reading(tare, 1.4), estimates=tare.estimates)
     return dataclasses.replace(honest, evidence=dataclasses.replace(honest.evidence, tare=changed))
 
 

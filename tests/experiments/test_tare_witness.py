@@ -11,9 +11,9 @@ import pytest
 from experiments.protocols.motor_tare import QUANTITIES
 from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.result import Result
-from experiments.torque import tare_witness as witness
-from experiments.torque.tare import doubts_of, tare_of, tare_table, with_doubts
-from experiments.torque.tare_witness import (
+from experiments.tares import tare_witness as witness
+from experiments.tares.tare import doubts_of, tare_of, tare_table, with_doubts
+from experiments.tares.tare_witness import (
     ANOTHER,
     against_card,
     against_others,

@@ -37,14 +37,14 @@ from experiments.protocols.friction.temperature import (
 )
 from experiments.protocols.friction.vibration import LAG, Ripple, ripple_of
 from experiments.recording import Recording
-from experiments.torque.motor_heat import MotorHeat, motor_heat
+from experiments.tares.motor_heat import MotorHeat, motor_heat
+from experiments.tares.tare import REACH, TareDoubt, doubts_of, read_tare
 from experiments.torque.running_torque import (
     TEMPERATURE,
     Hold,
     foreign_holds,
     measured_holds,
 )
-from experiments.torque.tare import REACH, TareDoubt, doubts_of, read_tare
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever

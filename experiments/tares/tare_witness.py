@@ -20,8 +20,8 @@ import numpy as np
 from experiments.budget import torque_scale_uncertainty
 from experiments.recording import Recording
 from experiments.result import Result
-from experiments.torque.motor_heat import FRICTION, FRICTION_UNCERTAINTY, REFERENCE, WARMER
-from experiments.torque.tare import KIND, TareDoubt, tare_of
+from experiments.tares.motor_heat import FRICTION, FRICTION_UNCERTAINTY, REFERENCE, WARMER
+from experiments.tares.tare import KIND, TareDoubt, tare_of
 from model.arrays import FloatArray
 from model.errors import ParameterError
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR
