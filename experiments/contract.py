@@ -22,9 +22,11 @@ class Evidence:
 
     `gear` is the parameter set to compare with (and the source of everything that is not
     identified); `tare` the result of a motor-tare run of the same rig, if there is one, and
-    `tare_recording` that run; `maximum_missed_share` the share of incomplete cycles above which a
-    run is refused; `settings` what an analysis offers to choose (each names its own and refuses
-    others); `checks` what was looked at of the recording before (`experiments.evidence.table`).
+    `tare_recording` that run; `other_tares` the results of the bench's other runs of that kind with
+    the same motor and torque channel, which bear witness of it; `maximum_missed_share` the share of
+    incomplete cycles above which a run is refused; `settings` what an analysis offers to choose
+    (each names its own and refuses others); `checks` what was looked at of the recording before
+    (`experiments.evidence.table`).
     """
 
     gear: HarmonicDrive
@@ -33,6 +35,7 @@ class Evidence:
     settings: dict[str, Any] = field(default_factory=dict)
     tare_recording: Recording | None = None
     checks: tuple[Check, ...] = ()
+    other_tares: tuple[Result, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -61,6 +61,22 @@ class ServoMotor(Section):
                 limit = f">= motor.{smaller} = {getattr(self, smaller):g}"
                 refuse(self.section, larger, getattr(self, larger), limit, "is too small")
 
+    def stated_friction(self) -> dict[str, Any]:
+        """What this card states of the motor's own friction, as run files keep it: `coulomb` [N m], `viscous`
+        [N m s/rad], each with its standard uncertainty (None where none is stated), and the source.
+        """
+        coulomb, viscous = (
+            self.origins.get(f"{part}_friction", Origin("assumed"))
+            for part in ("coulomb", "viscous")
+        )
+        return {
+            "coulomb": self.coulomb_friction,
+            "coulomb_u": coulomb.standard_uncertainty,
+            "viscous": self.viscous_friction,
+            "viscous_u": viscous.standard_uncertainty,
+            "source": coulomb.source,
+        }
+
 
 def shipped_motor(name: str = "sgmjv-02") -> ServoMotor:
     """A motor that comes with the program; raises `ParameterError` for an unknown name, listing those there are."""

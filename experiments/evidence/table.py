@@ -100,6 +100,10 @@ WIDER_RANGE = "Widen the range of the torque port, and run again."
 WARM_UP = "Warm up first, and run again."
 SAME_RIG = "Take the tare on the rig of the run."
 NEW_TARE = "Take a new tare, or allow more with the setting tare_age_limit."
+TARE_AGAIN = (
+    "Look for a rubbing coupling, a cold motor, a wrong scale or card; take the tare again, before and "
+    "after the run (rig run motor-tare)."
+)
 SAME_ROOM = "Take a new tare at this temperature."
 
 TABLE: tuple[Row, ...] = (
@@ -124,6 +128,9 @@ TABLE: tuple[Row, ...] = (
     Row("age of the tare", _tare, tare.age, NEW_TARE),
     Row("temperature of the tare", _tare, tare.temperature, SAME_ROOM),
     Row("size of the tare", _tare, tare.size, LOOK_AT_PORT),
+    Row("shape of the tare", _tare, tare.shape, TARE_AGAIN, False),
+    Row("card of the motor", _tare, tare.card, TARE_AGAIN, False),
+    Row("other tares of the bench", _tare, tare.others, TARE_AGAIN, False),
 )
 
 

@@ -1,9 +1,11 @@
-"""Checks of the tare: whose it is, how old, how warm, how large; and the tare as wide as they make it."""
+"""Checks of the tare: whose it is, how old, how warm, how large, beside which witnesses; and the tare as wide as they
+make it.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 import math
+from collections.abc import Iterator
 from datetime import datetime
 
 import numpy as np
@@ -11,12 +13,11 @@ import numpy as np
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded
 from experiments.recording import Recording
-from experiments.result import Result, Table
-from model.arrays import FloatArray
-from model.units import RPM
+from experiments.result import Result
+from experiments.tares import tare_witness as witness
+from experiments.tares.tare import TareDoubt, tare_of, with_doubts
+from model.identify.running_torque import Tare
 
-TABLE = "motor-friction"
-"""The table by which a tare is carried: speed [r/min], friction [N m], standard error [N m]."""
 AGE_LIMIT = 7.0
 """Days after which a tare is widened; the setting `tare_age_limit`."""
 AGED = 0.05
@@ -25,6 +26,8 @@ WARMER, MUCH_WARMER = 5.0, 15.0
 """K between tare and run: beyond the first the tare is widened, beyond the second refused."""
 PER_KELVIN = 0.01
 """Relative change of a motor's friction per kelvin, of grease and seal."""
+LEAST_BESIDE = 0.02
+"""Of a tare's mean: points closer than that to a line bend nothing that is subtracted."""
 LARGEST_SHARE = 0.9
 """Of what it is subtracted from: above it the difference is all error."""
 
@@ -59,12 +62,20 @@ def refusal_of(run: Recording, tare: Recording) -> str:
     widened by the room instead (`temperature`), and refused only beyond `MUCH_WARMER`. What neither
     of the two says, such as a temperature that was not recorded, speaks against nobody.
     """
-    for what, mine, its in _rig_of_both(run, tare):
-        if mine and its and mine != its:
-            return f"{what} {its}, this run's is {mine}"
+    other = other_rig(run, tare)
+    if other:
+        return other
     place, apart = kelvin_apart(run, tare)
     if apart > WARMER:
         return f"{place} {apart:.1f} K apart, limit {WARMER:g} K"
+    return ""
+
+
+def other_rig(run: Recording, tare: Recording) -> str:
+    """What of motor, bench and torque channel is another one in a tare than in a run; "" where nothing is."""
+    for what, mine, its in _rig_of_both(run, tare):
+        if mine and its and mine != its:
+            return f"{what} {its}, this run's is {mine}"
     return ""
 
 
@@ -162,14 +173,13 @@ def _at_the_start(recording: Recording, channel: str) -> float:
 
 def size(recorded: Recorded) -> Finding:
     """The tare as a share of the friction that it is subtracted from, half the difference of the directions."""
-    tare = recorded.evidence.tare
-    table = _table(tare) if tare is not None else None
+    tare = _points(recorded)
     holds = [h for h in recorded.turning if math.isfinite(h.torque)]
-    if table is None or not holds:
+    if tare is None or not holds:
         return not_checked("a tare over speed and torques at constant speed are needed")
     speed = np.array([abs(h.speed) for h in holds])
     braking = np.array([h.direction * h.torque for h in holds])
-    subtracted = np.interp(speed, table[:, 0] * RPM, table[:, 1])
+    subtracted = np.interp(speed, tare.speed, tare.torque)
     # Over all holds: an offset of the port cancels between the directions.
     share = float(subtracted.sum() / braking.sum())
     return refused_beyond(
@@ -180,33 +190,107 @@ def size(recorded: Recorded) -> Finding:
     )
 
 
-def _table(tare: Result) -> FloatArray | None:
-    """Speed [r/min], friction and standard error [N m] of a tare, by speed; None where it has less than two speeds."""
-    table = next((t for t in tare.tables if t.name == TABLE), None)
-    if table is None or len(table.rows) < 2:
-        return None
-    rows = np.array([[float(cell) for cell in row] for row in table.rows])
-    return np.asarray(rows[np.argsort(rows[:, 0])], dtype=np.float64)
+def _points(recorded: Recorded) -> Tare | None:
+    return None if recorded.evidence.tare is None else tare_of(recorded.evidence.tare)
+
+
+def shape(recorded: Recorded) -> Finding:
+    """The points of the tare against a straight line over speed, and against the line that its own result states."""
+    tare, points = recorded.evidence.tare, _points(recorded)
+    if tare is None or points is None:
+        return not_checked("a tare over speed is needed")
+    off = witness.off_its_own_line(tare)
+    if off > witness.OWN_LINE:
+        found, allowed = f"{100.0 * off:.2g} % off", f"<= {100.0 * witness.OWN_LINE:g} %"
+        return Finding("refused", found, allowed, "the tare is not what its own result states")
+    ratio, beside = witness.reduced_chi_square(points)
+    if not math.isfinite(ratio):
+        return not_checked("a tare over four speeds or more is needed")
+    found = f"{ratio:.3g} per degree of freedom, {1e3 * beside:.2g} mN m beside the line"
+    allowed = f"<= {witness.LARGEST_CHI_SQUARE:g}"
+    if beside > 0.5 * abs(float(points.torque.mean())):
+        return Finding("refused", found, allowed, "the tare is no friction of a motor over speed")
+    if ratio > witness.LARGEST_CHI_SQUARE and beside > LEAST_BESIDE * abs(points.torque.mean()):
+        words = f"The points of the motor tare lie {found}: its doubt is in the budget."
+        return Finding("widened", found, allowed, words)
+    return Finding("ok", found, allowed)
+
+
+def card(recorded: Recorded) -> Finding:
+    """The tare against the friction that the card of the motor states."""
+    found = _beside_card(recorded)
+    if found is None:
+        return not_checked("the motor's card, or the run of the tare, is not at hand")
+    return _judged(found, "the card of its motor", math.isfinite(found.normalised))
+
+
+def others(recorded: Recorded) -> Finding:
+    """The tare against the bench's other tares of the same motor, by the same channel."""
+    found = _beside_others(recorded)
+    count = len(recorded.evidence.other_tares)
+    if found is not None and (found.is_beyond_factor or found.is_apart):
+        return _judged(found, "the bench's other tares", True)
+    if count < witness.ENOUGH:
+        have, need = f"{count} beside it", f">= {witness.ENOUGH}"
+        return Finding("widened", have, need, witness.alone(count))
+    if found is None:
+        return not_checked("the other tares have no speed in common with it")
+    return _judged(found, "the bench's other tares", True)
+
+
+def _judged(found: witness.Comparison, what: str, has_uncertainty: bool) -> Finding:
+    """Refused beyond a factor of two; widened by the difference beyond |E_n| 1, where that can be told."""
+    words = found.words()
+    allowed = f"|E_n| <= 1, within a factor of {witness.FACTOR:g}"
+    if found.is_beyond_factor:
+        return Finding("refused", words, allowed, f"the tare is not that of {what}")
+    if has_uncertainty and found.is_apart:
+        said = f"The motor tare is away from {what}: {words}. The difference is in the budget."
+        return Finding("widened", words, allowed, said)
+    return Finding("ok", words, allowed)
+
+
+def _beside_card(recorded: Recorded) -> witness.Comparison | None:
+    tare, there = recorded.evidence.tare, recorded.evidence.tare_recording
+    return None if tare is None or there is None else witness.against_card(tare, there)
+
+
+def _beside_others(recorded: Recorded) -> witness.Comparison | None:
+    tare = recorded.evidence.tare
+    return None if tare is None else witness.against_others(tare, recorded.evidence.other_tares)
 
 
 def widened(recorded: Recorded) -> Result | None:
-    """The tare with what age and temperature add to its standard errors."""
+    """The tare with what age, temperature and witnesses leave open of it as a whole."""
     tare = recorded.evidence.tare
-    if tare is None:
-        return None
-    old = AGED if _days(recorded) > _age_limit(recorded) else 0.0
-    apart = _kelvin(recorded)
-    warm = PER_KELVIN * apart if apart > WARMER else 0.0
-    if not old and not warm:
-        return tare
-    relative = math.hypot(old, warm)
-    tables = tuple(_with_errors(t, relative) if t.name == TABLE else t for t in tare.tables)
-    return dataclasses.replace(tare, tables=tables)
+    return None if tare is None else with_doubts(tare, _doubts(recorded, tare))
 
 
-def _with_errors(table: Table, relative: float) -> Table:
-    rows = tuple(
-        (speed, friction, math.hypot(float(error), relative * float(friction)))
-        for speed, friction, error in table.rows
-    )
-    return dataclasses.replace(table, rows=rows)
+def _doubts(recorded: Recorded, tare: Result) -> Iterator[TareDoubt]:
+    points = tare_of(tare)
+    if points is None:
+        return
+    days, apart = _days(recorded), _kelvin(recorded)
+    if days > _age_limit(recorded):
+        yield _share(points, "age of the tare", AGED, f"{days:.1f} days")
+    if apart > WARMER:
+        yield _share(points, "temperature of the tare", PER_KELVIN * apart, f"{apart:.1f} K apart")
+    if shape(recorded).outcome == "widened":
+        beside = np.full(len(points.speed), witness.reduced_chi_square(points)[1])
+        yield TareDoubt("shape of the tare", points.speed, beside, "its points about a line")
+    is_apart = False
+    for what, found in (
+        ("card of the motor", _beside_card(recorded)),
+        ("other tares of the bench", _beside_others(recorded)),
+    ):
+        if found is not None and found.is_apart:
+            is_apart = True
+            yield found.doubt(f"tare against {what}", f"{found.words()}; rectangular")
+    again = witness.repeatability(tare, recorded.evidence.other_tares)
+    # A difference that stands in the budget is in the scatter of the tares too.
+    if again is not None and not is_apart:
+        yield again
+
+
+def _share(points: Tare, source: str, relative: float, note: str) -> TareDoubt:
+    return TareDoubt(source, points.speed, relative * np.abs(points.torque), note)

@@ -27,10 +27,11 @@ from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Plot, Result, Series, both_ways, residual_panel
 from experiments.steps.vocabulary import Prompt, Step
-from experiments.torque.motor_heat import FRICTION, MotorHeat, motor_heat
+from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
+from experiments.tares.tare import tare_table
+from experiments.tares.tare_witness import remarks_of
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
-from experiments.torque.tare import tare_table
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.gear import HarmonicDrive
@@ -251,7 +252,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     scale = torque_scale(recording, zero)
     if scale is not None:
         estimates[scale.name] = scale
-    return Result(
+    result = Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
@@ -263,6 +264,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         options={"torque_is_of": "motor"},
         covariance=covariance,
     )
+    said = remarks_of(recording, result, evidence.other_tares)
+    return replace(result, warnings=(*result.warnings, *said))
 
 
 def _straight_line(

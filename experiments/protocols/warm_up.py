@@ -39,8 +39,8 @@ from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
 from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Settle, Step
+from experiments.tares.motor_heat import MotorHeat, motor_heat
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE
-from experiments.torque.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.gear import HarmonicDrive

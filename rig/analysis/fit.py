@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +26,14 @@ if TYPE_CHECKING:
     from experiments.recording import Recording
     from experiments.result import Result
     from model.gear import HarmonicDrive
+
+
+@dataclass(frozen=True)
+class OtherTare:
+    """Another tare of the bench, a witness of the one that is subtracted: its result, and what it is called."""
+
+    result: Result
+    named: Mapping[str, Any]
 
 
 LEFT_AWAY = "left away by hand"
@@ -56,6 +64,8 @@ class Fit:
     gear_source: GearSource = field(default_factory=GearSource)
     found_tare: FoundTare = field(default_factory=FoundTare)
     """The tare that was found or chosen by hand, and where there is none, why."""
+    other_tares: tuple[OtherTare, ...] = ()
+    """The bench's other tares that its tare was held against."""
     named_tare: Mapping[str, Any] = field(default_factory=dict)
     """Of a stored fit: the tare that was subtracted, as its analysis names it."""
     stale: tuple[str, ...] = ()
@@ -89,7 +99,13 @@ class Fit:
     @property
     def evidence(self) -> Evidence:
         """What its analysis leaned on."""
-        return evidence_of(self.gear, self.tare, self.settings, self.largest_missed_share)
+        return evidence_of(
+            self.gear,
+            self.tare,
+            self.settings,
+            self.largest_missed_share,
+            self.other_tares,
+        )
 
     @property
     def tare_words(self) -> tuple[str, ...]:
@@ -161,6 +177,7 @@ def fit_recording(
     settings: Mapping[str, Any] | None = None,
     path: Path | None = None,
     largest_missed_share: float | None = None,
+    other_tares: Sequence[OtherTare] = (),
 ) -> Fit:
     """Analyse one recording.
 
@@ -185,7 +202,7 @@ def fit_recording(
         remarks.append(NOT_SEALED)
     if tare is not None:
         check_tare(recording, tare.recording, tare.result)
-    evidence = evidence_of(parameters, tare, settings or {}, largest_missed_share)
+    evidence = evidence_of(parameters, tare, settings or {}, largest_missed_share, other_tares)
     result = experiment.analyse(recording, evidence)
     options = dict(result.options)
     if gear_known or experiment.has_plan:
@@ -203,6 +220,7 @@ def fit_recording(
         settings=dict(settings or {}),
         gear_known=gear_known,
         largest_missed_share=largest_missed_share,
+        other_tares=tuple(other_tares),
     )
 
 
@@ -220,13 +238,26 @@ def _refuse_another_ratio(recording: Recording, gear: HarmonicDrive) -> None:
         )
 
 
+def other_tare(fit: Fit, run: Path) -> OtherTare:
+    """A fitted tare as a witness of the one of a run."""
+    named = {
+        "run": fit.recording.metadata.run_id,
+        "sha256": fit.recording.metadata.sha256,
+        "file": "" if fit.path is None else _beside(run, fit.path),
+        "analysis": fit.stored,
+        "analysis_sha256": fit.stored_seal.sha256,
+    }
+    return OtherTare(fit.result, named)
+
+
 def evidence_of(
     gear: HarmonicDrive,
     tare: Fit | None,
     settings: Mapping[str, Any],
     largest_missed_share: float | None,
+    other_tares: Sequence[OtherTare] = (),
 ) -> Evidence:
-    """What an analysis leans on: parameter set, tare, settings, and the share of missed cycles that it lets pass."""
+    """What an analysis leans on: parameter set, tares, settings, and the share of missed cycles that it lets pass."""
     from experiments.contract import Evidence
 
     evidence = Evidence(
@@ -234,6 +265,7 @@ def evidence_of(
         tare.result if tare else None,
         settings=dict(settings),
         tare_recording=tare.recording if tare else None,
+        other_tares=tuple(other.result for other in other_tares),
     )
     return (
         evidence
@@ -280,6 +312,7 @@ def store(fit: Fit, created: str) -> Fit:
         analysis_version=catalogue.load(fit.result.kind).version,
         gear_source=fit.gear_source.as_json(),
         no_tare=() if fit.tare is not None else fit.found_tare.because,
+        other_tares=tuple(other.named for other in fit.other_tares),
     )
     kept = append_analysis(fit.path, fit.result, basis)
     found = in_force(fit.path, kept.kind)

@@ -15,7 +15,15 @@ from experiments.errors import AnalysisError
 from experiments.evidence.tare import AGE_LIMIT
 from model.gear_file import shipped_gear
 from rig.analysis.adopt import adopt
-from rig.analysis.fit import LEFT_AWAY, Fit, evidence_of, fit_recording, kind_of
+from rig.analysis.fit import (
+    LEFT_AWAY,
+    Fit,
+    OtherTare,
+    evidence_of,
+    fit_recording,
+    kind_of,
+    other_tare,
+)
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
 from rig.analysis.stored_fit import stored_fit
@@ -25,6 +33,7 @@ from rig.analysis.tare_search import (
     find_tare,
     nearness,
     tare_days_of,
+    tares_beside,
 )
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.runfile import read
@@ -36,6 +45,8 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.analysis.store import Analysis
 
+MOST_OTHERS = 4
+"""Other tares of the bench, the nearest in time, that one is held against."""
 TARE_AGE_SETTING = "tare_age_limit"
 """The setting of the checks that says from which age [days] on a tare is widened (`experiments.evidence.tare`)."""
 
@@ -79,6 +90,18 @@ class Surroundings:
         """The analysis of a tare: the one in force, and where there is none that may be used, one made now."""
         return _tare_fit(path, choices)
 
+    def other_tare(self, path: Path, choices: Choices, run: Path) -> OtherTare:
+        """A tare that bears witness of the one of a run."""
+        fit = self.tare_fit(path, choices)
+        try:
+            return other_tare(fit, run)
+        finally:
+            self.let_go(fit)
+
+    def let_go(self, fit: Fit) -> None:
+        """Close the file of a tare that is not read any further."""
+        read.close_recording(fit.recording)
+
     def learns_from(self, analysis: Analysis) -> bool:
         """Whether what another run of the gear says may be learnt from."""
         return True
@@ -96,6 +119,7 @@ class Footing:
     tared: Tared
     learnt: Mapping[str, Any]
     choices: Choices
+    other_tares: tuple[OtherTare, ...] = ()
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -105,7 +129,8 @@ class Footing:
     def evidence(self) -> Evidence:
         """The same as the analysis gets it."""
         share = self.choices.largest_missed_share
-        return evidence_of(self.gear or shipped_gear(), self.tared.fit, self.settings, share)
+        gear, tare = self.gear or shipped_gear(), self.tared.fit
+        return evidence_of(gear, tare, self.settings, share, self.other_tares)
 
     def fit(self) -> Fit:
         """The analysis. Raises its errors."""
@@ -117,6 +142,7 @@ class Footing:
             settings=self.settings,
             path=self.path,
             largest_missed_share=self.choices.largest_missed_share,
+            other_tares=self.other_tares,
         )
         return replace(fit, gear_source=self.source, found_tare=self.tared.found)
 
@@ -145,6 +171,7 @@ def footing_of(
         source=source,
         tared=tared,
         choices=choices,
+        other_tares=_other_tares(recording, path, kind, tared, choices, surroundings),
     )
 
 
@@ -282,6 +309,32 @@ def _tare_for(
         return Tared(found=FoundTare(None, (f"{found.path.stem} gives no tare: {error}",)))
     # A tare that is young enough to be found is not too old to be believed.
     return Tared(fit, found, {} if days <= AGE_LIMIT else {TARE_AGE_SETTING: days})
+
+
+def _other_tares(
+    recording: Recording,
+    path: Path,
+    kind: str,
+    tared: Tared,
+    choices: Choices,
+    surroundings: Surroundings,
+) -> tuple[OtherTare, ...]:
+    """The bench's other tares: beside the one that is subtracted, or beside the run where that is a tare itself."""
+    one = tared.fit.path if tared.fit is not None else None
+    if one is None:
+        if kind != tare_kind():
+            return ()
+        one = path
+    found: list[OtherTare] = []
+    for other in tares_beside(recording, surroundings.library(path.parent), one):
+        try:
+            found.append(surroundings.other_tare(other, choices, path))
+        except AnalysisError:
+            # What gives no tare bears no witness of one.
+            continue
+        if len(found) == MOST_OTHERS:
+            break
+    return tuple(found)
 
 
 def _tare_fit(path: Path, choices: Choices) -> Fit:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from model.gear_file import gear_from_mapping
-from rig.analysis.fit import Fit, fit_recording
+from rig.analysis.fit import Fit, OtherTare, fit_recording
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_ready, read_analyses
 from rig.analysis.stored_fit import stored_fit
@@ -96,7 +96,7 @@ def recompute(run: Path, analysis: Analysis, *, tolerance: float = TOLERANCE) ->
     tare = None
     try:
         tare = _tare_of(run, analysis)
-        again = _again(run, recording, analysis, tare)
+        again = _again(run, recording, analysis, tare, _other_tares(run, analysis))
     finally:
         close_recording(recording)
         if tare is not None:
@@ -104,7 +104,13 @@ def recompute(run: Path, analysis: Analysis, *, tolerance: float = TOLERANCE) ->
     return _compared(analysis, again, tolerance)
 
 
-def _again(run: Path, recording: Recording, analysis: Analysis, tare: Fit | None) -> Fit:
+def _again(
+    run: Path,
+    recording: Recording,
+    analysis: Analysis,
+    tare: Fit | None,
+    others: Sequence[OtherTare],
+) -> Fit:
     content = analysis.content
     source = (content.get("gear_source") or {}).get("source", "")
     # Where nobody stated a set, the analysis took the shipped one for itself, and does so again.
@@ -118,14 +124,27 @@ def _again(run: Path, recording: Recording, analysis: Analysis, tare: Fit | None
         settings=dict(content.get("settings") or {}),
         path=run,
         largest_missed_share=analysis.result.get("options", {}).get("largest_missed_share"),
+        other_tares=others,
     )
 
 
 def _tare_of(run: Path, analysis: Analysis) -> Fit | None:
-    """The tare that was subtracted: by its stored analysis, where it had one, else analysed again."""
-    named = analysis.tare
-    if not named:
-        return None
+    """The tare that was subtracted; None where there was none."""
+    return _named_tare(run, analysis.tare) if analysis.tare else None
+
+
+def _other_tares(run: Path, analysis: Analysis) -> list[OtherTare]:
+    """The tares that were witnesses of the one that was subtracted."""
+    others: list[OtherTare] = []
+    for named in analysis.content.get("other_tares") or ():
+        fit = _named_tare(run, named)
+        close_recording(fit.recording)
+        others.append(OtherTare(fit.result, named))
+    return others
+
+
+def _named_tare(run: Path, named: Mapping[str, Any]) -> Fit:
+    """A tare as an analysis names it: by its stored analysis, where it had one, else analysed again."""
     path = Path(str(named.get("file") or f"{named.get('run', '')}.h5"))
     path = path if path.is_absolute() else run.parent / path
     recording = open_run(path)

@@ -143,8 +143,9 @@ class Basis:
 
     `run_sha256` of the run file, `gear` the parameter set as a mapping, `gear_source` where it came from
     (`GearSource.as_json`), `tare` names run, SHA-256 and file of the motor tare and how it was chosen,
-    `no_tare` says why there is none, `settings` what was asked for, `created` the calendar time
-    (ISO 8601), `analysis_version` that of the kind of analysis (`Experiment.version`).
+    `no_tare` says why there is none, `other_tares` names those that it was held against, `settings` what was
+    asked for, `created` the calendar time (ISO 8601), `analysis_version` that of the kind of analysis
+    (`Experiment.version`).
     """
 
     run_sha256: str
@@ -155,6 +156,7 @@ class Basis:
     analysis_version: int = 1
     gear_source: Mapping[str, Any] = field(default_factory=dict)
     no_tare: tuple[str, ...] = ()
+    other_tares: tuple[Mapping[str, Any], ...] = ()
 
 
 def unsealed_words(analysis: Analysis) -> str:
@@ -217,6 +219,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         "settings": dict(basis.settings),
         "tare": dict(basis.tare),
         "no_tare": list(basis.no_tare),
+        "other_tares": [dict(named) for named in basis.other_tares],
         "gear": dict(basis.gear),
         "gear_source": dict(basis.gear_source),
         "result": result.as_json(),

@@ -10,7 +10,7 @@ tare (`experiments.evidence.tare`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -78,6 +78,36 @@ def find_tare(
             return FoundTare(candidate.run.path, (words,), age)
         reasons.append(f"{candidate.run.run_id}: {reason}")
     return FoundTare(None, tuple(reasons))
+
+
+def tares_beside(run: Recording, library: LibraryIndex, tare: Path) -> Iterator[Path]:
+    """The other tares of the rig of a run, the nearest to it in time first; `tare` is the one that they stand beside.
+
+    Neither age nor temperature keeps one out: both are reckoned with where they are compared.
+    """
+    candidates = _candidates(run, library.search())
+    start = run.metadata.start_time
+    for candidate in sorted(candidates, key=lambda one: abs(nearness(one.run.start, start)[1])):
+        if candidate.run.path.resolve() == tare.resolve() or not candidate.run.is_complete:
+            continue
+        if not _is_of_another_rig(run, candidate.run.path):
+            yield candidate.run.path
+
+
+def _is_of_another_rig(run: Recording, path: Path) -> bool:
+    """Whether motor, bench or torque channel of a tare are others than those of a run, or its file says nothing."""
+    from rig.runfile.read import close_recording, open_run
+
+    try:
+        tare = open_run(path, rows=False)
+    except ChangedRunError:
+        raise
+    except WordedError:
+        return True
+    try:
+        return tare.metadata.gear_mounted or bool(checks.other_rig(run, tare))
+    finally:
+        close_recording(tare)
 
 
 def tare_days_of(folder: Path) -> float:

@@ -61,6 +61,9 @@ class Neighbours(Surroundings):
         self._tares.move_to_end(path)
         return fit
 
+    def let_go(self, fit: Fit) -> None:
+        """Nothing: its file is closed with the others."""
+
     def learns_from(self, analysis: Analysis) -> bool:
         """Whether an analysis was kept before the job began."""
         return datetime.fromisoformat(str(analysis.content["created"])) < self._began

@@ -194,6 +194,7 @@ class _Analysis:
             "tare": "" if tare is None else self._neighbours.tare_digest(tare),
             "tare_run": "" if tare is None else tare.recording.metadata.sha256,
             "acceptance": accepted,
+            "other_tares": [dict(other.named) for other in footing.other_tares],
         }
         if source.builds_on and footing.gear is not None:
             content["built_on"] = set_sha256(footing.gear)

@@ -96,6 +96,7 @@ def header_of(
         **this_program().as_json(),
         "rig": description.title,
         "motor": planned.motor.name,
+        "motor_friction": planned.motor.stated_friction(),
         "planned_duration": planned.nominal,
     }
     if mode := description.devices.get("servo amplifier", {}).get("speed_mode", ""):

@@ -15,11 +15,14 @@ from experiments.contract import Evidence
 from experiments.evidence import SATURATED
 from experiments.recording import ArraySource, Recording, Segment
 from experiments.result import Result
-from experiments.torque.tare import TABLE
+from experiments.tares.tare import TABLE
+from model.identify.estimate import Estimate
 
 Stored = NDArray[Any]
 CLIPPED = 0.07
 """N m at which the torque port is cut off: below the friction of the honest gear at speed."""
+LINE = ("motor_coulomb", "motor_viscous")
+"""The line that a tare's result states of its points."""
 MISSING = 1
 """Flag of a cycle that is incomplete."""
 
@@ -387,22 +390,31 @@ def tare_much_warmer(honest: Honest) -> Honest:
     return _tare_warmer(honest, 20.0)
 
 
-def _tare_times(honest: Honest, factor: float) -> Honest:
+def tare_reading(result: Result, factor: float, offset: float = 0.0) -> Result:
+    """A tare of a motor whose friction was another one: `factor` times as large, and `offset` [N m] more."""
+
+    def changed(name: str, estimate: Estimate) -> Estimate:
+        more = offset if name == "motor_coulomb" else 0.0
+        value, low, high = (
+            factor * v + more for v in (estimate.value, estimate.low, estimate.high)
+        )
+        return dataclasses.replace(estimate, value=value, low=low, high=high)
+
+    tables = tuple(
+        dataclasses.replace(t, rows=tuple((v, factor * float(f) + offset, u) for v, f, u in t.rows))
+        if t.name == TABLE
+        else t
+        for t in result.tables
+    )
+    estimates = {n: changed(n, e) if n in LINE else e for n, e in result.estimates.items()}
+    return dataclasses.replace(result, tables=tables, estimates=estimates)
+
+
+def _tare_times(honest: Honest, factor: float, offset: float = 0.0) -> Honest:
     tare = honest.evidence.tare
     assert tare is not None
-
-    def scaled(result: Result) -> Result:
-        tables = tuple(
-            dataclasses.replace(t, rows=tuple((v, factor * float(f), u) for v, f, u in t.rows))
-            if t.name == TABLE
-            else t
-            for t in result.tables
-        )
-        return dataclasses.replace(result, tables=tables)
-
-    return dataclasses.replace(
-        honest, evidence=dataclasses.replace(honest.evidence, tare=scaled(tare))
-    )
+    changed = tare_reading(tare, factor, offset)
+    return dataclasses.replace(honest, evidence=dataclasses.replace(honest.evidence, tare=changed))
 
 
 def tare_six_times(honest: Honest) -> Honest:
@@ -411,3 +423,57 @@ def tare_six_times(honest: Honest) -> Honest:
 
 def tare_negative(honest: Honest) -> Honest:
     return _tare_times(honest, -1.0)
+
+
+def tare_ten_more(honest: Honest) -> Honest:
+    """The coupling rubbed: 10 mN m at every speed."""
+    return _tare_times(honest, 1.0, 0.010)
+
+
+def tare_of_a_cold_motor(honest: Honest) -> Honest:
+    return _tare_times(honest, 1.4)
+
+
+def tare_more_than_double(honest: Honest) -> Honest:
+    return _tare_times(honest, 2.2)
+
+
+def tare_halved(honest: Honest) -> Honest:
+    return _tare_times(honest, 0.5)
+
+
+def tare_of_zeros(honest: Honest) -> Honest:
+    return _tare_times(honest, 0.0)
+
+
+def tare_not_its_own(honest: Honest) -> Honest:
+    """Somebody changed the table, and not what the result states."""
+    tare = honest.evidence.tare
+    assert tare is not None
+    changed = dataclasses.replace(tare_reading(tare, 1.4), estimates=tare.estimates)
+    return dataclasses.replace(honest, evidence=dataclasses.replace(honest.evidence, tare=changed))
+
+
+def tare_with_a_stray_point(honest: Honest) -> Honest:
+    """The motor stuck at one speed."""
+    tare = honest.evidence.tare
+    assert tare is not None
+
+    def bent(rows: tuple[tuple[float | int | str, ...], ...]) -> Any:
+        middle = len(rows) // 2
+        return tuple(
+            (v, float(f) * (1.3 if k == middle else 1.0), u) for k, (v, f, u) in enumerate(rows)
+        )
+
+    tables = tuple(
+        dataclasses.replace(t, rows=bent(t.rows)) if t.name == TABLE else t for t in tare.tables
+    )
+    evidence = dataclasses.replace(honest.evidence, tare=dataclasses.replace(tare, tables=tables))
+    return dataclasses.replace(honest, evidence=evidence)
+
+
+def tare_alone(honest: Honest) -> Honest:
+    """The bench's other tares are not at hand."""
+    return dataclasses.replace(
+        honest, evidence=dataclasses.replace(honest.evidence, other_tares=())
+    )

@@ -19,7 +19,7 @@ from rig.analysis.judging import GearVerdict, StoredResult, judge_run
 from rig.gears.acceptance import Acceptance, Limit
 from rig.run.start import RunRequest, run_request
 from rig.runfile.read import close_recording, open_run
-from tests.adversarial.acts import Honest, in_memory
+from tests.adversarial.acts import Honest, in_memory, tare_reading
 
 SHORT: dict[str, dict[str, Any]] = {
     "friction": {"points": 6, "highest_rpm": 1200.0, "lowest_rpm": 5.0, "bracket_every": 3},
@@ -100,7 +100,15 @@ def honest(runs: dict[str, Recording], tare: Result) -> Callable[[str], Honest]:
         recording = runs[kind]
         evidence = Evidence(shipped_gear(), settings=dict(SETTINGS.get(kind, {})))
         if catalogue.load(kind).takes_tare:
-            evidence = dataclasses.replace(evidence, tare=tare, tare_recording=runs["motor-tare"])
+            evidence = dataclasses.replace(
+                evidence,
+                tare=tare,
+                tare_recording=runs["motor-tare"],
+                other_tares=(tare_reading(tare, 1.003), tare_reading(tare, 0.998)),
+            )
+        elif kind == "motor-tare":
+            others = (tare_reading(tare, 1.003), tare_reading(tare, 0.998))
+            evidence = dataclasses.replace(evidence, other_tares=others)
         return Honest(kind, recording, evidence)
 
     return of

@@ -51,6 +51,10 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("friction", acts.tare_much_warmer, "temperature of the tare"),
     ("friction", acts.tare_six_times, "size of the tare"),
     ("friction", acts.tare_negative, "size of the tare"),
+    ("friction", acts.tare_not_its_own, "shape of the tare"),
+    ("friction", acts.tare_more_than_double, "card of the motor"),
+    ("friction", acts.tare_of_zeros, "card of the motor"),
+    ("friction", lambda h: acts.tare_alone(acts.tare_of_zeros(h)), "card of the motor"),
     ("motor-tare", acts.reversed_torque, "sign of the torque"),
     ("motor-tare", acts.millinewtons, "reach of the motor"),
     ("kinematic-error", acts.ratio_119, "encoders against ratio"),
@@ -79,6 +83,11 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
 WIDENED: tuple[tuple[str, Act, str, str], ...] = (
     ("friction", acts.tare_of_last_month, "age of the tare", "coulomb"),
     ("friction", acts.tare_warmer, "temperature of the tare", "coulomb"),
+    ("friction", acts.tare_ten_more, "other tares of the bench", "coulomb"),
+    ("friction", acts.tare_of_a_cold_motor, "other tares of the bench", "coulomb"),
+    ("friction", acts.tare_halved, "other tares of the bench", "coulomb"),
+    ("friction", acts.tare_with_a_stray_point, "shape of the tare", "coulomb"),
+    ("friction", acts.tare_alone, "other tares of the bench", "coulomb"),
 )
 """Kind, act, the check that widens, and a quantity that becomes wider."""
 

@@ -21,7 +21,7 @@ from experiments.protocols.friction.temperature import THERMOMETRY, VISCOUS, tem
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import ServoOff
-from experiments.torque.tare import read_tare
+from experiments.tares.tare import read_tare
 from experiments.torque.zero import torque_zero
 from model.friction import friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin

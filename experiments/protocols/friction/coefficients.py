@@ -20,7 +20,7 @@ import numpy as np
 from experiments.protocols.friction.points import RUN_TO_RUN
 from experiments.protocols.friction.temperature import ASSUMED, REFERENCE, Coefficient
 from experiments.result import Result
-from experiments.torque.motor_heat import MAGNETS, MAGNETS_UNCERTAINTY
+from experiments.tares.motor_heat import MAGNETS, MAGNETS_UNCERTAINTY
 from model.arrays import FloatArray
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, Estimate
 

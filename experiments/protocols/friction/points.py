@@ -37,14 +37,14 @@ from experiments.protocols.friction.temperature import (
 )
 from experiments.protocols.friction.vibration import LAG, Ripple, ripple_of
 from experiments.recording import Recording
-from experiments.torque.motor_heat import MotorHeat, motor_heat
+from experiments.tares.motor_heat import MotorHeat, motor_heat
+from experiments.tares.tare import REACH, TareDoubt, doubts_of, read_tare
 from experiments.torque.running_torque import (
     TEMPERATURE,
     Hold,
     foreign_holds,
     measured_holds,
 )
-from experiments.torque.tare import REACH, read_tare
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
@@ -116,6 +116,8 @@ class MeasuredFriction:
     law: TemperatureLaw
     output: OutputBearing
     heat: MotorHeat
+    tare_doubts: tuple[TareDoubt, ...] = ()
+    """What is not known of the tare as a whole."""
 
     @property
     def every(self) -> list[Hold]:
@@ -199,6 +201,7 @@ def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFricti
         law=law,
         output=output_bearing(recording, evidence.settings),
         heat=heat,
+        tare_doubts=doubts_of(evidence.tare) if tare is not None else (),
     )
 
 
@@ -469,6 +472,16 @@ def _never_seen(
                 effect=measured.heat.tare * tare,
                 cause=Cause.TARE,
                 note="the same motor, warmer or colder",
+                is_fitted=False,
+            )
+        )
+    for doubt in measured.tare_doubts:
+        errors.append(
+            CommonError(
+                source=doubt.source,
+                effect=doubt.at(speed),
+                cause=Cause.TARE,
+                note=doubt.note,
                 is_fitted=False,
             )
         )

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.budget import scale_line
 from experiments.protocols.velocity_steps.data import RecordedStep
 from experiments.recording import Recording
-from experiments.torque.motor_heat import MotorHeat, motor_heat
+from experiments.tares.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import TEMPERATURE
 from model.arrays import FloatArray
 from model.identify.dynamics import LadderFit

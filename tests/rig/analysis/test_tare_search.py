@@ -15,7 +15,7 @@ from experiments.recording import ArraySource, Recording, RunMetadata
 from rig.analysis import fit_run as fitting
 from rig.analysis.fit import LEFT_AWAY
 from rig.analysis.fit_run import Choices
-from rig.analysis.tare_search import FoundTare, find_tare, tare_days_of
+from rig.analysis.tare_search import FoundTare, find_tare, tare_days_of, tares_beside
 from rig.library.index import LibraryIndex
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
@@ -207,6 +207,46 @@ def test_by_hand_a_tare_is_taken_as_it_is_or_left_away(
     assert by_itself.found.path.name == "00002-motor-tare-bare.h5"
     # What takes no tare is not offered one.
     assert fitting._tare_for(run_of(), run, "kinematic-error", Choices()).found == FoundTare()
+
+
+def test_the_other_tares_of_a_bench_are_its_witnesses_whatever_their_age(tmp_path: Path) -> None:
+    old, chosen = write(tmp_path, 1, 1), write(tmp_path, 2, 9)
+    after = write(tmp_path, 3, 12, warmth={**WARM, "housing_temperature": 45.0})
+    write(tmp_path, 4, 8, process={**RIG, "bench": "B-2"})
+    write(tmp_path, 5, 8, torque=OTHER_TORQUE)
+    write(tmp_path, 6, 8, outcome="ABORTED")
+    write(tmp_path, 7, 8, gear_mounted=True)
+    beside = list(tares_beside(run_of(), LibraryIndex(tmp_path), chosen))
+    assert beside == [after, old]
+
+
+def test_an_analysis_names_the_tares_that_its_tare_was_held_against(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen, other = write(tmp_path, 1, 9), write(tmp_path, 2, 8)
+    fits: dict[Path, Any] = {}
+
+    def tare_fit(path: Path, choices: Choices) -> Any:
+        return fits.setdefault(path, dataclasses.replace(handmade.fit(), path=path))
+
+    monkeypatch.setattr(fitting, "_tare_fit", tare_fit)
+    monkeypatch.setattr(fitting.read, "close_recording", lambda recording: None)
+    run, choices = tmp_path / "00090-friction-A1.h5", Choices()
+    surroundings = fitting.Surroundings()
+    tared = fitting._tare_for(run_of(), run, "friction", choices, surroundings)
+    found = fitting._other_tares(run_of(), run, "friction", tared, choices, surroundings)
+    assert tared.fit is fits[chosen]
+    assert [one.named["file"] for one in found] == [other.name]
+    assert found[0].result is fits[other].result
+    # A tare is held against the others itself; what subtracts none has no use for them.
+    own = fitting._other_tares(
+        run_of(), chosen, "motor-tare", fitting.Tared(), choices, surroundings
+    )
+    assert [one.named["file"] for one in own] == [other.name]
+    nothing = fitting._other_tares(
+        run_of(), run, "kinematic-error", fitting.Tared(), choices, surroundings
+    )
+    assert nothing == ()
 
 
 def test_a_fit_without_a_tare_says_why_and_what_is_lost() -> None:

@@ -4,6 +4,10 @@ the gear alone is left.
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Iterable
+from dataclasses import dataclass
+
 import numpy as np
 
 from experiments.result import Result, Table
@@ -19,6 +23,46 @@ REACH = 1.25
 """A tare may be used up to this factor beyond its slowest and its fastest speed."""
 FEWEST = 6
 """Speeds that a Stribeck curve needs."""
+DOUBTS = "tare-doubts"
+"""The table by which a tare carries what is not known of it as a whole."""
+_DOUBT_COLUMNS = ("contribution", "speed [r/min]", "standard uncertainty [N m]", "remark")
+
+
+@dataclass(frozen=True)
+class TareDoubt:
+    """An error of a whole tare: its name in budgets, its standard uncertainty [N m] at speeds [rad/s], its source."""
+
+    source: str
+    speed: FloatArray
+    uncertainty: FloatArray
+    note: str
+
+    def at(self, speed: FloatArray) -> FloatArray:
+        """What it does at other speeds [rad/s]; beyond its own as at the nearest."""
+        return np.interp(speed, self.speed, self.uncertainty)
+
+
+def with_doubts(result: Result, doubts: Iterable[TareDoubt]) -> Result:
+    """A tare that carries what is not known of it."""
+    rows = tuple(
+        (one.source, float(speed) / RPM, float(u), one.note)
+        for one in doubts
+        for speed, u in zip(one.speed, one.uncertainty, strict=True)
+    )
+    table = Table(DOUBTS, "What is not known of the tare as a whole", _DOUBT_COLUMNS, rows)
+    return dataclasses.replace(result, tables=(*result.tables, table)) if rows else result
+
+
+def doubts_of(result: Result | None) -> tuple[TareDoubt, ...]:
+    """What a tare carries of its own doubts."""
+    tables = () if result is None else result.tables
+    rows = [row for table in tables if table.name == DOUBTS for row in table.rows]
+    doubts: list[TareDoubt] = []
+    for source in dict.fromkeys(str(row[0]) for row in rows):
+        own = [row for row in rows if row[0] == source]
+        speed, u = np.array([[float(row[1]) * RPM, float(row[2])] for row in own]).T
+        doubts.append(TareDoubt(source, speed, u, str(own[0][3])))
+    return tuple(doubts)
 
 
 def tare_table(tare: Tare) -> Table:
@@ -41,7 +85,7 @@ def read_tare(result: Result | None, speeds: FloatArray) -> tuple[Tare | None, l
         return None, []
     if result.kind != KIND:
         return None, [_unused(result, f"it is the result of {result.kind}, not of {KIND}")]
-    tare = _tare(result)
+    tare = tare_of(result)
     if tare is None:
         return None, [_unused(result, "it holds less than two speeds")]
     reached = tare.reaches(speeds, REACH)
@@ -62,7 +106,8 @@ def _unused(result: Result, problem: str) -> str:
     return f"The motor tare {result.run} was not used: {problem}."
 
 
-def _tare(result: Result) -> Tare | None:
+def tare_of(result: Result) -> Tare | None:
+    """The points of a tare by speed; None where it holds less than two, or one that is no number."""
     table = next((t for t in result.tables if t.name == TABLE), None)
     if table is None or len(table.rows) < 2:
         return None
