@@ -128,7 +128,7 @@ class _Changed(_Passed):
 class Noting(_Passed):
     """A source that notes which channels are read."""
 
-    names: list[str] = field(default_factory=list)
+    names: list[str] = field(default_factory=list[str])
 
     def stored(self, name: str, start: int, stop: int) -> NDArray[Any]:
         if name not in self.names:
