@@ -9,11 +9,40 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from experiments.errors import AnalysisError
 from model.unit_text import scale_in, understood
+
+DependenceFunction = Callable[[float, str, float], float]
+"""Of a value, how a channel may be wrong ("scale", "offset", "zero", "curve", "delay") and by how much (one standard
+uncertainty): the standard uncertainty of the value."""
+Dependence = Literal["proportional", "difference", "amplitude", "none"] | DependenceFunction
+"""How a number rests on a channel: on its readings as they are, on how they differ, on the amplitude of a wave in them,
+not at all, or as a function says."""
+
+
+def in_its_budget(value: float, part: str, size: float) -> float:
+    """What the analysis itself has in its budget, or takes out of its data: the contract adds nothing."""
+    return 0.0
+
+
+ANGLES_IN_ITS_BUDGET: Mapping[str, Dependence] = {
+    "input_angle": in_its_budget,
+    "output_angle": in_its_budget,
+}
+"""Of numbers whose analysis knows what the encoders add, and of those to which they add nothing."""
+OF_TORQUE_DIFFERENCES: Mapping[str, Dependence] = {"torque": "difference", **ANGLES_IN_ITS_BUDGET}
+"""Half-differences of the directions, and whatever has its zero taken off."""
+OF_ANGLES: Mapping[str, Dependence] = {"torque": "none", **ANGLES_IN_ITS_BUDGET}
+OF_EFFORT_DIFFERENCES: Mapping[str, Dependence] = {"effort": "difference"}
+OF_CHANNEL_DIFFERENCES: Mapping[str, Dependence] = {
+    "channel": "difference",
+    **ANGLES_IN_ITS_BUDGET,
+}
+"""As of torques, for analyses whose options name the channel."""
 
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
@@ -64,6 +93,9 @@ class Quantity:
     - `is_signed`: Whether zero is a value like any other: an offset, a difference, a place.
     - `is_circular`: Whether it is an angle on the circle: two values differ by the shorter way round.
     - `subject`: Of a family of orders: what they are orders of.
+    - `rests_on`: By channel (or by the option of the result that names one: "channel", "effort") how the
+      number depends on it. What the budget does not have of it, the contract adds. None: nobody said,
+      and the contract finds out by analysing again (`experiments.evidence.channel_lines`).
     """
 
     name: str
@@ -85,6 +117,7 @@ class Quantity:
     is_circular: bool = False
     is_signed: bool = False
     subject: str = ""
+    rests_on: Mapping[str, Dependence] | None = None
 
     def __post_init__(self) -> None:
         if self.shown and scale_in(self.shown, self.unit) is None:

@@ -222,12 +222,20 @@ class Covariance:
 
     `matrix` (p, p) is the statistical part (type A). `shared` is type B: for each cause the change
     (p,) of the parameters by one standard deviation of its error, which is one and the same error
-    for all of them. The whole is matrix + sum of the vectors' outer products.
+    for all of them. The whole is matrix + sum of the vectors' outer products. `at_bound` names the parameters that
+    stopped at a bound of their search.
     """
 
     names: tuple[str, ...]
     matrix: FloatArray
     shared: Mapping[Cause, FloatArray] = field(default_factory=dict)
+    at_bound: tuple[str, ...] = ()
+
+    def correlation(self, name: str, other: str) -> float:
+        """Coefficient of correlation of two parameters, statistical part; 0 where one has no variance."""
+        i, j = self.names.index(name), self.names.index(other)
+        size = math.sqrt(max(self.matrix[i, i] * self.matrix[j, j], 0.0))
+        return float(self.matrix[i, j] / size) if size > 0.0 else 0.0
 
     def with_shared(self, estimates: Mapping[str, Estimate]) -> Covariance:
         """With the vectors of every cause that the budgets of these estimates name, magnitudes as they stand there."""

@@ -15,6 +15,7 @@ from dataclasses import replace
 
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import rotary_ratio
+from experiments.evidence.channel_lines import analysed_with_lines
 from experiments.evidence.holds import Recorded
 from experiments.evidence.orders import sampled, sampled_angle
 from experiments.evidence.table import checks_of
@@ -25,8 +26,16 @@ from experiments.result import Check, Result, Table
 from model.identify.estimate import Estimate
 from model.identify.orders.aliases import SamplingWindow
 
+LARGEST_CORRELATION = 0.5
+"""Correlation with a parameter on its bound above which a number is not called identified.
+
+Nobody knows how far beyond the bound that parameter would have gone. For each of its standard uncertainties the number
+would have gone r of its own: beyond a half, the two or three that a bound commonly hides exceed what U allows for.
+"""
 LARGEST_SHARE = 0.5
 """U as a share of the value above which a number is not called identified, where no target is declared."""
+REFERENCE = "_at_20_degrees"
+"""Ending of the names of values that were brought to 20 degC: they hang on what they were made of."""
 ORDER = "order"
 """The placeholder of quantities that are a family of orders."""
 
@@ -39,7 +48,8 @@ def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], 
     def checked(recording: Recording, evidence: Evidence) -> Result:
         recorded = Recorded(recording, experiment, evidence)
         passed = checks_of(recorded)
-        return concluded(analyse(recording, passed), passed.checks, recorded)
+        result = analysed_with_lines(analyse, recorded, passed)
+        return concluded(result, passed.checks, recorded)
 
     return checked
 
@@ -64,6 +74,7 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
         name: _called(result.quantity(name), estimate, name, angle, ratio)
         for name, estimate in result.estimates.items()
     }
+    estimates = _beside_bounds(estimates, result)
     return replace(
         result,
         estimates=estimates,
@@ -72,6 +83,34 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
         warnings=(*result.warnings, *(c.words for c in checks if c.outcome == "widened")),
         covariance=covariance and covariance.with_shared(result.estimates),
     )
+
+
+def _beside_bounds(estimates: dict[str, Estimate], result: Result) -> dict[str, Estimate]:
+    """The estimates, none of them called identified that hangs on a parameter at its bound."""
+    notes = notes_of_bounds(result)
+    return {
+        name: _weakly(estimate, notes[stem])
+        if (stem := name.partition(REFERENCE)[0]) in notes and estimate.identifiable == "yes"
+        else estimate
+        for name, estimate in estimates.items()
+    }
+
+
+def notes_of_bounds(result: Result) -> dict[str, str]:
+    """By parameter, why it is not identified: it stopped at its bound, or it hangs on one that did."""
+    covariance = result.covariance
+    notes: dict[str, str] = {}
+    for bound in covariance.at_bound if covariance else ():
+        assert covariance is not None
+        for name in covariance.names:
+            r = covariance.correlation(name, bound)
+            if name != bound and abs(r) > LARGEST_CORRELATION:
+                title = result.quantity(bound).titled(bound)
+                notes.setdefault(
+                    name, f"correlated {r:.2f} with {title}, which stopped at its bound"
+                )
+        notes[bound] = "stopped at its bound"
+    return notes
 
 
 def _table(checks: tuple[Check, ...]) -> Table:

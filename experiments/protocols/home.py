@@ -18,7 +18,10 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    ANGLES_IN_ITS_BUDGET,
+    Quantity,
+)
 from experiments.recording import Recording, Segment
 from experiments.result import Result, Table
 from experiments.steps.vocabulary import FindIndex, SegmentLabel, Step
@@ -42,6 +45,7 @@ QUANTITIES = (
         target_reason="three counts of the motor encoder: phases of low orders are carried to another run",
         is_signed=True,
         is_circular=True,
+        rests_on=ANGLES_IN_ITS_BUDGET,
     ),
     Quantity(name="{encoder}_index_spread", title="{encoder} index spread", unit="rad"),
 )

@@ -23,7 +23,10 @@ from experiments.planning.parts import between_zeros, checked
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.protocols.friction import protocol as friction
 from experiments.protocols.friction.quantities import at_reference
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    OF_TORQUE_DIFFERENCES,
+    Quantity,
+)
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Plot, Result, Series, both_ways, residual_panel
 from experiments.steps.vocabulary import Prompt, Step
@@ -63,6 +66,7 @@ QUANTITIES = (
         unit="N m",
         target_uncertainty=3e-3,
         target_reason="subtracted from a gear's torque, of which it is a thirtieth",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(
         name="motor_viscous",
@@ -70,14 +74,19 @@ QUANTITIES = (
         unit="N m s/rad",
         target_uncertainty=1e-5,
         target_reason="3 mN m at 3000 r/min: as of Coulomb friction",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(
-        name=at_reference("motor_coulomb"), title="motor, Coulomb friction at 20 °C", unit="N m"
+        name=at_reference("motor_coulomb"),
+        title="motor, Coulomb friction at 20 °C",
+        unit="N m",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(
         name=at_reference("motor_viscous"),
         title="motor, viscous friction at 20 °C",
         unit="N m s/rad",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(
         name="offset",
@@ -85,12 +94,14 @@ QUANTITIES = (
         unit="N m",
         definition="half-sum of the directions: rest of the zero and asymmetry",
         is_signed=True,
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(
         name="torque_scale",
         title="torque scale",
         unit="1",
         definition="torque shown per torque that accelerates a disc of known inertia",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(name="speeds", title="speeds", unit="1"),
     Quantity(name="housing_temperature", title="housing temperature", unit="°C"),

@@ -23,7 +23,11 @@ from experiments.planning.parts import between_zeros, checked, longest, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
 from experiments.protocols.friction.bearing import COULOMB, NAMES, OutputBearing, output_bearing
-from experiments.quantity import Counterpart, Quantity
+from experiments.quantity import (
+    OF_TORQUE_DIFFERENCES,
+    Counterpart,
+    Quantity,
+)
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Table, both_ways
 from experiments.steps.vocabulary import (
@@ -69,6 +73,7 @@ QUANTITIES = (
         target_reason=TARGET_REASON,
         is_key=True,
         catalogue=_CATALOGUE,
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(
         name="starting_torque",
@@ -84,6 +89,7 @@ QUANTITIES = (
         is_key=True,
         is_watched=True,
         catalogue=_CATALOGUE,
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(name="ramps", title="ramps", unit="1"),
     Quantity(name="scatter_of_one_ramp", title="scatter of one ramp", unit="N m"),

@@ -35,7 +35,10 @@ from experiments.protocols.friction.points import (
     VIBRATION,
 )
 from experiments.protocols.friction.vibration import LAG, ripple_of
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    OF_TORQUE_DIFFERENCES,
+    Quantity,
+)
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
 from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Settle, Step
@@ -61,6 +64,7 @@ QUANTITIES = (
         "turns (itself, the gear, the bench's output bearing), as warm as in the two holds",
         target_uncertainty=0.01,
         target_reason="a tenth of what catalogues state for this size, 0.1 N m",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
     Quantity(name="speed", title="speed of the running torque", unit="rad/s"),
     Quantity(name="housing_temperature", title="housing temperature", unit="°C"),

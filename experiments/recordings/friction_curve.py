@@ -21,7 +21,7 @@ from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_settings, usable
-from experiments.quantity import Quantity
+from experiments.quantity import Dependence, Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import EFFORTS, chosen_channel
 from experiments.recordings.motion_channels import number
@@ -45,24 +45,36 @@ LARGEST_SCATTER = 3.0
 """Times the stated uncertainties by which points may scatter about the curve."""
 CURVE_POINTS = 300
 
+OF_FORCES: Mapping[str, Dependence] = {"effort": "difference"}
+OF_SPEEDS: Mapping[str, Dependence] = {"speed": "difference"}
+OF_SLOPES: Mapping[str, Dependence] = {**OF_FORCES, **OF_SPEEDS}
 QUANTITIES = (
-    Quantity(name="coulomb", title="Coulomb friction", unit="", is_key=True),
-    Quantity(name="viscous", title="viscous friction", unit="", is_key=True),
-    Quantity(name="static", title="static friction", unit="", is_key=True),
-    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit="", is_key=True),
-    Quantity(name="shape", title="Stribeck shape", unit="1"),
+    Quantity(name="coulomb", title="Coulomb friction", unit="", is_key=True, rests_on=OF_FORCES),
+    Quantity(name="viscous", title="viscous friction", unit="", is_key=True, rests_on=OF_SLOPES),
+    Quantity(name="static", title="static friction", unit="", is_key=True, rests_on=OF_FORCES),
+    Quantity(
+        name="stribeck_velocity",
+        title="Stribeck velocity",
+        unit="",
+        is_key=True,
+        rests_on=OF_SPEEDS,
+    ),
+    Quantity(name="shape", title="Stribeck shape", unit="1", rests_on={}),
     Quantity(
         name="offset",
         title="offset",
         unit="",
         definition="Half the sum of both directions: zero of the effort, or a friction that differs each way.",
         is_signed=True,
+        rests_on={"effort": "proportional"},
     ),
-    Quantity(name="coulomb_{way}", title="Coulomb friction {way}", unit=""),
-    Quantity(name="viscous_{way}", title="viscous friction {way}", unit=""),
-    Quantity(name="static_{way}", title="static friction {way}", unit=""),
-    Quantity(name="stribeck_velocity_{way}", title="Stribeck velocity {way}", unit=""),
-    Quantity(name="shape_{way}", title="Stribeck shape {way}", unit="1"),
+    Quantity(name="coulomb_{way}", title="Coulomb friction {way}", unit="", rests_on=OF_FORCES),
+    Quantity(name="viscous_{way}", title="viscous friction {way}", unit="", rests_on=OF_SLOPES),
+    Quantity(name="static_{way}", title="static friction {way}", unit="", rests_on=OF_FORCES),
+    Quantity(
+        name="stribeck_velocity_{way}", title="Stribeck velocity {way}", unit="", rests_on=OF_SPEEDS
+    ),
+    Quantity(name="shape_{way}", title="Stribeck shape {way}", unit="1", rests_on={}),
     Quantity(name="points", title="points", unit="1"),
     Quantity(name="wrong_points", title="points left out as wrong", unit="1"),
     Quantity(name="least_speed", title="speed below which no point is taken", unit=""),
@@ -106,8 +118,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "effort": table.effort_name,
             "uncertainty": "stated" if table.error is not None else "from the scatter",
         },
-        covariance=Covariance(names, first.chosen.covariance) if len(names) > 1 else None,
+        covariance=_covariance(first.chosen, names),
     )
+
+
+def _covariance(law: LawFit, names: tuple[str, ...]) -> Covariance | None:
+    """Of the parameters of the law that was taken, and which of them stopped at a bound."""
+    return Covariance(names, law.covariance, at_bound=law.at_bound) if len(names) > 1 else None
 
 
 class _Table:

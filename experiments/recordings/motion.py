@@ -22,7 +22,10 @@ from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    OF_EFFORT_DIFFERENCES,
+    Quantity,
+)
 from experiments.recording import Recording
 from experiments.recordings.motion_channels import RecordedMotion, number, recorded_motion
 from experiments.recordings.motion_plots import motion_plots, motion_tables
@@ -44,22 +47,37 @@ SETTINGS = (
 MOST_HARMONICS = 40
 
 QUANTITIES = (
-    Quantity(name="inertia", title="inertia", unit=""),
-    Quantity(name="viscous", title="viscous friction", unit=""),
-    Quantity(name="coulomb", title="Coulomb friction", unit=""),
-    Quantity(name="static", title="static friction", unit=""),
-    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit=""),
-    Quantity(name="viscous_{way}", title="viscous {way}", unit=""),
-    Quantity(name="coulomb_{way}", title="coulomb {way}", unit=""),
-    Quantity(name="offset", title="offset", unit="", is_signed=True),
-    Quantity(name="load_sin_{harmonic}", title="load, sine {harmonic}", unit="", is_signed=True),
-    Quantity(name="load_cos_{harmonic}", title="load, cosine {harmonic}", unit="", is_signed=True),
+    Quantity(name="inertia", title="inertia", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="viscous", title="viscous friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="coulomb", title="Coulomb friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="static", title="static friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit="", rests_on={}),
+    Quantity(name="viscous_{way}", title="viscous {way}", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="coulomb_{way}", title="coulomb {way}", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(
+        name="offset", title="offset", unit="", is_signed=True, rests_on=OF_EFFORT_DIFFERENCES
+    ),
+    Quantity(
+        name="load_sin_{harmonic}",
+        title="load, sine {harmonic}",
+        unit="",
+        is_signed=True,
+        rests_on=OF_EFFORT_DIFFERENCES,
+    ),
+    Quantity(
+        name="load_cos_{harmonic}",
+        title="load, cosine {harmonic}",
+        unit="",
+        is_signed=True,
+        rests_on=OF_EFFORT_DIFFERENCES,
+    ),
     Quantity(
         name="speed_lag",
         title="lag of the measured speed",
         unit="s",
         definition="By how much the instrument channel is later than the motion of the position.",
         is_signed=True,
+        rests_on={},
     ),
     Quantity(
         name="relative_error_percent",

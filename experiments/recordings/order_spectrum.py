@@ -8,7 +8,10 @@ from dataclasses import replace
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    OF_CHANNEL_DIFFERENCES,
+    Quantity,
+)
 from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
@@ -29,9 +32,24 @@ PERIODS = 50.0
 """Periods of the highest order that an angle below one revolution must cover."""
 
 QUANTITIES = (
-    Quantity(name="forward_amplitude_{order}", title="order {order} forward, amplitude", unit=""),
-    Quantity(name="reverse_amplitude_{order}", title="order {order} reverse, amplitude", unit=""),
-    Quantity(name="amplitude_{order}", title="order {order}, amplitude", unit=""),
+    Quantity(
+        name="forward_amplitude_{order}",
+        title="order {order} forward, amplitude",
+        unit="",
+        rests_on=OF_CHANNEL_DIFFERENCES,
+    ),
+    Quantity(
+        name="reverse_amplitude_{order}",
+        title="order {order} reverse, amplitude",
+        unit="",
+        rests_on=OF_CHANNEL_DIFFERENCES,
+    ),
+    Quantity(
+        name="amplitude_{order}",
+        title="order {order}, amplitude",
+        unit="",
+        rests_on=OF_CHANNEL_DIFFERENCES,
+    ),
     Quantity(name="revolutions_{way}", title="revolutions {way}", unit="1"),
 )
 

@@ -12,7 +12,10 @@ import math
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    OF_CHANNEL_DIFFERENCES,
+    Quantity,
+)
 from experiments.recording import Recording
 from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
@@ -27,18 +30,34 @@ NAME = "revolution"
 SETTINGS = ("channel", "angle", "highest_order")
 
 QUANTITIES = (
-    Quantity(name="forward_amplitude_{order}", title="order {order} forward, amplitude", unit=""),
-    Quantity(name="reverse_amplitude_{order}", title="order {order} reverse, amplitude", unit=""),
-    Quantity(name="amplitude_{order}", title="order {order}, amplitude", unit=""),
+    Quantity(
+        name="forward_amplitude_{order}",
+        title="order {order} forward, amplitude",
+        unit="",
+        rests_on=OF_CHANNEL_DIFFERENCES,
+    ),
+    Quantity(
+        name="reverse_amplitude_{order}",
+        title="order {order} reverse, amplitude",
+        unit="",
+        rests_on=OF_CHANNEL_DIFFERENCES,
+    ),
+    Quantity(
+        name="amplitude_{order}",
+        title="order {order}, amplitude",
+        unit="",
+        rests_on=OF_CHANNEL_DIFFERENCES,
+    ),
     Quantity(
         name="phase_{order}", title="order {order}, phase", unit="rad", shown="°", is_circular=True
     ),
-    Quantity(name="mean", title="mean", unit="", is_signed=True),
+    Quantity(name="mean", title="mean", unit="", is_signed=True, rests_on=OF_CHANNEL_DIFFERENCES),
     Quantity(
         name="friction",
         title="friction",
         unit="",
         definition="half the difference of the directions",
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="direction_shift",
@@ -143,7 +162,7 @@ EXPERIMENT = Experiment(
     has_plan=False,
     cuts_gaps=True,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
 )
 """Version 3: the estimator of the order spectrum; directions that differ apart, lines between whole orders fitted.
 Version 4: an interval that holds zero is called so, whatever the quantity.

@@ -46,6 +46,7 @@ QUANTITIES = (
         title="delay of the second channel",
         unit="s",
         definition="by how much the second channel is later than the first",
+        rests_on={},
         is_key=True,
         is_signed=True,
     ),

@@ -11,7 +11,7 @@ from experiments.protocols.friction.plots import point_table
 from experiments.protocols.friction.points import MeasuredFriction
 from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.recording import Recording
-from experiments.result import Result
+from experiments.result import Covariance, Result
 from model.identify.common_errors import FEWEST, UNREPEATED, means_by, spread_beyond
 from model.identify.estimate import Estimate
 from model.identify.friction import check_curve
@@ -87,4 +87,5 @@ def friction_in_foreign_unit(
             "channel": measured.channel,
             "torque_balance": "none",
         },
+        covariance=Covariance(NAMES, fit.covariance, at_bound=fit.at_bound),
     )

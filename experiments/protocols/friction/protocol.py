@@ -444,7 +444,7 @@ def _covariance(fit: FrictionFit) -> Covariance:
     own = fit.stribeck.covariance - sum(
         np.outer(vector, vector) for cause, vector in shared.items() if cause in inside
     )
-    return Covariance(NAMES, own, shared)
+    return Covariance(NAMES, own, shared, fit.stribeck.at_bound)
 
 
 def _housing_temperature(measured: MeasuredFriction) -> dict[str, float]:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from experiments.quantity import Counterpart, Quantity
+from experiments.quantity import (
+    ANGLES_IN_ITS_BUDGET,
+    OF_CHANNEL_DIFFERENCES,
+    Counterpart,
+    Quantity,
+)
 
 CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
 """Input speeds at which catalogues give the no-load running torque."""
@@ -36,6 +41,7 @@ ESTIMATES = (
             conditions="nothing on the output, at a stated speed and temperature (20 °C), the maker's grease "
             "in its standard quantity, ratio 100 (others are corrected for)",
         ),
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="coulomb",
@@ -45,6 +51,7 @@ ESTIMATES = (
         target_reason="tells gears of one series apart: they differ by 20 % of some 70 N; "
         "about 10 mN m of torque at the input",
         is_key=True,
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="static",
@@ -53,6 +60,7 @@ ESTIMATES = (
         target_uncertainty=20.0,
         target_reason="as of Coulomb friction, for a force a third larger",
         is_key=True,
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="stribeck_velocity",
@@ -61,6 +69,7 @@ ESTIMATES = (
         target_share=0.5,
         target_reason="says within a factor of two where friction is least",
         is_key=True,
+        rests_on=ANGLES_IN_ITS_BUDGET,
     ),
     Quantity(
         name="viscous",
@@ -69,6 +78,7 @@ ESTIMATES = (
         target_uncertainty=0.05,
         target_reason="10 mN m of torque at the input at 3500 r/min and ratio 120",
         is_key=True,
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="shape",
@@ -76,6 +86,7 @@ ESTIMATES = (
         unit="1",
         target_uncertainty=0.5,
         target_reason="tells an exponential (1) from a bell-shaped (2) Stribeck curve",
+        rests_on=ANGLES_IN_ITS_BUDGET,
     ),
     Quantity(
         name=at_reference("running_torque_{speed}_rpm"),
@@ -83,6 +94,7 @@ ESTIMATES = (
         unit="N m",
         shown="mN m",
         definition="the same brought to 20 °C, with the uncertainty of the temperature coefficients",
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     *(
         Quantity(
@@ -90,6 +102,7 @@ ESTIMATES = (
             title=f"{title} at 20 °C",
             unit=unit,
             definition="brought to 20 °C, with the uncertainty of the temperature coefficient",
+            rests_on=OF_CHANNEL_DIFFERENCES,
         )
         for name, title, unit in (
             ("coulomb", "Coulomb friction", "N"),
@@ -103,6 +116,7 @@ ESTIMATES = (
         unit="N m",
         shown="mN m",
         definition="the same brought to 20 °C, with the uncertainty of the temperature coefficients",
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     *(
         Quantity(
@@ -110,6 +124,7 @@ ESTIMATES = (
             title=f"{title} at 20 °C",
             unit=unit,
             definition="brought to 20 °C, with the uncertainty of the temperature coefficient",
+            rests_on=OF_CHANNEL_DIFFERENCES,
         )
         for name, title, unit in (
             ("coulomb", "Coulomb friction", "N"),
@@ -123,6 +138,7 @@ ESTIMATES = (
         unit="N m",
         definition="half-sum of the directions, extrapolated to standstill: rest of the torque zero",
         is_signed=True,
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="asymmetry",
@@ -130,6 +146,7 @@ ESTIMATES = (
         unit="N m s/rad",
         definition="growth of the half-sum of the directions with speed",
         is_signed=True,
+        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
 )
 

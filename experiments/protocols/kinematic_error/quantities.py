@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from experiments.quantity import Counterpart, Quantity
+from experiments.quantity import (
+    OF_ANGLES,
+    OF_TORQUE_DIFFERENCES,
+    Counterpart,
+    Quantity,
+)
 from model.units import ARCSEC
 
 COMPARED_BY = ("part", "mounting", "speed", "orders")
@@ -33,6 +38,7 @@ ESTIMATES = (
         target_reason=_ACCURACY_REASON,
         is_key=True,
         catalogue=_CATALOGUE,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="transmission_accuracy_{way}",
@@ -49,6 +55,7 @@ ESTIMATES = (
         is_watched=True,
         watched_members=("forward", "reverse"),
         catalogue=_CATALOGUE,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="amplitude_{order}",
@@ -67,6 +74,7 @@ ESTIMATES = (
         key_members=("2", "1"),
         is_watched=True,
         subject="kinematic error",
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="phase_{order}",
@@ -76,6 +84,7 @@ ESTIMATES = (
         target_uncertainty=0.5,
         target_reason="carried to another run, it takes away more than half of the order's amplitude",
         is_circular=True,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="figure_16_phase_difference",
@@ -89,23 +98,36 @@ ESTIMATES = (
         is_key=True,
         is_circular=True,
         is_signed=True,
+        rests_on=OF_ANGLES,
     ),
-    Quantity(name="figure_16_friction_amplitude", title="figure 16 friction amplitude", unit="N m"),
+    Quantity(
+        name="figure_16_friction_amplitude",
+        title="figure 16 friction amplitude",
+        unit="N m",
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
     Quantity(
         name="figure_16_conservative_amplitude",
         title="figure 16 conservative amplitude",
         unit="N m",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
-    Quantity(name="figure_16_error_amplitude", title="figure 16 error amplitude", unit="rad"),
+    Quantity(
+        name="figure_16_error_amplitude",
+        title="figure 16 error amplitude",
+        unit="rad",
+        rests_on=OF_ANGLES,
+    ),
     Quantity(
         name="lost_motion",
         title="offset between the directions",
         unit="rad",
         definition="forward less reverse: wind-up by friction, and skew between the channels times speed",
         is_signed=True,
+        rests_on=OF_ANGLES,
     ),
-    Quantity(name="slope", title="slope", unit="rad/rad", is_signed=True),
-    Quantity(name="ratio", title="ratio", unit="1"),
+    Quantity(name="slope", title="slope", unit="rad/rad", is_signed=True, rests_on=OF_ANGLES),
+    Quantity(name="ratio", title="ratio", unit="1", rests_on=OF_ANGLES),
 )
 
 METRICS = (

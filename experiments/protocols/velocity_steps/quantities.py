@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from experiments.quantity import Quantity
+from experiments.quantity import (
+    OF_ANGLES,
+    OF_TORQUE_DIFFERENCES,
+    Quantity,
+)
 
 NAME = "velocity-steps"
 
@@ -19,6 +23,7 @@ ESTIMATES = (
         target_share=0.1,
         target_reason=_STIFFNESS_REASON,
         is_key=True,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="stiffness_over_inertia_{way}",
@@ -27,6 +32,7 @@ ESTIMATES = (
         target_share=0.1,
         target_reason=_STIFFNESS_REASON,
         is_key=True,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="mode_squared",
@@ -35,6 +41,7 @@ ESTIMATES = (
         definition="(2 pi f_1)^2 of the pole from input to output angle; damping raises it above K/J_o",
         target_share=0.1,
         target_reason=_STIFFNESS_REASON,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="damping_ratio",
@@ -44,6 +51,7 @@ ESTIMATES = (
         target_uncertainty=0.01,
         target_reason=_DAMPING_REASON,
         is_key=True,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="damping_ratio_{way}",
@@ -52,6 +60,7 @@ ESTIMATES = (
         target_uncertainty=0.01,
         target_reason=_DAMPING_REASON,
         is_key=True,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="frequency",
@@ -61,6 +70,7 @@ ESTIMATES = (
         target_share=0.05,
         target_reason=_FREQUENCY_REASON,
         is_key=True,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="frequency_{way}",
@@ -68,6 +78,7 @@ ESTIMATES = (
         unit="Hz",
         target_share=0.05,
         target_reason=_FREQUENCY_REASON,
+        rests_on=OF_ANGLES,
     ),
     Quantity(
         name="output_inertia",
@@ -75,8 +86,11 @@ ESTIMATES = (
         unit="kg m2",
         target_share=0.1,
         target_reason="checks a stated inertia before stiffness is computed from it",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
-    Quantity(name="input_inertia", title="input inertia", unit="kg m2"),
+    Quantity(
+        name="input_inertia", title="input inertia", unit="kg m2", rests_on=OF_TORQUE_DIFFERENCES
+    ),
     Quantity(
         name="output_stiffness",
         title="output stiffness",
@@ -84,6 +98,7 @@ ESTIMATES = (
         definition="K/J_o times the inertia from torque: secant, at a torque amplitude of T1/4",
         target_share=0.2,
         target_reason="catalogues state stiffness as a mean with a scatter of 20 to 30 %",
+        rests_on=OF_TORQUE_DIFFERENCES,
     ),
 )
 

@@ -1,0 +1,148 @@
+"""What is not known of a channel: scale, zero, curve and delay, each with the line of a budget that says so.
+
+A recording says what its channels show. How far that may be from what was there stands in the calibration of each
+channel, and where nobody calibrated it, in what is assumed of its kind. This is the one place that knows which of both.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from experiments.budget import scale_line
+from experiments.evidence.holds import Recorded
+from experiments.recording import Recording
+from model.channel import Channel
+from model.identify.estimate import BudgetLine, Cause
+
+EFFORT_UNITS = ("N m", "N", "A", "V")
+"""Units of channels that are a torque, a force, or what stands for one: they have a gain and a zero."""
+INDEX = "_index"
+"""Ending of the names of channels that keep where an index mark was."""
+TEMPERATURE_UNITS = ("°C", "degC", "K")
+THERMOMETER = 1.5 / math.sqrt(3.0)
+"""K; standard uncertainty of a thermometer of which nobody says how good it is."""
+ONE_ZERO = 0.003 / math.sqrt(3.0)
+"""N m; how far a torque zero may have moved that was read once only."""
+FEW = 1000
+"""Rows that tell the time from one to the next."""
+ENCODER_CAUSES = {"input_angle": Cause.MOTOR_ENCODER, "output_angle": Cause.OUTPUT_ENCODER}
+
+
+class Part(StrEnum):
+    """In which way a channel may be wrong."""
+
+    SCALE = "scale"
+    """All readings by a factor."""
+    OFFSET = "offset"
+    """All readings by a constant, those of the zero among them."""
+    ZERO = "zero"
+    """The readings of the run by a constant beside those of its zeros."""
+    CURVE = "curve"
+    """An angle by a wave per revolution of its encoder."""
+    DELAY = "delay"
+    """All readings too late."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Doubt:
+    """One way in which a channel may be wrong by one standard uncertainty.
+
+    `size` is relative for a scale, s for a delay, in the channel's unit else. `line` is what stands in a budget, but
+    for its size.
+    """
+
+    channel: str
+    part: Part
+    size: float
+    line: BudgetLine
+
+    def of(self, change: float) -> BudgetLine:
+        """The line of a number that changes by so much."""
+        return replace(self.line, standard_uncertainty=abs(change))
+
+
+def doubts_of(recorded: Recorded, channel: str) -> tuple[Doubt, ...]:
+    """All that is not known of a channel of a recording; nothing of one that is no measured quantity."""
+    signal = recorded.recording.signals[channel]
+    if signal.unit == "rad" and channel in ENCODER_CAUSES:
+        found = _curve(signal)
+    elif signal.unit in EFFORT_UNITS:
+        found = (_scale(recorded, signal), *_zero(recorded, signal))
+    elif signal.unit in TEMPERATURE_UNITS:
+        found = (_thermometer(signal),)
+    elif signal.unit == "1" or channel.endswith(INDEX):
+        return ()
+    else:
+        found = _stated(signal)
+    return tuple(doubt for doubt in (*found, _delay(recorded, signal)) if doubt.size > 0.0)
+
+
+def titled(channel: str) -> str:
+    """How a budget calls a channel."""
+    return channel.replace("_", " ")
+
+
+def _doubt(
+    signal: Channel, part: Part, size: float, note: str, cause: Cause | None = None
+) -> Doubt:
+    line = BudgetLine(f"{titled(signal.name)} {part}", "B", 0.0, note, cause)
+    return Doubt(channel=signal.name, part=part, size=size, line=line)
+
+
+def _curve(signal: Channel) -> tuple[Doubt, ...]:
+    accuracy = signal.calibration.accuracy or 0.0
+    note = "accuracy of the encoder, as one wave per revolution of any phase"
+    cause = ENCODER_CAUSES[signal.name]
+    return (_doubt(signal, Part.CURVE, accuracy, note, cause),)
+
+
+def _scale(recorded: Recorded, signal: Channel) -> Doubt:
+    line = scale_line(recorded.recording, 1.0, signal.name)
+    return Doubt(channel=signal.name, part=Part.SCALE, size=line.standard_uncertainty, line=line)
+
+
+def _zero(recorded: Recorded, signal: Channel) -> tuple[Doubt, ...]:
+    """A zero that was read is moved with the run and beside it; one that was not, by what its calibration says."""
+    before, after = recorded.zeros if signal.name == recorded.torque else (math.nan, math.nan)
+    read = [value for value in (before, after) if math.isfinite(value)]
+    if not read:
+        size = signal.calibration.offset_uncertainty or 0.0
+        return (_doubt(signal, Part.OFFSET, size, "calibration of the channel"),)
+    moved = abs(after - before) / math.sqrt(12.0) if len(read) == 2 else ONE_ZERO
+    largest = max(abs(value) for value in read)
+    return (
+        _doubt(signal, Part.OFFSET, largest, "what the port shows with the servo off"),
+        _doubt(signal, Part.ZERO, moved, "between the servo-off zeros"),
+    )
+
+
+def _thermometer(signal: Channel) -> Doubt:
+    stated = signal.calibration.offset_uncertainty or 0.0
+    if stated > 0.0:
+        return _doubt(signal, Part.OFFSET, stated, "calibration of the channel")
+    return _doubt(signal, Part.OFFSET, THERMOMETER, "assumed: within 1.5 K")
+
+
+def _stated(signal: Channel) -> tuple[Doubt, ...]:
+    own, note = signal.calibration, "calibration of the channel"
+    return (
+        _doubt(signal, Part.SCALE, own.scale_relative_uncertainty or 0.0, note),
+        _doubt(signal, Part.OFFSET, own.offset_uncertainty or 0.0, note),
+    )
+
+
+def _delay(recorded: Recorded, signal: Channel) -> Doubt:
+    """More than half a cycle would have been seen (the check of the encoders' skew)."""
+    period = cycle_of(recorded.recording)
+    return _doubt(signal, Part.DELAY, period / math.sqrt(12.0), "within half a cycle")
+
+
+def cycle_of(recording: Recording) -> float:
+    """Time from one row to the next [s]; 0 for rows without time."""
+    if recording.metadata.time_base == "none" or recording.rows < 2:
+        return 0.0
+    return float(np.median(np.diff(recording.time(slice(0, FEW)))))
