@@ -366,5 +366,5 @@ EXPERIMENT = Experiment(
     gear_mounted=False,
     has_plan=False,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
 )

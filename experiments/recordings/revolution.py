@@ -143,7 +143,7 @@ EXPERIMENT = Experiment(
     has_plan=False,
     cuts_gaps=True,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
 )
 """Version 3: the estimator of the order spectrum; directions that differ apart, lines between whole orders fitted.
 Version 4: an interval that holds zero is called so, whatever the quantity.
