@@ -4,28 +4,52 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+import numpy as np
+
+from experiments.assumed import CURRENT, TORQUE_SCALE, TORQUE_ZERO, Assumed
 from experiments.recording import Recording
 from experiments.result import Table
 from model.identify.estimate import BudgetLine, Cause, Estimate
 
-ASSUMED_SCALE = 0.03
-"""Relative standard uncertainty of a torque port without a certificate: torque constant by
-tolerance and temperature (5 % of
-rectangular bounds, k = 1)."""
+SCALE = "torque scale"
+STATED = "calibration of the channel"
+TORQUES = ("N m", "N")
+"""Units of channels that are a torque or a force, and not what drives one."""
 
 
-def torque_scale_uncertainty(recording: Recording, channel: str = "torque") -> tuple[float, str]:
-    """Relative standard uncertainty of the torque scale, and where it comes from."""
-    relative = recording.signals[channel].calibration.scale_relative_uncertainty
-    if relative > 0.0:
-        return relative, "calibration of the channel"
-    return ASSUMED_SCALE, "no calibration: torque constant within 5 %, rectangular"
+def torque_scale_uncertainty(
+    recording: Recording, channel: str = "torque"
+) -> tuple[float, Assumed | None]:
+    """Relative standard uncertainty of the torque scale, and what is assumed where nobody states it."""
+    signal = recording.signals[channel]
+    relative = signal.calibration.scale_relative_uncertainty
+    if relative is not None:
+        return relative, None
+    row = TORQUE_SCALE if signal.unit in TORQUES else CURRENT
+    return row.standard_uncertainty, row
 
 
 def scale_line(recording: Recording, torque: float, channel: str = "torque") -> BudgetLine:
     """The torque scale as a line of the budget of a torque [N m], or of anything proportional to one."""
-    relative, source = torque_scale_uncertainty(recording, channel)
-    return BudgetLine("torque scale", "B", relative * abs(torque), source, Cause.TORQUE_SCALE)
+    relative, assumed = torque_scale_uncertainty(recording, channel)
+    if assumed is not None:
+        return assumed.line(SCALE, relative * torque, Cause.TORQUE_SCALE)
+    return BudgetLine(SCALE, "B", relative * abs(torque), STATED, Cause.TORQUE_SCALE)
+
+
+def zero_uncertainty(recording: Recording, channel: str = "torque") -> tuple[float, Assumed | None]:
+    """Standard uncertainty of the zero of a torque that was not read with the servo off, and what is assumed of it."""
+    stated = recording.signals[channel].calibration.offset_uncertainty
+    if stated is not None:
+        return stated, None
+    largest = max(
+        (
+            float(np.abs(recording.si(channel, rows)).max(initial=0.0))
+            for rows in recording.blocks()
+        ),
+        default=0.0,
+    )
+    return TORQUE_ZERO.standard_uncertainty * largest, TORQUE_ZERO
 
 
 def budget_table(estimates: Iterable[Estimate]) -> Table:

@@ -22,15 +22,16 @@ Acquired = Literal["latched", "polled"]
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """Why a channel's scale can be believed. Uncertainties are standard uncertainties in the
-    channel's unit or relative. `curve` is what a certificate states of an encoder, point by point.
+    channel's unit or relative; `accuracy` is the half-width of an encoder's whole curve. None is not said, 0 is said to
+    be none. `curve` is what a certificate states of an encoder, point by point.
     """
 
     certificate: str = ""
     date: str = ""
     due: str = ""
-    scale_relative_uncertainty: float = 0.0
-    offset_uncertainty: float = 0.0
-    accuracy: float = 0.0
+    scale_relative_uncertainty: float | None = None
+    offset_uncertainty: float | None = None
+    accuracy: float | None = None
     curve: AngleCertificate | None = None
 
 

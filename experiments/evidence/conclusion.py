@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
+from experiments.assumed import rests_on
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import rotary_ratio
 from experiments.evidence.channel_lines import analysed_with_lines
@@ -147,13 +148,24 @@ def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
     is_within_target = target is not None and u <= target
     if abs(estimate.value) <= u and not quantity.is_circular:
         note = f"not distinguishable from zero, below {abs(estimate.value) + u:.3g} {estimate.unit}"
-        return replace(estimate, note=note) if is_within_target else _weakly(estimate, note)
+        estimate = replace(estimate, note=note)
+        return _not_on_assumed(estimate) if is_within_target else _weakly(estimate, note)
     if target is not None and not is_within_target:
         return _weakly(estimate, f"U is above {target:.3g} {estimate.unit}")
     share = u / abs(estimate.value) if estimate.value else 0.0
     if target is None and share > LARGEST_SHARE and not quantity.is_circular:
         return _weakly(estimate, f"U is {100.0 * share:.0f} % of the value")
-    return estimate
+    return _not_on_assumed(estimate)
+
+
+def _not_on_assumed(estimate: Estimate) -> Estimate:
+    """The estimate, "weakly" where most of its U is of values that nobody stated."""
+    unsaid = rests_on(estimate)
+    return (
+        _weakly(estimate, "; ".join(n for n in (estimate.note, unsaid) if n))
+        if unsaid
+        else estimate
+    )
 
 
 def _order(member: str) -> float | None:

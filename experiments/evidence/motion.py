@@ -67,7 +67,9 @@ def _doubt_of_set_point(setpoint: float, recorded: Recorded) -> float:
     if channel is None:
         return 0.0
     own = channel.calibration
-    return 2.0 * math.hypot(own.offset_uncertainty, own.scale_relative_uncertainty * setpoint)
+    return 2.0 * math.hypot(
+        own.offset_uncertainty or 0.0, (own.scale_relative_uncertainty or 0.0) * setpoint
+    )
 
 
 def encoders_against_ratio(recorded: Recorded) -> Finding:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from experiments.budget import torque_scale_uncertainty
+from experiments.budget import torque_scale_uncertainty, zero_uncertainty
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
 
@@ -78,8 +78,9 @@ def sign(recorded: Recorded) -> Finding:
     if not known:
         return not_checked("a torque over segments that count is needed")
     largest = max(abs(h.torque) for h in known)
-    calibration = recorded.recording.signals[recorded.torque].calibration
-    zero = 0.0 if math.isfinite(sum(recorded.zeros)) else 3.0 * calibration.offset_uncertainty
+    zero = 0.0
+    if not math.isfinite(sum(recorded.zeros)):
+        zero = 3.0 * zero_uncertainty(recorded.recording, recorded.torque)[0]
     allowed = max(DRIVING, DRIVING_SHARE * largest) + zero
     worst = min(known, key=lambda h: h.direction * h.torque)
     along = worst.direction * worst.torque

@@ -11,6 +11,7 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from experiments.angle.phase_reference import INPUT_SEEN, OUTPUT_SEEN
+from experiments.assumed import MOTOR_ENCODER, OUTPUT_ENCODER
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings
@@ -198,9 +199,11 @@ def _circular_mean(name: str, marks: list[float], signal: Channel, cause: Cause)
 
 def _accuracy_line(signal: Channel, cause: Cause) -> BudgetLine:
     """The encoder's accuracy [rad], the half width of its whole curve: the mark lies at one place of it."""
-    accuracy = signal.calibration.accuracy
-    note = "" if accuracy > 0.0 else "the calibration of the channel states no accuracy"
-    return BudgetLine("accuracy of the encoder", "B", accuracy / math.sqrt(3.0), note, cause)
+    accuracy, source = signal.calibration.accuracy, "accuracy of the encoder"
+    if accuracy is None:
+        row = OUTPUT_ENCODER if cause is Cause.OUTPUT_ENCODER else MOTOR_ENCODER
+        return row.line(source, row.standard_uncertainty, cause)
+    return BudgetLine(source, "B", accuracy / math.sqrt(3.0), "", cause)
 
 
 EXPERIMENT = Experiment(
@@ -212,5 +215,5 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "input_index", "index_seen"),
     quantities=QUANTITIES,
-    version=3,
+    version=4,
 )

@@ -14,6 +14,7 @@ from typing import Annotated
 import numpy as np
 from annotated_types import Ge, Gt, Le
 
+from experiments.assumed import ROTOR
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, analysing
@@ -52,7 +53,8 @@ from model.units import REVOLUTION, RPM
 
 NAME = "motor-tare"
 NAMES = ("motor_coulomb", "motor_viscous")
-WARMTH = "warmth of the motor"
+DISC_INERTIA = 0.005
+"""Relative standard uncertainty of the inertia of a disc that was turned and weighed."""
 HEAT_CAPACITY = 350.0
 """J/K of a servo motor of this size (some 0.9 kg of steel and copper), assumed within a factor of two."""
 UNSEEN_LOSSES = 2.0
@@ -201,8 +203,6 @@ def _points(
                 yield from friction.constant_speed(settings, direction * speed, "hold", repeat)
 
 
-ROTOR_TOLERANCE = 0.10
-"""How far a rotor may be from the inertia on its data sheet, as a share: assumed."""
 COGGING_BELOW = 100.0 * RPM
 """Input speed up to which the torque over angle shows cogging and not the inertia of a rippling speed."""
 
@@ -317,7 +317,7 @@ def _straight_line(
             ),
         ]
         outside = (
-            BudgetLine(WARMTH, "B", heat.constant * abs(value), heat.words),
+            heat.line(value),
             scale_line(recording, value),
         )
         estimates[name] = _tare_estimate(name, value, unit, lines, outside, freedom)
@@ -401,13 +401,8 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
     error = float(fit.standard_error[0])
     budget = (
         BudgetLine("scatter of the ramps", "A", error),
-        BudgetLine("inertia of the disc", "B", 0.005, "assumed"),
-        BudgetLine(
-            "inertia of the rotor",
-            "B",
-            ROTOR_TOLERANCE / math.sqrt(3.0) * rotor / inertia,
-            f"its data sheet, within {100.0 * ROTOR_TOLERANCE:g} %",
-        ),
+        BudgetLine("inertia of the disc", "B", DISC_INERTIA, "turned and weighed"),
+        ROTOR.line("inertia of the rotor", ROTOR.standard_uncertainty * rotor / inertia),
     )
     return Estimate(
         name="torque_scale",
@@ -473,7 +468,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=5,
+    version=6,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
 )

@@ -522,7 +522,7 @@ def _estimates(
             BudgetLine("between ramps", "A", error, degrees_of_freedom=balance.freedom),
             BudgetLine("moment of first motion", "A", moment, "law of motion; rectangular"),
             *[BudgetLine("wind-up lost by stick-slip", "A", lost, "rectangular")] * (lost > 0.0),
-            BudgetLine(COULOMB, "B", unknown, bearing.words()),
+            bearing.line(COULOMB, unknown),
             *lines,
             scale_line(recording, value),
         )
@@ -600,7 +600,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
-    version=4,
+    version=5,
     live=("speed", "starting points", "torque"),
     setpoint="position",
     terms=(

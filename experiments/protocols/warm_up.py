@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -241,7 +241,7 @@ def _running_torque(
             BudgetLine("whole revolutions", "A", error, degrees_of_freedom=freedom),
             *by_speed,
             scale_line(recording, value),
-            BudgetLine("warmth of the motor", "B", warmth * abs(value), heat.words),
+            replace(heat.line(value), standard_uncertainty=warmth * abs(value)),
         ),
     )
 
@@ -287,7 +287,7 @@ EXPERIMENT = Experiment(
     analyse=analyse,
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
-    version=4,
+    version=5,
     live=("speed", "temperature", "torque"),
     terms=(RUNNING_TORQUE, MOTOR_AND_GEAR),
 )

@@ -383,5 +383,5 @@ EXPERIMENT = Experiment(
     gear_mounted=False,
     has_plan=False,
     quantities=QUANTITIES,
-    version=2,
+    version=3,
 )

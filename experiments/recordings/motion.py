@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.budget import budget_table, scale_line
+from experiments.budget import STATED, budget_table, scale_line, zero_uncertainty
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
@@ -272,11 +272,8 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
                 lines.append(BudgetLine(source, "B", u[name], note))
         if name != "stribeck_velocity":
             lines.append(scale_line(motion.recording, estimate.value, motion.effort))
-        zero = _zero_uncertainty(motion) if name == "offset" else 0.0
-        if zero > 0.0:
-            lines.append(
-                BudgetLine("zero of the effort", "B", zero, "calibration or servo-off zero")
-            )
+        if name == "offset":
+            lines.append(_zero_line(motion))
         unit = estimate.unit if motion.is_mechanical else _unit(name, motion)
         estimates[name] = dataclasses.replace(estimate, unit=unit).with_budget(lines)
     if fit.speed_channel is not None and not motion.instrument_is_position:
@@ -293,10 +290,15 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
     return estimates
 
 
-def _zero_uncertainty(motion: RecordedMotion) -> float:
+def _zero_line(motion: RecordedMotion) -> BudgetLine:
+    """What the zero of the effort leaves open of an offset."""
+    source = "zero of the effort"
     if motion.zero is not None:
-        return motion.zero.standard_uncertainty
-    return motion.recording.signals[motion.effort].calibration.offset_uncertainty
+        return dataclasses.replace(motion.zero.budget(), source=source)
+    size, assumed = zero_uncertainty(motion.recording, motion.effort)
+    if assumed is not None:
+        return assumed.line(source, size)
+    return BudgetLine(source, "B", size, STATED)
 
 
 def _unit(name: str, motion: RecordedMotion) -> str:
@@ -335,6 +337,6 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=5,
+    version=6,
     cuts_gaps=True,
 )

@@ -142,6 +142,6 @@ EXPERIMENT = Experiment(
     has_plan=False,
     cuts_gaps=True,
     quantities=QUANTITIES,
-    version=4,
+    version=5,
 )
 """Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart."""

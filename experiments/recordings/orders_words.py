@@ -42,7 +42,7 @@ def order_estimates(
             estimates[name] = replace(amplitude, name=name)
     scaled = channel in EFFORTS or (
         recording.has(channel)
-        and recording.signals[channel].calibration.scale_relative_uncertainty > 0.0
+        and (recording.signals[channel].calibration.scale_relative_uncertainty or 0.0) > 0.0
     )
     if not scaled:
         return estimates

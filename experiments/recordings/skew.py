@@ -205,5 +205,5 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=3,
+    version=4,
 )

@@ -12,9 +12,14 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
+from experiments.assumed import TEMPERATURE as UNKNOWN
+from experiments.assumed import Assumed
 from experiments.recording import Recording
+from model.identify.estimate import BudgetLine
 from model.identify.running_torque import Tare
 
+WARMTH = "warmth of the motor"
+"""Its line in budgets."""
 REFERENCE = 20.0
 """degC at which torque constants are stated."""
 MAGNETS, MAGNETS_UNCERTAINTY = -1e-3, 0.3e-3
@@ -24,8 +29,6 @@ FRICTION, FRICTION_UNCERTAINTY = -4e-3, 1.2e-3
 """Relative change of the motor's own friction per kelvin, assumed, and its standard uncertainty."""
 WARMER = 1.5
 """K, standard uncertainty of the motor's temperature behind the housing's: its own losses warm it by some kelvin."""
-UNKNOWN = 5.0
-"""K, standard uncertainty of the motor's temperature where no temperature was recorded."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +45,23 @@ class MotorHeat:
     @property
     def kelvin(self) -> float:
         """Standard uncertainty of the motor's temperature [K]."""
-        return WARMER if math.isfinite(self.temperature) else UNKNOWN
+        return WARMER if self.assumed is None else UNKNOWN.standard_uncertainty
+
+    @property
+    def assumed(self) -> Assumed | None:
+        """What is assumed of the motor's temperature where nobody recorded one."""
+        return None if math.isfinite(self.temperature) else UNKNOWN
 
     @property
     def words(self) -> str:
         """What the correction rests on."""
         return f"torque constant {100.0 * MAGNETS:g} % per kelvin from {REFERENCE:g} °C"
+
+    def line(self, value: float) -> BudgetLine:
+        """What the motor's warmth leaves open of a torque, or of anything proportional to one."""
+        if self.assumed is not None:
+            return self.assumed.line(WARMTH, self.constant * value)
+        return BudgetLine(WARMTH, "B", self.constant * abs(value), self.words)
 
     def constant_factor(self) -> tuple[float, float]:
         """The torque constant of the motor as warm as it was over that at 20 degC, and its relative standard
@@ -60,7 +74,7 @@ class MotorHeat:
     def friction_factor(self) -> tuple[float, float]:
         """The motor's friction at 20 degC over that of the run, and its relative standard uncertainty."""
         if not math.isfinite(self.temperature):
-            return 1.0, abs(FRICTION) * UNKNOWN
+            return 1.0, abs(FRICTION) * UNKNOWN.standard_uncertainty
         warmer = self.temperature - REFERENCE
         return 1.0 / (1.0 + FRICTION * warmer), _relative(FRICTION, FRICTION_UNCERTAINTY, warmer)
 
@@ -82,7 +96,7 @@ class MotorHeat:
 def motor_heat(recording: Recording, housing: float) -> MotorHeat:
     """What the housing's mean temperature [degC] says of the motor; an import does not say whose torque it is."""
     known = recording.metadata.origin != "imported" and math.isfinite(housing)
-    kelvin = WARMER if known else UNKNOWN
+    kelvin = WARMER if known else UNKNOWN.standard_uncertainty
     away = math.hypot(kelvin, housing - REFERENCE) if known else kelvin
     return MotorHeat(
         constant=abs(MAGNETS) * away,

@@ -13,12 +13,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.assumed import Assumed
+from experiments.budget import zero_uncertainty
 from experiments.evidence import usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording, Segment
 from model.arrays import FloatArray
 from model.identify.estimate import BudgetLine
 
+ZERO = "torque zero"
+"""Its line in budgets."""
 SETTLED_SHARE = 0.25
 """Share at the start of a servo-off segment that is left out: the rotor unwinds, the port settles."""
 DRIFT_LIMIT = 0.003
@@ -42,6 +46,7 @@ class TorqueZero:
     after: Zero | None
     standard_uncertainty: float
     warnings: tuple[str, ...] = ()
+    assumed: Assumed | None = None
 
     @property
     def is_measured(self) -> bool:
@@ -66,20 +71,21 @@ class TorqueZero:
 
     def budget(self) -> BudgetLine:
         """The line of an uncertainty budget."""
+        if self.assumed is not None:
+            return self.assumed.line(ZERO, self.standard_uncertainty)
         if not self.is_measured:
             note = "no servo-off zero in this recording; from the channel's calibration"
         elif math.isnan(self.drift):
             note = "one servo-off zero only"
         else:
             note = f"servo-off zeros before and after, drift {self.drift * 1e3:.2f} mN m"
-        return BudgetLine("torque zero", "B", self.standard_uncertainty, note)
+        return BudgetLine(ZERO, "B", self.standard_uncertainty, note)
 
 
 def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
     """The zero of a torque channel from the servo-off segments of a run."""
     before = _mean_zero(recording, recording.labelled(ZERO_BEFORE), channel)
     after = _mean_zero(recording, recording.labelled(ZERO_AFTER), channel)
-    signal = recording.signals[channel]
     zeros = [z for z in (before, after) if z is not None]
     if not zeros:
         text = (
@@ -87,7 +93,8 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
             "half-differences of the directions are "
             "friction, half-sums hold the offset of the port."
         )
-        return TorqueZero(None, None, signal.calibration.offset_uncertainty, (text,))
+        stated, assumed = zero_uncertainty(recording, channel)
+        return TorqueZero(None, None, stated, (text,), assumed)
     error = math.sqrt(sum(z.standard_error**2 for z in zeros)) / len(zeros)
     if before is None or after is None:
         missing = ZERO_BEFORE if before is None else ZERO_AFTER

@@ -26,7 +26,8 @@ class CommonError:
     (n, p) where the error has several independent parts, waves for instance.
 
     `source` is its name in budgets, `kind` and `cause` as there. `is_fitted` False keeps it out of the weights and of
-    the statistical interval: an error that no data could tell (a torque scale), added as type B alone.
+    the statistical interval: an error that no data could tell (a torque scale), added as type B alone. `assumed` as in
+    a `BudgetLine`.
     """
 
     source: str
@@ -35,6 +36,7 @@ class CommonError:
     cause: Cause | None = None
     note: str = ""
     is_fitted: bool = True
+    assumed: str = ""
 
     @property
     def columns(self) -> Array:

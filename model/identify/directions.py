@@ -104,16 +104,17 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
                 covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
                 freedom,
                 "rad",
-                doubts(doubt, at),
+                doubts(doubt, at, forward.torsion),
             )
             # What is a function of the input angle alone is in both directions alike; folded rounding is not.
             alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
             if label not in expected and not (alike and found.significant):
                 continue
             # What the bench puts on an order is the same in both directions: the mean does not lessen it.
-            amplitude, phase = with_bench(found, forward.orders[k].bench, forward.orders[k].bound)
-            if forward.orders[k].amplitude.identifiable == "no":
-                refusal = {"identifiable": "no", "note": forward.orders[k].amplitude.note}
+            one = forward.orders[k]
+            amplitude, phase = with_bench(found, one.bench, one.bound, one.unsaid)
+            if one.amplitude.identifiable == "no":
+                refusal = {"identifiable": "no", "note": one.amplitude.note}
                 amplitude, phase = replace(amplitude, **refusal), replace(phase, **refusal)
             estimates[f"amplitude_{label}"] = amplitude
             if seen:

@@ -69,7 +69,8 @@ class BudgetLine:
     `source` says in words what it is; `cause` names an error that other results may share, None one
     that is this estimate's alone. `degrees_of_freedom` of u: of the data it was computed from for
     type A; without end where u is taken for exact, as type B lines are unless somebody says how
-    well they are known.
+    well they are known. `assumed` names the kind of value that nobody gave, whose line it is
+    (`experiments.assumed`); "" for what somebody stated or the data say.
     """
 
     source: str
@@ -78,6 +79,7 @@ class BudgetLine:
     note: str = ""
     cause: Cause | None = None
     degrees_of_freedom: float = math.inf
+    assumed: str = ""
 
 
 def effective_degrees_of_freedom(lines: Iterable[BudgetLine]) -> float:
@@ -185,6 +187,7 @@ class Estimate:
                     "note": b.note,
                     "cause": b.cause,
                     "degrees_of_freedom": _countable(b.degrees_of_freedom),
+                    **({"assumed": b.assumed} if b.assumed else {}),
                 }
                 for b in self.budget
             ],

@@ -175,7 +175,8 @@ class FrictionFit:
                 change = change - by_common[first : first + len(change)]
                 first += len(change)
             size = float(np.linalg.norm(change))
-            lines.append((BudgetLine(one.source, one.kind, size, one.note, one.cause), one))
+            line = BudgetLine(one.source, one.kind, size, one.note, one.cause, assumed=one.assumed)
+            lines.append((line, one))
         return [(b, c) for b, c in lines if c is None or b.standard_uncertainty > 0.0]
 
     def shared_by_cause(self) -> dict[Cause, Array]:

@@ -71,10 +71,12 @@ SLOPE_SIGNIFICANCE = 4.0
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
 """Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
 eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold error."""
+UNSAID_ORDERS = OUTPUT_ENCODER_ORDERS
+"""Orders of a motor encoder of which nobody says anything: a resolver has those of its poles."""
+TOO_NEAR = "too near the first torsional mode"
 FINE_ORDERS, FINE_SHARE = range(9, 65), 0.2
 """Orders of an output encoder's own revolution that no certificate takes out, and the share of its class that they have
 together: marks of the scale, balls of its bearing. They meet a gear's input orders where N is below 65."""
-TORSION = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,7 @@ class Encoders:
     certificate's curve was taken out, the certificate's standard uncertainty (0: it was not) stands in place of the
     class of orders 1 to 8: any one order may carry all of it.
     Eccentricities are of the gear's seat, amplitudes at the output once per output and once per input
-    revolution.
+    revolution. A class that is assumed, because nobody stated one, has the words of its line in `..._unsaid`.
     """
 
     output_quantum: float = math.nan
@@ -101,6 +103,38 @@ class Encoders:
     input_eccentricity: float = 0.0
     output_certified: float = 0.0
     input_certified: float = 0.0
+    output_unsaid: str = ""
+    input_unsaid: str = ""
+
+    @property
+    def unsaid(self) -> bool:
+        """Whether the class of one of them is assumed."""
+        return bool(self.output_unsaid or self.input_unsaid)
+
+    @property
+    def stated(self) -> Encoders:
+        """What somebody said of them."""
+        return replace(
+            self,
+            output_accuracy=0.0 if self.output_unsaid else self.output_accuracy,
+            input_accuracy=0.0 if self.input_unsaid else self.input_accuracy,
+        )
+
+    def unsaid_at(self, order: float) -> str:
+        """Why an order of the output's turn is not the gear's alone: nobody stated the output encoder; "" else."""
+        if not self.output_unsaid or order > SLOWEST_SIDEBAND:
+            return ""
+        return "an order of the output's turn, and nobody stated the output encoder"
+
+    def unsaid_raise(self, raised: float) -> BudgetLine:
+        """What encoders of an assumed class may make of a peak-to-peak, of which nothing is taken off [rad]."""
+        kind, note = (
+            ("output encoder", self.output_unsaid)
+            if self.output_unsaid
+            else ("motor encoder", self.input_unsaid)
+        )
+        u = max(raised, 0.0) / math.sqrt(3.0)
+        return BudgetLine("peak-to-peak raised by encoders", "B", u, note, assumed=kind)
 
     def at_order(self, order: float, ratio: float) -> tuple[BudgetLine, ...]:
         """What they may add to one order of the kinematic error, per component of the vector [rad at the output]."""
@@ -110,13 +144,25 @@ class Encoders:
         ]
         if not self.output_certified:
             own = order * ratio
-            lines += _share("output encoder", self.output_accuracy, own, OUTPUT_ENCODER_ORDERS)
+            lines += _share(
+                "output encoder",
+                self.output_accuracy,
+                own,
+                OUTPUT_ENCODER_ORDERS,
+                self.output_unsaid,
+            )
         if not self.input_certified:
             lines += _share(
-                "motor encoder", self.input_accuracy / ratio, order, MOTOR_ENCODER_ORDERS
+                "motor encoder",
+                self.input_accuracy / ratio,
+                order,
+                self._motor_orders,
+                self.input_unsaid,
             )
         finely = FINE_SHARE * self.output_accuracy
-        lines += _share("output encoder", finely, order * ratio, tuple(FINE_ORDERS))
+        lines += _share(
+            "output encoder", finely, order * ratio, tuple(FINE_ORDERS), self.output_unsaid
+        )
         for once, eccentricity in (
             (1.0 / ratio, self.output_eccentricity),
             (1.0, self.input_eccentricity),
@@ -132,9 +178,14 @@ class Encoders:
                 )
         return tuple(lines)
 
+    @property
+    def _motor_orders(self) -> tuple[int, ...]:
+        """Orders over which the variance of the motor encoder's curve is spread."""
+        return UNSAID_ORDERS if self.input_unsaid else MOTOR_ENCODER_ORDERS
+
     def waves(self, ratio: float) -> dict[float, float]:
         """Standard uncertainty of a cosine or sine at every order to which they may add [rad]."""
-        motor = CERTIFIED_ORDERS if self.input_certified else MOTOR_ENCODER_ORDERS
+        motor = CERTIFIED_ORDERS if self.input_certified else self._motor_orders
         orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [float(k) for k in motor]
         # All orders at once: together they have no more than what the certificate says of the curve.
         share = 1.0 / math.sqrt(len(CERTIFIED_ORDERS))
@@ -173,9 +224,11 @@ class Encoders:
         rectangle = 1.0 / math.sqrt(3.0)
         output = self.output_accuracy * rectangle
         output_note = (
-            "its class; cannot be told from the gear without turning the gear on the encoder"
+            self.output_unsaid
+            or "its class; cannot be told from the gear without turning the gear on the encoder"
         )
-        motor, motor_note = self.input_accuracy / ratio * rectangle, "its class over the ratio"
+        motor = self.input_accuracy / ratio * rectangle
+        motor_note = self.input_unsaid or "its class over the ratio"
         if self.output_certified:
             output = math.sqrt(2.0) * self.output_certified
             output_note = "its certificate, at two places of the curve"
@@ -184,9 +237,21 @@ class Encoders:
             motor_note = "its certificate, at two places of the curve, over the ratio"
         lines = (
             BudgetLine(
-                "output encoder, whole curve", "B", output, output_note, Cause.OUTPUT_ENCODER
+                "output encoder, whole curve",
+                "B",
+                output,
+                output_note,
+                Cause.OUTPUT_ENCODER,
+                assumed="output encoder" if self.output_unsaid else "",
             ),
-            BudgetLine("motor encoder, whole curve", "B", motor, motor_note, Cause.MOTOR_ENCODER),
+            BudgetLine(
+                "motor encoder, whole curve",
+                "B",
+                motor,
+                motor_note,
+                Cause.MOTOR_ENCODER,
+                assumed="motor encoder" if self.input_unsaid else "",
+            ),
             BudgetLine(
                 "eccentricity of the mounting",
                 "B",
@@ -207,8 +272,13 @@ def _certified(what: str, standard_uncertainty: float, order: float) -> list[Bud
     return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, cause)]
 
 
-def _share(what: str, half_width: float, order: float, orders: tuple[int, ...]) -> list[BudgetLine]:
-    """The part of an encoder's class that one of its orders has, as a budget line; none without a class."""
+def _share(
+    what: str, half_width: float, order: float, orders: tuple[int, ...], unsaid: str
+) -> list[BudgetLine]:
+    """The part of an encoder's class that one of its orders has, as a budget line; none for a class of 0.
+
+    `unsaid`: the words of a class that is assumed.
+    """
     if not half_width > 0.0 or min(abs(order - own) for own in orders) > 1e-6:
         return []
     cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
@@ -217,7 +287,8 @@ def _share(what: str, half_width: float, order: float, orders: tuple[int, ...]) 
         note = f"{FINE_SHARE:g} of its class, equal shares of its orders 9 to 64"
     note += "; cannot be told from the gear"
     u = half_width / math.sqrt(3.0 * len(orders))
-    return [BudgetLine(f"{what} at this order", "B", u, note, cause)]
+    line = BudgetLine(f"{what} at this order", "B", u, note, cause)
+    return [replace(line, note=unsaid, assumed=what) if unsaid else line]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,13 +296,15 @@ class OrderEstimate:
     """One order of the kinematic error: a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals.
 
     `significant`: the amplitude is larger than the noise explains (99.99 % level). `bench`: what encoders
-    and mounting may add, `bound`: what they can add at most [rad].
+    and mounting may add, `bound`: what they can add at most [rad]. `unsaid`: why it can't be the gear's alone
+    while nobody states an encoder; "" where it can.
     """
 
     order: float
     label: str
     bench: tuple[BudgetLine, ...]
     bound: float
+    unsaid: str
     cosine: Estimate
     sine: Estimate
     amplitude: Estimate
@@ -269,6 +342,7 @@ class KinematicErrorFit:
     block_angle: Array
     block_residual: Array
     regression: AngleFit
+    torsion: BudgetLine = torsion.BY_SET
     speed: float = 0.0
     delay: float = 0.0
 
@@ -358,7 +432,7 @@ def fit_traverses(
     accumulators: Sequence[KinematicErrorAccumulator],
     *,
     accuracy_order: float | None = None,
-    spring: torsion.Torsion | None = None,
+    spring: torsion.Spring | None = None,
     time: int | None = None,
 ) -> list[KinematicErrorFit]:
     """The fits of several traverses of one gear, in one basis that follows the data of all.
@@ -374,6 +448,7 @@ def fit_traverses(
         fits = in_orders_of_all(fits, max(one.highest_order for one in accumulators), rounding)
     fits = [with_rounding(fit, locked) for fit, locked in zip(fits, rounding, strict=True)]
     seen = [torsion.traverse(fit, None if time is None else 1 + time) for fit in fits]
+    spring = None if spring is None else spring.seen_in(seen)
     ahead = next((s for s in seen if s.fit.cells.direction > 0.0), None)
     back = next((s for s in seen if s.fit.cells.direction < 0.0), None)
     delay = (
@@ -440,7 +515,7 @@ def _finish(
     one: KinematicErrorAccumulator,
     clean: _Cleaned,
     raw: torsion.Traverse,
-    spring: torsion.Torsion | None,
+    spring: torsion.Spring | None,
     delay: float,
     accuracy_order: float | None,
 ) -> KinematicErrorFit:
@@ -452,10 +527,13 @@ def _finish(
     wander = 0.0 if clean.rounding is None else clean.rounding.wander()
     estimates, sentences = _slope(fit, encoders, WANDERS * wander)
     warnings += sentences
-    near = torsion.too_near(raw, spring)
-    accuracy, angle, curve = transmission_accuracy(fit, highest)
-    raised = raised_by(angle, curve, encoders.waves(ratio))
+    near, amplified = torsion.too_near(raw, spring), torsion.line_of(spring)
+    accuracy, angle, curve = transmission_accuracy(fit, highest, amplified)
+    raised = raised_by(angle, curve, encoders.stated.waves(ratio))
     accuracy = _of_gear(accuracy, encoders.of_curve(ratio), raised)
+    if encoders.unsaid:
+        more = raised_by(angle, curve, encoders.waves(ratio)) - raised
+        accuracy = accuracy.with_budget([encoders.unsaid_raise(more)])
     rest = left_over(fit, highest)
     if rest > 0.0:
         line = BudgetLine(
@@ -466,7 +544,7 @@ def _finish(
         )
         accuracy = accuracy.with_budget([line])
     orders = tuple(
-        _order(fit, k, encoders, "too near the first torsional mode" if near[k] else "")
+        _order(fit, k, encoders, amplified, TOO_NEAR if near[k] else "")
         for k in range(len(fit.basis.orders))
     )
     reason = ""
@@ -475,7 +553,7 @@ def _finish(
     elif cells.revolutions < WHOLE_TURN * ratio:
         reason = "needs one complete output revolution"
     elif any(o.significant and n for o, n in zip(orders, near, strict=True)):
-        reason = "an order is too near the first torsional mode"
+        reason = f"an order is {TOO_NEAR}"
     if reason:
         accuracy = replace(accuracy, identifiable="no", note=reason)
     estimates = {"transmission_accuracy": accuracy, **estimates}
@@ -508,6 +586,7 @@ def _finish(
         + cells.direction * (np.arange(cells.rows, dtype=np.float64) + 0.5) * REVOLUTION,
         block_residual=fit.row_residual,
         regression=fit,
+        torsion=amplified,
         speed=raw.speed,
         delay=delay,
     )
@@ -594,15 +673,18 @@ def _slope(
     return estimates, []
 
 
-def _order(fit: AngleFit, index: int, encoders: Encoders, refusal: str) -> OrderEstimate:
+def _order(
+    fit: AngleFit, index: int, encoders: Encoders, line: BudgetLine, refusal: str
+) -> OrderEstimate:
     at = 2 + 2 * index
     order, label = fit.basis.orders[index], fit.basis.labels[index]
     block = fit.covariance[at : at + 2, at : at + 2]
     found = polar.polar(
-        label, fit.values[at : at + 2], block, fit.freedom, "rad", doubts(fit.doubt, at)
+        label, fit.values[at : at + 2], block, fit.freedom, "rad", doubts(fit.doubt, at, line)
     )
     bench, bound = encoders.at_order(order, fit.basis.ratio), encoders.bound(order, fit.basis.ratio)
-    amplitude, phase = with_bench(found, bench, bound)
+    unsaid = encoders.unsaid_at(order)
+    amplitude, phase = with_bench(found, bench, bound, unsaid)
     if not fit.used[at] or refusal:
         reason = refusal or "left out of this fit"
         amplitude = replace(amplitude, identifiable="no", note=reason)
@@ -627,6 +709,7 @@ def _order(fit: AngleFit, index: int, encoders: Encoders, refusal: str) -> Order
         label=label,
         bench=bench,
         bound=bound,
+        unsaid=unsaid,
         cosine=cosine,
         sine=sine,
         amplitude=amplitude,
@@ -635,22 +718,24 @@ def _order(fit: AngleFit, index: int, encoders: Encoders, refusal: str) -> Order
     )
 
 
-def doubts(doubt: Array | None, at: int) -> tuple[tuple[BudgetLine, Array], ...]:
+def doubts(doubt: Array | None, at: int, line: BudgetLine) -> tuple[tuple[BudgetLine, Array], ...]:
     """The torsional correction as a shared error of one order's vector."""
     if doubt is None or not doubt[at : at + 2].any():
         return ()
-    return ((TORSION, doubt[at : at + 2]),)
+    return ((line, doubt[at : at + 2]),)
 
 
 def with_bench(
-    found: polar.Polar, lines: tuple[BudgetLine, ...], bound: float
+    found: polar.Polar, lines: tuple[BudgetLine, ...], bound: float, unsaid: str = ""
 ) -> tuple[Estimate, Estimate]:
-    """Amplitude and phase with what the bench may add; "weakly" where that alone may make all of it."""
+    """Amplitude and phase with what the bench may add; "weakly" where that alone may make all of it, or where nobody
+    says what it adds (`unsaid`).
+    """
     amplitude = found.amplitude.with_budget(lines)
     phase = found.phase.with_budget(polar.over_amplitude(lines, amplitude.value))
     loud = bool(lines) and amplitude.value <= max(amplitude.expanded_uncertainty, bound)
-    if amplitude.identifiable == "yes" and loud:
-        note = "not distinguishable from what encoders and mounting may add"
+    if amplitude.identifiable == "yes" and (loud or unsaid):
+        note = unsaid or "not distinguishable from what encoders and mounting may add"
         return (
             replace(amplitude, identifiable="weakly", note=note),
             replace(phase, identifiable="weakly", note=note),

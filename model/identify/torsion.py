@@ -14,12 +14,15 @@ directions together tell tau from the data, never H.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from model.identify.angle_regression import AngleFit, solve_angle
 from model.identify.checks import Array
+from model.identify.estimate import BudgetLine
+from model.identify.least_squares import student_quantile
 from model.linear import (
     DynamicParameters,
     damping_matrix,
@@ -32,6 +35,13 @@ HIGHEST_SHARE = 0.25
 """r^2 above which an order is too near the mode for a correction by stated parameters."""
 LEAST_ORDER = 0.5
 """Orders that turn with the output are too slow to tell a time."""
+OTHER_SPEED = 1.2
+"""Ratio of the speeds of a run from which on the growth of its orders tells something."""
+BY_SET = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
+BY_GROWTH = BudgetLine(
+    "torsional amplification, bounded by the growth of the orders with speed", "B", 0.0
+)
+"""The line of a mode in budgets; its size is that of each order."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,11 +50,16 @@ class Torsion:
 
     parameters: DynamicParameters
     relative_uncertainty: float
+    line: BudgetLine = BY_SET
 
     @property
     def first_mode(self) -> float:
         """w_1, undamped [rad/s]."""
         return float(undamped_frequencies(self.parameters)[0])
+
+    def seen_in(self, traverses: Sequence[Traverse]) -> Torsion:
+        """The same: what a parameter set states is not learnt from the run."""
+        return self
 
     def response(self, frequency: Array) -> np.ndarray:
         """H(j w) of theta_i/N + ke -> theta_o at angular frequencies of either sign [rad/s]; 1 at w = 0."""
@@ -55,6 +70,47 @@ class Torsion:
         push[:, 0, 0] = p.bearing_stiffness + s[:, 0, 0] * p.bearing_damping
         follows: np.ndarray = np.linalg.solve(dynamic, push)[:, 2, 0] / math.tan(p.tooth_angle)
         return follows
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnstatedMode:
+    """A first mode that nobody stated: 1/w_1^2 lies between nothing and `largest` [s2/rad2], rectangular.
+
+    Half of what it may amplify is taken out, and as much is open on either side.
+    """
+
+    largest: float
+    line: BudgetLine
+
+    @property
+    def relative_uncertainty(self) -> float:
+        """Of the half that is taken out."""
+        return 1.0 / math.sqrt(3.0)
+
+    @property
+    def first_mode(self) -> float:
+        """The lowest that w_1 may be [rad/s]."""
+        return 1.0 / math.sqrt(self.largest)
+
+    def response(self, frequency: Array) -> np.ndarray:
+        """The middle of H at angular frequencies [rad/s]; beyond `HIGHEST_SHARE` it is none that is used."""
+        share = np.minimum(
+            self.largest * np.asarray(frequency, dtype=np.float64) ** 2, HIGHEST_SHARE
+        )
+        middle: np.ndarray = 1.0 / (1.0 - 0.5 * share) + 0.0j
+        return middle
+
+    def seen_in(self, traverses: Sequence[Traverse]) -> UnstatedMode:
+        """Bounded by how the orders grow with speed, where the traverses have several and that says more."""
+        found = growth(traverses)
+        if found is None:
+            return self
+        value, half = found
+        largest = max(value, 0.0) + half
+        return replace(self, largest=largest, line=BY_GROWTH) if largest < self.largest else self
+
+
+Spring = Torsion | UnstatedMode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +146,49 @@ def traverse(fit: AngleFit, time: int | None, speed: float = 0.0) -> Traverse:
     return Traverse(fit=fit, speed=speed, ripple=-speed * amplitudes(timed))
 
 
-def corrected(one: Traverse, torsion: Torsion | None, delay: float = 0.0) -> AngleFit:
+def line_of(spring: Spring | None) -> BudgetLine:
+    """The line of a mode in budgets; without one nothing is corrected, and the line is 0."""
+    return BY_SET if spring is None else spring.line
+
+
+def growth(traverses: Sequence[Traverse]) -> tuple[float, float] | None:
+    """1/w_1^2 [s2/rad2] by how the orders grow with speed, and the half-width of its 95 % interval; None for one speed.
+
+    |theta_o - theta_i/N| of an order v is its own size and (v w)^2/w_1^2 of the output's; its own size is free, and
+    another one in either direction, as friction has a part in it.
+    """
+    pulls: list[Array] = []
+    sizes: list[Array] = []
+    weights: list[Array] = []
+    for way in (1.0, -1.0):
+        same = [one for one in traverses if one.speed * way > 0.0]
+        speeds = [abs(one.speed) for one in same]
+        if not same or max(speeds) < OTHER_SPEED * min(speeds):
+            continue
+        orders = np.array(same[0].fit.basis.orders)
+        own = np.array([amplitudes(one.fit) for one in same])
+        along = own.conj() / np.maximum(np.abs(own), 1e-30)
+        pull = np.real(np.array([one.output for one in same]) * along)
+        pull *= np.outer(speeds, orders) ** 2
+        spread = np.array([np.diag(one.fit.covariance)[2:] for one in same])
+        variance = 0.5 * (spread[:, 0::2] + spread[:, 1::2])
+        seen = (np.abs(own) > 5.0 * np.sqrt(variance)).all(axis=0) & (orders > LEAST_ORDER)
+        weight = 1.0 / variance[:, seen]
+        for values, into in ((pull, pulls), (np.abs(own), sizes)):
+            mean = np.sum(weight * values[:, seen], axis=0) / weight.sum(axis=0)
+            into.append((values[:, seen] - mean).ravel())
+        weights.append(weight.ravel())
+    if not sum(w.size for w in weights):
+        return None
+    pull, size, weight = np.concatenate(pulls), np.concatenate(sizes), np.concatenate(weights)
+    information = float(np.sum(weight * pull**2))
+    freedom = len(size) // 2
+    value = float(np.sum(weight * pull * size)) / information
+    left = float(np.sum(weight * (size - value * pull) ** 2)) / freedom
+    return value, student_quantile(float(freedom)) * math.sqrt(max(left, 1.0) / information)
+
+
+def corrected(one: Traverse, torsion: Spring | None, delay: float = 0.0) -> AngleFit:
     """The fit with torsion and delay taken out; `doubt` is its change by one standard uncertainty of w_1^2."""
     orders = np.array(one.fit.basis.orders)
     frequency = orders * one.speed
@@ -112,7 +210,7 @@ def corrected(one: Traverse, torsion: Torsion | None, delay: float = 0.0) -> Ang
     return replace(one.fit, values=values, doubt=doubt)
 
 
-def too_near(one: Traverse, torsion: Torsion | None) -> np.ndarray:
+def too_near(one: Traverse, torsion: Spring | None) -> np.ndarray:
     """Orders (mask) whose frequency is too near the first mode for a correction."""
     orders = np.array(one.fit.basis.orders)
     if torsion is None:
@@ -122,7 +220,7 @@ def too_near(one: Traverse, torsion: Torsion | None) -> np.ndarray:
 
 
 def delay_between(
-    forward: Traverse, reverse: Traverse, torsion: Torsion | None = None
+    forward: Traverse, reverse: Traverse, torsion: Spring | None = None
 ) -> tuple[float, float]:
     """How much later the output is read than the input [s], and its standard uncertainty, from both directions.
 

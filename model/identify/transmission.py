@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -44,9 +45,11 @@ def curve_over_output(fit: AngleFit, highest_order: float) -> tuple[Array, Array
     return angle, kernels.series_on_grid(angle, orders, cosine, sine)
 
 
-def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate, Array, Array]:
+def transmission_accuracy(
+    fit: AngleFit, highest_order: float, torsion: BudgetLine
+) -> tuple[Estimate, Array, Array]:
     """Largest positive plus largest negative deviation of the fitted curve over one output
-    revolution, with 95 % interval.
+    revolution, with 95 % interval. `torsion` is the line of what the first mode leaves open.
 
     Returns the estimate, and the curve with its input angles. The orders are drawn anew from their
     distribution (Monte Carlo, JCGM 101), each curve has its own extremes: their mean distance is
@@ -82,8 +85,7 @@ def transmission_accuracy(fit: AngleFit, highest_order: float) -> tuple[Estimate
         both = [one + other for one, other in zip(noise, shaken, strict=True)]
         whole = _peak_to_peak(curve, places, both)
         only = _peak_to_peak(curve, places, shaken)
-        source = "torsional amplification, corrected: resonance of the parameter set"
-        lines.append(BudgetLine(source, "B", float(only.std())))
+        lines.append(replace(torsion, standard_uncertainty=float(only.std())))
     low, high = np.quantile(whole, [0.025, 0.975])
     estimate = Estimate(
         name="transmission_accuracy",

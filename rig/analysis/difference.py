@@ -305,13 +305,18 @@ def _calibrations(recording: Recording) -> Iterable[tuple[str, str]]:
         )
         yield (
             f"{column.name} relative uncertainty of the scale",
-            _number(c.scale_relative_uncertainty),
+            _said(c.scale_relative_uncertainty, ""),
         )
         yield (
             f"{column.name} uncertainty of the offset",
-            f"{_number(c.offset_uncertainty)} {column.unit}",
+            _said(c.offset_uncertainty, column.unit),
         )
-        yield f"{column.name} accuracy", f"{_number(c.accuracy)} {column.unit}"
+        yield f"{column.name} accuracy", _said(c.accuracy, column.unit)
+
+
+def _said(value: float | None, unit: str) -> str:
+    """A value of a calibration with its unit, or that nobody stated it."""
+    return "not said" if value is None else f"{_number(value)} {unit}".rstrip()
 
 
 def _results(a: _Facts, b: _Facts) -> Iterable[Change]:

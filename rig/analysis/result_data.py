@@ -68,6 +68,7 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
             str(b.get("note", "")),
             Cause(b["cause"]) if b.get("cause") else None,
             math.inf if b.get("degrees_of_freedom") is None else b["degrees_of_freedom"],
+            str(b.get("assumed", "")),
         )
         for b in mapping.get("budget", ())
     )

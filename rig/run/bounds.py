@@ -20,6 +20,7 @@ from drivers.channel import (
     Channel,
 )
 from drivers.port import Bound
+from experiments.assumed import half_width_of
 from rig.bench import limits as lim
 from rig.bench.limits import Limits
 from rig.run.trips import (
@@ -248,8 +249,8 @@ class BoundMaker:
             INPUT_ANGLE: geometry.stiffness * _weight(inner) / geometry.ratio,
             OUTPUT_ANGLE: -geometry.stiffness * geometry.output_sense * _weight(outer),
         }
-        doubt = geometry.free_angle + 2.0 * outer.calibration.accuracy + outer.scale
-        doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
+        doubt = geometry.free_angle + 2.0 * half_width_of(outer) + outer.scale
+        doubt += (2.0 * half_width_of(inner) + inner.scale) / geometry.ratio
         high = max(limit - geometry.stiffness * doubt, 0.25 * limit)
         offset = -sum(weight * reference[name] for name, weight in weights.items())
         lag = max(1, round(self.watch.speed_window / self.period))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
 from drivers.samples import SampleBlock
+from experiments.assumed import half_width_of
 from model.units import ARCMIN
 from rig.run.bounds import Geometry, Watch
 from rig.run.trips import SLIP, Trip
@@ -95,8 +96,8 @@ class SlipReview:
     def _allowed(self, geometry: Geometry) -> float:
         """Twist [rad] without any torque: kinematic error, errors and counts of both encoders."""
         inner, outer = self.channels[INPUT_ANGLE], self.channels[OUTPUT_ANGLE]
-        doubt = 2.0 * outer.calibration.accuracy + outer.scale
-        doubt += (2.0 * inner.calibration.accuracy + inner.scale) / geometry.ratio
+        doubt = 2.0 * half_width_of(outer) + outer.scale
+        doubt += (2.0 * half_width_of(inner) + inner.scale) / geometry.ratio
         return SLIP_ROOM * geometry.free_angle + doubt
 
 

@@ -157,7 +157,9 @@ def _write_instrument(file: h5py.File, header: RunHeader) -> None:
         for name in _TEXTS:
             layout.create_field(calibration, name, getattr(channel.calibration, name))
         for name in _NUMBERS:
-            layout.create_field(calibration, name, float(getattr(channel.calibration, name)))
+            stated = getattr(channel.calibration, name)
+            if stated is not None:
+                layout.create_field(calibration, name, float(stated))
         if channel.calibration.curve is not None:
             curve = layout.to_json(dataclasses.asdict(channel.calibration.curve))
             layout.create_field(calibration, "curve", curve)
@@ -290,7 +292,7 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
     device = _group(file, f"{layout.INSTRUMENT}/{name}")
     stored = _group(file, f"{layout.INSTRUMENT}/{name}/calibration")
     calibration: dict[str, Any] = {key: layout.read_text(stored, key) for key in _TEXTS}
-    calibration |= {key: layout.read_number(stored, key, 0.0) for key in _NUMBERS}
+    calibration |= _stated(stored, zero_is_said=_says_zero(file, calibration["certificate"]))
     calibration["curve"] = _read_curve(stored)
     gain = layout.number_attribute(dataset, "scale_factor")
     offset = layout.number_attribute(dataset, "add_offset")
@@ -315,6 +317,24 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
         calibration=Calibration(**calibration),
     )
     return Column(channel, cast(Any, dtype))
+
+
+def _says_zero(file: h5py.File, certificate: str) -> bool:
+    """Whether a stored 0 of a calibration was stated: files before format 1.2 wrote 0 for what nobody said.
+
+    There only a simulated instrument is known to say it.
+    """
+    version = _decoded(file.attrs.get("file_format_version", b"1.0")).split(".")
+    return [int(part) for part in version] >= [1, 2] or certificate.startswith("simulated")
+
+
+def _stated(stored: h5py.Group, *, zero_is_said: bool) -> dict[str, float | None]:
+    """The numbers of a calibration; None for one that nobody stated."""
+    numbers = {key: layout.read_number(stored, key, math.nan) for key in _NUMBERS}
+    return {
+        key: None if math.isnan(number) or (number == 0.0 and not zero_is_said) else number
+        for key, number in numbers.items()
+    }
 
 
 def _read_curve(calibration: h5py.Group) -> AngleCertificate | None:

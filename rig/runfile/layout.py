@@ -38,10 +38,11 @@ from drivers.samples import CycleFlag
 from rig.errors import RunFileError
 
 FILE_FORMAT: Final = "harmonic-rig-run"
-FILE_FORMAT_VERSION: Final = "1.1"
+FILE_FORMAT_VERSION: Final = "1.2"
 """Major.minor: a reader refuses another major version and reads every minor one.
 
 1.1: figures of the acquisition; flags that tell whose values of an incomplete cycle are old.
+1.2: an uncertainty of a calibration that nobody stated is left away; 0 is one that was stated.
 """
 
 PART_SUFFIX: Final = ".part"

@@ -14,7 +14,7 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.recordings import motion, order_spectrum, revolution
-from model.channel import Channel
+from model.channel import Calibration, Channel
 from model.gear import HarmonicDrive
 from model.units import ARCSEC
 
@@ -34,6 +34,13 @@ def foreign(time: np.ndarray, **channels: tuple[np.ndarray, str]) -> Recording:
     return Recording(
         metadata, signals, (), (), ArraySource({n: v for n, (v, _) in channels.items()}, stamps)
     )
+
+
+def stating(recording: Recording, name: str, **stated: float) -> Recording:
+    """The recording with what its map says of a channel's calibration."""
+    channel = recording.signals[name]
+    known = dataclasses.replace(channel, calibration=Calibration(**stated))
+    return dataclasses.replace(recording, signals={**recording.signals, name: known})
 
 
 def axis(seconds: float = 20.0, seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -8,16 +8,17 @@ card says within which limits it lies.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
 
+from experiments.assumed import BEARING, Assumed
 from experiments.protocols.friction.temperature import stated, value_and_u
 from experiments.recording import Recording
 from model.arrays import FloatArray
+from model.identify.estimate import BudgetLine
 
 CARD = "output_bearing"
 """Entry of a run's process record: what the bench's card says, `coulomb` [N m], `viscous` [N m s/rad], each with U."""
@@ -39,6 +40,7 @@ class OutputBearing:
     viscous_uncertainty: float = 0.0
     source: str = ""
     is_subtracted: bool = True
+    assumed: Assumed | None = None
 
     def torque(self, speed: FloatArray, ratio: float) -> FloatArray:
         """What is taken off the friction at input speeds [rad/s] [N m]."""
@@ -52,6 +54,12 @@ class OutputBearing:
             VISCOUS: self.viscous_uncertainty * np.abs(speed) / ratio**2,
         }
 
+    def line(self, source: str, size: float) -> BudgetLine:
+        """A line of a budget, of this standard uncertainty."""
+        if self.assumed is not None:
+            return self.assumed.line(source, size)
+        return BudgetLine(source, "B", size, self.words())
+
     def words(self) -> str:
         """What was done about it."""
         done = "subtracted" if self.is_subtracted else "not subtracted"
@@ -63,10 +71,10 @@ class OutputBearing:
 
 UNKNOWN = OutputBearing(
     coulomb=0.0,
-    # Root mean square of 0.1 to 1 N m: what is not subtracted stands in the budget in full.
-    coulomb_uncertainty=math.sqrt((1.0 - 0.1**3) / (3.0 * 0.9)),
-    source="assumed: 0.1 to 1 N m of a bench that says nothing",
+    coulomb_uncertainty=BEARING.standard_uncertainty,
+    source=BEARING.note,
     is_subtracted=False,
+    assumed=BEARING,
 )
 
 

@@ -20,10 +20,13 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypedDict
 
 import numpy as np
 
-from experiments.budget import torque_scale_uncertainty
+from experiments.assumed import TEMPERATURE as UNKNOWN_TEMPERATURE
+from experiments.assumed import THERMOMETER, Assumed
+from experiments.budget import STATED, torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, time_base_remark
@@ -37,7 +40,7 @@ from experiments.protocols.friction.temperature import (
 )
 from experiments.protocols.friction.vibration import LAG, Ripple, ripple_of
 from experiments.recording import Recording
-from experiments.tares.motor_heat import MotorHeat, motor_heat
+from experiments.tares.motor_heat import WARMTH, MotorHeat, motor_heat
 from experiments.tares.tare import REACH, TareDoubt, doubts_of, read_tare
 from experiments.torque.running_torque import (
     TEMPERATURE,
@@ -77,10 +80,6 @@ REPETITIONS_PER_ORDER = 3
 """Repetitions of speeds that each order needs."""
 BEARING_RELATIVE = 0.2
 """Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
-UNKNOWN_TEMPERATURE = 5.0
-"""K, standard uncertainty of the temperature of a run without a thermometer on the housing."""
-THERMOMETER = 0.2
-"""K, standard uncertainty of a thermometer without calibration."""
 LOSS_RELATIVE, OWN_RELATIVE, HOLD_RELATIVE = 2.0, 1.0, 0.5
 """Relative standard uncertainties of the loss by vibration: of a factor that all speeds share, since stiffness (within
 40 %, a factor of 2.8), hysteresis and damping (within three) are the same gear's; of one that each speed has for
@@ -88,7 +87,7 @@ itself, since orders take their loss in other proportions; and, over that, of ea
 to one speed share the first two."""
 PRODUCT_RELATIVE = 0.3
 """Relative standard uncertainty of what is missing of the product of ripples: six orders stand for all."""
-PLACE, WARMTH = "place on the output", "warmth of the motor"
+PLACE = "place on the output"
 BEARING, TARE, VIBRATION = "bearing no-load torque", "tare", "vibration near resonances"
 RUN_TO_RUN = "from run to run"
 RUN_TO_RUN_RELATIVE = 0.01
@@ -235,7 +234,8 @@ def _thermometer(recording: Recording) -> float:
     """Standard uncertainty of the housing's temperature [K]."""
     if not recording.has(TEMPERATURE):
         return 0.0
-    return recording.signals[TEMPERATURE].calibration.offset_uncertainty or THERMOMETER
+    stated = recording.signals[TEMPERATURE].calibration.offset_uncertainty
+    return THERMOMETER.standard_uncertainty if stated is None else stated
 
 
 def _speeds(holds: list[Hold]) -> FloatArray:
@@ -305,7 +305,11 @@ def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
     relative = BEARING_RELATIVE
     if factor.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
         relative = factor.standard_uncertainty / gear.bearing.friction_factor
-    unknown = 0.0 if law.is_known else UNKNOWN_TEMPERATURE * law.viscous.value * 2.0 / 3.0
+    unknown = (
+        0.0
+        if law.is_known
+        else UNKNOWN_TEMPERATURE.standard_uncertainty * law.viscous.value * 2.0 / 3.0
+    )
     return math.hypot(relative, unknown)
 
 
@@ -438,25 +442,27 @@ def _never_seen(
     The friction of a motor that is warmer is less by a factor. It is a straight line over speed, as F_c and c_v are
     together: what is left of it in the torques passes for the gear's.
     """
-    relative, source = torque_scale_uncertainty(recording, measured.channel)
+    relative, assumed = torque_scale_uncertainty(recording, measured.channel)
+    heat, output = measured.heat, measured.output
     errors = [
         CommonError(
             source=SCALE,
             effect=relative * gear_torque,
             cause=Cause.TORQUE_SCALE,
-            note=source,
             is_fitted=False,
+            **_said(assumed, STATED),
         ),
         CommonError(
             source=ZERO,
             effect=direction * measured.zero.standard_uncertainty,
             is_fitted=False,
+            **_said(measured.zero.assumed, ""),
         ),
         CommonError(
             source=WARMTH,
-            effect=measured.heat.constant * gear_torque,
-            note=measured.heat.words,
+            effect=heat.constant * gear_torque,
             is_fitted=False,
+            **_said(heat.assumed, heat.words),
         ),
         CommonError(
             source=RUN_TO_RUN,
@@ -469,10 +475,10 @@ def _never_seen(
         errors.append(
             CommonError(
                 source=TARE,
-                effect=measured.heat.tare * tare,
+                effect=heat.tare * tare,
                 cause=Cause.TARE,
-                note="the same motor, warmer or colder",
                 is_fitted=False,
+                **_said(heat.assumed, "the same motor, warmer or colder"),
             )
         )
     for doubt in measured.tare_doubts:
@@ -485,11 +491,24 @@ def _never_seen(
                 is_fitted=False,
             )
         )
-    for part, effect in measured.output.effects(speed, ratio).items():
-        errors.append(
-            CommonError(source=part, effect=effect, note=measured.output.source, is_fitted=False)
-        )
+    for part, effect in output.effects(speed, ratio).items():
+        said = _said(output.assumed, output.source)
+        errors.append(CommonError(source=part, effect=effect, is_fitted=False, **said))
     return errors
+
+
+class _Said(TypedDict):
+    """What a common error says of its size."""
+
+    note: str
+    assumed: str
+
+
+def _said(assumed: Assumed | None, note: str) -> _Said:
+    """The words of an error whose size somebody stated, or those of the table's row."""
+    if assumed is None:
+        return _Said(note=note, assumed="")
+    return _Said(note=assumed.note, assumed=assumed.kind)
 
 
 def spread_of(

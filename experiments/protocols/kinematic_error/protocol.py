@@ -22,6 +22,7 @@ from annotated_types import Ge, Gt, Le
 from experiments.angle.certified import CertifiedAngle, angle_of, certified_angles
 from experiments.angle.phase_reference import PhaseReference, phase_reference
 from experiments.angle.traverses import traverses_of
+from experiments.assumed import LOWEST_MODE, MOTOR_ENCODER, OUTPUT_ENCODER, OUTPUT_INERTIA, Assumed
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
@@ -72,7 +73,7 @@ from model.identify.kinematic_error import (
     fit_traverses,
     score_kinematic_error,
 )
-from model.identify.torsion import Torsion
+from model.identify.torsion import Spring, Torsion, UnstatedMode
 from model.identify.transmission import left_out_mse
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
@@ -217,6 +218,8 @@ OUTPUT_ECCENTRICITY, INPUT_ECCENTRICITY = 2.0, 1.0
 """arcsec at the output, once per output and once per input revolution: a seat that is trued up to half a micrometre."""
 TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
+UNSTATED = ("assumed", "recalled")
+"""Standings of an output inertia that nobody stated of this gear: it is that of another load."""
 STIFFNESS_TOLERANCE = 0.4
 """Half-width of the rectangular distribution of K over the stiffness of a parameter set that no run identified."""
 
@@ -237,7 +240,7 @@ class _Context:
     recording: Recording
     ratio: float
     encoders: Encoders
-    spring: Torsion
+    spring: Spring
     reference: PhaseReference
     zero: TorqueZero | None
     highest_order: int
@@ -326,12 +329,14 @@ def _prepare(
     encoders = Encoders(
         ends["output"].quantum or math.nan,
         ends["input"].quantum or math.nan,
-        _class_of(ends["output"]),
-        _class_of(ends["input"]),
+        _class_of(ends["output"], OUTPUT_ENCODER),
+        _class_of(ends["input"], MOTOR_ENCODER),
         float(evidence.settings.get("output_eccentricity", OUTPUT_ECCENTRICITY)) * ARCSEC,
         float(evidence.settings.get("input_eccentricity", INPUT_ECCENTRICITY)) * ARCSEC,
         output_certified=_uncertainty_of(certified.get("output_angle")),
         input_certified=_uncertainty_of(certified.get("input_angle")),
+        output_unsaid=_unsaid(ends["output"], OUTPUT_ENCODER),
+        input_unsaid=_unsaid(ends["input"], MOTOR_ENCODER),
     )
     reference = phase_reference(recording)
     warnings += reference.warnings()
@@ -343,7 +348,7 @@ def _prepare(
             recording=recording,
             ratio=ratio,
             encoders=encoders,
-            spring=spring_of(evidence.gear, ratio),
+            spring=spring_of(evidence.gear, ratio, is_simulated=is_simulated(recording)),
             reference=reference,
             zero=zero,
             highest_order=int(settings.get("highest_order", HIGHEST_ORDER)),
@@ -356,26 +361,46 @@ def _prepare(
     )
 
 
-def _class_of(encoder: Channel) -> float:
-    """Half the width of an encoder's whole curve [rad]: by its class, or where none is stated by its certificate."""
+def _class_of(encoder: Channel, otherwise: Assumed) -> float:
+    """Half the width of an encoder's whole curve [rad]: by its class, where none is stated by its certificate, and
+    where there is none either as it is assumed.
+    """
     stated = encoder.calibration
-    if stated.accuracy > 0.0 or stated.curve is None:
+    if stated.accuracy is not None:
         return stated.accuracy
-    return stated.curve.half_width
+    return otherwise.half_width if stated.curve is None else stated.curve.half_width
+
+
+def _unsaid(encoder: Channel, otherwise: Assumed) -> str:
+    """The words of an assumed class; "" where somebody states one."""
+    stated = encoder.calibration
+    return otherwise.note if stated.accuracy is None and stated.curve is None else ""
 
 
 def _uncertainty_of(certified: CertifiedAngle | None) -> float:
     return 0.0 if certified is None else certified.certificate.standard_uncertainty
 
 
-def spring_of(gear: HarmonicDrive, ratio: float) -> Torsion:
+def is_simulated(recording: Recording) -> bool:
+    """Whether a simulated output turned what its parameter set says, assumed or not."""
+    metadata = recording.metadata
+    return metadata.origin == "simulated" or "truth" in metadata.process
+
+
+def spring_of(gear: HarmonicDrive, ratio: float, *, is_simulated: bool = False) -> Spring:
     """The gear's spring with what its output carries, and the relative standard uncertainty of 1/w_1^2.
+
+    What nobody said that the output carries is not that of another gear: its mode is one of which nothing is known
+    but what the run shows (`UnstatedMode`).
 
     Where a run identified the resonance (it stands in the set's output inertia) its uncertainty
     counts; else the stiffness is one within `STIFFNESS_TOLERANCE` of the set's.
     """
-    parameters = dynamic_parameters(gear, ratio=ratio)
     origin = gear.value("inertia.output").origin
+    if origin.provenance in UNSTATED and not is_simulated:
+        line = OUTPUT_INERTIA.line("torsional amplification: first mode not stated", 0.0)
+        return UnstatedMode(largest=1.0 / LOWEST_MODE**2, line=line)
+    parameters = dynamic_parameters(gear, ratio=ratio)
     if origin.provenance == "identified" and origin.standard_uncertainty is not None:
         return Torsion(
             parameters=parameters,
@@ -668,7 +693,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=5,
+    version=6,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,

@@ -11,7 +11,7 @@ import dataclasses
 from collections.abc import Mapping
 
 from experiments.protocols.friction.bearing import VISCOUS, OutputBearing
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import Estimate
 from model.units import REVOLUTION
 
 WAYS = ("", "_forward", "_reverse")
@@ -35,7 +35,7 @@ def without_bearing(
         per_viscous = 0.5 / (inertia * REVOLUTION * frequency.value)
         off = float(bearing.is_subtracted) * bearing.viscous * per_viscous
         doubt = bearing.viscous_uncertainty * per_viscous
-        line = BudgetLine(VISCOUS, "B", doubt, bearing.words())
+        line = bearing.line(VISCOUS, doubt)
         changed[damping.name] = dataclasses.replace(
             damping,
             value=damping.value - off,

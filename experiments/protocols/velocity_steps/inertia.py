@@ -107,8 +107,7 @@ def _housing(recording: Recording, steps: list[RecordedStep]) -> float:
 
 def _bench_lines(recording: Recording, value: float, heat: MotorHeat) -> list[BudgetLine]:
     """What the bench adds to a number that is proportional to torque."""
-    warmth = BudgetLine("warmth of the motor", "B", heat.constant * abs(value), heat.words)
-    return [scale_line(recording, value), warmth]
+    return [scale_line(recording, value), heat.line(value)]
 
 
 def _estimate(

@@ -80,16 +80,17 @@ class Part(BaseModel):
 class Calibration(Part):
     """Why a channel's scale can be believed: certificate, day, day on which it is due again, standard uncertainties.
 
-    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC). `curve` names the file of an
+    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC). What is left away is not zero:
+    `experiments.assumed` says what is taken in its place. `curve` names the file of an
     encoder's certificate, beside this one; what it says of number and days need not be said again.
     """
 
     certificate: str = ""
     date: datetime.date | None = None
     due: datetime.date | None = None
-    scale_relative_uncertainty: NotNegative = 0.0
-    offset_uncertainty: NotNegative = 0.0
-    accuracy: NotNegative = 0.0
+    scale_relative_uncertainty: NotNegative | None = None
+    offset_uncertainty: NotNegative | None = None
+    accuracy: NotNegative | None = None
     curve: Curve = None
 
     @model_validator(mode="after")

@@ -42,7 +42,7 @@ class ChannelSource:
     What is known of the channel, as the run file states it: `accuracy` in its SI unit (an
     encoder's whole curve; `accuracy_unit` is the SI unit in which it was said, "" for that one),
     `scale_uncertainty` relative and `offset_uncertainty` in SI (standard uncertainties), `lag_s` by
-    how much it is late, `certificate`, `date` and `due`.
+    how much it is late, `certificate`, `date` and `due`. None is not said.
     """
 
     name: str
@@ -55,10 +55,10 @@ class ChannelSource:
     file: str = ""
     time: str = ""
     side: str = ""
-    accuracy: float = 0.0
+    accuracy: float | None = None
     accuracy_unit: str = ""
-    scale_uncertainty: float = 0.0
-    offset_uncertainty: float = 0.0
+    scale_uncertainty: float | None = None
+    offset_uncertainty: float | None = None
     lag_s: float | None = None
     certificate: str = ""
     date: str = ""
@@ -75,11 +75,12 @@ class ChannelSource:
                     "is not usable", where=f"{self.name}.{key}", value=value, limit=limit
                 )
         for key in ("modulus", *_NOT_NEGATIVE):
-            if getattr(self, key) < 0.0:
+            value = getattr(self, key)
+            if value is not None and value < 0.0:
                 raise ConfigurationError(
                     "is negative",
                     where=f"{self.name}.{key}",
-                    value=getattr(self, key),
+                    value=value,
                     limit=">= 0",
                 )
         if self.side not in ("", "input", "output"):

@@ -14,7 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
+from drivers.channel import HOUSING_TEMPERATURE as TEMPERATURE_CHANNEL
+from experiments.assumed import (
+    CURRENT,
+    ENCODERS,
+    TEMPERATURE,
+    THERMOMETER,
+    TIME_BASE,
+    TORQUE_SCALE,
+    TORQUE_ZERO,
+)
+from experiments.budget import TORQUES
 from experiments.recording import Event
+from experiments.recordings.channels import EFFORTS
 from rig.errors import RunFileError
 from rig.runfile.header import RunHeader, iso_time
 from rig.runfile.importing.adapters.table import Table
@@ -110,23 +122,33 @@ def _behind(reading: Reading, backward: Reading | None) -> Iterator[Rows]:
 
 
 def _missing(header: RunHeader) -> list[str]:
-    """What would stand in a rig's own file and nobody said of this one."""
+    """What would stand in a rig's own file and nobody said of this one: one line a kind, with what gives it."""
     stated = header.metadata.process["stated"]
-    names = [column.name for column in header.columns]
-    missing = []
-    if not any(c.channel.calibration.accuracy for c in header.columns if c.channel.unit == "rad"):
-        missing += (
-            ["accuracy of the angles"] if {"input_angle", "output_angle"} & set(names) else []
-        )
-    efforts = [c.channel.calibration for c in header.columns if c.channel.unit in ("N m", "N")]
-    if efforts and not any(c.scale_relative_uncertainty for c in efforts):
-        missing.append("uncertainty of the torque's scale")
-    if efforts and not any(c.offset_uncertainty for c in efforts):
-        missing.append("uncertainty of the torque's zero")
+    channels = {column.name: column.channel for column in header.columns}
+    missing = [
+        row
+        for name, row in ENCODERS.items()
+        if name in channels and channels[name].calibration.accuracy is None
+    ]
+    efforts = [c for c in channels.values() if c.name in EFFORTS or c.unit in TORQUES]
+    scales = {
+        TORQUE_SCALE.kind if c.unit in TORQUES else CURRENT.kind
+        for c in efforts
+        if c.calibration.scale_relative_uncertainty is None
+    }
+    missing += [row for row in (TORQUE_SCALE, CURRENT) if row.kind in scales]
+    if any(c.calibration.offset_uncertainty is None for c in efforts):
+        missing.append(TORQUE_ZERO)
+    thermometer = channels.get(TEMPERATURE_CHANNEL)
+    if efforts and thermometer is None:
+        missing.append(TEMPERATURE)
+    elif thermometer is not None and thermometer.calibration.offset_uncertainty is None:
+        missing.append(THERMOMETER)
+    if header.metadata.time_base == "nominal":
+        missing.append(TIME_BASE)
+    notes = [f"not said: {row.kind}. {row.note[0].upper()}{row.note[1:]}" for row in missing]
     if not stated["lag_s"] and header.metadata.time_base != "none":
-        missing.append("lag of the channels")
-    if "output_angle" in names and not stated["ratio"]:
-        missing.append("ratio")
-    if not missing:
-        return []
-    return [f"not said, and so in no budget: {', '.join(missing)}"]
+        notes.append("not said: lag of the channels, which is taken as none. Give it: --lag")
+    if "output_angle" in channels and not stated["ratio"]:
+        notes.append("not said: ratio, which is taken from the gear. Give it: --ratio")
+    return notes

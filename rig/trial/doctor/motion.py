@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.channel import INDEX_SEEN, OUTPUT_INDEX
+from experiments.assumed import half_width_of
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import BAD_CYCLE, usable
 from experiments.evidence.motion import LARGEST_SKEW
@@ -254,7 +255,7 @@ def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
     kinematic error between,
     and the wind-up by a friction that changes."""
     wind_up = gear.ratings.running_torque * gear.ratio / torsion_stiffness(gear)
-    accuracy = recording.signals["output_angle"].calibration.accuracy
+    accuracy = half_width_of(recording.signals["output_angle"])
     return (
         2.0 * (recording.signals["output_angle"].quantum + accuracy)
         + kinematic_error_margin(gear)

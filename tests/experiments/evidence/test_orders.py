@@ -14,7 +14,7 @@ from model.gear_file import shipped_gear
 from model.identify.estimate import Estimate
 from model.identify.orders.aliases import SamplingSums, SamplingWindow
 from model.units import REVOLUTION
-from tests.experiments.test_analyses_without_plan import foreign
+from tests.experiments.test_analyses_without_plan import foreign, stating
 
 RATE, TURNS = 100.0, 5.55
 """Hz and revolutions per second: 18.018 samples per revolution, so that order 16 looks like order 2.018."""
@@ -26,7 +26,8 @@ def ripple(order: float, size: float, drift: float = 0.0, turns: float = TURNS) 
     angle = REVOLUTION * turns * (time + 0.5 * drift * time**2 / time[-1])
     noise = 0.005 * np.random.default_rng(1).standard_normal(len(time))
     torque = 0.1 + size * np.cos(order * angle) + noise
-    return foreign(time, input_angle=(angle, "rad"), torque=(torque, "N m"))
+    recording = foreign(time, input_angle=(angle, "rad"), torque=(torque, "N m"))
+    return stating(recording, "torque", scale_relative_uncertainty=0.01)
 
 
 def analysed(kind: str, recording: Recording, **settings: object) -> Result:

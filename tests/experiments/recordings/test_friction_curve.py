@@ -12,7 +12,7 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.result import Result
-from model.channel import Channel
+from model.channel import Calibration, Channel
 from model.gear_file import shipped_gear
 
 SPEED = np.geomspace(0.05, 60.0, 22)
@@ -21,12 +21,17 @@ ROW = {"coulomb": 1.0, "viscous": 0.01}
 """Coulomb [N m] and viscous friction [N m s/rad] of every table here."""
 
 
+STATED = Calibration(scale_relative_uncertainty=1e-4)
+"""A scale that somebody looked at; what nobody states is assumed."""
+
+
 def table(speed: np.ndarray, effort: np.ndarray, **others: tuple[np.ndarray, str]) -> Recording:
     """A table as an import makes it: rows without time."""
     units = {"speed": (speed, "rad/s"), "torque": (effort, "N m")} | others
     metadata = RunMetadata(run_id="table-1", experiment="friction-curve", origin="imported")
     signals = {
-        name: Channel(name=name, unit=unit, is_counted=False) for name, (_, unit) in units.items()
+        name: Channel(name=name, unit=unit, is_counted=False, calibration=STATED)
+        for name, (_, unit) in units.items()
     }
     arrays = {name: values for name, (values, _) in units.items()}
     rows = np.arange(len(speed), dtype=np.int64)

@@ -13,7 +13,7 @@ from experiments.errors import AnalysisError
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear_file import shipped_gear
-from tests.experiments.test_analyses_without_plan import foreign
+from tests.experiments.test_analyses_without_plan import foreign, stating
 
 STIFFNESS = 20_000.0
 ELEMENTS = ((30_000.0, 2.0), (15_000.0, 3.0))
@@ -37,7 +37,8 @@ def loops(number: int = 4, noise: float = 0.02, seed: int = 9) -> tuple[np.ndarr
 
 def recorded(angle: np.ndarray, torque: np.ndarray, name: str = "output_torque") -> Recording:
     time = np.arange(len(angle)) * 1e-2
-    return foreign(time, position=(angle, "rad"), **{name: (torque, "N m")})
+    recording = foreign(time, position=(angle, "rad"), **{name: (torque, "N m")})
+    return stating(recording, name, scale_relative_uncertainty=1e-4)
 
 
 def analysed(recording: Recording, **settings: object) -> Result:

@@ -90,9 +90,11 @@ def calibration_grid(header: RunHeader) -> Grid:
     for c in (column.channel for column in header.columns):
         k = c.calibration
         relative = (
-            f"{100.0 * k.scale_relative_uncertainty:.2g} %" if k.scale_relative_uncertainty else "–"
+            "–"
+            if k.scale_relative_uncertainty is None
+            else f"{100.0 * k.scale_relative_uncertainty:.2g} %"
         )
-        accuracy = f"{number(k.accuracy, 2)} {c.unit}" if k.accuracy else "–"
+        accuracy = "–" if k.accuracy is None else f"{number(k.accuracy, 2)} {c.unit}"
         quantum = number(c.quantum) if c.quantum else "–"
         device = " ".join(part for part in (c.model, c.serial_number) if part) or "–"
         due = (
