@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from experiments.errors import AnalysisError
@@ -117,7 +117,8 @@ class Quantity:
     is_circular: bool = False
     is_signed: bool = False
     subject: str = ""
-    rests_on: Mapping[str, Dependence] | None = None
+    # A mapping has no hash; two quantities of one name are told apart by what remains.
+    rests_on: Mapping[str, Dependence] | None = field(default=None, hash=False)
 
     def __post_init__(self) -> None:
         if self.shown and scale_in(self.shown, self.unit) is None:
