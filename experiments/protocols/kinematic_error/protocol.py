@@ -668,7 +668,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=5,
+    version=6,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,
