@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from model.channel import Channel
+from model.identify.distribution import Distribution
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.units import ARCMIN, ARCSEC, REVOLUTION
 
@@ -50,11 +51,13 @@ class Assumed:
 
     def line(self, source: str, size: float, cause: Cause | None = None) -> BudgetLine:
         """The line of a budget that is called `source`; `size` is its standard uncertainty in the estimate's unit."""
-        return BudgetLine(source, "B", abs(size), self.note, cause, assumed=self.kind)
+        line = BudgetLine(source, "B", abs(size), cause=cause)
+        return self.marked(line)
 
     def marked(self, line: BudgetLine) -> BudgetLine:
         """A line that was computed elsewhere with this one's numbers, marked as assumed."""
-        return replace(line, note=self.note, assumed=self.kind)
+        shape = Distribution(self.distribution)
+        return replace(line, note=self.note, assumed=self.kind, distribution=shape)
 
 
 OUTPUT_ENCODER = Assumed(

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 import numpy as np
 
+from experiments.assumed import ENCODERS, THERMOMETER, TORQUE_ZERO, Assumed
 from experiments.budget import scale_line
 from experiments.evidence.holds import Recorded
 from experiments.recording import Recording
@@ -23,8 +24,6 @@ EFFORT_UNITS = ("N m", "N", "A", "V")
 INDEX = "_index"
 """Ending of the names of channels that keep where an index mark was."""
 TEMPERATURE_UNITS = ("°C", "degC", "K")
-THERMOMETER = 1.5 / math.sqrt(3.0)
-"""K; standard uncertainty of a thermometer of which nobody says how good it is."""
 ONE_ZERO = 0.003 / math.sqrt(3.0)
 """N m; how far a torque zero may have moved that was read once only."""
 FEW = 1000
@@ -93,10 +92,20 @@ def _doubt(
     return Doubt(channel=signal.name, part=part, size=size, line=line)
 
 
+def _assumed(
+    signal: Channel, part: Part, size: float, row: Assumed, cause: Cause | None = None
+) -> Doubt:
+    """What nobody said of a channel, by the table of what is assumed."""
+    doubt = _doubt(signal, part, size, "", cause)
+    return replace(doubt, line=row.marked(doubt.line))
+
+
 def _curve(signal: Channel) -> tuple[Doubt, ...]:
-    accuracy = signal.calibration.accuracy or 0.0
+    accuracy, cause = signal.calibration.accuracy, ENCODER_CAUSES[signal.name]
+    if accuracy is None:
+        row = ENCODERS[signal.name]
+        return (_assumed(signal, Part.CURVE, row.half_width, row, cause),)
     note = "accuracy of the encoder, as one wave per revolution of any phase"
-    cause = ENCODER_CAUSES[signal.name]
     return (_doubt(signal, Part.CURVE, accuracy, note, cause),)
 
 
@@ -110,7 +119,10 @@ def _zero(recorded: Recorded, signal: Channel) -> tuple[Doubt, ...]:
     before, after = recorded.zeros if signal.name == recorded.torque else (math.nan, math.nan)
     read = [value for value in (before, after) if math.isfinite(value)]
     if not read:
-        size = signal.calibration.offset_uncertainty or 0.0
+        size = signal.calibration.offset_uncertainty
+        if size is None:
+            share = TORQUE_ZERO.standard_uncertainty
+            return (_assumed(signal, Part.OFFSET, share * _largest(recorded, signal), TORQUE_ZERO),)
         return (_doubt(signal, Part.OFFSET, size, "calibration of the channel"),)
     moved = abs(after - before) / math.sqrt(12.0) if len(read) == 2 else ONE_ZERO
     largest = max(abs(value) for value in read)
@@ -120,11 +132,18 @@ def _zero(recorded: Recorded, signal: Channel) -> tuple[Doubt, ...]:
     )
 
 
+def _largest(recorded: Recorded, signal: Channel) -> float:
+    """The largest reading of a channel, whatever its sign; block by block."""
+    recording = recorded.recording
+    sizes = (np.abs(recording.si(signal.name, block)).max() for block in recording.blocks())
+    return float(max(sizes, default=0.0))
+
+
 def _thermometer(signal: Channel) -> Doubt:
-    stated = signal.calibration.offset_uncertainty or 0.0
-    if stated > 0.0:
-        return _doubt(signal, Part.OFFSET, stated, "calibration of the channel")
-    return _doubt(signal, Part.OFFSET, THERMOMETER, "assumed: within 1.5 K")
+    stated = signal.calibration.offset_uncertainty
+    if stated is None:
+        return _assumed(signal, Part.OFFSET, THERMOMETER.standard_uncertainty, THERMOMETER)
+    return _doubt(signal, Part.OFFSET, stated, "calibration of the channel")
 
 
 def _stated(signal: Channel) -> tuple[Doubt, ...]:

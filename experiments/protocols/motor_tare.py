@@ -41,6 +41,7 @@ from model.arrays import FloatArray
 from model.gear import HarmonicDrive
 from model.identify.common_errors import whitening_of
 from model.identify.estimate import BudgetLine, Estimate
+from model.identify.friction import HALF_SUMS
 from model.identify.least_squares import solve, student_quantile
 from model.identify.running_torque import (
     FrictionPoints,
@@ -342,6 +343,7 @@ def _straight_line(
             high=mean + half,
             identifiable="yes",
             note=note,
+            budget=(BudgetLine(HALF_SUMS, "A", spread, degrees_of_freedom=len(offset) - 1.0),),
         )
     return estimates, covariance
 
@@ -400,7 +402,7 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
     low, high = fit.interval(0)
     error = float(fit.standard_error[0])
     budget = (
-        BudgetLine("scatter of the ramps", "A", error),
+        BudgetLine("scatter of the ramps", "A", error, degrees_of_freedom=fit.freedom),
         BudgetLine("inertia of the disc", "B", DISC_INERTIA, "turned and weighed"),
         ROTOR.line("inertia of the rotor", ROTOR.standard_uncertainty * rotor / inertia),
     )

@@ -9,7 +9,6 @@ from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
 from experiments.quantity import (
-    OF_CHANNEL_DIFFERENCES,
     Quantity,
 )
 from experiments.recording import Recording
@@ -36,19 +35,16 @@ QUANTITIES = (
         name="forward_amplitude_{order}",
         title="order {order} forward, amplitude",
         unit="",
-        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="reverse_amplitude_{order}",
         title="order {order} reverse, amplitude",
         unit="",
-        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(
         name="amplitude_{order}",
         title="order {order}, amplitude",
         unit="",
-        rests_on=OF_CHANNEL_DIFFERENCES,
     ),
     Quantity(name="revolutions_{way}", title="revolutions {way}", unit="1"),
 )

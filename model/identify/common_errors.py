@@ -17,7 +17,7 @@ import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
-from model.identify.estimate import Cause
+from model.identify.estimate import Cause, Distribution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,9 +25,9 @@ class CommonError:
     """`effect` (n,): change of each hold's friction [N m, positive where it brakes] for one standard uncertainty;
     (n, p) where the error has several independent parts, waves for instance.
 
-    `source` is its name in budgets, `kind` and `cause` as there. `is_fitted` False keeps it out of the weights and of
-    the statistical interval: an error that no data could tell (a torque scale), added as type B alone. `assumed` as in
-    a `BudgetLine`.
+    `source` is its name in budgets; `kind`, `cause`, `degrees_of_freedom`, `assumed`, `distribution` as there.
+    `is_fitted` False keeps it out of the weights and of the statistical interval: an error that no data could tell
+    (a torque scale), added as type B alone.
     """
 
     source: str
@@ -37,11 +37,24 @@ class CommonError:
     note: str = ""
     is_fitted: bool = True
     assumed: str = ""
+    degrees_of_freedom: float = math.inf
+    distribution: Distribution = Distribution.NORMAL
 
     @property
     def columns(self) -> Array:
         """The effect as (n, p)."""
         return self.effect.reshape(len(self.effect), -1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """What a common error is taken for, whatever the fit makes of it: value and standard uncertainty, both in the
+    standard uncertainty of the error as it was given, and where they come from.
+    """
+
+    value: float = 0.0
+    uncertainty: float = 1.0
+    source: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

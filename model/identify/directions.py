@@ -23,7 +23,7 @@ from model.errors import IdentificationError
 from model.identify import polar
 from model.identify.angle_regression import AngleFit, Basis
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Distribution, Estimate
 from model.identify.kinematic_error import KinematicErrorFit, doubts, expected_labels, with_bench
 from model.identify.least_squares import student_quantile
 from model.identify.transmission import curve_over_output
@@ -154,7 +154,10 @@ def _beside_mean(fit: KinematicErrorFit, mean: Array) -> Estimate:
     _, both = curve_over_output(replace(fit.regression, values=mean), fit.accuracy_order)
     away = float(np.ptp(both)) - float(np.ptp(fit.output_curve))
     line = BudgetLine(
-        "friction in one direction, by the mean of both", "B", abs(away) / math.sqrt(3.0)
+        "friction in one direction, by the mean of both",
+        "B",
+        abs(away) / math.sqrt(3.0),
+        distribution=Distribution.RECTANGULAR,
     )
     return replace(
         accuracy.with_budget([line]),
@@ -172,7 +175,8 @@ def _lost_motion(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> Esti
         weights = np.array([1.0, (middle - fit.cells.first_angle) / fit.cells.trend_scale])
         value += sign * float(weights @ fit.values[:2])
         variance += float(weights @ fit.covariance[:2, :2] @ weights)
-    half = student_quantile(min(ahead.freedom, back.freedom)) * math.sqrt(max(variance, 0.0))
+    freedom, error = min(ahead.freedom, back.freedom), math.sqrt(max(variance, 0.0))
+    half = student_quantile(freedom) * error
     note = "wind-up by friction and skew between the channels together; runs at several speeds tell them apart"
     return Estimate(
         name="lost_motion",
@@ -182,6 +186,7 @@ def _lost_motion(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> Esti
         high=value + half,
         identifiable="weakly",
         note=note,
+        budget=(BudgetLine(polar.RESIDUAL, "A", error, degrees_of_freedom=freedom),),
     )
 
 
@@ -274,10 +279,19 @@ def phase_relation(
                 note=""
                 if identifiable == "yes"
                 else "the friction torque at this order is not above the noise",
+                budget=(
+                    BudgetLine(
+                        polar.RESIDUAL,
+                        "A",
+                        half / student_quantile(freedom),
+                        degrees_of_freedom=freedom,
+                    ),
+                ),
             ),
             "friction_amplitude": of_friction.amplitude,
             "conservative_amplitude": of_wedge.amplitude,
-            "error_amplitude": of_error.amplitude,
+            # The very number that stands among the orders, with all that the bench may add.
+            "error_amplitude": error.estimates.get(f"amplitude_{label}", of_error.amplitude),
         },
         input_angle=angle,
         friction_torque=0.5 * (curves[0] - curves[1]),

@@ -9,20 +9,26 @@ no cause.
 
 nu are the degrees of freedom by Welch and Satterthwaite, t_95 is the two-sided quantile of
 Student's t at 95 % (GUM, annex G; JCGM 100:2008): 2.57 at five degrees of freedom, 1.96 without end.
+Where one line has more than 0.8 of u the sum has the shape of that line, and k is that of its
+distribution with the rest (`model/identify/convolution.py`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Literal
+
+from model.identify.distribution import Distribution
 
 Identifiable = Literal["yes", "weakly", "no"]
 
 NORMAL_COVERAGE_FACTOR = 1.959963984540054
 """k of U = k u at 95 % where the degrees of freedom have no end."""
+DOMINANT = 0.8
+"""Share of the combined standard uncertainty from which on one line alone gives the sum its shape."""
 
 
 class Ground(StrEnum):
@@ -70,7 +76,8 @@ class BudgetLine:
     that is this estimate's alone. `degrees_of_freedom` of u: of the data it was computed from for
     type A; without end where u is taken for exact, as type B lines are unless somebody says how
     well they are known. `assumed` names the kind of value that nobody gave, whose line it is
-    (`experiments.assumed`); "" for what somebody stated or the data say.
+    (`experiments.assumed`); "" for what somebody stated or the data say. `distribution`: what is
+    known of the error's shape; it counts where the line has most of the uncertainty.
     """
 
     source: str
@@ -80,6 +87,7 @@ class BudgetLine:
     cause: Cause | None = None
     degrees_of_freedom: float = math.inf
     assumed: str = ""
+    distribution: Distribution = Distribution.NORMAL
 
 
 def effective_degrees_of_freedom(lines: Iterable[BudgetLine]) -> float:
@@ -114,6 +122,34 @@ def coverage_factor(degrees_of_freedom: float) -> float:
     return student_quantile(degrees_of_freedom) if finite else NORMAL_COVERAGE_FACTOR
 
 
+def coverage_factor_of(lines: Sequence[BudgetLine]) -> float:
+    """k of U = k u at 95 % of a sum of these contributions: by their degrees of freedom, or by the shape of the one
+    that has more than `DOMINANT` of u.
+    """
+    largest = max(lines, key=lambda line: line.standard_uncertainty, default=None)
+    whole = math.sqrt(sum(line.standard_uncertainty**2 for line in lines))
+    freedom = effective_degrees_of_freedom(lines)
+    # NaN fails the comparison: what could not be computed has no shape.
+    if largest is None or freedom <= 0.0 or not 0.0 < whole < math.inf:
+        return coverage_factor(freedom)
+    share = largest.standard_uncertainty / whole
+    rest = effective_degrees_of_freedom([line for line in lines if line is not largest])
+    own = largest.degrees_of_freedom
+    is_normal = largest.distribution is Distribution.NORMAL
+    # For a normal error whose u is known the formula of Welch and Satterthwaite is right: 95.0 % of drawn sums.
+    if share <= DOMINANT or (is_normal and math.isinf(own)):
+        return coverage_factor(freedom)
+    from model.identify.convolution import dominated_factor
+
+    # Rounded, so that numbers of one kind share what was computed.
+    return dominated_factor(
+        largest.distribution,
+        max(own, 1.0) if is_normal else math.inf,
+        round(share, 3),
+        max(round(rest, 1), 1.0),
+    )
+
+
 def _countable(degrees_of_freedom: float) -> float | None:
     """Degrees of freedom as JSON can hold them: null where they have no end."""
     return degrees_of_freedom if degrees_of_freedom < math.inf else None
@@ -125,7 +161,7 @@ class Estimate:
 
     `value` in `unit` (SI); `low`, `high` the 95 % interval of the statistical part (type A; profile or autocorrelation-
     respecting); `budget` all contributions, type B included; `identifiable` the verdict, `note` why it is not "yes".
-    `stated_coverage_factor` is the k that a stored result was stated with; None: from Student's t.
+    `stated_coverage_factor` is the k that a stored result was stated with; None: from its budget.
     """
 
     name: str
@@ -152,10 +188,10 @@ class Estimate:
 
     @property
     def coverage_factor(self) -> float:
-        """k of U = k u: Student's t at 95 % with the effective degrees of freedom."""
+        """k of U = k u at 95 %: by the effective degrees of freedom, or by the shape of a dominant line."""
         if self.stated_coverage_factor is not None:
             return self.stated_coverage_factor
-        return coverage_factor(self.degrees_of_freedom)
+        return coverage_factor_of(self.budget)
 
     @property
     def expanded_uncertainty(self) -> float:
@@ -188,6 +224,7 @@ class Estimate:
                     "cause": b.cause,
                     "degrees_of_freedom": _countable(b.degrees_of_freedom),
                     **({"assumed": b.assumed} if b.assumed else {}),
+                    "distribution": b.distribution,
                 }
                 for b in self.budget
             ],

@@ -23,7 +23,7 @@ from model.errors import IdentificationError
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
 from model.identify.checks import Array
-from model.identify.common_errors import CommonError, Spread
+from model.identify.common_errors import CommonError, Spread, Stated
 from model.identify.estimate import BudgetLine, Cause, Estimate, Identifiable
 from model.identify.least_squares import student_quantile
 from model.identify.running_torque import (
@@ -47,6 +47,7 @@ from model.units import RPM
 Object = Literal["gear", "motor + gear"]
 SCATTER = "scatter between revolutions and points"
 TARE_SCATTER = "scatter of the tare"
+HALF_SUMS = "scatter of the half-sums"
 NO_DIP = "no Stribeck dip"
 UNITS = {
     "coulomb": "N",
@@ -130,11 +131,33 @@ class FrictionFit:
                 total += one.columns @ self.parts_of(one.source)
         return total
 
+    def told(self, source: str) -> float:
+        """The share (0 to 1) of a common error that the fit gives back where it is there: 1 - 1/(1 + what it knew
+        before over what the points alone say, as variances).
+        """
+        first = 0
+        for one in self._fitted:
+            if one.source == source:
+                column = self.points.mean_of(one.columns)[:, 0] / self.lever
+                return float(self.stribeck.common_gain[first] @ column)
+            first += one.columns.shape[1]
+        return 0.0
+
     def derived(
-        self, name: str, unit: str, measurand: Callable[[Array, Mapping[str, float]], float]
+        self,
+        name: str,
+        unit: str,
+        measurand: Callable[[Array, Mapping[str, float]], float],
+        stated: Mapping[str, Stated] | None = None,
     ) -> Estimate:
-        """An estimate of something computed from the five parameters and the common errors (as in `shared`)."""
-        values, shared = self.stribeck.values, self.shared
+        """An estimate of something computed from the five parameters and the common errors (as in `shared`).
+
+        An error that is `stated` is taken as stated, not as the fit has it: its doubt is its own line, no part of the
+        scatter of points.
+        """
+        stated = stated or {}
+        values = self.stribeck.values
+        shared = {**self.shared, **{source: one.value for source, one in stated.items()}}
         value = measurand(values, shared)
         slope = np.empty(5)
         for k in range(5):
@@ -148,7 +171,7 @@ class FrictionFit:
             up, down = ({**shared, one.source: shared[one.source] + z} for z in (1.0, -1.0))
             by_common[first] = 0.5 * (measurand(values, up) - measurand(values, down))
             first += one.columns.shape[1]
-        lines = self._lines(slope, by_common)
+        lines = self._lines(slope, by_common, stated)
         inside = sum(b.standard_uncertainty**2 for b, c in lines if c is None or c.is_fitted)
         half = student_quantile(self.stribeck.freedom) * math.sqrt(inside)
         return Estimate(
@@ -160,10 +183,15 @@ class FrictionFit:
             budget=tuple(b for b, _ in lines),
         )
 
-    def _lines(self, slope: Array, by_common: Array) -> list[tuple[BudgetLine, CommonError | None]]:
+    def _lines(
+        self, slope: Array, by_common: Array, stated: Mapping[str, Stated]
+    ) -> list[tuple[BudgetLine, CommonError | None]]:
         """The budget of slope . parameters + by_common . common errors, by propagation of each error."""
         fit, error = self.stribeck, self.force_error
-        row = slope @ fit.gain + by_common @ fit.common_gain
+        learnt = [
+            one.source not in stated for one in self._fitted for _ in range(one.columns.shape[1])
+        ]
+        row = slope @ fit.gain + (by_common * learnt) @ fit.common_gain
         scatter = math.sqrt(fit.scale) * float(np.linalg.norm(row * error))
         lines: list[tuple[BudgetLine, CommonError | None]] = [
             (BudgetLine(SCATTER, "A", scatter, degrees_of_freedom=float(fit.freedom)), None)
@@ -174,8 +202,17 @@ class FrictionFit:
             if one.is_fitted:
                 change = change - by_common[first : first + len(change)]
                 first += len(change)
-            size = float(np.linalg.norm(change))
-            line = BudgetLine(one.source, one.kind, size, one.note, one.cause, assumed=one.assumed)
+            given = stated.get(one.source, Stated(source=one.note))
+            line = BudgetLine(
+                one.source,
+                one.kind,
+                given.uncertainty * float(np.linalg.norm(change)),
+                given.source,
+                one.cause,
+                one.degrees_of_freedom,
+                assumed=one.assumed,
+                distribution=one.distribution,
+            )
             lines.append((line, one))
         return [(b, c) for b, c in lines if c is None or b.standard_uncertainty > 0.0]
 
@@ -298,7 +335,13 @@ def fit_friction(
 
 def tare_scatter(tare: Tare, speed: Array) -> CommonError:
     """The errors of a tare's points, which all holds at the same speeds [rad/s] share."""
-    return CommonError(source=TARE_SCATTER, effect=tare.columns(speed), kind="A")
+    return CommonError(
+        source=TARE_SCATTER,
+        effect=tare.columns(speed),
+        kind="A",
+        # What scatter leaves of a straight line over speed.
+        degrees_of_freedom=max(len(tare.speed) - 2.0, 1.0),
+    )
 
 
 def nominal_bearing_torque(gear: HarmonicDrive, speed: Array, balance: TorqueBalance) -> Array:
@@ -315,7 +358,7 @@ def _estimates(found: FrictionFit, ends: Array | None) -> dict[str, Estimate]:
     quantile, nothing = student_quantile(fit.freedom), np.zeros(len(fit.common))
     for k, name in enumerate(NAMES):
         value = float(fit.values[k])
-        lines = found._lines(np.eye(5)[k], nothing)
+        lines = found._lines(np.eye(5)[k], nothing, {})
         inside = sum(b.standard_uncertainty**2 for b, c in lines if c is None or c.is_fitted)
         half = quantile * math.sqrt(inside)
         low, high = (value - half, value + half) if ends is None else map(float, ends[k])
@@ -372,23 +415,21 @@ def _offset(points: FrictionPoints) -> dict[str, Estimate]:
     design = np.column_stack([np.ones_like(speed), speed]) / u[:, None]
     covariance = np.linalg.inv(design.T @ design)
     values = covariance @ design.T @ (offset / u)
-    chi = float(np.sum((offset / u - design @ values) ** 2)) / max(len(speed) - 2, 1)
-    half = 2.0 * np.sqrt(np.diag(covariance) * max(chi, 1.0))
+    freedom = len(speed) - 2
+    chi = float(np.sum((offset / u - design @ values) ** 2)) / freedom
+    errors = np.sqrt(np.diag(covariance) * max(chi, 1.0))
     return {
-        "offset": Estimate(
-            name="offset",
-            value=values[0],
-            unit="N m",
-            low=values[0] - half[0],
-            high=values[0] + half[0],
-        ),
-        "asymmetry": Estimate(
-            name="asymmetry",
-            value=values[1],
-            unit="N m s/rad",
-            low=values[1] - half[1],
-            high=values[1] + half[1],
-        ),
+        name: Estimate(
+            name=name,
+            value=float(value),
+            unit=unit,
+            low=float(value) - student_quantile(freedom) * float(error),
+            high=float(value) + student_quantile(freedom) * float(error),
+            budget=(BudgetLine(HALF_SUMS, "A", float(error), degrees_of_freedom=freedom),),
+        )
+        for name, unit, value, error in zip(
+            ("offset", "asymmetry"), ("N m", "N m s/rad"), values, errors, strict=True
+        )
     }
 
 

@@ -44,7 +44,7 @@ from model.identify.counting import (
     refuse_wrong_ratio,
     slope_sentence,
 )
-from model.identify.estimate import BudgetLine, Cause, Estimate
+from model.identify.estimate import BudgetLine, Cause, Distribution, Estimate
 from model.identify.order_search import followed, in_orders_of_all
 from model.identify.transmission import (
     left_over,
@@ -229,6 +229,10 @@ class Encoders:
         )
         motor = self.input_accuracy / ratio * rectangle
         motor_note = self.input_unsaid or "its class over the ratio"
+        shapes = [
+            Distribution.NORMAL if certified else Distribution.RECTANGULAR
+            for certified in (self.output_certified, self.input_certified)
+        ]
         if self.output_certified:
             output = math.sqrt(2.0) * self.output_certified
             output_note = "its certificate, at two places of the curve"
@@ -243,6 +247,7 @@ class Encoders:
                 output_note,
                 Cause.OUTPUT_ENCODER,
                 assumed="output encoder" if self.output_unsaid else "",
+                distribution=shapes[0],
             ),
             BudgetLine(
                 "motor encoder, whole curve",
@@ -251,6 +256,7 @@ class Encoders:
                 motor_note,
                 Cause.MOTOR_ENCODER,
                 assumed="motor encoder" if self.input_unsaid else "",
+                distribution=shapes[1],
             ),
             BudgetLine(
                 "eccentricity of the mounting",
@@ -541,6 +547,7 @@ def _finish(
             "B",
             2.0 * CREST * rest / math.sqrt(3.0),
             f"a curve of that r.m.s. above the noise reaches {CREST:g} times it, on either side",
+            distribution=Distribution.RECTANGULAR,
         )
         accuracy = accuracy.with_budget([line])
     orders = tuple(
@@ -602,8 +609,8 @@ def _of_gear(accuracy: Estimate, bench: tuple[BudgetLine, ...], raised: float) -
 
     A slow curve of the bench under the gear's fast one adds its own peak-to-peak, whatever its
     phase: an error with a sign. Where the class of an encoder is all that is stated the curve lies
-    between none and one as large as the class, with `raised` on average: half of that is taken off.
-    The interval of the data stays where the encoders' own peak-to-peak is.
+    between none and one as large as the class, with `raised` on average: half of that is taken off
+    the value, and off both ends of its interval.
     """
     if not raised > 0.0:
         return accuracy.with_budget(bench)
@@ -613,10 +620,15 @@ def _of_gear(accuracy: Estimate, bench: tuple[BudgetLine, ...], raised: float) -
         "B",
         share / math.sqrt(3.0),
         f"{share / ARCSEC:.2g} arcsec taken off: between nothing and twice that, by Monte Carlo of their classes",
+        distribution=Distribution.RECTANGULAR,
     )
-    note = f"{share / ARCSEC:.2g} arcsec of encoders and mounting taken off; the statistical part is with them"
+    value, low, high = (max(x - share, 0.0) for x in (accuracy.value, accuracy.low, accuracy.high))
     return replace(
-        accuracy.with_budget([*bench, line]), value=max(accuracy.value - share, 0.0), note=note
+        accuracy.with_budget([*bench, line]),
+        value=value,
+        low=low,
+        high=high,
+        note=f"{share / ARCSEC:.2g} arcsec of encoders and mounting taken off",
     )
 
 
@@ -648,19 +660,27 @@ def _slope(
     scale, ratio = fit.cells.trend_scale, fit.basis.ratio
     closure, error = float(fit.values[1]), math.sqrt(max(float(fit.covariance[1, 1]), 0.0))
     half = fit.quantile() * error
+    line = BudgetLine(polar.RESIDUAL, "A", error / scale, degrees_of_freedom=fit.freedom)
     slope = Estimate(
         name="slope",
         value=closure / scale,
         unit="rad/rad",
         low=(closure - half) / scale,
         high=(closure + half) / scale,
+        budget=(line,),
     )
     seen = 1.0 / (1.0 / ratio + slope.value)
     spread = ratio**2 * half / scale
+    of_ratio = replace(line, standard_uncertainty=ratio**2 * line.standard_uncertainty)
     estimates = {
         "slope": slope,
         "ratio": Estimate(
-            name="ratio", value=seen, unit="1", low=seen - spread, high=seen + spread
+            name="ratio",
+            value=seen,
+            unit="1",
+            low=seen - spread,
+            high=seen + spread,
+            budget=(of_ratio,),
         ),
     }
     quantum = encoders.output_quantum if math.isfinite(encoders.output_quantum) else 2.0 * ARCSEC

@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels, positive
-from model.identify.estimate import Estimate
-from model.identify.least_squares import student_quantile
+from model.identify.estimate import BudgetLine, Estimate
 from model.identify.orders.fit import Order, OrdersFit, Wave, fit_samples, interval
 from model.identify.orders.samples import (
     WHOLE_TURN,
@@ -31,13 +30,15 @@ from model.identify.orders.samples import (
 )
 from model.identify.orders.search import Search, searched_to
 from model.identify.orders.turning import DeadZone, runs_of
-from model.identify.polar import polar
+from model.identify.polar import RESIDUAL, polar
 from model.units import REVOLUTION
 
 HIGHEST_ORDER = 200
 LEAST_SAMPLES = 60
 WHOLE = 1e-9
 CURVE_POINTS = 3600
+OF_WAVES = 48.0
+"""Degrees of freedom of a shift between directions that the noise of the waves alone explains."""
 
 
 @dataclass(frozen=True)
@@ -199,19 +200,9 @@ def _direction_estimates(fit: OrdersFit, whole: list[Order], unit: str) -> dict[
     """Mean (half sum), friction (half difference), and the angle by which the series of the directions are shifted."""
     if len(fit.constants) == 1:
         ((value, error, freedom),) = fit.constants.values()
-        low, high = interval(value, error, freedom)
         note = "one direction only: friction and offset cannot be separated"
-        return {
-            "mean": Estimate(
-                name="mean",
-                value=value,
-                unit=unit,
-                low=low,
-                high=high,
-                identifiable="weakly",
-                note=note,
-            )
-        }
+        mean = _estimate("mean", value, error, freedom, unit)
+        return {"mean": replace(mean, identifiable="weakly", note=note)}
     (ahead, error_ahead, freedom_ahead), (back, error_back, freedom_back) = (
         fit.constants[1],
         fit.constants[-1],
@@ -228,7 +219,8 @@ def _direction_estimates(fit: OrdersFit, whole: list[Order], unit: str) -> dict[
 
 def _estimate(name: str, value: float, error: float, freedom: float, unit: str) -> Estimate:
     low, high = interval(value, error, freedom)
-    return Estimate(name=name, value=value, unit=unit, low=low, high=high)
+    line = BudgetLine(RESIDUAL, "A", error, degrees_of_freedom=freedom)
+    return Estimate(name=name, value=value, unit=unit, low=low, high=high, budget=(line,))
 
 
 def _shift(whole: list[Order]) -> Estimate | None:
@@ -246,9 +238,12 @@ def _shift(whole: list[Order]) -> Estimate | None:
     # Orders that disagree by more than their noise say so themselves (Birge).
     excess = float(weight @ (shifts - value) ** 2) / max(len(both) - 1, 1)
     error = math.sqrt(max(excess if len(both) > 1 else 1.0, 1.0) / total)
-    half = student_quantile(max(len(both) - 1.0, 1.0) if excess > 1.0 else 48.0) * error
-    return Estimate(
-        name="direction_shift", value=value, unit="rad", low=value - half, high=value + half
+    return _estimate(
+        "direction_shift",
+        value,
+        error,
+        max(len(both) - 1.0, 1.0) if excess > 1.0 else OF_WAVES,
+        "rad",
     )
 
 

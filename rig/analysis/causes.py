@@ -21,9 +21,9 @@ from model.identify.estimate import (
     NORMAL_COVERAGE_FACTOR,
     BudgetLine,
     Cause,
+    Distribution,
     Ground,
-    coverage_factor,
-    effective_degrees_of_freedom,
+    coverage_factor_of,
 )
 from rig.analysis.store import Analysis
 from rig.runfile.source import FileSource
@@ -128,8 +128,9 @@ def combined_uncertainty(
 
 def _expanded(lines: Sequence[BudgetLine]) -> float:
     """U of the sum of these contributions."""
-    factor = coverage_factor(effective_degrees_of_freedom(lines))
-    return factor * math.sqrt(sum(line.standard_uncertainty**2 for line in lines))
+    return coverage_factor_of(lines) * math.sqrt(
+        sum(line.standard_uncertainty**2 for line in lines)
+    )
 
 
 def _parts(estimate: Mapping[str, Any]) -> dict[_Part, BudgetLine] | None:
@@ -154,6 +155,7 @@ def _parts(estimate: Mapping[str, Any]) -> dict[_Part, BudgetLine] | None:
             line["kind"],
             math.hypot(before, stated * float(line["standard_uncertainty"])),
             degrees_of_freedom=line.get("degrees_of_freedom") or math.inf,
+            distribution=Distribution(line.get("distribution", Distribution.NORMAL)),
         )
     return parts or {("interval", None): BudgetLine("", "A", float(whole) / NORMAL_COVERAGE_FACTOR)}
 

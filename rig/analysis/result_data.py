@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
 from experiments.result import Check, Covariance, Panel, Plot, Result, Series, Table
-from model.identify.estimate import BudgetLine, Cause, Estimate
+from model.identify.estimate import BudgetLine, Cause, Distribution, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
 _ARRAYS = ("x", "y", "low", "high")
@@ -69,10 +70,11 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
             Cause(b["cause"]) if b.get("cause") else None,
             math.inf if b.get("degrees_of_freedom") is None else b["degrees_of_freedom"],
             str(b.get("assumed", "")),
+            Distribution(b.get("distribution", Distribution.NORMAL)),
         )
         for b in mapping.get("budget", ())
     )
-    return Estimate(
+    estimate = Estimate(
         name=name,
         value=_number(mapping["value"]),
         unit=str(mapping["unit"]),
@@ -81,9 +83,12 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
         identifiable=mapping.get("identifiability", "yes"),
         note=str(mapping.get("note", "")),
         budget=budget,
-        # A result that was stored with k = 2 keeps the U that it was stated with.
-        stated_coverage_factor=None if "coverage_factor" in mapping else 2.0,
     )
+    # A stored result keeps the U that it was stated with, by whatever rule for k.
+    stated = mapping.get("coverage_factor", 2.0)
+    if stated is None or math.isclose(stated, estimate.coverage_factor, rel_tol=1e-9):
+        return estimate
+    return replace(estimate, stated_coverage_factor=stated)
 
 
 def covariance_from_mapping(mapping: Mapping[str, Any] | None) -> Covariance | None:

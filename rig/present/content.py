@@ -356,10 +356,10 @@ def order_grid(result: Result, estimates: Mapping[str, Estimate]) -> Grid | None
     columns = (
         "Order",
         "Amplitude",
-        "± U (k = 2)",
+        "± U (95 %)",
         "Unit",
         "Phase [°]",
-        "± U (k = 2)",
+        "± U (95 %)",
         "Identifiable",
     )
     numeric = (False, True, True, False, True, True, False)

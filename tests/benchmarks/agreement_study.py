@@ -22,8 +22,7 @@ from typing import Any
 from model.identify.estimate import (
     BudgetLine,
     Estimate,
-    coverage_factor,
-    effective_degrees_of_freedom,
+    coverage_factor_of,
 )
 from tests.benchmarks.coverage_study import FAILED, code_commit
 
@@ -52,7 +51,7 @@ def own_uncertainty(estimate: Estimate) -> float:
         line for line in estimate.budget if line.cause is None and line.source not in SHARED
     ]
     u = math.sqrt(sum(line.standard_uncertainty**2 for line in lines))
-    return coverage_factor(effective_degrees_of_freedom(lines)) * u
+    return coverage_factor_of(lines) * u
 
 
 def normalised_error(a: Estimate, b: Estimate) -> float:

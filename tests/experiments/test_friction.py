@@ -15,7 +15,7 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.protocols import motor_tare
 from experiments.protocols.friction import protocol as friction
-from experiments.protocols.friction.estimates import at_20_degrees
+from experiments.protocols.friction.estimates import at_20_degrees, coefficients_of
 from experiments.protocols.friction.points import FittedCurve, measure_friction, reproducibility
 from experiments.protocols.friction.temperature import THERMOMETRY, VISCOUS, temperature_law
 from experiments.recording import ArraySource, Recording
@@ -522,7 +522,10 @@ def test_the_budget_holds_the_thermometer_where_a_number_is_brought(gear: Harmon
         values=fit.stribeck.values,
         law=temperature_law({}, 30.0, 0.2),
     )
-    (brought,) = [e for e in at_20_degrees(fit, curve).values() if e.name.startswith("coulomb")]
+    used = coefficients_of(fit, curve, span=1.0)
+    (brought,) = [
+        e for e in at_20_degrees(fit, curve, used).values() if e.name.startswith("coulomb")
+    ]
     lines = {line.source: line.standard_uncertainty for line in brought.budget}
     assert lines[THERMOMETRY] == pytest.approx(0.2 * 0.005 / 0.95 * brought.value, rel=0.01)
     assert THERMOMETRY not in {line.source for line in fit.estimates["coulomb"].budget}

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -28,6 +29,7 @@ from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
+from model.identify.estimate import Estimate
 from tests.experiments.conftest import SERIES
 from tests.experiments.recordings.test_friction_curve import BOTH as SPEEDS
 from tests.experiments.recordings.test_friction_curve import friction, table
@@ -103,6 +105,9 @@ def test_the_numbers_of_an_analysis_belong_to_its_version(
     estimates = result.estimates
     numbers = {name: [e.value, e.expanded_uncertainty] for name, e in estimates.items()}
     assert numbers
+    for name, estimate in estimates.items():
+        assert is_of_one_thing(estimate), (name, estimate.low, estimate.value, estimate.high)
+        assert not (missing := uncounted(estimate)), (name, missing)
     if os.environ.get("PIN_NUMBERS") and pinned.get(kind, {}).get("version") != version:
         pinned[kind] = {"version": version, "numbers": numbers}
         PINNED.write_text(json.dumps(pinned, indent=1) + "\n", encoding="utf-8")
@@ -142,6 +147,24 @@ def budgets_of(result: Result) -> dict[str, list[list[str]]]:
                 if (row := [line.source, line.kind, line.note]) not in lines
             ]
     return found
+
+
+def is_of_one_thing(estimate: Estimate) -> bool:
+    """Whether the value lies in its own interval: what was taken off the one was taken off the other."""
+    return estimate.low <= estimate.value <= estimate.high
+
+
+def uncounted(estimate: Estimate) -> list[str]:
+    """Lines of type A whose degrees of freedom nobody counted; a bound has none to count."""
+    if not estimate.budget:
+        return ["no budget at all"]
+    return [
+        line.source
+        for line in estimate.budget
+        if line.kind == "A"
+        and math.isinf(line.degrees_of_freedom)
+        and "rectangular" not in line.note
+    ]
 
 
 def same(numbers: dict[str, list[float]], name: str, pin: list[float]) -> bool:

@@ -5,6 +5,7 @@ search.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -12,15 +13,18 @@ import numpy as np
 
 from experiments.protocols.friction.points import (
     BEARING,
+    RUN_TO_RUN_RELATIVE,
     FittedCurve,
     bearing_parts,
     bearing_relative,
 )
 from experiments.protocols.friction.quantities import CATALOGUE_SPEEDS_RPM, at_reference
+from experiments.protocols.friction.temperature import DRY, VISCOUS
 from experiments.torque.zero import TorqueZero
 from model.arrays import FloatArray
 from model.gear import HarmonicDrive
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.common_errors import Stated
+from model.identify.estimate import Estimate
 from model.identify.friction import UNITS, FrictionFit
 from model.identify.stribeck import NAMES, fit_stribeck_genetic, stribeck_curve
 from model.units import RPM
@@ -43,7 +47,34 @@ def genetic_metrics(fit: FrictionFit, gear: HarmonicDrive, seed: int) -> dict[st
     }
 
 
-def running_torques(fit: FrictionFit, curve: FittedCurve) -> dict[str, Estimate]:
+def coefficients_of(fit: FrictionFit, curve: FittedCurve, span: float) -> dict[str, Stated]:
+    """The temperature coefficients by which a run is brought to 20 degC: its own only where they are known better than
+    those of the law (the card's, or those of several runs).
+
+    What the points of one run say of a coefficient rests on a housing that was `span` [K] warmer at its end than at its
+    beginning. Friction that changes from run to run changes as slowly within one, and passes for temperature: that is
+    in the uncertainty of a run's own.
+    """
+    law, top = curve.law, fit.speed[[-1]]
+    slow = RUN_TO_RUN_RELATIVE / max(span, 1e-9)
+    over = slow * float(curve.dry(top)[0]) / max(float(curve.viscous(top)[0]), 1e-12)
+    used: dict[str, Stated] = {}
+    for source, one, wander in ((DRY, law.dry, slow), (VISCOUS, law.viscous, over)):
+        told, before = fit.told(source), one.standard_uncertainty
+        used[source] = Stated(source=one.source)
+        if not (told > 0.0 and before > 0.0):
+            continue
+        alone = math.sqrt(fit.stribeck.scale * max(1.0 - told, 0.0) / told)
+        u = math.hypot(alone, wander / before)
+        if u < 1.0:
+            own = f"of this run alone, over {span:.2g} K of its housing"
+            used[source] = Stated(value=fit.shared[source] / told, uncertainty=u, source=own)
+    return used
+
+
+def running_torques(
+    fit: FrictionFit, curve: FittedCurve, coefficients: Mapping[str, Stated]
+) -> dict[str, Estimate]:
     """The no-load running torque at the catalogue's input speeds that lie within the run, and at 20 degC beside it."""
     estimates: dict[str, Estimate] = {}
     for rpm in CATALOGUE_SPEEDS_RPM:
@@ -54,7 +85,12 @@ def running_torques(fit: FrictionFit, curve: FittedCurve) -> dict[str, Estimate]
         for found, is_reference in ((name, False), (at_reference(name), True)):
             if is_reference and not curve.law.is_known:
                 continue
-            one = fit.derived(found, "N m", _torque(fit, curve, speed, is_reference=is_reference))
+            one = fit.derived(
+                found,
+                "N m",
+                _torque(fit, curve, speed, is_reference=is_reference),
+                coefficients if is_reference else None,
+            )
             estimates[found] = replace(one, note=fit.subject)
     return estimates
 
@@ -80,7 +116,9 @@ def _torque(
     return torque
 
 
-def at_20_degrees(fit: FrictionFit, curve: FittedCurve) -> dict[str, Estimate]:
+def at_20_degrees(
+    fit: FrictionFit, curve: FittedCurve, coefficients: Mapping[str, Stated]
+) -> dict[str, Estimate]:
     """The forces and the viscous coefficient brought to 20 degC, with the uncertainty of the coefficients."""
     law = curve.law
     if not law.is_known:
@@ -99,8 +137,8 @@ def at_20_degrees(fit: FrictionFit, curve: FittedCurve) -> dict[str, Estimate]:
             return float(values[k]) / factor(shared)
 
         found = at_reference(name)
-        source = law.viscous.source if name == "viscous" else law.dry.source
-        one = fit.derived(found, UNITS[name], value)
+        source = coefficients[VISCOUS if name == "viscous" else DRY].source
+        one = fit.derived(found, UNITS[name], value, coefficients)
         own = fit.estimates[name]
         note = "; ".join(part for part in (own.note, f"temperature coefficient {source}") if part)
         estimates[found] = replace(one, identifiable=own.identifiable, note=note)
@@ -111,6 +149,4 @@ def offset_estimate(fit: FrictionFit, zero: TorqueZero) -> dict[str, Estimate]:
     """The half-sum of the directions with the torque zero in its budget."""
     if "offset" not in fit.estimates:
         return {}
-    offset = fit.estimates["offset"]
-    line = BudgetLine("scatter of the half-sums", "A", 0.25 * (offset.high - offset.low))
-    return {"offset": offset.with_budget((line, zero.budget()))}
+    return {"offset": fit.estimates["offset"].with_budget((zero.budget(),))}

@@ -368,6 +368,7 @@ def common_errors(
             effect=u.standard_uncertainty
             * (_warmer(measured) * drifting + law.warmer * literature),
             note=u.source,
+            distribution=u.distribution,
         )
         for (source, (drifting, literature)), u in zip(
             per_kelvin.items(), (law.dry, law.viscous), strict=True
@@ -382,7 +383,14 @@ def common_errors(
     )
     if spread.place > 0.0:
         waves = place_columns(every, PLACE_ORDERS) * dry[:, None]
-        errors.append(CommonError(source=PLACE, effect=spread.place * waves, kind="A"))
+        errors.append(
+            CommonError(
+                source=PLACE,
+                effect=spread.place * waves,
+                kind="A",
+                degrees_of_freedom=float(spread.freedom),
+            )
+        )
     if measured.ripple.loss.any():
         errors.append(
             CommonError(

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -45,6 +45,7 @@ from experiments.protocols.friction import bearing
 from experiments.protocols.friction.coefficients import per_kelvin
 from experiments.protocols.friction.estimates import (
     at_20_degrees,
+    coefficients_of,
     genetic_metrics,
     offset_estimate,
     running_torques,
@@ -86,7 +87,7 @@ from experiments.steps.vocabulary import (
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
-from model.identify.common_errors import UNREPEATED, Spread
+from model.identify.common_errors import UNREPEATED, Spread, Stated
 from model.identify.friction import (
     LARGEST_REDUCED_CHI_SQUARE,
     FrictionFit,
@@ -304,13 +305,16 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     brought = _brought(measured, fit)
     metrics["torque_zero_drift"] = measured.zero.drift
     metrics["reproducibility"] = reproducibility(brought.bracket)
-    metrics |= _conditions(measured, fit, spread, evidence.gear) | _housing_temperature(measured)
+    span = float(np.ptp(measured.temperature)) if measured.law.is_known else 0.0
+    coefficients = coefficients_of(fit, curve, span)
+    metrics |= _conditions(measured, fit, spread, evidence.gear, coefficients)
+    metrics |= _housing_temperature(measured)
     ratio = rotary_ratio(recording, evidence.gear.ratio)
     metrics |= _bearing_taken_off(measured, fit, ratio)
     estimates = (
         dict(fit.estimates)
-        | running_torques(fit, curve)
-        | at_20_degrees(fit, curve)
+        | running_torques(fit, curve, coefficients)
+        | at_20_degrees(fit, curve, coefficients)
         | offset_estimate(fit, measured.zero)
     )
     return Result(
@@ -334,7 +338,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "points_brought_to": _words(measured, spread),
             "output_bearing": measured.output.words(),
             "temperature_coefficients": (
-                f"dry {measured.law.dry.source}; viscous {measured.law.viscous.source}"
+                f"dry {coefficients[DRY].source}; viscous {coefficients[VISCOUS].source}"
             ),
         },
         covariance=_covariance(fit),
@@ -399,7 +403,11 @@ def _brought(measured: MeasuredFriction, fit: FrictionFit) -> MeasuredFriction:
 
 
 def _conditions(
-    measured: MeasuredFriction, fit: FrictionFit, spread: Spread, gear: HarmonicDrive
+    measured: MeasuredFriction,
+    fit: FrictionFit,
+    spread: Spread,
+    gear: HarmonicDrive,
+    coefficients: Mapping[str, Stated],
 ) -> dict[str, float]:
     """What else than speed the friction depends on, as the points show it."""
     coulomb, static = (float(v) for v in fit.stribeck.values[:2])
@@ -414,8 +422,8 @@ def _conditions(
         numbers[f"friction_over_output_order_{order}"] = float(np.hypot(*pair))
     law = measured.law
     if law.is_known:
-        numbers["dry_friction_per_kelvin"] = law.dry.at(fit.shared[DRY])
-        numbers["viscous_friction_per_kelvin"] = law.viscous.at(fit.shared[VISCOUS])
+        numbers["dry_friction_per_kelvin"] = law.dry.at(coefficients[DRY].value)
+        numbers["viscous_friction_per_kelvin"] = law.viscous.at(coefficients[VISCOUS].value)
     return numbers
 
 

@@ -1,7 +1,8 @@
 """What temperature does to friction: the run's own mean temperature, and 20 degC beside it.
 
 One run cannot tell the coefficients: a span of 0.2 K leaves 0.45 %/K. They come from this gear's runs
-at different temperatures (settings, by hand or by `coefficients`), or are assumed of grease and steel.
+at different temperatures (settings, by hand or by `coefficients`), or are assumed of grease and steel;
+a run's own are taken where they are known better than those (`estimates.coefficients_of`).
 With dT from the reference
 
     dry friction      F(T) = F(20) (1 + a_d dT)           viscous   c(T) = c(20) exp(a_v dT)
@@ -18,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from experiments.errors import AnalysisError
+from model.identify.estimate import Distribution
 
 REFERENCE = 20.0
 """degC at which catalogues state friction."""
@@ -36,6 +38,7 @@ class Coefficient:
     value: float
     standard_uncertainty: float
     source: str
+    distribution: Distribution = Distribution.NORMAL
 
     def at(self, uncertainties: float) -> float:
         """The coefficient moved by so many standard uncertainties."""
@@ -44,12 +47,16 @@ class Coefficient:
 
 ASSUMED = {
     "dry": Coefficient(
-        value=-0.005, standard_uncertainty=0.01 / _SPAN, source="assumed: 0 to -1 % per kelvin"
+        value=-0.005,
+        standard_uncertainty=0.01 / _SPAN,
+        source="assumed: 0 to -1 % per kelvin",
+        distribution=Distribution.RECTANGULAR,
     ),
     "viscous": Coefficient(
         value=-0.0225,
         standard_uncertainty=0.035 / _SPAN,
         source="assumed of greases: -0.5 to -4 % per kelvin",
+        distribution=Distribution.RECTANGULAR,
     ),
 }
 

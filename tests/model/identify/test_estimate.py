@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from model.identify.estimate import (
     NORMAL_COVERAGE_FACTOR,
     BudgetLine,
+    Distribution,
     Estimate,
     coverage_factor,
     effective_degrees_of_freedom,
@@ -72,3 +74,48 @@ def test_without_a_budget_u_is_the_half_width_of_the_interval() -> None:
 def test_a_line_that_could_not_be_computed_leaves_no_uncertainty() -> None:
     assert math.isnan(estimate(line(math.nan, 5.0)).expanded_uncertainty)
     assert math.isnan(estimate(line(1.0, 5.0), line(math.nan)).expanded_uncertainty)
+
+
+@pytest.mark.parametrize(
+    ("distribution", "k"),
+    [
+        (Distribution.RECTANGULAR, 0.95 * math.sqrt(3.0)),
+        (Distribution.ARCSINE, math.sqrt(2.0) * math.sin(0.475 * math.pi)),
+        (Distribution.NORMAL, NORMAL_COVERAGE_FACTOR),
+    ],
+)
+def test_a_line_alone_has_the_k_of_its_own_distribution(
+    distribution: Distribution, k: float
+) -> None:
+    alone = BudgetLine("x", "B", 0.1, distribution=distribution)
+    assert estimate(alone).coverage_factor == pytest.approx(k, abs=2e-5)
+
+
+@pytest.mark.parametrize("distribution", list(Distribution))
+@pytest.mark.parametrize("rest_freedom", [math.inf, 6.0])
+def test_k_of_a_dominant_line_is_that_of_drawn_sums(
+    distribution: Distribution, rest_freedom: float
+) -> None:
+    """95 of 100 drawn sums of both errors lie within k u (JCGM 101)."""
+    random = np.random.default_rng(1)
+    draws = 400_000
+    own = {
+        Distribution.NORMAL: lambda: random.standard_t(4.0, draws),
+        Distribution.RECTANGULAR: lambda: math.sqrt(3.0) * random.uniform(-1.0, 1.0, draws),
+        Distribution.ARCSINE: lambda: math.sqrt(2.0) * np.sin(random.uniform(0.0, 7e3, draws)),
+    }[distribution]()
+    beside = (
+        random.standard_normal(draws)
+        if math.isinf(rest_freedom)
+        else random.standard_t(rest_freedom, draws)
+    )
+    freedom = 4.0 if distribution is Distribution.NORMAL else math.inf
+    large = BudgetLine("x", "B", 0.9, degrees_of_freedom=freedom, distribution=distribution)
+    made = estimate(large, line(math.sqrt(1.0 - 0.81), rest_freedom))
+    held = np.abs(0.9 * own + math.sqrt(1.0 - 0.81) * beside) <= made.expanded_uncertainty
+    assert float(held.mean()) == pytest.approx(0.95, abs=2e-3)
+
+
+def test_the_shape_counts_only_where_one_line_has_most_of_u() -> None:
+    halves = [BudgetLine("x", "B", 0.1, distribution=Distribution.RECTANGULAR) for _ in range(2)]
+    assert estimate(*halves).coverage_factor == NORMAL_COVERAGE_FACTOR
