@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from experiments.assumed import rests_on
+from experiments.budget import timed
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import rotary_ratio
 from experiments.evidence.holds import Recorded
@@ -62,7 +63,9 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
     angle = functools.cache(lambda: sampled_angle(recorded))
     ratio = rotary_ratio(recorded.recording, math.nan)
     estimates = {
-        name: _called(result.quantity(name), estimate, name, angle, ratio)
+        name: _called(
+            result.quantity(name), timed(estimate, recorded.recording), name, angle, ratio
+        )
         for name, estimate in result.estimates.items()
     }
     return replace(

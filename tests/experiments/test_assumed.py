@@ -17,7 +17,7 @@ from experiments.assumed import (
     assumed_kinds,
     rests_on,
 )
-from experiments.budget import scale_line, zero_uncertainty
+from experiments.budget import scale_line, timed, zero_uncertainty
 from experiments.contract import Evidence
 from experiments.evidence.conclusion import judged
 from experiments.protocols.kinematic_error import protocol as kinematic_error
@@ -73,6 +73,31 @@ def test_a_zero_that_nobody_read_is_a_share_of_the_largest_torque() -> None:
     assert size == pytest.approx(0.02 / np.sqrt(3.0) * 5.0)
     assert torque_zero(unsaid).budget().assumed == TORQUE_ZERO.kind
     assert zero_uncertainty(stating(unsaid, "torque", offset_uncertainty=0.0)) == (0.0, None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "power"),
+    [
+        ("N m s/rad", 1),
+        ("rad/s", -1),
+        ("rad/s2", -2),
+        ("Hz", -1),
+        ("s", 1),
+        ("kg m2", 2),
+        ("rad", 0),
+    ],
+)
+def test_a_rate_that_somebody_said_is_a_line_of_what_goes_with_time(unit: str, power: int) -> None:
+    run = foreign(TIME, torque=(TIME, "N m"))
+    nominal = dataclasses.replace(
+        run, metadata=dataclasses.replace(run.metadata, time_base="nominal")
+    )
+    stated = dataclasses.replace(one(BudgetLine("scatter", "A", 1e-3)), unit=unit)
+    assert timed(stated, run) == stated
+    found = [line for line in timed(stated, nominal).budget if line.assumed == "time base"]
+    assert [line.standard_uncertainty for line in found] == pytest.approx(
+        [abs(power) * 10.0 * 0.005 / np.sqrt(3.0)] if power else []
+    )
 
 
 def test_the_temperature_of_a_motor_that_nobody_recorded_is_assumed() -> None:
