@@ -69,7 +69,7 @@ OUTPUT_ENCODER = Assumed(
     distribution="rectangular",
     source="data sheets of ring encoders and of encoders with a bearing of their own: 2 to 60 arcsec",
     reason="10 um of eccentricity on a scale of 110 mm are 37 arcsec alone; coarser ones are seldom put on an output",
-    replaced_by="rig import --accuracy output_angle=5arcsec; [output_encoder.calibration] accuracy in rig.toml",
+    replaced_by="rig import --accuracy output_angle=5arcsec; [counter.calibration] accuracy in rig.toml",
 )
 MOTOR_ENCODER = Assumed(
     kind="motor encoder",
@@ -80,7 +80,7 @@ MOTOR_ENCODER = Assumed(
     distribution="rectangular",
     source="data sheets of resolvers: 10 arcmin; of servo motors' encoders: 0.3 to 2 arcmin",
     reason="the coarsest that servo motors commonly have; the ratio divides it",
-    replaced_by="rig import --accuracy input_angle=1arcmin; [input_encoder.calibration] accuracy in rig.toml",
+    replaced_by="rig import --accuracy input_angle=1arcmin; [motor_encoder.calibration] accuracy in rig.toml",
 )
 TORQUE_SCALE = Assumed(
     kind="torque scale",
@@ -170,7 +170,7 @@ OUTPUT_INERTIA = Assumed(
     distribution="rectangular",
     source="arms of robots: 8 to 30 Hz; benches with a disc: 30 to 200 Hz",
     reason="another gear's load says nothing; what turns too fast for it is not judged",
-    replaced_by="rig gear set SERIAL --load-inertia KG_M2, with --part of the gear",
+    replaced_by="rig gear set SERIAL --load-inertia KG_M2; rig import --resonance-hz HZ",
 )
 BEARING = Assumed(
     kind="output bearing",
@@ -182,7 +182,7 @@ BEARING = Assumed(
     distribution="rectangular",
     source="bearing makers' formulas for sealed bearings of 60 to 120 mm",
     reason="no run with a gear can tell it from the gear's dry friction",
-    replaced_by="[bench.bearing] in rig.toml; --set output_bearing=VALUE,U of rig fit",
+    replaced_by="[output_bearing] in rig.toml; --set output_bearing=VALUE,U of rig fit",
 )
 
 TABLE = (

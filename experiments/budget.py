@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 import numpy as np
 
-from experiments.assumed import CURRENT, TORQUE_SCALE, TORQUE_ZERO, Assumed
+from experiments.assumed import CURRENT, TIME_BASE, TORQUE_SCALE, TORQUE_ZERO, Assumed
 from experiments.recording import Recording
 from experiments.result import Table
 from model.identify.estimate import BudgetLine, Cause, Estimate
 
+_SECONDS = re.compile(r"(?<![A-Za-z])s(\d*)(?![A-Za-z0-9])")
 SCALE = "torque scale"
 STATED = "calibration of the channel"
 TORQUES = ("N m", "N")
@@ -50,6 +52,29 @@ def zero_uncertainty(recording: Recording, channel: str = "torque") -> tuple[flo
         default=0.0,
     )
     return TORQUE_ZERO.standard_uncertainty * largest, TORQUE_ZERO
+
+
+def time_exponent(unit: str) -> int:
+    """The power with which a number in this unit goes with the length of a second; an inertia is torque times s2."""
+    if unit in ("kg m2", "kg"):
+        return 2
+    if unit == "Hz":
+        return -1
+    above, _, below = unit.partition("/")
+    powers = [sum(int(n or 1) for n in _SECONDS.findall(part)) for part in (above, below)]
+    return powers[0] - powers[1]
+
+
+def timed(estimate: Estimate, recording: Recording) -> Estimate:
+    """The estimate with what a rate that somebody said leaves open; as it is where rows carry stamps."""
+    power = time_exponent(estimate.unit)
+    if recording.metadata.time_base != "nominal" or not power:
+        return estimate
+    line = TIME_BASE.line("time base", power * TIME_BASE.standard_uncertainty * estimate.value)
+    if estimate.budget:
+        return estimate.with_budget((line,))
+    own = BudgetLine("statistical part", "A", estimate.standard_uncertainty)
+    return estimate.with_budget((own, line))
 
 
 def budget_table(estimates: Iterable[Estimate]) -> Table:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from experiments.assumed import rests_on
 from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, quantity_of
 from model.arrays import FloatArray
@@ -175,6 +176,11 @@ class Verdict:
     kind: str = ""
 
     @property
+    def rests_on(self) -> str:
+        """What nobody stated of that on which the number rests, in words; "" where it rests on what is known."""
+        return rests_on(self.estimate)
+
+    @property
     def name(self) -> str:
         """What the quantity is called."""
         return self.quantity.titled(self.estimate.name)
@@ -195,6 +201,7 @@ class Verdict:
             "limit_standing": self.limit_standing,
             "outcome": self.outcome,
             "because": self.because,
+            "rests_on": self.rests_on,
         }
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reference_pages import channel_map, files, fleet_results, measurands, program
+from reference_pages import assumed, channel_map, files, fleet_results, measurands, program
 
 PAGES = {
     "protocols": program.protocols,
@@ -22,6 +22,7 @@ PAGES = {
     "campaign-file": files.campaign_file,
     "channel-map": channel_map.channel_map,
     "measurands": measurands.measurands,
+    "assumed": assumed.assumed,
     "fleet-results": fleet_results.fleet_results,
 }
 """Every page that is made, by its name."""

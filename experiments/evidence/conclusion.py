@@ -14,6 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from experiments.assumed import rests_on
+from experiments.budget import timed
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import rotary_ratio
 from experiments.evidence.channel_lines import analysed_with_lines
@@ -72,7 +73,9 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
     angle = functools.cache(lambda: sampled_angle(recorded))
     ratio = rotary_ratio(recorded.recording, math.nan)
     estimates = {
-        name: _called(result.quantity(name), estimate, name, angle, ratio)
+        name: _called(
+            result.quantity(name), timed(estimate, recorded.recording), name, angle, ratio
+        )
         for name, estimate in result.estimates.items()
     }
     estimates = _beside_bounds(estimates, result)

@@ -38,6 +38,7 @@ LEAST_ORDER = 0.5
 OTHER_SPEED = 1.2
 """Ratio of the speeds of a run from which on the growth of its orders tells something."""
 BY_SET = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
+BY_STATEMENT = BudgetLine("torsional amplification, corrected: resonance as stated", "B", 0.0)
 BY_GROWTH = BudgetLine(
     "torsional amplification, bounded by the growth of the orders with speed", "B", 0.0
 )
@@ -110,7 +111,26 @@ class UnstatedMode:
         return replace(self, largest=largest, line=BY_GROWTH) if largest < self.largest else self
 
 
-Spring = Torsion | UnstatedMode
+@dataclass(frozen=True, kw_only=True)
+class StatedMode:
+    """A first mode w_1 [rad/s] that somebody stated, and the relative standard uncertainty of 1/w_1^2."""
+
+    first_mode: float
+    relative_uncertainty: float
+    line: BudgetLine = BY_STATEMENT
+
+    def response(self, frequency: Array) -> np.ndarray:
+        """H at angular frequencies [rad/s]; beyond `HIGHEST_SHARE` it is none that is used."""
+        share = (np.asarray(frequency, dtype=np.float64) / self.first_mode) ** 2
+        whole: np.ndarray = 1.0 / (1.0 - np.minimum(share, HIGHEST_SHARE)) + 0.0j
+        return whole
+
+    def seen_in(self, traverses: Sequence[Traverse]) -> StatedMode:
+        """The same: what somebody states is not learnt from the run."""
+        return self
+
+
+Spring = Torsion | UnstatedMode | StatedMode
 
 
 @dataclass(frozen=True, kw_only=True)

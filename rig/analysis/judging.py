@@ -261,7 +261,8 @@ def _reason(line: Verdict) -> str:
     if line.because:
         return f"{line.name}{run}: {line.because}"
     value, limit = held_against(line)
-    return f"{line.name}{run}: {line.outcome}, {value}, limit {limit} ({whose_limit(line)})"
+    unsaid = f"; {line.rests_on}" if line.rests_on else ""
+    return f"{line.name}{run}: {line.outcome}, {value}, limit {limit} ({whose_limit(line)}){unsaid}"
 
 
 def held_against(line: Verdict) -> tuple[str, str]:

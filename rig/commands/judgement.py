@@ -57,5 +57,5 @@ def verdict_text(line: Verdict) -> str:
     from rig.analysis.judging import held_against, whose_limit
 
     value, limit = held_against(line)
-    because = f"; {line.because}" if line.because else ""
-    return f"{line.name}: {value}, limit {limit} ({whose_limit(line)}){because}"
+    doubts = "".join(f"; {words}" for words in (line.because, line.rests_on) if words)
+    return f"{line.name}: {value}, limit {limit} ({whose_limit(line)}){doubts}"

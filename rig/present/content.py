@@ -128,7 +128,8 @@ def verdict_lines(verdict: GearVerdict) -> tuple[VerdictLine, ...]:
 
 def _verdict_line(line: Verdict) -> VerdictLine:
     value, limit = held_against(line)
-    because = f" ({line.because})" if line.because else ""
+    doubts = "; ".join(words for words in (line.because, line.rests_on) if words)
+    because = f" ({doubts})" if doubts else ""
     return VerdictLine(
         name=readable(line.name),
         definition=line.quantity.definition,

@@ -13,6 +13,7 @@ from types import ModuleType
 import pytest
 
 from experiments import catalogue
+from experiments.assumed import TABLE
 from experiments.parameters import parameter_fields
 from model.gear_file import SECTIONS
 from model.motor import ServoMotor
@@ -95,6 +96,16 @@ def test_a_plan_of_every_key_that_is_told_is_read(tmp_path: Path) -> None:
     assert set(content) == {key.name for key in plan.TOP}
     assert set(content["protocol"][0]) == {key.name for key in plan.STAGE}
     assert plan.load_plan(path).stages[0].values == {"points": 12}
+
+
+def test_every_row_of_what_is_assumed_is_told(pages: dict[str, str]) -> None:
+    text = pages["assumed"]
+    for row in TABLE:
+        part = text.partition(f"\n## {row.kind}\n")[2].partition("\n## ")[0]
+        for words in (row.what, row.bounds, row.source, row.reason):
+            assert words.replace("|", "\\|") in part, f"{row.kind}: {words}"
+        assert f"{row.standard_uncertainty:.3g} {row.unit}" in part
+        assert "what replaces it" in part
 
 
 def test_every_column_of_a_fleet_s_results_is_told(pages: dict[str, str]) -> None:

@@ -73,7 +73,7 @@ from model.identify.kinematic_error import (
     fit_traverses,
     score_kinematic_error,
 )
-from model.identify.torsion import Spring, Torsion, UnstatedMode
+from model.identify.torsion import Spring, StatedMode, Torsion, UnstatedMode
 from model.identify.transmission import left_out_mse
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
@@ -220,6 +220,8 @@ TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
 UNSTATED = ("assumed", "recalled")
 """Standings of an output inertia that nobody stated of this gear: it is that of another load."""
+STATED_MODE_UNCERTAINTY = 0.05
+"""Relative standard uncertainty of a resonance that was stated: it depends on amplitude and warmth."""
 STIFFNESS_TOLERANCE = 0.4
 """Half-width of the rectangular distribution of K over the stiffness of a parameter set that no run identified."""
 
@@ -348,7 +350,8 @@ def _prepare(
             recording=recording,
             ratio=ratio,
             encoders=encoders,
-            spring=spring_of(evidence.gear, ratio, is_simulated=is_simulated(recording)),
+            spring=stated_mode(recording)
+            or spring_of(evidence.gear, ratio, is_simulated=is_simulated(recording)),
             reference=reference,
             zero=zero,
             highest_order=int(settings.get("highest_order", HIGHEST_ORDER)),
@@ -385,6 +388,16 @@ def is_simulated(recording: Recording) -> bool:
     """Whether a simulated output turned what its parameter set says, assumed or not."""
     metadata = recording.metadata
     return metadata.origin == "simulated" or "truth" in metadata.process
+
+
+def stated_mode(recording: Recording) -> StatedMode | None:
+    """The first mode that was stated when a recording was imported; None where nobody did."""
+    stated = recording.metadata.process.get("stated", {}).get("resonance_hz")
+    if stated is None:
+        return None
+    return StatedMode(
+        first_mode=float(stated) * REVOLUTION, relative_uncertainty=2.0 * STATED_MODE_UNCERTAINTY
+    )
 
 
 def spring_of(gear: HarmonicDrive, ratio: float, *, is_simulated: bool = False) -> Spring:

@@ -11,6 +11,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from experiments.assumed import TABLE as ASSUMED
+from experiments.assumed import assumed_kinds
 from experiments.quantity import key_names
 from experiments.result import DECISION_RULE, Plot, Series, Verdict
 from model.identify.estimate import Estimate
@@ -282,7 +284,24 @@ def _remarks(gathered: Certified) -> list[str]:
         for one in gathered.analyses
         if one.stale
     ]
-    return [*gathered.unsealed, *stale, *_different_programs(gathered), *gathered.passed_over]
+    return [
+        *gathered.unsealed,
+        *stale,
+        *_assumed(gathered),
+        *_different_programs(gathered),
+        *gathered.passed_over,
+    ]
+
+
+def _assumed(gathered: Certified) -> Iterator[str]:
+    """What nobody stated and was assumed in the budgets of what is judged: one line a kind, and what rests on it."""
+    lines = gathered.verdict.lines
+    for row in ASSUMED:
+        if any(row.kind in assumed_kinds(line.estimate) for line in lines):
+            yield f"Nobody stated the {row.kind}. {row.note[0].upper()}{row.note[1:]}."
+    for line in lines:
+        if line.rests_on:
+            yield f"{line.quantity.headed(line.estimate.name)} {line.rests_on}."
 
 
 def _different_programs(gathered: Certified) -> list[str]:

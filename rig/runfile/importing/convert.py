@@ -94,7 +94,9 @@ def import_tables(
         notes = (*reading.notes, *_missing(header))
         for note in notes:
             level = "warning" if note.startswith("WARNING") else "info"
-            writer.event(Event(reading.last_ns + header.epoch_ns, level, "IMPORT", "import", note))
+            writer.event(
+                Event(reading.last_ns + header.epoch_ns, level, "IMPORT", "import", _brief(note))
+            )
         writer.count_dropped(dropped)
         end_time = iso_time(reading.last_ns + header.epoch_ns) if header.metadata.start_time else ""
         rows = writer.rows
@@ -121,8 +123,14 @@ def _behind(reading: Reading, backward: Reading | None) -> Iterator[Rows]:
         yield Rows(rows.time_ns + last, rows.cycles + last, rows.stored)
 
 
+def _brief(note: str) -> str:
+    """A note as the event of a run has it, whose text is short: of lines only what stands before their colon."""
+    first, *lines = note.split("\n")
+    return f"{first} {', '.join(line.partition(':')[0] for line in lines)}" if lines else first
+
+
 def _missing(header: RunHeader) -> list[str]:
-    """What would stand in a rig's own file and nobody said of this one: one line a kind, with what gives it."""
+    """What would stand in a rig's own file and nobody said: a note of one line a kind, with what gives it."""
     stated = header.metadata.process["stated"]
     channels = {column.name: column.channel for column in header.columns}
     missing = [
@@ -146,9 +154,9 @@ def _missing(header: RunHeader) -> list[str]:
         missing.append(THERMOMETER)
     if header.metadata.time_base == "nominal":
         missing.append(TIME_BASE)
-    notes = [f"not said: {row.kind}. {row.note[0].upper()}{row.note[1:]}" for row in missing]
+    lines = [f"{row.kind}: {row.note}" for row in missing]
     if not stated["lag_s"] and header.metadata.time_base != "none":
-        notes.append("not said: lag of the channels, which is taken as none. Give it: --lag")
+        lines.append("lag of the channels: taken as none. Give it: --lag")
     if "output_angle" in channels and not stated["ratio"]:
-        notes.append("not said: ratio, which is taken from the gear. Give it: --ratio")
-    return notes
+        lines.append("ratio: taken from the gear. Give it: --ratio")
+    return ["\n".join(["not said:", *lines])] if lines else []

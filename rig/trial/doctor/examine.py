@@ -34,6 +34,7 @@ from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
 from rig.trial.doctor.surroundings import (
     armed,
+    assumptions,
     bench_lines,
     calendar,
     calibrations,
@@ -226,7 +227,8 @@ def _channels(looked: Looked) -> Iterable[Finding]:
 
 def _calibrations(looked: Looked) -> Iterable[Finding]:
     today = datetime.fromtimestamp(looked.rig.clock.calendar_ns() * 1e-9, UTC).date()
-    return calibrations(looked.rig.port.channels, today)
+    channels = looked.rig.port.channels
+    return (*calibrations(channels, today), *assumptions(channels))
 
 
 def _events(looked: Looked) -> Iterable[Finding]:

@@ -10,11 +10,19 @@ from collections.abc import Iterable, Sequence
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
-from drivers.channel import INPUT_ANGLE, OUTPUT_ANGLE, TORQUE, Channel
+from drivers.channel import (
+    HOUSING_TEMPERATURE,
+    INPUT_ANGLE,
+    OUTPUT_ANGLE,
+    TORQUE,
+    Calibration,
+    Channel,
+)
 from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.port import RigPort
 from drivers.readout.nd287 import Readout, ReadoutConfig, open_port
+from experiments.assumed import ENCODERS, TEMPERATURE, THERMOMETER, TORQUE_SCALE
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
@@ -168,6 +176,36 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
                 otherwise="warning",
                 remedy="Results rest on a tolerance that nobody has checked.",
             )
+
+
+def assumptions(channels: Sequence[Channel]) -> Iterable[Finding]:
+    """What nobody states of the instruments, and what a result then rests on: one line a kind."""
+    by_name = {channel.name: channel for channel in channels}
+    unsaid = [
+        row
+        for name, row in ENCODERS.items()
+        if name in by_name and not _says_class(by_name[name].calibration)
+    ]
+    for name, row, key in (
+        (TORQUE, TORQUE_SCALE, "scale_relative_uncertainty"),
+        (HOUSING_TEMPERATURE, THERMOMETER, "offset_uncertainty"),
+    ):
+        if name in by_name and getattr(by_name[name].calibration, key) is None:
+            unsaid.append(row)
+    if HOUSING_TEMPERATURE not in by_name:
+        unsaid.append(TEMPERATURE)
+    for row in unsaid:
+        yield Finding(
+            group="calibration",
+            name=f"{row.kind}, not stated",
+            result="warning",
+            evidence=f"assumed: {row.bounds}",
+            remedy=f"Give it: {row.replaced_by}.",
+        )
+
+
+def _says_class(calibration: Calibration) -> bool:
+    return calibration.accuracy is not None or calibration.curve is not None
 
 
 def _date(text: str) -> date | None:

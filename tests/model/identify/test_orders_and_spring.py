@@ -12,6 +12,7 @@ from model.gear_file import shipped_gear
 from model.identify.angle_regression import AngleRegression, solve_angle, standard_basis
 from model.identify.counting import LockedRounding
 from model.identify.directions import combine
+from model.identify.estimate import BudgetLine
 from model.identify.kinematic_error import (
     Encoders,
     KinematicErrorAccumulator,
@@ -19,7 +20,7 @@ from model.identify.kinematic_error import (
     fit_traverses,
 )
 from model.identify.polar import polar, rice_interval
-from model.identify.torsion import Torsion
+from model.identify.torsion import Torsion, UnstatedMode
 from model.kinematic_error import lattice_label, order_of_label, peak_to_peak
 from model.linear import dynamic_parameters
 from model.units import ARCSEC, REVOLUTION, RPM
@@ -288,3 +289,18 @@ def test_what_a_slow_curve_of_the_encoder_adds_to_a_peak_to_peak_is_taken_off() 
 @pytest.mark.parametrize("order", [1.0, 12.0, 1 / 120, 8 / 120, 2 - 1 / 120, 6 + 6 / 120])
 def test_orders_and_their_names(order: float) -> None:
     assert order_of_label(lattice_label(order, RATIO), RATIO) == pytest.approx(order, abs=1e-12)
+
+
+def test_the_growth_of_the_orders_bounds_a_mode_that_nobody_stated() -> None:
+    """At 61.8 and 190.6 r/min; the mode of this spring is at some 40 Hz."""
+    sums = [
+        traverse(SIDEBANDS, speed_rpm=speed, follow=SPRING, seed=seed)
+        for seed, speed in enumerate((61.8, 190.6))
+    ]
+    line = BudgetLine("not stated", "B", 0.0, assumed="output inertia")
+    unstated = UnstatedMode(largest=1.0 / (8.0 * REVOLUTION) ** 2, line=line)
+    one, other = fit_traverses(sums, spring=unstated, time=0)
+    assert one.torsion.source == other.torsion.source != "not stated"
+    assert not one.torsion.assumed
+    (alone,) = fit_traverses(sums[:1], spring=unstated, time=0)
+    assert alone.torsion.assumed == "output inertia"

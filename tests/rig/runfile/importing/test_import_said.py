@@ -233,16 +233,17 @@ def test_what_an_import_states_of_the_device(tmp_path: Path) -> None:
     assert (stated["resonance_hz"], stated["load_inertia_kg_m2"]) == (110, 0.3)
     assert (m.gear_mounted, m.gear_serial, m.experiment) == (False, "J1", "motion")
     assert m.conditions == {"lubricant": "grease", "ambient_temperature": 21.5}
-    assert not any("not said: torque" in note for note in made.notes)
+    assert not any("torque scale: assumed" in note for note in made.notes)
 
 
 def test_what_nobody_said_is_said_to_be_missing(tmp_path: Path) -> None:
     path = text_file(tmp_path, BOTH.replace("out [rad]", "out"))
     made = bring_in(path, "time=t", "input_angle=in", "torque=out:N m")
-    notes = [note for note in made.notes if note.startswith("not said: ")]
-    for word in ("motor encoder. Assumed", "torque scale", "torque zero", "temperature", "lag"):
-        (note,) = [note for note in notes if word in note]
-        assert "Give it: " in note or "record" in note
+    (note,) = [note for note in made.notes if note.startswith("not said:")]
+    lines = note.splitlines()[1:]
+    for word in ("motor encoder: assumed", "torque scale", "torque zero", "temperature", "lag"):
+        (line,) = [line for line in lines if line.startswith(word)]
+        assert "Give it: " in line
 
 
 PHASES = "t [s],q [rad],phase,v [rad/s]\n" + "".join(

@@ -1,0 +1,157 @@
+"""What nobody says is assumed, marked so, and never makes a number sure."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from experiments.assumed import (
+    CURRENT,
+    MOTOR_ENCODER,
+    OUTPUT_ENCODER,
+    TABLE,
+    TORQUE_SCALE,
+    TORQUE_ZERO,
+    assumed_kinds,
+    rests_on,
+)
+from experiments.budget import scale_line, timed, zero_uncertainty
+from experiments.contract import Evidence
+from experiments.evidence.conclusion import judged
+from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.quantity import Quantity
+from experiments.recording import Recording
+from experiments.torque.motor_heat import motor_heat
+from experiments.torque.zero import torque_zero
+from model.channel import Calibration
+from model.gear import HarmonicDrive, Origin
+from model.identify.estimate import BudgetLine, Estimate
+from model.identify.torsion import StatedMode, Torsion, UnstatedMode
+from tests.experiments.test_analyses_without_plan import foreign, stating
+
+TIME = np.arange(0.0, 1.0, 1e-2)
+LENGTH = Quantity(name="length", title="length", unit="m", target_uncertainty=0.5)
+
+
+def one(*lines: BudgetLine) -> Estimate:
+    return Estimate(name="length", value=10.0, unit="m", low=9.9, high=10.1, budget=lines)
+
+
+def test_every_row_says_how_large_why_and_what_replaces_it() -> None:
+    assert len({row.kind for row in TABLE}) == len(TABLE)
+    for row in TABLE:
+        assert row.standard_uncertainty > 0.0
+        assert all((row.what, row.bounds, row.source, row.reason, row.replaced_by)), row.kind
+
+
+def test_a_number_that_rests_on_an_assumed_line_is_weakly() -> None:
+    known = BudgetLine("scatter", "A", 0.05)
+    small, large = (TORQUE_SCALE.line("scale", size) for size in (0.04, 0.06))
+    assert judged(LENGTH, one(known, small)).identifiable == "yes"
+    told = judged(LENGTH, one(known, large))
+    assert told.identifiable == "weakly"
+    assert told.note == rests_on(told) == "rests on an assumed torque scale"
+    stated = dataclasses.replace(large, assumed="")
+    assert judged(LENGTH, one(known, stated)).identifiable == "yes"
+
+
+def test_a_scale_of_zero_is_believed_and_one_that_is_not_said_is_not_zero() -> None:
+    unsaid = foreign(TIME, torque=(TIME, "N m"), current=(TIME, "A"))
+    assert scale_line(unsaid, 2.0).assumed == TORQUE_SCALE.kind
+    assert scale_line(unsaid, 2.0).standard_uncertainty == pytest.approx(0.06)
+    assert scale_line(unsaid, 2.0, "current").assumed == CURRENT.kind
+    line = scale_line(stating(unsaid, "torque", scale_relative_uncertainty=0.0), 2.0)
+    assert (line.standard_uncertainty, line.assumed) == (0.0, "")
+
+
+def test_a_zero_that_nobody_read_is_a_share_of_the_largest_torque() -> None:
+    unsaid = foreign(TIME, torque=(5.0 * TIME / TIME[-1], "N m"))
+    size, row = zero_uncertainty(unsaid)
+    assert row is TORQUE_ZERO
+    assert size == pytest.approx(0.02 / np.sqrt(3.0) * 5.0)
+    assert torque_zero(unsaid).budget().assumed == TORQUE_ZERO.kind
+    assert zero_uncertainty(stating(unsaid, "torque", offset_uncertainty=0.0)) == (0.0, None)
+
+
+@pytest.mark.parametrize(
+    ("unit", "power"),
+    [
+        ("N m s/rad", 1),
+        ("rad/s", -1),
+        ("rad/s2", -2),
+        ("Hz", -1),
+        ("s", 1),
+        ("kg m2", 2),
+        ("rad", 0),
+    ],
+)
+def test_a_rate_that_somebody_said_is_a_line_of_what_goes_with_time(unit: str, power: int) -> None:
+    run = foreign(TIME, torque=(TIME, "N m"))
+    nominal = dataclasses.replace(
+        run, metadata=dataclasses.replace(run.metadata, time_base="nominal")
+    )
+    stated = dataclasses.replace(one(BudgetLine("scatter", "A", 1e-3)), unit=unit)
+    assert timed(stated, run) == stated
+    found = [line for line in timed(stated, nominal).budget if line.assumed == "time base"]
+    assert [line.standard_uncertainty for line in found] == pytest.approx(
+        [abs(power) * 10.0 * 0.005 / np.sqrt(3.0)] if power else []
+    )
+
+
+def test_the_temperature_of_a_motor_that_nobody_recorded_is_assumed() -> None:
+    unsaid = foreign(TIME, torque=(TIME, "N m"))
+    assert motor_heat(unsaid, float("nan")).line(1.0).assumed == "temperature"
+
+
+def without(recording: Recording, **stated: float | None) -> Recording:
+    """The recording with the accuracies of its encoders as given."""
+    signals = {
+        name: dataclasses.replace(recording.signals[name], calibration=Calibration(accuracy=value))
+        for name, value in stated.items()
+    }
+    return dataclasses.replace(recording, signals={**recording.signals, **signals})
+
+
+def test_orders_of_the_output_are_never_sure_without_a_stated_encoder(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
+    def analysed(**stated: float | None) -> dict[str, Estimate]:
+        run = without(kinematic_error_run, **stated)
+        return dict(kinematic_error.analyse(run, Evidence(gear)).estimates)
+
+    unsaid = analysed(input_angle=None, output_angle=None)
+    said = analysed(input_angle=0.0, output_angle=0.0)
+    orders = [f"amplitude_{k}/N" for k in range(1, 9) if f"amplitude_{k}/N" in unsaid]
+    assert not [n for n in orders if unsaid[n].identifiable == "yes"]
+    assert [n for n in orders if said[n].identifiable == "yes"]
+    name = "transmission_accuracy_forward"
+    assert assumed_kinds(unsaid[name])[0] == OUTPUT_ENCODER.kind
+    assert MOTOR_ENCODER.kind in assumed_kinds(unsaid[name])
+    assert rests_on(unsaid[name])
+    assert unsaid[name].expanded_uncertainty > 10.0 * said[name].expanded_uncertainty
+    # Nothing is taken off a value for an encoder that nobody stated.
+    assert unsaid[name].value == pytest.approx(said[name].value, rel=5e-3)
+
+
+def test_the_load_of_another_gear_tells_no_resonance(gear: HarmonicDrive) -> None:
+    unstated = kinematic_error.spring_of(gear, 120.0)
+    assert isinstance(unstated, UnstatedMode)
+    assert unstated.line.assumed == "output inertia"
+    inertia = {"inertia.output": gear.inertia.output}
+    stated = gear.with_values(inertia, Origin("measured", "gear card of 7"))
+    assert isinstance(kinematic_error.spring_of(stated, 120.0), Torsion)
+    assert isinstance(kinematic_error.spring_of(gear, 120.0, is_simulated=True), Torsion)
+    half = unstated.response(np.array([unstated.first_mode * 0.2]))[0]
+    assert half == pytest.approx(1.0 / (1.0 - 0.5 * 0.04))
+
+
+def test_a_resonance_that_the_import_states_is_used(kinematic_error_run: Recording) -> None:
+    metadata = dataclasses.replace(
+        kinematic_error_run.metadata, process={"stated": {"resonance_hz": 50.0}}
+    )
+    mode = kinematic_error.stated_mode(dataclasses.replace(kinematic_error_run, metadata=metadata))
+    assert isinstance(mode, StatedMode)
+    assert mode.first_mode == pytest.approx(100.0 * np.pi)
+    assert kinematic_error.stated_mode(kinematic_error_run) is None
