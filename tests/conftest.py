@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import ctypes
 import ctypes.util
-import importlib
 import os
 import sys
 from collections.abc import Iterator
@@ -41,22 +40,8 @@ def pytest_configure(config: pytest.Config) -> None:
     """Workers take the files in the order above; of itself xdist begins with those that have the most tests."""
     for variable in ONE_THREAD:
         os.environ.setdefault(variable, "1")
-    import_can_alone()
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
-
-
-def import_can_alone() -> None:
-    """Without asammdf, and with it pandas and arrow, which python-can imports for log files that nothing here reads:
-    half a second and 100 MB of every worker. The tests of measurement files import it themselves.
-    """
-    if "asammdf" in sys.modules:
-        return
-    sys.modules["asammdf"] = None  # type: ignore[assignment]  as if it were not installed
-    try:
-        importlib.import_module("can")
-    finally:
-        del sys.modules["asammdf"]
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

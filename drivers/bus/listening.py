@@ -22,8 +22,6 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import Final
 
-import can
-
 from drivers.bus.cia301 import (
     HEARTBEAT_BASE,
     HIGHEST_NODE_ID,
@@ -38,6 +36,7 @@ from drivers.bus.sdo import SdoProtocolError, SdoTimeoutError
 from drivers.clock import Clock
 from drivers.errors import DriverError, OtherMasterError, ReadbackError
 from drivers.event import Event
+from drivers.python_can import can
 
 LEAST_TIME_NS: Final = 1_500_000_000
 """How long is listened at least [ns]."""

@@ -13,8 +13,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, Protocol, cast
 
-import can
-
 from drivers.bus.cia301 import (
     EMCY_BASE,
     HEARTBEAT_BASE,
@@ -29,6 +27,7 @@ from drivers.bus.cia301 import (
 from drivers.clock import Clock
 from drivers.errors import BusLostError, DriverError
 from drivers.event import Event, Level
+from drivers.python_can import can
 
 TimeBase = Literal["hardware", "device", "host", "virtual"]
 FrameHandler = Callable[[bytes, int], None]

@@ -13,8 +13,10 @@ import select
 import socket
 from typing import Any, Final
 
-import can
-from can.interfaces.socketcand import SocketCanDaemonBus
+from drivers.python_can import can, without_log_files
+
+with without_log_files():
+    from can.interfaces.socketcand import SocketCanDaemonBus
 
 GREETING: Final = b"< hi >"
 ANSWER_TIMEOUT: Final = 3.0

@@ -38,7 +38,7 @@ class OwnHandle:
         """Stop the drive by process data. Raises `BusLostError` where there is no such handle."""
         if self._bus is None:
             raise BusLostError("the watchdog has no handle on the bus", where="watchdog")
-        import can
+        from drivers.python_can import can
 
         for cob_id, data in self._frames():
             self._bus.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))

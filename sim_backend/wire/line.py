@@ -8,9 +8,8 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Protocol
 
-import can
-
 from drivers.errors import BusLostError
+from drivers.python_can import can
 from sim_backend.faults import Fault
 from sim_backend.wire.readout import Readout
 

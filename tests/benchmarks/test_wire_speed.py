@@ -7,7 +7,6 @@ from __future__ import annotations
 import time
 from typing import Any
 
-import can
 import canopen
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from drivers.bus.network import PumpedBus
 from drivers.bus.sdo import SdoClient
 from drivers.clock import VirtualClock
 from drivers.port import Command, DriveLimits, Guard, Mode
+from drivers.python_can import can
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig, RigRequest

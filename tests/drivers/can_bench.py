@@ -7,7 +7,6 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 
-import can
 import numpy as np
 
 from drivers.bus.cia401 import AnalogModuleConfig, torque_input
@@ -20,6 +19,7 @@ from drivers.bus.rig_nodes import RigNodes
 from drivers.clock import VirtualClock
 from drivers.event import Event
 from drivers.port import Command, DriveLimits, Guard, Mode
+from drivers.python_can import can
 from tests.drivers.canopen_peer import Bench, CounterPeer, DrivePeer, Peer, analog_eds
 
 RPM = 2 * np.pi / 60

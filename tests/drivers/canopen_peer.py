@@ -10,11 +10,11 @@ from __future__ import annotations
 import io
 import struct
 
-import can
 import canopen
 from canopen.objectdictionary import eds
 
 from drivers.clock import VirtualClock
+from drivers.python_can import can
 
 RPDO_DEFAULT, TPDO_DEFAULT = 0x40000200, 0x40000180
 

@@ -11,9 +11,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-import can
-
 from drivers.clock import VirtualClock
+from drivers.python_can import can
 
 MS = 1_000_000
 READ_ONLY, NOT_MAPPABLE, NOT_NOW, BAD_VALUE = 0x06010002, 0x06040041, 0x08000022, 0x06090030

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-import can
+from drivers.python_can import can
 
 Frame = tuple[int, bytes]
 

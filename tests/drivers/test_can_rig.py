@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import can
 import numpy as np
 import pytest
 
@@ -24,6 +23,7 @@ from drivers.channel import (
 )
 from drivers.errors import DriverError, ReadbackError
 from drivers.port import Command, Guard, Mode
+from drivers.python_can import can
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import LIMITS, RPM, Setup, close, servo, setup
 from tests.drivers.canopen_peer import Bench, drive_eds

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import itertools
 
-import can
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,6 +18,7 @@ from drivers.channel import (
 )
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.port import Ask, Bound, Command, Guard, Mode, Reach, Request
+from drivers.python_can import can
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import Setup, close, setup
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-import can
 import pytest
 
 from drivers.bus.discover import BIT_RATES, PASSIVE, discover, find_bit_rate
@@ -13,6 +12,7 @@ from drivers.bus.load import CycleLoad, frame_bits, load_of
 from drivers.bus.network import RawBus
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError, OtherMasterError
+from drivers.python_can import can
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from sim_backend.wire.bench import WireBench

@@ -134,7 +134,7 @@ def test_a_boot_up_message_that_is_repeated_before_the_start_is_no_restart() -> 
 
 
 def _frame(cob_id: int, data: bytes) -> Any:
-    import can
+    from drivers.python_can import can
 
     return can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
 

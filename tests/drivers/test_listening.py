@@ -5,7 +5,6 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass, field
 
-import can
 import pytest
 
 from drivers.bus.cia402.config import DriveConfig
@@ -14,6 +13,7 @@ from drivers.bus.listening import listening_time_ns
 from drivers.bus.motor_encoder import MotorEncoder
 from drivers.clock import VirtualClock
 from drivers.errors import BusLostError, OtherMasterError
+from drivers.python_can import can
 from tests.drivers.foreign_drive import ForeignDrive
 from tests.drivers.foreign_slave import MS, Slave, Stranger, Traits, Wire
 from tests.drivers.scripted_bus import frame

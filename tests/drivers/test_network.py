@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import cast
 
-import can
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,6 +17,7 @@ from drivers.bus.network import BusConfig, PumpedBus, open_raw_bus
 from drivers.bus.socketcand import read_message
 from drivers.clock import VirtualClock, WallClock
 from drivers.errors import BusLostError, DriverError
+from drivers.python_can import can
 from tests.drivers.scripted_bus import ScriptedBus
 
 MS = 1_000_000

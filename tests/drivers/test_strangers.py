@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import can
 import pytest
 
 from drivers.bus.cia301 import I16, U16, NmtState, ObjectRef
@@ -22,6 +21,7 @@ from drivers.channel import Channel
 from drivers.clock import VirtualClock
 from drivers.judge import CycleJudge
 from drivers.port import Bound, Command, Guard, Mode
+from drivers.python_can import can
 from drivers.samples import CycleFlag
 from tests.drivers.can_bench import Setup, close, setup
 from tests.drivers.scripted_bus import ScriptedBus

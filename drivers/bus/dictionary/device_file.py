@@ -61,7 +61,10 @@ def read_device_file(
 
 def _library_variables(text: str, node_id: int | None) -> dict[tuple[int, int], ODVariable]:
     """The library's variables by (index, sub-index). Raises whatever it raises, `ValueError` for what it is spared."""
-    from canopen import import_od
+    from drivers.python_can import without_log_files
+
+    with without_log_files():
+        from canopen import import_od
 
     logging.getLogger("canopen").addHandler(_QUIET)
     if len(text) > _LONGEST_TEXT or any(int(n, 0) > _LARGEST_COUNT for n in _COUNTS.findall(text)):

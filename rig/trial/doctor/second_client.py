@@ -12,14 +12,16 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
-from canopen.sdo.client import ReadableStream
-from canopen.sdo.client import SdoClient as LibraryClient
-
 from drivers.bus.cia301 import SDO_REQUEST_BASE, SDO_RESPONSE_BASE, object_text
 from drivers.bus.device import RemoteDevice
 from drivers.bus.network import PumpedBus
 from drivers.bus.sdo import SdoAbortError, SdoClient, SdoProtocolError, SdoTimeoutError
+from drivers.python_can import without_log_files
+
+with without_log_files():
+    from canopen import ObjectDictionary, SdoAbortedError, SdoCommunicationError
+    from canopen.sdo.client import ReadableStream
+    from canopen.sdo.client import SdoClient as LibraryClient
 
 TIMED_OUT, TOO_LONG = 0x05040000, 0x05040005
 UPLOAD, ABORTED, NO_MORE_SEGMENTS = 0x40, 0x80, 0x01

@@ -75,7 +75,7 @@ faults and rows:
 | pair | what the two faults leave | now |
 |---|---|---|
 | 34, 303 | *no data for 0.4 s* while a servo off is verified, after lost data or a drive fault | stands, verified: it was the drill that waited 0.6 s only; it waits 1.2 s now, a rig of hardware 3 s |
-| 808 | *SDO time-out*, then *NMT STOPPED*: the drive is heard neither by process data nor by SDO; it stands by 0x6007 | stands, not verified |
+| 808 | *SDO time-out*, then *NMT STOPPED*: the drive is heard neither by process data nor by SDO. Only NMT START would make it heard again; whoever is started follows whatever process data are on the bus, so it is never sent here. The drive stands by 0x6007 | stands, not verified |
 | 418, 538 | the output's count lies twice, first stuck and then running: one observer says that the output turns. A coupling that is torn with the output driven looks the same; an observer is not overruled | stands, not verified |
 | 882 | a drive that obeys nothing, and then nobody can speak to it | turns: the emergency stop |
 

@@ -13,13 +13,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import can
 import canopen
 import pytest
 import serial
 
 from drivers.bus.dictionary.eds import load_eds
 from drivers.bus.network import BusConfig, RawBus, open_raw_bus
+from drivers.python_can import can
 from drivers.readout.nd287 import LINE_LENGTH, STX, parse_line
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor

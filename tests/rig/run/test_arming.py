@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import can
 import pytest
 
 from drivers.bus.network import OPENED_TWICE, BusConfig, open_raw_bus, second_handle_words
 from drivers.clock import VirtualClock
 from drivers.errors import BusLostError
 from drivers.port import Abilities, DriveLimits
+from drivers.python_can import can
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor

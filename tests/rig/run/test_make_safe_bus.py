@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-import can
 import pytest
 
 from drivers.drive_state import POWERED_STATES, DriveState
 from drivers.port import DriveLimits, Guard, Mode
+from drivers.python_can import can
 from drivers.samples import Break
 from experiments.steps.profile import Constant
 from experiments.steps.vocabulary import SegmentLabel

@@ -34,9 +34,9 @@ from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
 HOLD = (Ramp(20.0, 500.0), HoldTime(0.8), Ramp(0.0, 500.0))
 
 
-def run_with(rig: FakeRig, **more: object) -> tuple[ListRun, RunReport]:
+def run_with(rig: FakeRig, block: int = 50, **more: object) -> tuple[ListRun, RunReport]:
     run = ListRun()
-    return run, execute(order_of(planned_of(*HOLD), rig, Path(), 50), lambda *_: run, **more)  # type: ignore[arg-type]
+    return run, execute(order_of(planned_of(*HOLD), rig, Path(), block), lambda *_: run, **more)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("cuts", [1, 7, 5000])
@@ -116,11 +116,26 @@ def test_a_torque_that_hums_beside_one_that_swings_is_seen() -> None:
     assert not disagreements(port, drive, Watch(), 50)
 
 
-def test_a_clock_that_was_there_and_is_lost_trips_but_a_host_clock_does_not() -> None:
+@pytest.mark.parametrize("block", [1, 7])
+def test_a_port_that_stands_is_held_against_all_that_the_drive_did_meanwhile(block: int) -> None:
+    watch = Watch(torque_still_share=0.1, torque_still_time=0.05, torque_settling=0.02)
+    review, state, causes = TorqueReview(watch, 1.0, 1e-3), TorqueState(), list[str]()
+    drive = np.full(100, 0.3)
+    # The drive's torque dips for two cycles: the port did not follow, whatever block the dip was in.
+    drive[10:12] = 0.1
+    for start in range(0, len(drive), block):
+        part = drive[start : start + block]
+        state, found, _ = review.compared(state, np.full(len(part), 0.3), part, start)
+        causes += [trip.cause for trip in found]
+    assert trips.TORQUE_FROZEN in causes
+
+
+@pytest.mark.parametrize("block", [7, 50])
+def test_a_clock_that_was_there_and_is_lost_trips_but_a_host_clock_does_not(block: int) -> None:
     def lose(rig: FakeRig) -> None:
         rig.physics.flags = int(CycleFlag.HOST_TIME)
 
-    _, report = run_with(FakeRig(script={500: lose}))
+    _, report = run_with(FakeRig(script={500: lose}), block=block)
     assert report.trip is not None
     assert report.trip.cause == "time_base"
     always = FakeRig()

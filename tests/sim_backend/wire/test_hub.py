@@ -7,7 +7,6 @@ import socket
 import threading
 from collections.abc import Iterator
 
-import can
 import canopen
 import pytest
 import serial
@@ -16,6 +15,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import WallClock
 from drivers.errors import DriverError
+from drivers.python_can import can
 from drivers.readout.nd287 import Readout as ReadoutDriver
 from drivers.readout.nd287 import ReadoutConfig, open_port
 from sim_backend.imperfections import individual_gear
