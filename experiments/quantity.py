@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from experiments.errors import AnalysisError
-from model.units import LABORATORY_UNITS
+from model.unit_text import scale_in, understood
 
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
@@ -87,12 +87,12 @@ class Quantity:
     subject: str = ""
 
     def __post_init__(self) -> None:
-        if self.shown and LABORATORY_UNITS.get(self.shown, ("",))[0] != self.unit:
+        if self.shown and scale_in(self.shown, self.unit) is None:
             raise AnalysisError(
                 "cannot be shown in this unit",
                 where=self.name,
                 value=repr(self.shown),
-                limit=f"a multiple of {self.unit} among {', '.join(LABORATORY_UNITS)}",
+                limit=f"a multiple of {self.unit}: {', '.join(understood((self.unit,)))}",
             )
 
     def target_for(self, value: float, unit: str) -> float | None:
@@ -111,8 +111,8 @@ class Quantity:
             return f"<= {100.0 * self.target_share:g} % of the value"
         if self.target_uncertainty is None:
             return ""
-        _, factor = LABORATORY_UNITS.get(self.shown, (self.unit, 1.0))
         unit = self.shown or self.unit
+        factor = (self.shown and scale_in(self.shown, self.unit)) or 1.0
         return f"<= {self.target_uncertainty / factor:.3g}" + (f" {unit}" if unit != "1" else "")
 
     @property

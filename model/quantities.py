@@ -22,33 +22,10 @@ from typing import Any, Literal, get_args
 
 from model.errors import ParameterError
 from model.gear import Origin, Provenance, Section, allowed_range, is_unknown
-from model.units import ARCMIN, ARCSEC, DEGREE, RPM
+from model.unit_text import Unit, fitting
 
 LARGEST_FILE = 1_000_000
 """Bytes; a parameter file is a few kilobytes, so anything longer is the wrong file."""
-
-UNITS: dict[str, tuple[str, Fraction | float]] = {
-    "mm": ("m", Fraction(1, 1000)),
-    "um": ("m", Fraction(1, 10**6)),
-    "deg": ("rad", DEGREE),
-    "arcmin": ("rad", ARCMIN),
-    "arcsec": ("rad", ARCSEC),
-    "r/min": ("rad/s", RPM),
-    "MPa": ("Pa", Fraction(10**6)),
-    "GPa": ("Pa", Fraction(10**9)),
-    "kN": ("N", Fraction(1000)),
-    "mm2/s": ("m2/s", Fraction(1, 10**6)),
-    "cSt": ("m2/s", Fraction(1, 10**6)),
-    "mN m": ("N m", Fraction(1, 1000)),
-    "N mm": ("N m", Fraction(1, 1000)),
-    "N m/arcmin": ("N m/rad", 1.0 / ARCMIN),
-    "N m/deg": ("N m/rad", 1.0 / DEGREE),
-    "mN m/(r/min)": ("N m s/rad", 1e-3 / RPM),
-    "kg cm2": ("kg m2", Fraction(1, 10**4)),
-    "g cm2": ("kg m2", Fraction(1, 10**7)),
-    "%": ("1", Fraction(1, 100)),
-}
-"""Units accepted besides SI: the SI unit and the factor to it, exact where it is rational."""
 
 READABLE: dict[str, tuple[str, ...]] = {
     "m": ("mm",),
@@ -70,15 +47,12 @@ def to_si(value: float, unit: str, si_unit: str, where: str) -> float:
     """The value in `si_unit` of a number given in `unit`; a unit of another dimension is refused."""
     if unit == si_unit or (si_unit == "1" and unit == ""):
         return value
-    conversion = UNITS.get(unit)
-    if conversion is None or conversion[0] != si_unit:
-        allowed = ", ".join(
-            [si_unit, *(name for name, (base, _) in UNITS.items() if base == si_unit)]
-        )
-        raise ParameterError(
-            "has a unit of another dimension", where=where, value=f'"{unit}"', limit=allowed
-        )
-    factor = conversion[1]
+    return _in_si(value, fitting(unit, si_unit, where))
+
+
+def _in_si(value: float, unit: Unit) -> float:
+    """A number of this unit in SI, rounded once where the factor is rational."""
+    factor = unit.factor
     return float(Fraction(repr(value)) * factor) if isinstance(factor, Fraction) else value * factor
 
 
@@ -165,6 +139,9 @@ def read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[f
         )
     value = to_si(number(entry["value"], where, limit), given, unit, f"{where}.unit")
     provenance, source = read_origin(entry, where)
+    # Who reads the value later is told that a pound was taken for a force.
+    remark = "" if given == unit or not given else fitting(given, unit).remark
+    source = "; ".join(filter(None, (source, remark)))
     uncertainty = None
     if "standard_uncertainty" in entry:
         path = f"{where}.standard_uncertainty"
@@ -221,7 +198,7 @@ def readable(values: Iterable[float], si_unit: str) -> tuple[list[str], str]:
     best: tuple[list[str], str] = ([repr(v) for v in numbers], si_unit)
     shortest = sum(map(len, best[0])) + (2 if si_unit in PREFERRED else 0)
     for unit in READABLE.get(si_unit, ()):
-        factor = float(UNITS[unit][1])
+        factor = fitting(unit, si_unit).scale
         texts = [_exact_text(v, v / factor, unit, si_unit) for v in numbers]
         exact = [text for text in texts if text is not None]
         length = sum(map(len, exact))
@@ -241,8 +218,7 @@ def _exact_text(value: float, converted: float, unit: str, si_unit: str) -> str 
 
 def text_in(value: float, unit: str, si_unit: str) -> str:
     """The shortest decimal in `unit` that reads back to this SI value; the nearest one where no decimal does."""
-    known = UNITS.get(unit)
-    converted = value / float(known[1]) if known is not None and unit != si_unit else value
+    converted = value if unit == si_unit else value / fitting(unit, si_unit).scale
     return _exact_text(value, converted, unit, si_unit) or repr(converted)
 
 

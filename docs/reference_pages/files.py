@@ -84,12 +84,11 @@ def motor_file() -> Iterable[str]:
 
 def _origins() -> Iterable[str]:
     from model.gear import Provenance
-    from model.quantities import UNITS
 
     yield (
         "\n*provenance* is one of " + ", ".join(typing.get_args(Provenance)) + "; *source* is text."
     )
-    yield "Units besides SI: " + ", ".join(f"`{unit}`" for unit in UNITS) + "."
+    yield "Units besides SI are those of [the channel map](channel-map.md#units), each where it measures the same."
 
 
 def _section(name: str, kind: Any) -> Iterable[str]:

@@ -17,6 +17,7 @@ from importlib import resources
 
 from model.errors import ParameterError
 from model.quantities import to_si
+from model.unit_text import read
 
 RANKS = ("A", "B", "D", "C")
 """Ranks of trust, the best first: maker's page, transcription, derived by a rule, third party."""
@@ -27,7 +28,6 @@ SERIES = ("CSF", "CSG", "SHG", "HFUS", "HFUC")
 """Series whose rated torques are in the table."""
 UNIT_TYPES = ("2UH", "2UH-LW", "2A")
 """Unit with housing, its light version, component set."""
-_SI = {"N m": "N m", "N m/rad": "N m/rad", "r/min": "rad/s", "kg m2": "kg m2", "arcmin": "rad"}
 _PRODUCT = re.compile(r"([A-Z][A-Z0-9]*)-(\d{1,3})-(\d{2,3})(?:-([0-9A-Z][0-9A-Z-]*))?")
 
 
@@ -133,7 +133,7 @@ def rows() -> tuple[Row, ...]:
             r["ratio"],
             r["unit_type"],
             r["quantity"],
-            to_si(float(r["value"]), r["unit"], _SI[r["unit"]], r["quantity"]),
+            to_si(float(r["value"]), r["unit"], read(r["unit"]).si, r["quantity"]),
             r["conditions"],
             r["source"],
         )

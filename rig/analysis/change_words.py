@@ -10,7 +10,8 @@ from collections.abc import Mapping
 
 from experiments import catalogue
 from experiments.parameters import parameter_fields
-from rig.analysis.wording import laboratory_unit, pretty, readable
+from model.units import printed
+from rig.analysis.wording import laboratory_unit, readable
 from rig.gears.card import UNITS, in_words
 
 ACQUISITION: Mapping[str, str] = {
@@ -38,10 +39,10 @@ def words_of(group: str, name: str, *protocols: str) -> tuple[str, str]:
     if group == "parameters":
         units = [_parameter_units(protocol).get(name, "") for protocol in protocols]
         unit = next((one for one in units if one), "")
-        return in_words(name), "" if unit == "1" else pretty(unit)
+        return in_words(name), "" if unit == "1" else printed(unit)
     if group in ("conditions", "gear"):
         unit = UNITS.get(name, "")
-        return in_words(name) if name in UNITS else readable(name), pretty(unit).replace("um", "µm")
+        return in_words(name) if name in UNITS else readable(name), printed(unit)
     if group == "acquisition":
         parts = name.split(".")
         return ", ".join(readable(part).replace("_", " ") for part in parts), ""

@@ -21,7 +21,7 @@ import numpy as np
 from experiments import catalogue
 from experiments.errors import analysing
 from experiments.result import Plot, Series, Table
-from model.units import LABORATORY_UNITS
+from model.unit_text import scale_in
 from rig.analysis.fit import kind_of
 from rig.analysis.fit_run import Choices, evidence_for
 from rig.errors import RigError
@@ -122,7 +122,7 @@ class Validation:
 
     def table(self) -> Table:
         """The ladder as a table: r.m.s. left of fitted and of held-out runs, in the unit of a laboratory."""
-        factor = LABORATORY_UNITS.get(self.shown, ("", 1.0))[1]
+        factor = scale_in(self.shown, self.unit) or 1.0
         rows = tuple(
             (
                 f"{number}  {r.name}",
@@ -146,7 +146,7 @@ class Validation:
 
     def plot(self) -> Plot:
         """What every rung leaves of the fitted and of the held-out runs."""
-        factor = LABORATORY_UNITS.get(self.shown, ("", 1.0))[1]
+        factor = scale_in(self.shown, self.unit) or 1.0
         place = np.arange(1.0, len(self.rungs) + 1.0)
         series = tuple(
             Series(label=label, x=place, y=np.array(values) / factor, style="points", group=group)

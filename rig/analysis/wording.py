@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from experiments.quantity import Quantity
 from model.identify.estimate import Estimate
-from model.units import LABORATORY_UNITS, by_size
+from model.unit_text import scale_in
+from model.units import by_size, printed
 
 STATISTICAL_PART = "statistical part"
 """What people are told the 95 % interval of the data alone is."""
@@ -55,16 +56,11 @@ def laboratory_unit(unit: str, size: float, shown: str = "") -> tuple[float, str
     `shown` is what its quantity declares; where that is nothing, or a unit of something else (a
     channel's own unit, not that of the quantity), its size decides.
     """
-    if shown not in LABORATORY_UNITS or LABORATORY_UNITS[shown][0] != unit:
+    if not shown or scale_in(shown, unit) is None:
         shown = by_size(unit, size)
-    if shown in LABORATORY_UNITS:
-        return LABORATORY_UNITS[shown][1], shown
-    return 1.0, "" if shown == "1" else pretty(shown)
-
-
-def pretty(unit: str) -> str:
-    """Squares and cubes as they are printed: m2/s is m²/s."""
-    return re.sub(r"(?<=[A-Za-z])[23](?=$|[ /])", lambda m: {"2": "²", "3": "³"}[m[0]], unit)
+    if shown == unit:
+        return 1.0, "" if unit == "1" else printed(unit)
+    return scale_in(shown, unit) or 1.0, shown
 
 
 def show(estimate: Estimate, quantity: Quantity) -> Shown:
@@ -212,10 +208,7 @@ def source_text(provenance: str, source: str) -> str:
 
 def heading(text: str) -> str:
     """The heading of a column with its unit as it is printed: housing [degC] is housing [°C]."""
-    return re.sub(r"\[([^\]]+)\]", lambda m: f"[{_PRINTED.get(m[1], pretty(m[1]))}]", text)
-
-
-_PRINTED = {"degC": "°C", "deg": "°"}
+    return re.sub(r"\[([^\]]+)\]", lambda m: f"[{printed(m[1])}]", text)
 
 
 def metric_text(quantity: Quantity, value: float) -> str:

@@ -77,7 +77,7 @@ def new(
     from rig.errors import ConfigurationError
     from rig.gears.card import now_text
     from rig.gears.making import made_gear, write_new_gear
-    from rig.gears.stating import declared, read_stated
+    from rig.gears.stating import declared, read_stated, remark_of
 
     if not by.strip():
         raise ConfigurationError(
@@ -86,6 +86,10 @@ def new(
     part, at = read_product(product), now_text()
     known = declared(SECTIONS)
     stated = read_stated(set_ or [], known)
+    for text in set_ or []:
+        path, _, value = (part.strip() for part in text.partition("="))
+        if not json and (remark := remark_of(path, value, known[path])):
+            echo(remark)
     gear = made_gear(part, stated, by, at)
     if not json and sys.stdin.isatty():
         stated |= asked(_questions(gear, stated), known)
@@ -179,7 +183,7 @@ def asked(
     from model.errors import ParameterError
     from model.quantities import readable
     from rig.analysis.wording import visible
-    from rig.gears.stating import value_of
+    from rig.gears.stating import remark_of, value_of
 
     answers: dict[str, float] = {}
     for value in values:
@@ -194,6 +198,8 @@ def asked(
                 break
             try:
                 answers[value.path] = value_of(value.path, answer, known[value.path])
+                if remark := remark_of(value.path, answer, known[value.path]):
+                    echo(remark)
                 break
             except ParameterError as error:
                 echo(str(error))

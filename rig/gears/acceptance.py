@@ -26,6 +26,7 @@ from experiments import catalogue
 from experiments.quantity import Quantity, quantity_of
 from model import quantities
 from model.errors import ParameterError
+from model.unit_text import read
 from rig.errors import ConfigurationError
 from rig.gears.card import card_for
 
@@ -289,11 +290,13 @@ def _limit(row: object, path: str, table: str, use: str) -> Limit:
             for key in ("upper", "lower")
             if key in row
         }
+        remark = "" if limit.unit in ("", si) else read(limit.unit, (si,)).remark
     except ConfigurationError as error:
         raise _refusal(error, f"{path}: {table}.quantity") from error
     except ParameterError as error:
         raise _refusal(error, f"{path}: {table}.") from error
-    limit = dataclasses.replace(limit, **bounds)
+    source = limit.source if remark in limit.source else f"{limit.source}; {remark}"
+    limit = dataclasses.replace(limit, source=source, **bounds)
     _check_sense(limit, path, table, use)
     return limit
 

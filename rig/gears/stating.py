@@ -10,6 +10,7 @@ from typing import Any
 from model import quantities
 from model.errors import ParameterError
 from model.gear import Section, allowed_range
+from model.unit_text import read, understood
 
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
 
@@ -61,7 +62,13 @@ def value_of(path: str, text: str, meta: Mapping[str, Any]) -> float:
     return quantities.to_si(float(match[1]), match[2], unit, path)
 
 
+def remark_of(path: str, text: str, meta: Mapping[str, Any]) -> str:
+    """What should be known of how a typed unit was read, a pound taken for a force; "" for nothing."""
+    match = _NUMBER.fullmatch(text)
+    unit = match[2] if match else ""
+    return f"{path}: {remark}" if unit and (remark := read(unit, (meta["unit"],)).remark) else ""
+
+
 def units_for(si_unit: str) -> tuple[str, ...]:
     """The units in which a quantity of this SI unit can be typed."""
-    others = (name for name, (base, _) in quantities.UNITS.items() if base == si_unit)
-    return (si_unit, *others)
+    return understood((si_unit,))

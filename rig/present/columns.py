@@ -9,14 +9,15 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from model.unit_text import scale_in
 from rig.analysis.wording import fixed, heading, number
 
 DIGITS = 4
 """Significant digits of the smaller numbers of a column; the largest one has at most one more."""
 SPREAD = 100.0
 """Ratio of the largest number to the smaller ones up to which a column shares its decimals."""
-SMALL_UNITS = {"N m": (1e-3, "mN m")}
-"""Units in which small numbers are read: SI unit, factor, the unit shown."""
+SMALL_UNITS = {"N m": "mN m"}
+"""Units in which a column of small numbers is read, by its SI unit."""
 _UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
 
 
@@ -36,13 +37,12 @@ def column(title: str, cells: Sequence[Any]) -> tuple[str, list[str], bool]:
 
 def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
     match = _UNIT.search(title)
-    factor, unit = SMALL_UNITS.get(match[1], (1.0, "")) if match else (1.0, "")
-    if (
-        not match
-        or not unit
-        or max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0
-    ):
+    unit = SMALL_UNITS.get(match[1]) if match else None
+    if match is None or unit is None:
         return title, values
+    if max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0:
+        return title, values
+    factor = scale_in(unit, match[1]) or 1.0
     return f"{title[: match.start()]}[{unit}]", [value / factor for value in values]
 
 

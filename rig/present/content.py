@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.quantity import Quantity, key_names
 from experiments.result import Result, Verdict
+from model.units import printed
 from rig.analysis.judging import GearVerdict, doubts_of, held_against, whose_limit
 from rig.analysis.wording import (
     STATISTICAL_PART,
@@ -17,7 +18,6 @@ from rig.analysis.wording import (
     metric_text,
     number,
     order_label,
-    pretty,
     printed_symbol,
     readable,
     show,
@@ -387,7 +387,7 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
                 printed_symbol(v.symbol),
                 text,
                 shown_u,
-                "" if unit == "1" else pretty(unit),
+                "" if unit == "1" else printed(unit),
                 v.origin.provenance,
                 v.origin.source,
             )

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
+from model.units import printed
 from rig.analysis.fit import NOT_SEALED
-from rig.analysis.wording import number, pretty, readable
+from rig.analysis.wording import number, readable
 from rig.present.run_words import world_facts
 
 if TYPE_CHECKING:
@@ -104,7 +105,7 @@ def _condition(name: str, text: str) -> tuple[str, str]:
     words = in_words(name) if name in UNITS else readable(name)
     return (
         words.capitalize(),
-        f"{text} {pretty(unit).replace('um', 'µm')}".strip() if text else text,
+        f"{text} {printed(unit)}".strip() if text else text,
     )
 
 
@@ -305,7 +306,7 @@ def parameters_in_words(protocol: str, values: Mapping[str, Any]) -> tuple[tuple
         rows.append(
             (
                 readable(str(name)).removesuffix(" rpm"),
-                f"{text} {pretty(unit)}" if unit not in ("", "1") and text else text,
+                f"{text} {printed(unit)}" if unit not in ("", "1") and text else text,
             )
         )
     return tuple(rows)

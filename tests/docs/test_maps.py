@@ -32,5 +32,5 @@ def test_the_reference_names_every_key_unit_and_label(pages: dict[str, str]) -> 
             assert [key.name for key in keys if f"| `{key.name}` |" not in part] == []
     for label in map_keys.LABELS:
         assert f"| `{label}` |" in page
-    for unit in ("uN", "count", "iso", "filetime"):
+    for unit in ("uN m", "lbf in", "count", "iso", "filetime"):
         assert f"`{unit}`" in page

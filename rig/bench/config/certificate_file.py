@@ -27,13 +27,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from model.angle_certificate import AngleCertificate
 from model.errors import ParameterError
+from model.unit_text import scale_in, understood
 from model.units import ARCSEC, DEGREE, REVOLUTION
 
 FORMAT: Final = "harmonic-rig-certificate-1"
 LARGEST_FILE = 10_000_000
 """Bytes; a certificate has some dozens of points."""
 COLUMNS = ("angle", "error", "expanded uncertainty")
-UNITS = {"rad": 1.0, "deg": DEGREE, "arcsec": ARCSEC, "urad": 1e-6}
 
 
 class Header(BaseModel):
@@ -145,11 +145,13 @@ def _factors(number: int, row: list[str]) -> list[float]:
     for cell, name in zip(row, COLUMNS, strict=True):
         word, _, unit = cell.strip().partition(" [")
         unit = unit.removesuffix("]")
-        if word != name or unit not in UNITS:
+        factor = scale_in(unit, "rad")
+        if word != name or factor is None:
             raise ValueError(
-                f"line {number}: {cell.strip()!r} is not {name} [unit] with a unit of {', '.join(UNITS)}"
+                f"line {number}: {cell.strip()!r} is not {name} [unit] with a unit of "
+                + ", ".join(understood(("rad",)))
             )
-        factors.append(UNITS[unit])
+        factors.append(factor)
     return factors
 
 

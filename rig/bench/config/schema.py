@@ -19,6 +19,7 @@ from pydantic import (
 
 from drivers import channel as names
 from experiments.evidence.tare import AGE_LIMIT
+from model.unit_text import read
 from model.units import RPM
 from rig.bench.config.drives import AnyDrive, ReferenceDrive
 from rig.bench.config.objects import read_object
@@ -157,6 +158,10 @@ class AnalogInput(Instrument):
             raise ValueError(
                 "a channel that is not the torque port needs unit and unit_per_volt, and no volts_per_rated_torque"
             )
+        if self.unit and read(self.unit).zero:
+            raise ValueError(
+                f"a scale per volt has no zero of its own: unit = {self.unit!r}; write degC"
+            )
         return self
 
     def input_settings(self, rated_torque: float) -> dict[str, Any]:
@@ -166,6 +171,9 @@ class AnalogInput(Instrument):
         if volts is not None:
             values |= {"unit": "N m", "unit_per_volt": rated_torque / volts}
             name = "torque monitor"
+        elif self.unit_per_volt is not None:
+            unit = read(self.unit)
+            values |= {"unit": unit.si, "unit_per_volt": self.unit_per_volt * unit.scale}
         return values | {"source": read_object(self.source, name)}
 
 

@@ -14,16 +14,16 @@ import math
 from dataclasses import dataclass
 
 from drivers.channel import Calibration, Channel
-from model.units import REVOLUTION
+from model.unit_text import Unit
+from model.units import COUNT, REVOLUTION
 from rig.errors import ConfigurationError
 from rig.runfile.importing.units import (
-    COUNT,
     TEXT_TIMES,
     TIME_CHANNEL,
     UNCERTAINTY,
-    UNITS,
     dimensions_of,
     unit_of,
+    units_of,
 )
 from rig.runfile.layout import Column
 
@@ -138,49 +138,48 @@ def column_of(
     """
     allowed = dimensions_of(source.name)
     unit = source_unit(source, heading_unit, allowed)
-    if unit in TEXT_TIMES:
+    if unit.symbol in TEXT_TIMES:
         raise ConfigurationError(
-            "is a unit of times only", where=source.name, value=unit, limit=", ".join(UNITS)
+            "is a unit of times only",
+            where=source.name,
+            value=unit.symbol,
+            limit=units_of(*(allowed or ())),
         )
     across = _across(source, allowed, ratio)
-    if unit == COUNT:
+    if unit.symbol == COUNT:
         return _counts_column(source, allowed, across)
-    si_unit, factor = UNITS.get(unit, ("", 1.0))
-    if allowed and si_unit not in allowed:
-        if si_unit not in ("A", "V") or allowed[0] not in ("N m", "N"):
+    if allowed and unit.si not in allowed:
+        if unit.si not in ("A", "V") or allowed[0] not in ("N m", "N"):
             raise ConfigurationError(
                 "has a unit of another dimension",
                 where=source.name,
-                value=unit,
-                limit=", ".join([*(u for u, (si, _) in UNITS.items() if si in allowed), COUNT]),
+                value=unit.symbol,
+                limit=units_of(*allowed),
                 remedy="Correct the unit, or give the channel another name.",
             )
-        return _driven_column(source, allowed[0], si_unit, factor * across, torque_constant)
-    scale = factor * (1.0 if source.scale is None else source.scale) * across
-    offset = source.offset - (273.15 if unit == "K" else 0.0)
-    return _column(source, si_unit, gain=scale, offset=offset)
+        return _driven_column(source, allowed[0], unit.si, unit.scale * across, torque_constant)
+    scale = unit.scale * (1.0 if source.scale is None else source.scale) * across
+    return _column(source, unit.si, gain=scale, offset=source.offset + unit.zero)
 
 
 def source_unit(
     source: ChannelSource, heading_unit: str, allowed: tuple[str, ...] | None = None
-) -> str:
+) -> Unit:
     """The unit of the map, else of the heading; what can only be a plain number needs none.
 
     Raises `ConfigurationError` with the line to add where nobody says it.
     """
     if source.unit or heading_unit:
-        return unit_of(source.unit or heading_unit, source.name)
+        return unit_of(source.unit or heading_unit, source.name, allowed or ())
     if allowed == ("1",):
-        return "1"
-    fitting = [u for u, (si, _) in UNITS.items() if not allowed or si in allowed]
+        return unit_of("1", source.name)
     example = allowed[0] if allowed else "UNIT"
-    if source.name == TIME_CHANNEL:
-        fitting += [COUNT, *TEXT_TIMES]
+    texts = f", {', '.join(TEXT_TIMES)}" if source.name == TIME_CHANNEL else ""
     plain = "" if allowed else '; "1" for a plain number'
     raise ConfigurationError(
         "nobody says its unit",
         where=f"{source.name}, column {source.column}",
-        limit=", ".join([*fitting, *([] if COUNT in fitting else [COUNT])]) + plain,
+        limit=units_of(*(allowed or ())) + texts + plain,
         remedy=f'Add it: --channel "{source.option}:{example}" if it is {example}, or in the map '
         f'[channels.{source.name}] unit = "{example}".',
     )

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from model.units import COUNT
 from rig.errors import ConfigurationError, RigError
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ForeignSegment, ImportOptions
@@ -21,7 +22,7 @@ from rig.runfile.importing.heading import sample_rate
 from rig.runfile.importing.lag import lag_of_speed
 from rig.runfile.importing.proposing import BLOCK_S, propose
 from rig.runfile.importing.reading import Reading
-from rig.runfile.importing.units import COUNT, TIME_CHANNEL
+from rig.runfile.importing.units import TIME_CHANNEL
 from rig.runfile.importing.wraps import wraps
 
 STILL = 0.01

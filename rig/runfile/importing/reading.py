@@ -63,6 +63,7 @@ class Reading:
         self._fastest: dict[str, float] = {}
         self._jumps: dict[str, tuple[int, float]] = {}
         self.notes: list[str] = [note for table in tables for note in table.notes]
+        self.notes += self._wiring.remarks
 
     @property
     def dropped(self) -> int:

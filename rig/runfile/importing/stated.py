@@ -6,10 +6,12 @@ import re
 from collections.abc import Mapping
 from dataclasses import replace
 
+from model.unit_text import understood
+from model.units import COUNT
 from rig.errors import ConfigurationError
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource
-from rig.runfile.importing.units import TIME_CHANNEL, UNITS, unit_of
+from rig.runfile.importing.units import TEXT_TIMES, TIME_CHANNEL, unit_of
 
 Said = Mapping[str, str | float]
 """By channel: a text such as `2ms`, or a number."""
@@ -50,7 +52,7 @@ def _stated(source: ChannelSource, flag: str, value: str | float) -> ChannelSour
                 "is no time",
                 where=f"{flag} {source.name}",
                 value=value,
-                limit=", ".join(name for name, (si, _) in UNITS.items() if si == "s"),
+                limit=", ".join(understood(("s",))),
             )
         return replace(source, lag_s=seconds)
     half_width, unit = _in_si(f"{flag} {source.name}", value, "5arcsec")
@@ -84,9 +86,8 @@ def _in_si(where: str, value: str | float, example: str) -> tuple[float, str]:
             remedy=f"Write it behind the number, for instance {example}.",
         )
     unit = unit_of(text, where)
-    if unit not in UNITS:
+    if unit.symbol in (COUNT, *TEXT_TIMES):
         raise ConfigurationError(
-            "is no unit of such a value", where=where, value=unit, limit=example
+            "is no unit of such a value", where=where, value=unit.symbol, limit=example
         )
-    si_unit, factor = UNITS[unit]
-    return float(number) * factor, si_unit
+    return float(number) * unit.scale, unit.si

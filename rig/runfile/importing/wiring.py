@@ -6,6 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from model.unit_text import understood
+from model.units import COUNT
 from rig.errors import ConfigurationError
 from rig.runfile.importing.adapters.table import Table, column_named, find_column, split_heading
 from rig.runfile.importing.channel_map import ImportOptions
@@ -13,7 +15,13 @@ from rig.runfile.importing.channel_source import ChannelSource, column_of, sourc
 from rig.runfile.importing.clocks import NumberClock, TextClock
 from rig.runfile.importing.segments import Words
 from rig.runfile.importing.streams import FIRST_STAYS, LeftOut, Stream
-from rig.runfile.importing.units import COUNT, FILETIME, TEXT_TIMES, TIME_CHANNEL, UNITS, unit_of
+from rig.runfile.importing.units import (
+    FILETIME,
+    TEXT_TIMES,
+    TIME_CHANNEL,
+    dimensions_of,
+    unit_of,
+)
 from rig.runfile.layout import Column
 
 LABEL_COLUMN = "label"
@@ -37,6 +45,7 @@ class Wiring:
     `places[k]` is the column of channel k among the values of the joined streams; `labels` that of
     the column that labels the rows. `rate` is None where columns of time are there, or no time is.
     `start_ns` is the calendar time [ns since 1970] from which the times count, 0 where nobody says it.
+    `remarks` are what a reader should know of how units were read.
     """
 
     columns: tuple[Column, ...]
@@ -47,6 +56,7 @@ class Wiring:
     words: Words
     rate: float | None
     start_ns: int
+    remarks: tuple[str, ...]
 
 
 def wire(
@@ -72,6 +82,7 @@ def wire(
     columns = tuple(
         column_of(w.source, w.heading_unit, options.torque_constant, options.ratio) for w in wires
     )
+    remarks = tuple(remark for w in wires if (remark := _remark(w)))
     rate = options.rate or _stated_rate(wires, options)
     if options.segments_from is not None and options.segments_from.column:
         wanted = options.segments_from
@@ -91,7 +102,15 @@ def wire(
         words=words,
         rate=rate,
         start_ns=_begin(wires[0].table, wires[0].time),
+        remarks=remarks,
     )
+
+
+def _remark(wire: Wire) -> str:
+    """How the unit of a channel was read, where a reader should know it; "" where it is plain."""
+    source = wire.source
+    remark = source_unit(source, wire.heading_unit, dimensions_of(source.name)).remark
+    return f"{source.name}, column {source.column}: {remark}" if remark else ""
 
 
 def _check_time(
@@ -134,7 +153,7 @@ def _wire(
     options: ImportOptions,
 ) -> Wire:
     table, column = _place(tables, source)
-    heading = _said_by_heading(table, column, options)
+    heading = _said_by_heading(table, column, options, source.name)
     return Wire(
         source=source,
         table=table,
@@ -305,11 +324,11 @@ def _clock(
         return None
     table = wire.table
     said = time or ChannelSource(name=TIME_CHANNEL, column=table.headings[wire.time])
-    heading = _agreed(said, _said_by_heading(table, wire.time, options))
+    heading = _agreed(said, _said_by_heading(table, wire.time, options, TIME_CHANNEL))
     unit = source_unit(said, heading, ("s",))
-    if unit in TEXT_TIMES:
-        return TextClock(unit == FILETIME)
-    if unit == COUNT:
+    if unit.symbol in TEXT_TIMES:
+        return TextClock(unit.symbol == FILETIME)
+    if unit.symbol == COUNT:
         if said.scale is None:
             raise ConfigurationError(
                 "ticks need their length in seconds",
@@ -317,25 +336,32 @@ def _clock(
                 remedy=f"Write {said.option}:count:<seconds per tick>.",
             )
         return NumberClock(said.scale, said.modulus)
-    si_unit, factor = UNITS[unit]
-    if si_unit != "s":
-        allowed = ", ".join(name for name, (si, _) in UNITS.items() if si == "s")
+    if unit.si != "s":
         raise ConfigurationError(
-            "has a unit of another dimension", where=TIME_CHANNEL, value=unit, limit=allowed
+            "has a unit of another dimension",
+            where=TIME_CHANNEL,
+            value=unit.symbol,
+            limit=", ".join(understood(("s",))),
         )
-    return NumberClock(factor * (1.0 if said.scale is None else said.scale), said.modulus)
+    return NumberClock(unit.scale * (1.0 if said.scale is None else said.scale), said.modulus)
 
 
-def _said_by_heading(table: Table, column: int, options: ImportOptions) -> str:
-    """The unit that the file says a column to have, in this program's spelling; "" where it says none."""
+def _said_by_heading(table: Table, column: int, options: ImportOptions, name: str) -> str:
+    """The unit that the file says the column of a channel to have; "" where it says none."""
     if options.ignore_headings:
         return ""
-    return _known_unit(table.units[column] or split_heading(table.headings[column])[1])
+    return _known_unit(table.units[column] or split_heading(table.headings[column])[1], name)
 
 
 def _agreed(source: ChannelSource, heading_unit: str) -> str:
     """The unit of the heading. Raises `ConfigurationError` where the map says another one: one of them is wrong."""
-    if source.unit and heading_unit and unit_of(source.unit, source.name) != heading_unit:
+    if not source.unit or not heading_unit:
+        return heading_unit
+    allowed = dimensions_of(source.name) or ()
+    said, read = (unit_of(text, source.name, allowed) for text in (source.unit, heading_unit))
+    # A factor beside a unit of another dimension makes it of what the heading says: volts of a sensor, its N m.
+    is_made = source.scale is not None and abs(source.scale) != 1.0 and said.si != read.si
+    if not is_made and (said.si, said.scale, said.zero) != (read.si, read.scale, read.zero):
         raise ConfigurationError(
             "is said to be in another unit than its heading says",
             where=f"{source.name}, column {source.column}",
@@ -346,9 +372,14 @@ def _agreed(source: ChannelSource, heading_unit: str) -> str:
     return heading_unit
 
 
-def _known_unit(text: str) -> str:
-    """The unit that a heading names, or "" for words in brackets that are no unit."""
+def _known_unit(text: str, name: str) -> str:
+    """The unit that a heading names for this channel, or "" for words in brackets that are no unit."""
+    allowed = dimensions_of(name) or ()
+    # Speed (in), Speed (out): the sides of a gear, no inch, on what is no length.
+    if not text or (text.lower() == "in" and "m" not in allowed):
+        return ""
     try:
-        return unit_of(text, "") if text else ""
+        unit_of(text, name, allowed)
     except ConfigurationError:
         return ""
+    return text

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLineEdit, QWid
 
 from experiments.errors import ExperimentError, PlanError
 from experiments.parameters import ParameterField
-from rig.analysis.wording import pretty
+from model import units
 from rig.window.prepare.request import heading
 from rig.window.shell.stack import (
     restyled,
@@ -255,7 +255,7 @@ def printed(text: str) -> str:
     text = _POWER.sub(
         lambda m: f"{float(m[1]):,.0f}".replace(",", "\u202f") if float(m[1]) >= 1.0 else m[1], text
     )
-    return pretty(re.sub(r"\bum\b", "µm", text.replace(">=", "≥").replace("<=", "≤")))
+    return units.printed(text.replace(">=", "≥").replace("<=", "≤"))
 
 
 def refusal_text(error: ExperimentError) -> str:

@@ -18,8 +18,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from model.units import RPM
-from rig.analysis.wording import number, pretty
+from model.units import RPM, printed
+from rig.analysis.wording import number
 from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
 from rig.window.plot.plots import LabPlot
@@ -104,7 +104,7 @@ class PreviewPlots(QTabWidget):
 
 def _cells(margin: PredictedMargin) -> tuple[str, ...]:
     factor, unit = (
-        (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, pretty(margin.limit.unit))
+        (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, printed(margin.limit.unit))
     )
     doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
     least = f"{'! ' if margin.touches else ''}{percent(margin.least_margin)}"

@@ -12,8 +12,8 @@ from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, bare_quantity, quantity_of
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
-from model.units import ARCMIN, DEGREE
-from rig.analysis.wording import fixed, metric_text, number, pretty, printable, readable, show
+from model.units import ARCMIN, DEGREE, printed
+from rig.analysis.wording import fixed, metric_text, number, printable, readable, show
 
 
 def estimate(name: str, value: float, unit: str, u: float) -> Estimate:
@@ -118,7 +118,7 @@ def test_a_unit_of_something_else_is_refused_when_it_is_declared() -> None:
 
 
 def test_units_are_printed_with_powers() -> None:
-    assert [pretty(u) for u in ("mm2/s", "kg/m3", "kg m2", "1/s2", "m")] == [
+    assert [printed(u) for u in ("mm2/s", "kg/m3", "kg m2", "1/s2", "m")] == [
         "mm²/s",
         "kg/m³",
         "kg m²",

@@ -124,7 +124,7 @@ def points_with(old: str, new: str) -> bytes:
         (header_with("= 2.0", "= 20.0"), "coverage_factor = 20.0"),
         (HEADER.encode(), "line 9: there is no table of points"),
         (header_with("angle [deg]", "angle"), "line 9: 'angle' is not angle .unit."),
-        (header_with("[arcsec],exp", "[arcmin],exp"), "line 9: 'error .arcmin.' is not error"),
+        (header_with("[arcsec],exp", "[um],exp"), "line 9: 'error .um.' is not error"),
         (header_with("angle [deg],", ""), "line 9: 2 columns; expected"),
         (points_with("10,", "ten,"), "line 11, angle: 'ten' is not a number"),
         (points_with("20,", "nan,"), "line 12, angle: 'nan' is not a number"),

@@ -46,8 +46,8 @@ def opened(made: Imported) -> Recording:
         ("q", "input_angle=q", r"allowed rad, mrad, urad, deg, .*count"),
         ("M [furlong]", "torque=M", r"nobody says its unit"),
         ("x", "something=x", r'"1" for a plain number.*something=x:UNIT'),
-        ("v", "input_speed=v", r"allowed rad/s, mrad/s, urad/s, deg/s, rev/s, r/min, count"),
-        ("u", "torque_uncertainty=u", r"allowed kN m, N m, mN m"),
+        ("v", "input_speed=v", r"allowed rad/s, mrad/s, deg/s, rev/s, r/min, count"),
+        ("u", "torque_uncertainty=u", r"allowed N m, mN m, uN m"),
     ],
 )
 def test_a_unit_that_nobody_says_is_asked_for_with_the_line_to_add(
