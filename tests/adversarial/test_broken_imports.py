@@ -84,7 +84,7 @@ def no_unit_of_the_time(b: Broken) -> None:
 
 
 def a_unit_that_is_none(b: Broken) -> None:
-    b.headings[2] = "M [lbf in]"
+    b.headings[2] = "M [ticks of oil]"
 
 
 def another_unit_than_the_heading(b: Broken) -> None:

@@ -357,12 +357,11 @@ def _agreed(source: ChannelSource, heading_unit: str) -> str:
     """The unit of the heading. Raises `ConfigurationError` where the map says another one: one of them is wrong."""
     if not source.unit or not heading_unit:
         return heading_unit
-    if source.scale is not None and abs(source.scale) != 1.0:
-        # Who gives a factor beside a unit has converted by hand what the heading says.
-        return heading_unit
     allowed = dimensions_of(source.name) or ()
     said, read = (unit_of(text, source.name, allowed) for text in (source.unit, heading_unit))
-    if (said.si, said.scale, said.zero) != (read.si, read.scale, read.zero):
+    # A factor beside a unit of another dimension makes it of what the heading says: volts of a sensor, its N m.
+    is_made = source.scale is not None and abs(source.scale) != 1.0 and said.si != read.si
+    if not is_made and (said.si, said.scale, said.zero) != (read.si, read.scale, read.zero):
         raise ConfigurationError(
             "is said to be in another unit than its heading says",
             where=f"{source.name}, column {source.column}",
