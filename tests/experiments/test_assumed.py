@@ -6,7 +6,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from experiments.torque.motor_heat import motor_heat
 
 from experiments.assumed import (
     CURRENT,
@@ -24,6 +23,7 @@ from experiments.evidence.conclusion import judged
 from experiments.protocols.kinematic_error import protocol as kinematic_error
 from experiments.quantity import Quantity
 from experiments.recording import Recording
+from experiments.tares.motor_heat import motor_heat
 from experiments.torque.zero import torque_zero
 from model.channel import Calibration
 from model.gear import HarmonicDrive, Origin
