@@ -15,15 +15,14 @@ from experiments.evidence.holds import Recorded
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.tares import tare_witness as witness
+from experiments.tares.same_rig import AGE_LIMIT, WARMER, at_the_start, rig_of_both
 from experiments.tares.tare import TareDoubt, tare_of, with_doubts
 from model.identify.running_torque import Tare
 
-AGE_LIMIT = 7.0
-"""Days after which a tare is widened; the setting `tare_age_limit`."""
 AGED = 0.05
 """Relative standard uncertainty of an old tare: bearings and seal of a motor run in, and out."""
-WARMER, MUCH_WARMER = 5.0, 15.0
-"""K between tare and run: beyond the first the tare is widened, beyond the second refused."""
+MUCH_WARMER = 15.0
+"""K between tare and run: beyond `WARMER` the tare is widened, beyond this it is refused."""
 PER_KELVIN = 0.01
 """Relative change of a motor's friction per kelvin, of grease and seal."""
 LEAST_BESIDE = 0.02
@@ -37,7 +36,7 @@ def origin(recorded: Recorded) -> Finding:
     there = recorded.evidence.tare_recording
     if there is None:
         return not_checked("the run of the tare is not at hand")
-    pairs = _rig_of_both(recorded.recording, there)
+    pairs = rig_of_both(recorded.recording, there)
     other = [(what, a, b) for what, a, b in pairs if a and b and a != b]
     if other:
         what, mine, its = other[0]
@@ -47,59 +46,6 @@ def origin(recorded: Recorded) -> Finding:
     if unknown:
         return not_checked(f"{', '.join(unknown)} of tare or run is not written down")
     return Finding("ok", "same motor, bench and calibration", "the same")
-
-
-def _rig_of_both(here: Recording, there: Recording) -> list[tuple[str, str, str]]:
-    """What must be the same of a run and its tare: what it is, the run's, the tare's; "" where it is not known."""
-    pairs = [(name, _named(here, name), _named(there, name)) for name in ("motor", "bench")]
-    return [*pairs, ("torque channel", _torque_identity(here), _torque_identity(there))]
-
-
-def refusal_of(run: Recording, tare: Recording) -> str:
-    """Why a tare is not looked for further: of another rig, or more than `WARMER` apart; "" where nothing says so.
-
-    Whoever chooses a tare asks for a housing as warm as in the run; one that is chosen by hand is
-    widened by the room instead (`temperature`), and refused only beyond `MUCH_WARMER`. What neither
-    of the two says, such as a temperature that was not recorded, speaks against nobody.
-    """
-    other = other_rig(run, tare)
-    if other:
-        return other
-    place, apart = kelvin_apart(run, tare)
-    if apart > WARMER:
-        return f"{place} {apart:.1f} K apart, limit {WARMER:g} K"
-    return ""
-
-
-def other_rig(run: Recording, tare: Recording) -> str:
-    """What of motor, bench and torque channel is another one in a tare than in a run; "" where nothing is."""
-    for what, mine, its in _rig_of_both(run, tare):
-        if mine and its and mine != its:
-            return f"{what} {its}, this run's is {mine}"
-    return ""
-
-
-def kelvin_apart(run: Recording, tare: Recording) -> tuple[str, float]:
-    """How far apart run and tare are [K] and where that was measured: the housing where both recorded it, else the
-    room; NaN and "" where both have neither.
-    """
-    for place, channel in (("housing", "housing_temperature"), ("room", "ambient_temperature")):
-        if run.has(channel) and tare.has(channel):
-            return place, abs(_at_the_start(run, channel) - _at_the_start(tare, channel))
-    return "", math.nan
-
-
-def _named(recording: Recording, what: str) -> str:
-    return str(recording.metadata.process.get(what, ""))
-
-
-def _torque_identity(recording: Recording) -> str:
-    """Device, scale and certificate of the torque channel in words."""
-    channel = recording.signals.get("torque")
-    if channel is None:
-        return ""
-    device = f"{channel.model} {channel.serial_number}".strip()
-    return f"{device}, {channel.gain:.9g} per count, {channel.calibration.certificate}"
 
 
 def age(recorded: Recorded) -> Finding:
@@ -162,13 +108,8 @@ def _room(recording: Recording) -> float:
     """Mean temperature of the room, else of the housing, over the first rows [degC]; NaN where none was recorded."""
     for name in ("ambient_temperature", "housing_temperature"):
         if recording.has(name):
-            return _at_the_start(recording, name)
+            return at_the_start(recording, name)
     return math.nan
-
-
-def _at_the_start(recording: Recording, channel: str) -> float:
-    """Mean of a temperature over the first rows [degC]."""
-    return float(recording.si(channel, slice(0, 4096)).mean())
 
 
 def size(recorded: Recorded) -> Finding:

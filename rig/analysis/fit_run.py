@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from experiments.errors import AnalysisError
-from experiments.evidence.tare import AGE_LIMIT
+from experiments.tares.same_rig import AGE_LIMIT
 from model.gear_file import shipped_gear
 from rig.analysis.adopt import adopt
 from rig.analysis.fit import (

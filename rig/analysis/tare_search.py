@@ -16,7 +16,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.evidence import tare as checks
+from experiments.tares import same_rig
 from model.errors import WordedError
 from rig.analysis.tare import tare_kind
 from rig.errors import ChangedRunError
@@ -54,7 +54,7 @@ class _Candidate:
 
 
 def find_tare(
-    run: Recording, library: LibraryIndex, *, tare_days: float = checks.AGE_LIMIT
+    run: Recording, library: LibraryIndex, *, tare_days: float = same_rig.AGE_LIMIT
 ) -> FoundTare:
     """The tare that belongs to a run, among the runs of a folder.
 
@@ -105,7 +105,7 @@ def _is_of_another_rig(run: Recording, path: Path) -> bool:
     except WordedError:
         return True
     try:
-        return tare.metadata.gear_mounted or bool(checks.other_rig(run, tare))
+        return tare.metadata.gear_mounted or bool(same_rig.other_rig(run, tare))
     finally:
         close_recording(tare)
 
@@ -123,7 +123,7 @@ def tare_days_of(folder: Path) -> float:
             rig = load_configuration(path).rig
             if (path.parent / rig.output).resolve() == folder.resolve():
                 return rig.tare_days
-    return checks.AGE_LIMIT
+    return same_rig.AGE_LIMIT
 
 
 def _candidates(run: Recording, listed: Iterable[IndexedRun]) -> list[_Candidate]:
@@ -186,9 +186,9 @@ def _rests_on_another_rig(run: Recording, path: Path) -> tuple[str, str]:
     try:
         if tare.metadata.gear_mounted:
             return "was taken with a gear mounted", ""
-        place, apart = checks.kelvin_apart(run, tare)
+        place, apart = same_rig.kelvin_apart(run, tare)
         warmth = f"{place} {apart:.1f} K apart" if place else "temperature not recorded"
-        return checks.refusal_of(run, tare), warmth
+        return same_rig.refusal_of(run, tare), warmth
     finally:
         close_recording(tare)
 

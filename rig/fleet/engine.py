@@ -203,7 +203,9 @@ def _work_on(
                 coming.add(future)
             future = next(coming)
             batch = underway.pop(future)
-            if future.status == "finished":
+            # Waits where a worker died with its result: the result is made again.
+            failure = future.exception()
+            if failure is None:
                 outcome = future.result()
                 batches.learn(batch, outcome.seconds)
             elif len(batch) > 1:
@@ -211,7 +213,7 @@ def _work_on(
                 continue
             else:
                 outcome = errand.lost(
-                    batch[0], f"no worker survived it: {without_traceback(str(future.exception()))}"
+                    batch[0], f"no worker survived it: {without_traceback(str(failure))}"
                 )
             yield batch, outcome
     finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +59,10 @@ class Broken:
         return "\n".join([",".join(self.headings), *self.lines]) + "\n"
 
 
-def bring(folder: Path, broken: Broken) -> Recording:
+def bring(
+    folder: Path, broken: Broken, stated: dict[str, dict[str, Any]] | None = None
+) -> Recording:
+    """The recording, with what is `stated` of a channel beside its column."""
     paths = [folder / "broken.csv"]
     content = broken.text().encode()
     paths[0].write_bytes(gzip.compress(content)[:-40] if broken.packed else content)
@@ -67,6 +71,8 @@ def bring(folder: Path, broken: Broken) -> Recording:
         paths[-1].write_text(text)
     channels = tuple(parse_channel(text) for text in broken.channels)
     options = ImportOptions(**{"channels": channels, **broken.options})
+    said = [replace(c, **(stated or {}).get(c.name, {})) for c in options.channels]
+    options = replace(options, channels=tuple(said))
     tables = open_tables("csv", paths, options.form)
     return open_run(import_tables(tables, options, lambda: folder / "00001-import-x.h5").path)
 
@@ -329,7 +335,8 @@ def test_what_is_mended_as_asked_for_gives_no_wrong_number(
 ) -> None:
     broken = Broken()
     act(broken)
-    recording = bring(tmp_path, broken)
+    # A scale that nobody states is assumed, and nothing that rests on it is "yes".
+    recording = bring(tmp_path, broken, stated={"torque": {"scale_uncertainty": 0.001}})
     result = catalogue.load("motion").analyse(recording, Evidence(shipped_gear()))
     said = {name: result.estimates[name] for name in TRUTH}
     assert any(estimate.identifiable == "yes" for estimate in said.values())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -61,13 +62,16 @@ def _write(file: h5py.File, name: str, text: str) -> None:
     field[()] = text
 
 
-def renew(run: Path) -> None:
-    """Let a run be another one: its gear gets another serial number, and it is sealed anew."""
+def renew(run: Path, motor: str = "") -> None:
+    """Let a run be another one: its gear gets another serial number, its motor this name, and it is sealed anew."""
     assert run_number(run.name)
     for path in (run, hash_path(run)):
         path.chmod(0o600)
     with h5py.File(run, "r+") as file:
         _write(file, "sample/serial_number", "G-RENEW")
+        if motor:
+            details = json.loads(file["entry/process/details"][()])
+            _write(file, "process/details", json.dumps(details | {"motor": motor}))
     hash_path(run).write_text(f"{file_sha256(run)}  {run.name}\n", encoding="ascii")
     protect(run)
 

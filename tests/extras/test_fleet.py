@@ -173,16 +173,20 @@ def test_what_is_done_is_not_done_again_and_what_is_stale_is(
     rows = by_quantity(DataSet(results).table(), home.name)
     assert {row["gear"] for row in rows.values()} == {"G-RENEW"}
 
-    # Another tare in the folder, which is none for this run: it is looked at, and nothing is fitted.
+    # Another tare in the folder, of another motor: it is looked at, and nothing is fitted.
     tare = next(production.rglob("*-motor_tare-*.h5"))
-    renew(tare_copy := _as_number(tare, 90))
+    renew(other := _as_number(tare, 90), motor="another motor")
     moments: list[Progress] = []
     report = fleet(production, results, moments.append, names=chosen)
     assert (report.fitted, report.reused, len(moments)) == (0, 2, 2)
     assert fleet(production, results, moments.append, names=chosen).reused == 2
     assert len(moments) == 3, "that it was looked at is remembered"
 
-    for path in (tare, tare_copy):
+    # One of this motor bears witness of the tare that is subtracted.
+    renew(witness := _as_number(tare, 91))
+    assert fleet(production, results, names=chosen).fitted == 1
+
+    for path in (tare, other, witness):
         path.unlink()
     report = fleet(production, results, names=chosen)
     assert (report.fitted, report.reused) == (1, 1)

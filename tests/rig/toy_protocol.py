@@ -18,7 +18,7 @@ from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, ramp, stop
-from experiments.quantity import Quantity
+from experiments.quantity import ANGLES_IN_ITS_BUDGET, Quantity
 from experiments.recording import Recording
 from experiments.result import Plot, Result, Series
 from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Step
@@ -40,9 +40,23 @@ QUANTITIES = (
         conditions=("part", "pace"),
         is_key=True,
         is_watched=True,
+        rests_on=ANGLES_IN_ITS_BUDGET,
     ),
-    Quantity(name="static", title="static wind-up", unit="rad", shown="arcmin"),
-    Quantity(name="twist_{way}", title="twist {way}", unit="rad", shown="°", is_circular=True),
+    Quantity(
+        name="static",
+        title="static wind-up",
+        unit="rad",
+        shown="arcmin",
+        rests_on=ANGLES_IN_ITS_BUDGET,
+    ),
+    Quantity(
+        name="twist_{way}",
+        title="twist {way}",
+        unit="rad",
+        shown="°",
+        is_circular=True,
+        rests_on=ANGLES_IN_ITS_BUDGET,
+    ),
     Quantity(name="dwell_rate", title="rate of dwelling", unit="rad/s", shown="r/min"),
 )
 

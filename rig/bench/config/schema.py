@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from drivers import channel as names
-from experiments.evidence.tare import AGE_LIMIT
+from experiments.tares.same_rig import AGE_LIMIT
 from model.unit_text import read
 from model.units import RPM
 from rig.bench.config.drives import AnyDrive, ReferenceDrive

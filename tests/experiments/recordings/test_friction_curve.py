@@ -21,8 +21,8 @@ ROW = {"coulomb": 1.0, "viscous": 0.01}
 """Coulomb [N m] and viscous friction [N m s/rad] of every table here."""
 
 
-STATED = Calibration(scale_relative_uncertainty=1e-4)
-"""A scale that somebody looked at; what nobody states is assumed."""
+STATED = Calibration(scale_relative_uncertainty=1e-4, offset_uncertainty=1e-3)
+"""A scale and a zero that somebody looked at; what nobody states is assumed."""
 
 
 def table(speed: np.ndarray, effort: np.ndarray, **others: tuple[np.ndarray, str]) -> Recording:

@@ -14,6 +14,7 @@ from drivers.drive_state import DriveState
 from drivers.errors import DriverError
 from drivers.port import STALE_DATA, Bound, Command, Guard, GuardWatch, Mode
 from drivers.samples import CycleFlag, SampleBlock
+from experiments.assumed import half_width_of
 from experiments.steps.vocabulary import HoldRevolutions, HoldTime, Ramp, SegmentLabel, Step
 from rig.bench import limits as lim
 from rig.bench.limits import Limit
@@ -284,7 +285,11 @@ def test_torsion_leaves_room_for_what_is_not_torque() -> None:
     supervisor = _supervisor(rig)
     supervisor.begin(np.zeros(len(rig.channels), dtype=np.int64))
     bound = next(b for b in supervisor.guard(_turn()).bounds if b.cause == trips.TORSION_TORQUE)
+    outer, inner = (half_width_of(c) for c in (rig.channels[1], rig.channels[0]))
+    assert inner > 0.0  # Nobody said how good these encoders are, and that is not "without error".
+    assert outer > 0.0
     free = 57000.0 * (3.0e-4 + 2.0 * math.pi / 72000 + 2.0 * math.pi / 32768 / 120.0)
+    free += 57000.0 * (2.0 * outer + 2.0 * inner / 120.0)
     assert bound.high == pytest.approx(0.95 * 167.0 - free, rel=1e-6)
     assert bound.low == -bound.high
     counts = np.zeros((1, len(rig.channels)), dtype=np.int64)
