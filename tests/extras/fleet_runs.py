@@ -63,7 +63,9 @@ def _write(file: h5py.File, name: str, text: str) -> None:
 
 
 def renew(run: Path, motor: str = "") -> None:
-    """Let a run be another one: its gear gets another serial number, its motor this name, and it is sealed anew."""
+    """Let a run be another one: its gear gets another serial number, its motor this name (as long as the old
+    one: the field keeps its length), and it is sealed anew.
+    """
     assert run_number(run.name)
     for path in (run, hash_path(run)):
         path.chmod(0o600)

@@ -175,7 +175,7 @@ def test_what_is_done_is_not_done_again_and_what_is_stale_is(
 
     # Another tare in the folder, of another motor: it is looked at, and nothing is fitted.
     tare = next(production.rglob("*-motor_tare-*.h5"))
-    renew(other := _as_number(tare, 90), motor="another motor")
+    renew(other := _as_number(tare, 90), motor="SGMJV-99")
     moments: list[Progress] = []
     report = fleet(production, results, moments.append, names=chosen)
     assert (report.fitted, report.reused, len(moments)) == (0, 2, 2)
