@@ -7,7 +7,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from experiments.assumed import CURRENT, TIME_BASE, TORQUE_SCALE, TORQUE_ZERO, Assumed
+from experiments.assumed import (
+    CURRENT,
+    THERMOMETER,
+    TIME_BASE,
+    TORQUE_SCALE,
+    TORQUE_ZERO,
+    Assumed,
+)
 from experiments.recording import Recording
 from experiments.result import Table
 from model.identify.estimate import BudgetLine, Cause, Estimate
@@ -52,6 +59,16 @@ def zero_uncertainty(recording: Recording, channel: str = "torque") -> tuple[flo
         default=0.0,
     )
     return TORQUE_ZERO.standard_uncertainty * largest, TORQUE_ZERO
+
+
+def thermometer_uncertainty(
+    recording: Recording, channel: str = "housing_temperature"
+) -> tuple[float, Assumed | None]:
+    """Standard uncertainty of a temperature that was recorded [K], and what is assumed where nobody states it."""
+    stated = recording.signals[channel].calibration.offset_uncertainty
+    if stated is not None:
+        return stated, None
+    return THERMOMETER.standard_uncertainty, THERMOMETER
 
 
 def time_exponent(unit: str) -> int:
