@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.budget import torque_scale_uncertainty, zero_uncertainty
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
 
+StoredArray = NDArray[Any]
 PLATEAU_SHARE = 0.01
 """Share of the rows at the very extreme from which on it may be a plateau."""
 PLATEAU_EDGE = 3.0
@@ -58,6 +61,10 @@ def plateau(recorded: Recorded) -> Finding:
         return not_checked("there are no segments that count")
     values = np.concatenate([recording.stored(recorded.torque, rows) for rows in parts])
     levels, counts = np.unique(values, return_counts=True)
+    if len(levels) < LEAST_LEVELS and _stands_at_its_ends(recorded, values, levels):
+        found = f"{len(levels)} values only, most of them the outermost"
+        words = "the torque is clipped: it stands at its extreme value and never goes beyond"
+        return Finding("refused", found, f">= {LEAST_LEVELS} values, as between the holds", words)
     if len(levels) < LEAST_LEVELS:
         return not_checked(f"the torque channel has {len(levels)} levels only")
     ends = ((counts[0], counts[1]), (counts[-1], counts[-2]))
@@ -70,6 +77,20 @@ def plateau(recorded: Recorded) -> Finding:
         f"<= {100.0 * PLATEAU_SHARE:g} %",
         "the torque is clipped: it stands at its extreme value and never goes beyond",
     )
+
+
+def _stands_at_its_ends(recorded: Recorded, values: StoredArray, levels: StoredArray) -> bool:
+    """Whether nearly all readings of the holds are the outermost of them, though the channel has many values."""
+    outermost = np.isin(values, levels[[0, -1]])
+    if not np.mean(outermost) > 0.5:
+        return False
+    recording = recorded.recording
+    between: set[float] = set()
+    for rows in recording.blocks():
+        between.update(np.unique(recording.stored(recorded.torque, rows)).tolist())
+        if len(between) >= 2 * LEAST_LEVELS:
+            return True
+    return False
 
 
 def sign(recorded: Recorded) -> Finding:
