@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.budget import torque_scale_uncertainty, zero_uncertainty
+from experiments.budget import (
+    PAIR,
+    is_one_instrument,
+    torque_scale_uncertainty,
+    zero_uncertainty,
+)
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
 
@@ -146,7 +152,10 @@ def _peak_torque(recorded: Recorded) -> float:
 
 
 def port_against_drive(recorded: Recorded) -> Finding:
-    """The torque port over the torque that the drive reports, hold by hold."""
+    """The torque port over the torque that the drive reports, hold by hold.
+
+    What they share is not looked at by this: of one sensor they are one instrument, and called so.
+    """
     pairs = [(h.drive_torque, h.torque) for h in recorded.holds]
     known = np.array([pair for pair in pairs if all(map(math.isfinite, pair))]).reshape(-1, 2)
     if recorded.torque != "torque" or len(known) < 2 or np.ptp(known[:, 0]) < DRIVE_SPAN:
@@ -159,12 +168,23 @@ def port_against_drive(recorded: Recorded) -> Finding:
     ]
     apart = SLOPE_SPREAD * math.hypot(*scales) + SLOPE_REST
     allowed = DRIVE_RESIDUAL + DRIVE_RESIDUAL_SHARE * float(np.abs(known[:, 1]).max())
-    return refused_beyond(
+    finding = refused_beyond(
         abs(slope - 1.0) > apart or residual > allowed,
         f"{slope:.4g} N m at the port per N m of the drive, {1e3 * residual:.2g} mN m beside that line",
         f"1 ± {apart:.2g}, {1e3 * allowed:.2g} mN m",
         "the torque port and the torque that the drive reports are not the same torque",
     )
+    return replace(finding, words=_instruments(recorded)) if finding.outcome == "ok" else finding
+
+
+def _instruments(recorded: Recorded) -> str:
+    """Whether port and drive are one instrument, and what their agreement is worth."""
+    recording = recorded.recording
+    port, drive = (recording.signals[name].calibration.sensor for name in PAIR)
+    if not is_one_instrument(recording):
+        return f"Two instruments: the port by {port}, the drive by {drive}."
+    by = f"both by {port}" if port and drive else "nobody says by which sensor each is"
+    return f"One instrument ({by}): that port and drive agree says nothing of the scale that they share."
 
 
 def zero(recorded: Recorded) -> Finding:

@@ -165,6 +165,19 @@ def coarse_in_both(honest: Honest) -> Honest:
     return _in_both(honest, lambda torque: np.rint(torque / 0.02) * 0.02)
 
 
+def with_a_torque_cell(honest: Honest, sensor: str = "torque cell 7") -> Honest:
+    """The port is that of a sensor of its own; "" is one that nobody named."""
+    port = honest.recording.signals["torque"]
+    calibration = dataclasses.replace(port.calibration, sensor=sensor)
+    signals = {
+        **honest.recording.signals,
+        "torque": dataclasses.replace(port, calibration=calibration),
+    }
+    return dataclasses.replace(
+        honest, recording=dataclasses.replace(honest.recording, signals=signals)
+    )
+
+
 def stray_rows_of_the_input(honest: Honest) -> Honest:
     """Thousands of counts beside the angle in a thousandth of the rows, one row each."""
     random = np.random.default_rng(23)

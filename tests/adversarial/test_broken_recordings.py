@@ -171,6 +171,27 @@ def test_what_is_widened_is_wider_and_not_wrong(
             assert apart <= estimate.expanded_uncertainty, name
 
 
+def test_port_and_drive_of_one_sensor_are_called_one_instrument(
+    honest: Callable[[str], Honest], result: Callable[[str], Result]
+) -> None:
+    def said(of: Result) -> tuple[str, str]:
+        (check,) = [c for c in of.checks if c.name == "torque port against drive"]
+        (line,) = [b for b in of.estimates["coulomb"].budget if b.source == "torque scale"]
+        assert check.outcome == "ok"
+        return check.words, line.note
+
+    words, note = said(result("friction"))
+    assert words.startswith("One instrument (both by motor current")
+    assert "the same instrument" in note
+    other = acts.with_a_torque_cell(honest("friction"))
+    words, note = said(catalogue.load("friction").analyse(other.recording, other.evidence))
+    assert words.startswith("Two instruments: the port by torque cell 7")
+    assert "the same instrument" not in note
+    unsaid = acts.with_a_torque_cell(honest("friction"), "")
+    words, _ = said(catalogue.load("friction").analyse(unsaid.recording, unsaid.evidence))
+    assert "nobody says by which sensor" in words
+
+
 def test_stray_rows_of_an_encoder_do_not_end_a_ramp(
     honest: Callable[[str], Honest], result: Callable[[str], Result]
 ) -> None:

@@ -26,7 +26,7 @@ import numpy as np
 
 from experiments.assumed import TEMPERATURE as UNKNOWN_TEMPERATURE
 from experiments.assumed import Assumed
-from experiments.budget import STATED, thermometer_uncertainty, torque_scale_uncertainty
+from experiments.budget import stated_note, thermometer_uncertainty, torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, time_base_remark
@@ -457,7 +457,7 @@ def _never_seen(
             effect=relative * gear_torque,
             cause=Cause.TORQUE_SCALE,
             is_fitted=False,
-            **_said(assumed, STATED),
+            **_said(assumed, stated_note(recording, measured.channel)),
         ),
         CommonError(
             source=ZERO,
