@@ -183,6 +183,12 @@ def at_20_degrees(one: Estimate, known: Conditions) -> Estimate:
     )
     by_coefficient = one.value * (1.0 / law.dry_factor({DRY: 1.0}) - factor)
     by_thermometer = one.value * (1.0 / law.dry_factor({THERMOMETRY: 1.0}) - factor)
+    # As of friction: what brings a number to 20 degC is in its interval too.
+    half = math.hypot(
+        0.5 * factor * (one.high - one.low),
+        NORMAL_COVERAGE_FACTOR * math.hypot(by_coefficient, by_thermometer),
+    )
+    value = factor * one.value
     coefficient = BudgetLine(
         DRY, "B", abs(by_coefficient), law.dry.source, distribution=law.dry.distribution
     )
@@ -192,9 +198,9 @@ def at_20_degrees(one: Estimate, known: Conditions) -> Estimate:
     return replace(
         one,
         name=AT_REFERENCE,
-        value=factor * one.value,
-        low=factor * one.low,
-        high=factor * one.high,
+        value=value,
+        low=value - half,
+        high=value + half,
         note=f"motor + gear; temperature coefficient {law.dry.source}",
         budget=(*lines, coefficient, thermometer),
     )
