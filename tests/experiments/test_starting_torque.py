@@ -14,6 +14,9 @@ from experiments import catalogue
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence.conclusion import judged
+from experiments.evidence.dead_band import dead_band
+from experiments.evidence.finding import Finding
+from experiments.evidence.holds import Recorded
 from experiments.protocols.starting_torque import protocol
 from experiments.protocols.starting_torque.plan import Parameters, plan
 from experiments.recording import ArraySource, Recording, Segment
@@ -209,3 +212,22 @@ def test_a_torque_that_reaches_zero_was_not_measured() -> None:
         found = judged(quantity, reaching)
         assert (found.identifiable, "must be above zero" in found.note) == ("no", True)
     assert sum(q.is_above_zero for q in quantities) == 3
+
+
+def test_a_ramp_begins_at_no_torque(ramps: Recording, gear: HarmonicDrive) -> None:
+    experiment = catalogue.load("starting-torque")
+
+    def found(milli: float) -> Finding:
+        def less(values: Counts, segment: Segment) -> None:
+            counts = round(1e-3 * milli / ramps.signals["torque"].scale)
+            values[segment.start : segment.stop] -= segment.direction * counts
+
+        recording = changed(ramps, less, "torque")
+        return dead_band(Recorded(recording, experiment, Evidence(gear)))
+
+    assert found(0.0).outcome == "ok"
+    assert found(1.5).outcome == "ok"
+    for milli in (5.0, -5.0):
+        refused = found(milli)
+        assert refused.outcome == "refused"
+        assert float(refused.found.split()[0]) == pytest.approx(-milli, abs=0.5)
