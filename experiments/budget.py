@@ -7,7 +7,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from experiments.assumed import CURRENT, TIME_BASE, TORQUE_SCALE, TORQUE_ZERO, Assumed
+from experiments.assumed import (
+    CURRENT,
+    THERMOMETER,
+    TIME_BASE,
+    TORQUE_SCALE,
+    TORQUE_ZERO,
+    Assumed,
+)
 from experiments.recording import Recording
 from experiments.result import Table
 from model.identify.estimate import BudgetLine, Cause, Estimate
@@ -15,6 +22,10 @@ from model.identify.estimate import BudgetLine, Cause, Estimate
 _SECONDS = re.compile(r"(?<![A-Za-z])s(\d*)(?![A-Za-z0-9])")
 SCALE = "torque scale"
 STATED = "calibration of the channel"
+PAIR = ("torque", "drive_torque")
+"""Torque port, and the torque that the drive reports."""
+ONE_INSTRUMENT = "the drive's torque is the same instrument"
+"""Of the scale of two channels that are no witness of each other."""
 TORQUES = ("N m", "N")
 """Units of channels that are a torque or a force, and not what drives one."""
 
@@ -31,12 +42,29 @@ def torque_scale_uncertainty(
     return row.standard_uncertainty, row
 
 
+def is_one_instrument(recording: Recording) -> bool:
+    """Whether torque port and drive share sensor and constant: unless both name another one, since a drive's port and
+    its own word commonly show one current. Then they are wrong together, and neither bears witness of the other.
+    """
+    if not recording.has(*PAIR):
+        return False
+    port, drive = (recording.signals[name].calibration.sensor for name in PAIR)
+    return not (port and drive and port != drive)
+
+
+def stated_note(recording: Recording, channel: str = "torque") -> str:
+    """What the line of a scale that somebody stated says of itself."""
+    shared = channel in PAIR and is_one_instrument(recording)
+    return f"{STATED}; {ONE_INSTRUMENT}" if shared else STATED
+
+
 def scale_line(recording: Recording, torque: float, channel: str = "torque") -> BudgetLine:
     """The torque scale as a line of the budget of a torque [N m], or of anything proportional to one."""
     relative, assumed = torque_scale_uncertainty(recording, channel)
     if assumed is not None:
         return assumed.line(SCALE, relative * torque, Cause.TORQUE_SCALE)
-    return BudgetLine(SCALE, "B", relative * abs(torque), STATED, Cause.TORQUE_SCALE)
+    note = stated_note(recording, channel)
+    return BudgetLine(SCALE, "B", relative * abs(torque), note, Cause.TORQUE_SCALE)
 
 
 def zero_uncertainty(recording: Recording, channel: str = "torque") -> tuple[float, Assumed | None]:
@@ -52,6 +80,16 @@ def zero_uncertainty(recording: Recording, channel: str = "torque") -> tuple[flo
         default=0.0,
     )
     return TORQUE_ZERO.standard_uncertainty * largest, TORQUE_ZERO
+
+
+def thermometer_uncertainty(
+    recording: Recording, channel: str = "housing_temperature"
+) -> tuple[float, Assumed | None]:
+    """Standard uncertainty of a temperature that was recorded [K], and what is assumed where nobody states it."""
+    stated = recording.signals[channel].calibration.offset_uncertainty
+    if stated is not None:
+        return stated, None
+    return THERMOMETER.standard_uncertainty, THERMOMETER
 
 
 def time_exponent(unit: str) -> int:

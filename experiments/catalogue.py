@@ -60,7 +60,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry("warm-up", "experiments.protocols.warm_up", "turn until the running torque is steady"),
     Entry(
         "starting-torque",
-        "experiments.protocols.starting_torque",
+        "experiments.protocols.starting_torque.protocol",
         "slow torque ramps at several wave-generator positions, ended by first motion",
     ),
     Entry(

@@ -91,6 +91,8 @@ class Quantity:
     - `axis`: What stands at the axis of its chart, before the unit; "" is the title without the
       placeholder.
     - `is_signed`: Whether zero is a value like any other: an offset, a difference, a place.
+    - `is_above_zero`: Whether it is above zero by its nature: an interval that reaches zero says that it was not
+      measured.
     - `is_circular`: Whether it is an angle on the circle: two values differ by the shorter way round.
     - `subject`: Of a family of orders: what they are orders of.
     - `rests_on`: By channel (or by the option of the result that names one: "channel", "effort") how the
@@ -116,6 +118,7 @@ class Quantity:
     catalogue: Counterpart | None = None
     is_circular: bool = False
     is_signed: bool = False
+    is_above_zero: bool = False
     subject: str = ""
     # A mapping has no hash; two quantities of one name are told apart by what remains.
     rests_on: Mapping[str, Dependence] | None = field(default=None, hash=False)

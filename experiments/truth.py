@@ -292,13 +292,19 @@ def _starting_torque(result: Result, truth: _Truth) -> Truths:
     own, motor = truth.part("friction"), truth.part("motor")
     if "mesh_lever" not in own or result.options.get("torque_is_of") != "motor + gear":
         return
-    at = _Friction(truth, truth.warmer(result))
-    weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * truth.motor_warmer()
-    both = at.gear_torque(0.0) + weaker * float(motor["coulomb"])
     off = result.metrics.get("output_bearing_torque", 0.0)
-    seen = truth.scale() * (both + at.bearing_torque(0.0)) - off
+    reference = 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0
+
+    def torques(warmer: float, motor_warmer: float) -> tuple[float, float]:
+        at = _Friction(truth, warmer)
+        weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * motor_warmer
+        both = at.gear_torque(0.0) + weaker * float(motor["coulomb"])
+        return truth.scale() * (both + at.bearing_torque(0.0)) - off, both
+
+    seen, both = torques(truth.warmer(result), truth.motor_warmer())
     for way, sign in (("", 1.0), ("_forward", 1.0), ("_reverse", -1.0)):
         yield f"starting_torque{way}", sign * seen, sign * both
+    yield f"starting_torque{AT_REFERENCE}", *torques(reference, reference)
 
 
 def _kinematic_error(result: Result, truth: _Truth) -> Truths:

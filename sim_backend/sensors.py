@@ -31,6 +31,7 @@ Counts = NDArray[np.int64]
 
 FINE = 4096
 """How many times finer than the real one a channel counts when its steps are switched off."""
+MOTOR_CURRENT = "motor current and its torque constant"
 ADC_RANGE = 2**15 - 1
 SLOW = 8
 """Order of its own revolution up to which an encoder's errors are summed one by one; those above are looked up."""
@@ -228,12 +229,18 @@ def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
     )
     reported = motor.rated_torque * TORQUE_COUNT_OF_RATED
     certificate = "simulated instrument"
+    # The monitor port and the drive's own word are one current and one torque constant.
     torque = Calibration(
         certificate=certificate,
+        sensor=MOTOR_CURRENT,
         scale_relative_uncertainty=math.hypot(sizes.torque_scale, sizes.torque_constant),
         offset_uncertainty=sizes.torque_offset,
     )
-    drive = Calibration(certificate=certificate, scale_relative_uncertainty=sizes.torque_constant)
+    drive = Calibration(
+        certificate=certificate,
+        sensor=MOTOR_CURRENT,
+        scale_relative_uncertainty=sizes.torque_constant,
+    )
     thermometer = Calibration(certificate=certificate, offset_uncertainty=sizes.temperature_offset)
     fine = 1 if on.drive_torque_steps else FINE
     return (

@@ -149,6 +149,9 @@ def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
         return replace(estimate, identifiable="no", note="no value with an uncertainty")
     target = quantity.target_for(estimate.value, estimate.unit)
     is_within_target = target is not None and u <= target
+    if abs(estimate.value) <= u and quantity.is_above_zero:
+        note = f"must be above zero, and U of {u:.3g} {estimate.unit} reaches it: not measured"
+        return replace(estimate, identifiable="no", note=note)
     if abs(estimate.value) <= u and not quantity.is_circular:
         note = f"not distinguishable from zero, below {abs(estimate.value) + u:.3g} {estimate.unit}"
         estimate = replace(estimate, note=note)

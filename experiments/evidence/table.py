@@ -2,7 +2,7 @@
 
 Every analysis passes it first, from one place (`experiments.catalogue.load`). Each row names what
 it looks at, for which kinds of analysis, and by which function; the functions stand in `motion`,
-`continuity`, `torque`, `sampling`, `steps` and `tare`. A check that a recording lacks the channels for
+`continuity`, `torque`, `dead_band`, `sampling`, `steps` and `tare`. A check that a recording lacks the channels for
 says "not checked".
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import continuity, motion, sampling, steps, tare, torque
+from experiments.evidence import continuity, dead_band, motion, sampling, steps, tare, torque
 from experiments.evidence.finding import Finding
 from experiments.evidence.holds import Recorded
 from experiments.result import Check
@@ -96,6 +96,8 @@ LOOK_AT_COUNTS = "Check lines and multiplication of the input encoder, and the t
 SYNC_DEVICES = "Set the devices to transmit what they latched at the same SYNC."
 HIGHER_RATE = "Record at a higher rate."
 OTHER_SPEED = "Choose a speed that is incommensurate with the sampling rate."
+LOOK_AT_ZERO = "Look at the torque channel about zero: amplifier, converter, a filter or a threshold in the drive."
+FINER_PORT = "Use a finer range or converter of the torque channel."
 WIDER_RANGE = "Widen the range of the torque port, and run again."
 WARM_UP = "Warm up first, and run again."
 SAME_RIG = "Take the tare on the rig of the run."
@@ -123,6 +125,8 @@ TABLE: tuple[Row, ...] = (
     Row("reach of the motor", _torque, torque.reach, LOOK_AT_PORT),
     Row("torque zero", _torque, torque.zero, WARM_UP),
     Row("reference speed", _bracket, torque.bracket, WARM_UP, False),
+    Row("dead band", _torque, dead_band.dead_band, LOOK_AT_ZERO, False),
+    Row("steps of the port", _torque, dead_band.steps_of_the_port, FINER_PORT, False),
     Row("torque port against drive", _torque, torque.port_against_drive, LOOK_AT_PORT, False),
     Row("origin of the tare", _tare, tare.origin, SAME_RIG),
     Row("age of the tare", _tare, tare.age, NEW_TARE),

@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from experiments.budget import torque_scale_uncertainty, zero_uncertainty
+from experiments.budget import (
+    PAIR,
+    is_one_instrument,
+    torque_scale_uncertainty,
+    zero_uncertainty,
+)
 from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
 
+StoredArray = NDArray[Any]
 PLATEAU_SHARE = 0.01
 """Share of the rows at the very extreme from which on it may be a plateau."""
 PLATEAU_EDGE = 3.0
@@ -58,6 +67,10 @@ def plateau(recorded: Recorded) -> Finding:
         return not_checked("there are no segments that count")
     values = np.concatenate([recording.stored(recorded.torque, rows) for rows in parts])
     levels, counts = np.unique(values, return_counts=True)
+    if len(levels) < LEAST_LEVELS and _stands_at_its_ends(recorded, values, levels):
+        found = f"{len(levels)} values only, most of them the outermost"
+        words = "the torque is clipped: it stands at its extreme value and never goes beyond"
+        return Finding("refused", found, f">= {LEAST_LEVELS} values, as between the holds", words)
     if len(levels) < LEAST_LEVELS:
         return not_checked(f"the torque channel has {len(levels)} levels only")
     ends = ((counts[0], counts[1]), (counts[-1], counts[-2]))
@@ -70,6 +83,20 @@ def plateau(recorded: Recorded) -> Finding:
         f"<= {100.0 * PLATEAU_SHARE:g} %",
         "the torque is clipped: it stands at its extreme value and never goes beyond",
     )
+
+
+def _stands_at_its_ends(recorded: Recorded, values: StoredArray, levels: StoredArray) -> bool:
+    """Whether nearly all readings of the holds are the outermost of them, though the channel has many values."""
+    outermost = np.isin(values, levels[[0, -1]])
+    if not np.mean(outermost) > 0.5:
+        return False
+    recording = recorded.recording
+    between: set[float] = set()
+    for rows in recording.blocks():
+        between.update(np.unique(recording.stored(recorded.torque, rows)).tolist())
+        if len(between) >= 2 * LEAST_LEVELS:
+            return True
+    return False
 
 
 def sign(recorded: Recorded) -> Finding:
@@ -125,7 +152,10 @@ def _peak_torque(recorded: Recorded) -> float:
 
 
 def port_against_drive(recorded: Recorded) -> Finding:
-    """The torque port over the torque that the drive reports, hold by hold."""
+    """The torque port over the torque that the drive reports, hold by hold.
+
+    What they share is not looked at by this: of one sensor they are one instrument, and called so.
+    """
     pairs = [(h.drive_torque, h.torque) for h in recorded.holds]
     known = np.array([pair for pair in pairs if all(map(math.isfinite, pair))]).reshape(-1, 2)
     if recorded.torque != "torque" or len(known) < 2 or np.ptp(known[:, 0]) < DRIVE_SPAN:
@@ -138,12 +168,23 @@ def port_against_drive(recorded: Recorded) -> Finding:
     ]
     apart = SLOPE_SPREAD * math.hypot(*scales) + SLOPE_REST
     allowed = DRIVE_RESIDUAL + DRIVE_RESIDUAL_SHARE * float(np.abs(known[:, 1]).max())
-    return refused_beyond(
+    finding = refused_beyond(
         abs(slope - 1.0) > apart or residual > allowed,
         f"{slope:.4g} N m at the port per N m of the drive, {1e3 * residual:.2g} mN m beside that line",
         f"1 ± {apart:.2g}, {1e3 * allowed:.2g} mN m",
         "the torque port and the torque that the drive reports are not the same torque",
     )
+    return replace(finding, words=_instruments(recorded)) if finding.outcome == "ok" else finding
+
+
+def _instruments(recorded: Recorded) -> str:
+    """Whether port and drive are one instrument, and what their agreement is worth."""
+    recording = recorded.recording
+    port, drive = (recording.signals[name].calibration.sensor for name in PAIR)
+    if not is_one_instrument(recording):
+        return f"Two instruments: the port by {port}, the drive by {drive}."
+    by = f"both by {port}" if port and drive else "nobody says by which sensor each is"
+    return f"One instrument ({by}): that port and drive agree says nothing of the scale that they share."
 
 
 def zero(recorded: Recorded) -> Finding:

@@ -33,6 +33,7 @@ from experiments.result import Covariance, Plot, Result, Series, both_ways, resi
 from experiments.steps.vocabulary import Prompt, Step
 from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.tares.tare import tare_table
+from experiments.tares.tare_chart import tare_chart
 from experiments.tares.tare_witness import remarks_of
 from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
@@ -277,7 +278,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         covariance=covariance,
     )
     said = remarks_of(recording, result, evidence.other_tares)
-    return replace(result, warnings=(*result.warnings, *said))
+    chart = tare_chart(result, evidence.other_tares)
+    return replace(
+        result,
+        warnings=(*result.warnings, *said),
+        plots=(*result.plots, *([chart] if chart is not None else [])),
+    )
 
 
 def _straight_line(

@@ -59,7 +59,8 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
     source = order_source(recording, angle_name, channel, rotary_ratio(recording, ratio))
     highest = float(settings.get("highest_order", HIGHEST))
     stated = rotary_ratio(recording, math.nan) if angle_name == "input_angle" else math.nan
-    found = fit_samples(OrderSamples.gathered(source.pieces, highest), Search(highest, stated))
+    samples = OrderSamples.gathered(source.pieces, highest, has_line=source.has_line)
+    found = fit_samples(samples, Search(highest, stated))
     cells = _Cells(CELLS_PER_PERIOD * math.ceil(highest) / REVOLUTION)
     for piece in source.pieces():
         cells.add(piece)

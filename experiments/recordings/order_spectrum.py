@@ -70,7 +70,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     on_input = angle_name == "input_angle"
     with analysing(recording.metadata.run_id):
         highest = float(settings.get("highest_order", HIGHEST))
-        samples = OrderSamples.gathered(source.pieces, highest)
+        samples = OrderSamples.gathered(source.pieces, highest, has_line=source.has_line)
         _require_turns(recording, samples, highest)
         fit = fit_samples(samples, Search(highest, stated if on_input else math.nan))
     warnings += [*source.warnings, *said_of(fit, source.left_out)]
@@ -138,6 +138,8 @@ EXPERIMENT = Experiment(
     has_plan=False,
     cuts_gaps=True,
     quantities=QUANTITIES,
-    version=5,
+    version=6,
 )
-"""Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart."""
+"""Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart.
+Version 6: no slope beside the orders of the kinematic error of a stated ratio.
+"""

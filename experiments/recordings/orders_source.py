@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from experiments.angle.phase_reference import phase_reference
 from experiments.errors import AnalysisError
-from experiments.evidence import usable
+from experiments.evidence import rotary_ratio, usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording
 from experiments.torque.zero import torque_zero
@@ -32,12 +33,16 @@ class OrderSource:
     """The pieces of a channel over an angle, and what has to be said of them.
 
     reference: from where phases count; left_out: share of the rows of a run without segments that are in no stretch.
+    has_line: whether its trend may have a slope. Teeth make a ratio: where it is stated the error of an angle has none,
+    and a slope beside its orders would take from the slow ones. Where it is not stated the slope is the ratio's, fitted
+    with the orders, so that its doubt is in each of theirs.
     """
 
     pieces: Source
     reference: str
     left_out: float
     warnings: tuple[str, ...]
+    has_line: bool = True
 
 
 def order_source(recording: Recording, angle_name: str, channel: str, ratio: float) -> OrderSource:
@@ -54,6 +59,11 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
     if angle_name == "input_angle":
         phase = phase_reference(recording)
         reference, what = phase.input_angle, phase.what
+    stated = rotary_ratio(recording, math.nan)
+    is_exact = channel == KINEMATIC_ERROR and math.isfinite(stated)
+    if (channel, angle_name) == ("output_angle", "input_angle") and math.isfinite(stated):
+        # What the output is beside its share of the input is an error of the same kind.
+        channel, ratio, is_exact = KINEMATIC_ERROR, stated, True
     angle = angle_of(recording, angle_name)
     value, warnings = _value(recording, channel, ratio)
     labelled = _segments(recording, angle)
@@ -75,6 +85,7 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
         reference=what,
         left_out=0.0 if labelled else 1.0 - kept / max(recording.rows, 1),
         warnings=tuple(warnings),
+        has_line=not is_exact,
     )
 
 

@@ -92,7 +92,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     with analysing(recording.metadata.run_id):
         source = order_source(recording, angle_name, channel, math.nan)
         unit = recording.signals[channel].unit
-        series = fit_series(source.pieces, highest_order=highest, unit=unit)
+        series = fit_series(
+            source.pieces, highest_order=highest, unit=unit, has_line=source.has_line
+        )
     whole = set(series.orders.tolist())
     of_orders = order_estimates(series.fit, recording, channel, unit)
     explained = None
@@ -162,8 +164,9 @@ EXPERIMENT = Experiment(
     has_plan=False,
     cuts_gaps=True,
     quantities=QUANTITIES,
-    version=5,
+    version=6,
 )
 """Version 3: the estimator of the order spectrum; directions that differ apart, lines between whole orders fitted.
 Version 4: an interval that holds zero is called so, whatever the quantity.
+Version 6: no slope beside the orders of an output angle of a stated ratio.
 """

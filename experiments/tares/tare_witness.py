@@ -144,7 +144,7 @@ def against_others(tare: Result, others: Sequence[Result]) -> Comparison | None:
     if own is None:
         return None
     speed = own.speed[[0, -1]]
-    found = [one for other in others if (one := _as_warm(other, tare, speed)) is not None]
+    found = [one for other in others if (one := as_warm(other, tare, speed)) is not None]
     if not found:
         return None
     torques, variances = np.array([t for t, _ in found]), np.array([v for _, v in found])
@@ -156,9 +156,7 @@ def against_others(tare: Result, others: Sequence[Result]) -> Comparison | None:
     return _compared(own, speed, torque, reference, u, relative=_warmth())
 
 
-def _as_warm(
-    other: Result, tare: Result, speed: FloatArray
-) -> tuple[FloatArray, FloatArray] | None:
+def as_warm(other: Result, tare: Result, speed: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Friction and variance of another tare at these speeds, as warm as this one was."""
     its = tare_of(other)
     if its is None:
@@ -197,7 +195,7 @@ def repeatability(tare: Result, others: Sequence[Result]) -> TareDoubt | None:
     if own is None:
         return None
     speed = own.speed[[0, -1]]
-    found = [one[0] for other in others if (one := _as_warm(other, tare, speed)) is not None]
+    found = [one[0] for other in others if (one := as_warm(other, tare, speed)) is not None]
     torque = own.at(speed)[0]
     if len(found) < ENOUGH:
         note = f"assumed: {100.0 * UNREPEATED:g} % of the motor's friction; too few other tares"

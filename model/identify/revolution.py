@@ -89,10 +89,12 @@ def fit_revolution(
     return fit_series(source, highest_order=highest_order, unit=unit)
 
 
-def fit_series(source: Source, *, highest_order: int = HIGHEST_ORDER, unit: str) -> RevolutionFit:
-    """The same of what a source yields, whatever its length."""
+def fit_series(
+    source: Source, *, highest_order: int = HIGHEST_ORDER, unit: str, has_line: bool = True
+) -> RevolutionFit:
+    """The same of what a source yields, whatever its length; `has_line`: whether its trend may have a slope."""
     highest = positive("highest_order", float(highest_order))
-    samples = OrderSamples.gathered(source, highest)
+    samples = OrderSamples.gathered(source, highest, has_line=has_line)
     warnings: list[str] = []
     left_out: list[int] = []
     for direction in samples.directions:
@@ -110,7 +112,8 @@ def fit_series(source: Source, *, highest_order: int = HIGHEST_ORDER, unit: str)
             remedy="Record a whole revolution, or ask for the order spectrum of a part of one.",
         )
     if left_out:
-        samples = OrderSamples.gathered(_one_way(source, -left_out[0]), highest)
+        one_way = _one_way(source, -left_out[0])
+        samples = OrderSamples.gathered(one_way, highest, has_line=has_line)
     reached = searched_to(samples, highest)
     if reached < highest:
         warnings.append(f"The samples carry orders up to {reached:.4g} only.")

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.tares import same_rig
 from model.errors import WordedError
-from rig.analysis.tare import tare_kind
+from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import ChangedRunError
 
 if TYPE_CHECKING:
@@ -92,6 +92,28 @@ def tares_beside(run: Recording, library: LibraryIndex, tare: Path) -> Iterator[
             continue
         if not _is_of_another_rig(run, candidate.run.path):
             yield candidate.run.path
+
+
+def tares_wanted(kind: str, folder: Path) -> str:
+    """What a plan of this kind is told where the folder of its runs holds too few tares to tell how well one comes out
+    again; "" where there are enough, or where none is subtracted.
+    """
+    if not takes_tare(kind):
+        return ""
+    from experiments.tares.tare_witness import ENOUGH
+    from rig.library.index import LibraryIndex
+
+    tare = tare_kind()
+    # A folder that is yet to be made has none.
+    listed = LibraryIndex(folder).search() if folder.is_dir() else ()
+    have = sum(one.protocol == tare and one.is_complete for one in listed)
+    if have >= ENOUGH:
+        return ""
+    count = "no motor tare" if have == 0 else "one motor tare only"
+    return (
+        f"{folder} has {count}: with fewer than two of the bench nothing tells how well a tare comes out "
+        f"again, and that is assumed. Take one before and one after: rig run {tare}."
+    )
 
 
 def _is_of_another_rig(run: Recording, path: Path) -> bool:

@@ -69,6 +69,7 @@ def plan(
 
         print_help(context)
         raise typer.Exit
+    from rig.analysis.tare_search import tares_wanted
     from rig.commands.ordering import request_of
     from rig.commands.run_tables import print_plan
     from rig.present.preview.plan import preview_plan
@@ -90,17 +91,22 @@ def plan(
     planned = plan_request(request)
     prediction = preview_plan(planned)
     written = _write_figures(prediction, figures) if figures is not None else []
+    wanted = tares_wanted(protocol, request.output)
     if json:
+        told = prediction.as_json()
+        told["warnings"] += [wanted] if wanted else []
         print_json(
             {
                 **planned.as_json(),
-                "prediction": prediction.as_json(),
+                "prediction": told,
                 "figures": [str(path) for path in written],
             }
         )
         return
     print_plan(planned)
     _print(prediction, written)
+    if wanted:
+        console().print(f"warning: {wanted}", style="yellow", soft_wrap=True)
 
 
 def _require_card(runs: Path, serial: str) -> None:

@@ -134,6 +134,59 @@ def millinewtons(honest: Honest) -> Honest:
     return _torque(honest, lambda torque: 1000.0 * torque)
 
 
+def _in_both(honest: Honest, change: Callable[[Stored], Stored]) -> Honest:
+    """Port and drive read something else [N m]: they share the motor's current sensor and its torque constant."""
+    changed = {}
+    for name in ("torque", "drive_torque"):
+        signal = honest.recording.signals[name]
+        torque = change(honest.recording.si(name))
+        changed[name] = np.rint((torque - signal.offset) / signal.gain).astype(int)
+    return _with(honest, changed)
+
+
+def _dead(half_width: float) -> Callable[[Stored], Stored]:
+    return lambda torque: np.sign(torque) * np.maximum(np.abs(torque) - half_width, 0.0)
+
+
+def wide_dead_band_in_both(honest: Honest) -> Honest:
+    return _in_both(honest, _dead(0.03))
+
+
+def dead_band_in_both(honest: Honest) -> Honest:
+    return _in_both(honest, _dead(0.01))
+
+
+def clipped_in_both(honest: Honest) -> Honest:
+    return _in_both(honest, lambda torque: np.clip(torque, -CLIPPED, CLIPPED))
+
+
+def coarse_in_both(honest: Honest) -> Honest:
+    """Steps of 20 mN m."""
+    return _in_both(honest, lambda torque: np.rint(torque / 0.02) * 0.02)
+
+
+def with_a_torque_cell(honest: Honest, sensor: str = "torque cell 7") -> Honest:
+    """The port is that of a sensor of its own; "" is one that nobody named."""
+    port = honest.recording.signals["torque"]
+    calibration = dataclasses.replace(port.calibration, sensor=sensor)
+    signals = {
+        **honest.recording.signals,
+        "torque": dataclasses.replace(port, calibration=calibration),
+    }
+    return dataclasses.replace(
+        honest, recording=dataclasses.replace(honest.recording, signals=signals)
+    )
+
+
+def stray_rows_of_the_input(honest: Honest) -> Honest:
+    """Thousands of counts beside the angle in a thousandth of the rows, one row each."""
+    random = np.random.default_rng(23)
+    counts = _source(honest.recording).arrays["input_angle"].astype(np.int64)
+    at = np.flatnonzero(random.random(len(counts)) < 1e-3)
+    counts[at] += random.choice([-4000, 4000], len(at))
+    return _with(honest, {"input_angle": counts})
+
+
 def doubled(honest: Honest) -> Honest:
     return _torque(honest, lambda torque: 2.0 * torque)
 

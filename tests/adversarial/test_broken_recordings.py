@@ -31,6 +31,10 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("friction", acts.input_jumping, "continuity"),
     ("friction", acts.half_in_reverse, "torque port against drive"),
     ("friction", acts.louder_from_the_middle, "torque port against drive"),
+    ("friction", acts.wide_dead_band_in_both, "dead band"),
+    ("friction", acts.dead_band_in_both, "dead band"),
+    ("friction", acts.coarse_in_both, "steps of the port"),
+    ("friction", acts.clipped_in_both, "plateau"),
     ("friction", acts.millinewtons, "reach of the motor"),
     ("friction", acts.doubled, "torque port against drive"),
     ("friction", acts.halved, "torque port against drive"),
@@ -57,6 +61,8 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("friction", lambda h: acts.tare_alone(acts.tare_of_zeros(h)), "card of the motor"),
     ("motor-tare", acts.reversed_torque, "sign of the torque"),
     ("motor-tare", acts.millinewtons, "reach of the motor"),
+    ("motor-tare", acts.dead_band_in_both, "dead band"),
+    ("motor-tare", acts.wide_dead_band_in_both, "plateau"),
     ("kinematic-error", acts.ratio_119, "encoders against ratio"),
     ("kinematic-error", acts.output_losing_counts, "encoders against ratio"),
     ("kinematic-error", acts.input_four_times, "speed against set-point"),
@@ -77,6 +83,9 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("starting-torque", acts.reversed_torque, "sign of the torque"),
     ("starting-torque", acts.clipped_low, "plateau"),
     ("starting-torque", acts.millinewtons, "reach of the motor"),
+    ("starting-torque", acts.wide_dead_band_in_both, "dead band"),
+    ("starting-torque", acts.dead_band_in_both, "dead band"),
+    ("starting-torque", acts.coarse_in_both, "steps of the port"),
 )
 """Kind, act, and the check that refuses."""
 
@@ -160,6 +169,36 @@ def test_what_is_widened_is_wider_and_not_wrong(
         if estimate.identifiable == "yes":
             apart = abs(estimate.value - before.estimates[name].value)
             assert apart <= estimate.expanded_uncertainty, name
+
+
+def test_port_and_drive_of_one_sensor_are_called_one_instrument(
+    honest: Callable[[str], Honest], result: Callable[[str], Result]
+) -> None:
+    def said(of: Result) -> tuple[str, str]:
+        (check,) = [c for c in of.checks if c.name == "torque port against drive"]
+        (line,) = [b for b in of.estimates["coulomb"].budget if b.source == "torque scale"]
+        assert check.outcome == "ok"
+        return check.words, line.note
+
+    words, note = said(result("friction"))
+    assert words.startswith("One instrument (both by motor current")
+    assert "the same instrument" in note
+    other = acts.with_a_torque_cell(honest("friction"))
+    words, note = said(catalogue.load("friction").analyse(other.recording, other.evidence))
+    assert words.startswith("Two instruments: the port by torque cell 7")
+    assert "the same instrument" not in note
+    unsaid = acts.with_a_torque_cell(honest("friction"), "")
+    words, _ = said(catalogue.load("friction").analyse(unsaid.recording, unsaid.evidence))
+    assert "nobody says by which sensor" in words
+
+
+def test_stray_rows_of_an_encoder_do_not_end_a_ramp(
+    honest: Callable[[str], Honest], result: Callable[[str], Result]
+) -> None:
+    stray = acts.stray_rows_of_the_input(honest("starting-torque"))
+    after = catalogue.load("starting-torque").analyse(stray.recording, stray.evidence)
+    for name, estimate in result("starting-torque").estimates.items():
+        assert after.estimates[name].value == pytest.approx(estimate.value, rel=2e-3), name
 
 
 def test_steps_that_the_drives_ramps_shaped_are_said(honest: Callable[[str], Honest]) -> None:

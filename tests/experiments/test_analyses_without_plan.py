@@ -178,6 +178,32 @@ def test_the_order_spectrum_shows_the_strongest_orders(
     assert "amplitude_240" in over_output.estimates
 
 
+def test_a_stated_ratio_leaves_no_slope_beside_the_orders_and_an_unstated_one_does(
+    gear: HarmonicDrive,
+) -> None:
+    """Of a gear of 119 that nobody states, over one turn and a bit: the slope is the ratio's, and costs order 1 U."""
+    time = np.arange(0.0, 6.0, 1e-3)
+    angle = 2.0 * np.pi * 1.05 * time / 6.0
+    noise = 2.0 * ARCSEC * np.random.default_rng(4).standard_normal(len(time))
+    output = angle / 119.0 + 20.0 * ARCSEC * np.sin(angle) + noise
+    run = foreign(time, input_angle=(angle, "rad"), output_angle=(output, "rad"))
+    stated = dataclasses.replace(
+        run, metadata=dataclasses.replace(run.metadata, ratio=119.0, output_sense=1)
+    )
+    unstated = dataclasses.replace(run, metadata=dataclasses.replace(run.metadata, output_sense=1))
+    one, other = (
+        order_spectrum.analyse(r, Evidence(gear)).estimates["amplitude_1"]
+        for r in (stated, unstated)
+    )
+    for found in (one, other):
+        assert found.low <= 20.0 * ARCSEC <= found.high
+    assert other.high - other.low > 1.3 * (one.high - one.low)
+    settings = {"channel": "output_angle", "highest_order": 16}
+    series = revolution.analyse(stated, Evidence(gear, settings=settings)).estimates
+    assert series["amplitude_1"].value == pytest.approx(20.0 * ARCSEC, rel=0.02)
+    assert "amplitude_2" not in series
+
+
 def test_an_order_spectrum_needs_a_whole_revolution(gear: HarmonicDrive) -> None:
     time = np.arange(0.0, 2.0, 1e-3)
     run = foreign(time, input_angle=(time, "rad"), torque=(np.sin(time), "N m"))

@@ -11,7 +11,10 @@ import pytest
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.protocols import home, starting_torque, warm_up
+from experiments.protocols import home, warm_up
+from experiments.protocols.starting_torque import breakaway
+from experiments.protocols.starting_torque import protocol as starting_torque
+from experiments.protocols.starting_torque.balance import balanced
 from experiments.recording import ArraySource, Recording
 from experiments.steps.vocabulary import MoveRevolutions, MoveToAngle, ServoOff, TorqueRamp
 from model.channel import Channel
@@ -159,21 +162,20 @@ def test_a_ramp_that_was_approached_from_the_other_side_is_said(
         "against their own direction" in w
         for w in starting_torque.analyse(ramps, Evidence(gear)).warnings
     )
-    segments = tuple(
-        dataclasses.replace(s, direction=-s.direction) if s.label == "torque-ramp" else s
-        for s in ramps.segments
+    turned = tuple(
+        dataclasses.replace(s, direction=-s.direction) for s in ramps.labelled("torque-ramp")
     )
-    turned = starting_torque.analyse(dataclasses.replace(ramps, segments=segments), Evidence(gear))
-    assert any("8 ramps were approached against" in w for w in turned.warnings)
+    (said,) = breakaway.approach_remarks(ramps, turned)
+    assert "8 ramps were approached against" in said
 
 
 @pytest.mark.parametrize("power", [2.0, 3.0])
 def test_the_moment_of_first_motion_lies_between_two_laws(power: float) -> None:
-    begin, threshold = 0.5, starting_torque.FIRST_MOTION
+    begin, threshold = 0.5, breakaway.FIRST_MOTION
     time = np.arange(0.0, 0.6, 1e-3)
     moved = threshold * (np.maximum(time - begin, 0.0) / 0.04) ** power
     upto = int(np.flatnonzero(moved > threshold)[0]) + 1
-    first, within = starting_torque._first_motion(time[:upto], moved[:upto], threshold)
+    first, within = breakaway.first_motion(time[:upto], moved[:upto], threshold)
     assert within > 0.0
     assert abs(first - begin) <= 1.2 * within
 
@@ -191,17 +193,17 @@ def test_a_pattern_over_the_angle_is_no_scatter() -> None:
         cogging = 3e-3 * np.cos(24.0 * angle)
         torque = float(way * friction + cogging + error)
         place = round(float(angle % REVOLUTION), 6)
-        ramps.append(starting_torque.Breakaway(place, way, torque, float(angle), 0.0))
-    balance = starting_torque._balance(ramps, "run")
+        ramps.append(breakaway.Breakaway(place, way, torque, float(angle), 0.0))
+    balance = balanced(ramps, "run")
     assert balance.scatter == pytest.approx(1e-4, rel=0.5)
     assert balance.friction == pytest.approx(0.07, abs=1e-4)
-    few = starting_torque._balance([*ramps[:7], *ramps[-7:]], "run")
+    few = balanced([*ramps[:7], *ramps[-7:]], "run")
     assert few.scatter > 1e-3
-    alone = starting_torque._balance(ramps[:count], "run")
+    alone = balanced(ramps[:count], "run")
     assert alone.direction == 1
     assert alone.scatter > 1e-3
     with pytest.raises(AnalysisError, match="too few ramps"):
-        starting_torque._balance([ramps[0], ramps[-1]], "run")
+        balanced([ramps[0], ramps[-1]], "run")
 
 
 def test_ramps_that_move_nothing_are_said_or_refused(ramps: Recording, gear: HarmonicDrive) -> None:
@@ -215,7 +217,7 @@ def test_ramps_that_move_nothing_are_said_or_refused(ramps: Recording, gear: Har
         ramps, source=dataclasses.replace(source, arrays={**source.arrays, "input_angle": stuck})
     )
     result = starting_torque.analyse(run, Evidence(gear))
-    assert any("without motion" in w for w in result.warnings)
+    assert any("without a motion that stays" in w for w in result.warnings)
     assert result.metrics["ramps"] == 6.0
     only = tuple(s for s in run.segments if s.label != "torque-ramp" or s in segments[:2])
     with pytest.raises(AnalysisError, match="no ramp"):

@@ -13,6 +13,7 @@ from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.result import Result
 from experiments.tares import tare_witness as witness
 from experiments.tares.tare import doubts_of, tare_of, tare_table, with_doubts
+from experiments.tares.tare_chart import tare_chart
 from experiments.tares.tare_witness import (
     ANOTHER,
     against_card,
@@ -165,3 +166,20 @@ def test_doubts_are_carried_by_the_tare() -> None:
     assert (back.source, back.note) == (doubt.source, doubt.note)
     assert back.at(SPEED) == pytest.approx(doubt.at(SPEED))
     assert doubts_of(tare()) == ()
+
+
+def test_the_benchs_tares_are_a_chart_in_the_order_of_their_runs() -> None:
+    this = dataclasses.replace(tare(1.1, warm=25.0), run="00007-motor-tare")
+    first = dataclasses.replace(tare(1.0, warm=20.0), run="00002-motor-tare")
+    chart = tare_chart(this, (first,))
+    assert chart is not None
+    slow, fast = chart.series
+    assert slow.x.tolist() == [1.0, 2.0]
+    # 4 permille per kelvin: the colder one as warm as this one.
+    assert slow.y[0] == pytest.approx(12.02 * 0.98, rel=1e-6)
+    assert slow.y[1] == pytest.approx(12.02 * 1.1, rel=1e-6)
+    assert fast.y[1] > slow.y[1]
+    assert slow.low is not None
+    assert (slow.low < slow.y).all()
+    assert chart.note.endswith("1 00002-motor-tare, 2 00007-motor-tare")
+    assert tare_chart(this, ()) is None

@@ -24,7 +24,8 @@ import pytest
 
 from experiments import catalogue
 from experiments.contract import Evidence
-from experiments.protocols import home, starting_torque, warm_up
+from experiments.protocols import home, warm_up
+from experiments.protocols.starting_torque import protocol as starting_torque
 from experiments.protocols.velocity_steps import protocol as velocity_steps
 from experiments.recording import Recording
 from experiments.result import Result

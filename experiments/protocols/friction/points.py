@@ -25,8 +25,8 @@ from typing import TypedDict
 import numpy as np
 
 from experiments.assumed import TEMPERATURE as UNKNOWN_TEMPERATURE
-from experiments.assumed import THERMOMETER, Assumed
-from experiments.budget import STATED, torque_scale_uncertainty
+from experiments.assumed import Assumed
+from experiments.budget import stated_note, thermometer_uncertainty, torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, time_base_remark
@@ -234,8 +234,7 @@ def _thermometer(recording: Recording) -> float:
     """Standard uncertainty of the housing's temperature [K]."""
     if not recording.has(TEMPERATURE):
         return 0.0
-    stated = recording.signals[TEMPERATURE].calibration.offset_uncertainty
-    return THERMOMETER.standard_uncertainty if stated is None else stated
+    return thermometer_uncertainty(recording)[0]
 
 
 def _speeds(holds: list[Hold]) -> FloatArray:
@@ -458,7 +457,7 @@ def _never_seen(
             effect=relative * gear_torque,
             cause=Cause.TORQUE_SCALE,
             is_fitted=False,
-            **_said(assumed, STATED),
+            **_said(assumed, stated_note(recording, measured.channel)),
         ),
         CommonError(
             source=ZERO,

@@ -97,13 +97,17 @@ def in_memory(stretches: Iterable[tuple[int, Array, Array]]) -> Source:
 
 @dataclass(frozen=True)
 class Stretch:
-    """What one stretch covers: its direction, lowest and highest angle [rad], samples; whether its speed was steady."""
+    """What one stretch covers: its direction, lowest and highest angle [rad], samples; whether its speed was steady.
+
+    `has_line`: whether its trend may have a slope; an angle of which the exact share of another was taken has none.
+    """
 
     direction: int
     low: float
     high: float
     samples: int
     is_steady: bool
+    has_line: bool = True
 
     @property
     def revolutions(self) -> float:
@@ -115,6 +119,8 @@ class Stretch:
         """Of the polynomial over angle that its trend is: a line; what is unsteady, or no revolution, bends more."""
         if self.revolutions < WHOLE_TURN:
             return BENT
+        if not self.has_line:
+            return 0
         # What bends over a turn or two would be order 1 itself.
         return 1 if self.is_steady or self.revolutions < LONG else BENT
 
@@ -139,7 +145,7 @@ class OrderSamples:
     quantum: float
 
     @classmethod
-    def gathered(cls, source: Source, highest: float) -> OrderSamples:
+    def gathered(cls, source: Source, highest: float, *, has_line: bool = True) -> OrderSamples:
         """One pass over the source; a second one for its middle, where not all of it can be held."""
         cells = CELLS_PER_PERIOD * highest
         held: list[Piece] = []
@@ -166,7 +172,7 @@ class OrderSamples:
             source=source,
             held=tuple(held) if is_whole else _middle(source, sampling.parts, cells),
             is_whole=is_whole,
-            stretches=tuple(covered[k].stretch() for k in sorted(covered)),
+            stretches=tuple(covered[k].stretch(has_line=has_line) for k in sorted(covered)),
             samples=samples,
             mean=total / samples,
             window=sampling.window(),
@@ -279,6 +285,7 @@ class _Covered:
         self._fastest = max(self._fastest, float(np.percentile(speed, 95.0)))
         self.samples += len(piece.angle)
 
-    def stretch(self) -> Stretch:
+    def stretch(self, *, has_line: bool) -> Stretch:
         is_steady = self._slowest >= (1.0 - STEADY) * self._fastest
-        return Stretch(self._direction, self._low, self._high, self.samples, is_steady)
+        reach = self._low, self._high
+        return Stretch(self._direction, *reach, self.samples, is_steady, has_line)

@@ -101,7 +101,7 @@ def lowest_order(samples: OrderSamples) -> float:
     """Below it an order is not told from the trend of the stretches."""
     longest = max(s.revolutions for s in samples.stretches)
     degree = max(s.degree for s in samples.stretches)
-    return (0.98 if degree == 1 else 0.75 * degree) / max(longest, 1e-6)
+    return (0.98 if degree <= 1 else 0.75 * degree) / max(longest, 1e-6)
 
 
 def searched_to(samples: OrderSamples, highest: float) -> float:

@@ -82,12 +82,14 @@ class Calibration(Part):
 
     `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC). What is left away is not zero:
     `experiments.assumed` says what is taken in its place. `curve` names the file of an
-    encoder's certificate, beside this one; what it says of number and days need not be said again.
+    encoder's certificate, beside this one; what it says of number and days need not be said again. `sensor` names what
+    the reading comes from, with its constant: channels of one sensor are one instrument.
     """
 
     certificate: str = ""
     date: datetime.date | None = None
     due: datetime.date | None = None
+    sensor: str = ""
     scale_relative_uncertainty: NotNegative | None = None
     offset_uncertainty: NotNegative | None = None
     accuracy: NotNegative | None = None

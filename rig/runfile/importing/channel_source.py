@@ -42,7 +42,7 @@ class ChannelSource:
     What is known of the channel, as the run file states it: `accuracy` in its SI unit (an
     encoder's whole curve; `accuracy_unit` is the SI unit in which it was said, "" for that one),
     `scale_uncertainty` relative and `offset_uncertainty` in SI (standard uncertainties), `lag_s` by
-    how much it is late, `certificate`, `date` and `due`. None is not said.
+    how much it is late, the `sensor` that it comes from, `certificate`, `date` and `due`. None is not said.
     """
 
     name: str
@@ -60,6 +60,7 @@ class ChannelSource:
     scale_uncertainty: float | None = None
     offset_uncertainty: float | None = None
     lag_s: float | None = None
+    sensor: str = ""
     certificate: str = ""
     date: str = ""
     due: str = ""
@@ -280,6 +281,7 @@ def _column(
             certificate=source.certificate,
             date=source.date,
             due=source.due,
+            sensor=source.sensor,
             scale_relative_uncertainty=source.scale_uncertainty,
             offset_uncertainty=source.offset_uncertainty,
             accuracy=source.accuracy,

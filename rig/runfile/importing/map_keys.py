@@ -63,6 +63,11 @@ CHANNEL_KEYS = (
     Key("scale_uncertainty", "number", "standard uncertainty of the scale, relative"),
     Key("offset_uncertainty", "number", "standard uncertainty of the zero, SI unit of the channel"),
     Key("lag_s", "number", "by how many seconds the channel is late"),
+    Key(
+        "sensor",
+        "text",
+        "what it comes from, with its constant; channels of one sensor are one instrument",
+    ),
     Key("certificate", "text", "name of the calibration certificate"),
     Key("date", "text", "day of the calibration"),
     Key("due", "text", "day when the calibration ends"),

@@ -15,7 +15,7 @@ from experiments.recording import ArraySource, Recording, RunMetadata
 from rig.analysis import fit_run as fitting
 from rig.analysis.fit import LEFT_AWAY
 from rig.analysis.fit_run import Choices
-from rig.analysis.tare_search import FoundTare, find_tare, tare_days_of, tares_beside
+from rig.analysis.tare_search import FoundTare, find_tare, tare_days_of, tares_beside, tares_wanted
 from rig.library.index import LibraryIndex
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
@@ -218,6 +218,18 @@ def test_the_other_tares_of_a_bench_are_its_witnesses_whatever_their_age(tmp_pat
     write(tmp_path, 7, 8, gear_mounted=True)
     beside = list(tares_beside(run_of(), LibraryIndex(tmp_path), chosen))
     assert beside == [after, old]
+
+
+def test_a_plan_asks_for_a_second_tare(tmp_path: Path) -> None:
+    assert "no motor tare" in tares_wanted("friction", tmp_path / "runs")
+    write(tmp_path, 1, 1)
+    write(tmp_path, 2, 1, outcome="ABORTED")
+    wanted = tares_wanted("friction", tmp_path)
+    assert "one motor tare only" in wanted
+    assert wanted.endswith("rig run motor-tare.")
+    assert not tares_wanted("home", tmp_path)
+    write(tmp_path, 3, 9)
+    assert not tares_wanted("friction", tmp_path)
 
 
 def test_an_analysis_names_the_tares_that_its_tare_was_held_against(

@@ -21,6 +21,7 @@ CALIBRATION = Calibration(
     certificate="PTB-17",
     date="2025-02-03",
     due="2027-02-03",
+    sensor="reaction torque cell",
     scale_relative_uncertainty=1e-3,
     offset_uncertainty=2e-4,
     accuracy=5e-6,

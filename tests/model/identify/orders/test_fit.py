@@ -10,7 +10,7 @@ import pytest
 
 from model.errors import IdentificationError
 from model.identify.orders import samples as samples_module
-from model.identify.orders.fit import OrdersFit, fit_orders
+from model.identify.orders.fit import OrdersFit, fit_orders, fit_samples
 from model.identify.orders.near_two import near_two
 from model.identify.orders.samples import OrderSamples, Piece, in_memory
 from model.identify.orders.search import Search
@@ -38,6 +38,23 @@ def fitted(
     runs = runs_of([zone.ways(angle)], zone.blink)
     source = in_memory([(way, angle[a:b], value[a:b]) for a, b, way in runs])
     return fit_orders(source, Search(highest, **search))  # type: ignore[arg-type]
+
+
+def test_a_trend_without_a_slope_knows_the_slow_orders_better() -> None:
+    """A free line beside one turn takes 61 % of a sine; where there is none it must not be looked for."""
+    angle = np.linspace(0.0, REVOLUTION, 3000)
+    wave = 0.3 * np.sin(angle) + noise(angle, 0.01)
+    source = in_memory([(1, angle, wave)])
+    fits = [
+        fit_samples(OrderSamples.gathered(source, 16.0, has_line=line), Search(16.0))
+        for line in (True, False)
+    ]
+    free, exact = (fit.order(1.0) for fit in fits)
+    assert free is not None
+    assert exact is not None
+    share = exact.mean.covariance[1, 1] / free.mean.covariance[1, 1]
+    assert share == pytest.approx(1.0 - 6.0 / np.pi**2, rel=0.15)
+    assert all(holds(fit, 1.0, 0.3) for fit in fits)
 
 
 def holds(fit: OrdersFit, order: float, amplitude: float) -> bool:

@@ -208,6 +208,7 @@ def test_what_an_import_states_of_the_device(tmp_path: Path) -> None:
         [channels.torque]
         column = "out"
         unit = "N m"
+        sensor = "torque cell"
         scale_uncertainty = 0.01
         offset_uncertainty = 0.003
         [gear]
@@ -228,6 +229,7 @@ def test_what_an_import_states_of_the_device(tmp_path: Path) -> None:
     angle, torque = (recording.signals[n].calibration for n in ("input_angle", "torque"))
     assert (angle.accuracy, angle.certificate) == (1e-4, "K-17")
     assert (torque.scale_relative_uncertainty, torque.offset_uncertainty) == (0.01, 0.003)
+    assert torque.sensor == "torque cell"
     stated = m.process["stated"]
     assert stated["lag_s"] == {"input_angle": 0.002}
     assert (stated["resonance_hz"], stated["load_inertia_kg_m2"]) == (110, 0.3)

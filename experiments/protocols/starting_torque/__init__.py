@@ -1,0 +1,1 @@
+"""No-load starting torque: plan, moment of first motion, balance of the directions, analysis."""
