@@ -11,6 +11,7 @@ from experiments.errors import PlanError
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Check, Result
+from experiments.shape import Shape
 from experiments.steps.vocabulary import Step
 from experiments.terms import PaperFigure, Term
 from model.gear import HarmonicDrive
@@ -56,6 +57,7 @@ class Experiment:
     `builds_on` names the protocols without whose identified parameters its analysis is poorer; `learns` makes of the
     results of a gear's other runs of this protocol settings of its analysis, for whoever gives none by hand.
     `terms` are those that a reader of its results needs, `figures` the paper's that its run draws.
+    `shapes` are the curves that it lays through the points of a run: a plan says beforehand where they are too few.
     `cuts_gaps` is an analysis that uses the stretches between gaps of time and draws nothing across them.
     `version` of the analysis is raised whenever the same recording gives other numbers.
     """
@@ -82,6 +84,7 @@ class Experiment:
     learns: Callable[[Sequence[Result]], Mapping[str, Any]] | None = None
     terms: tuple[Term, ...] = ()
     figures: tuple[PaperFigure, ...] = ()
+    shapes: tuple[Shape, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from experiments.quantity import (
 )
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Plot, Result, Series, both_ways, residual_panel
+from experiments.shape import Shape, Standing
 from experiments.steps.vocabulary import Prompt, Step
 from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.tares.tare import tare_table
@@ -123,6 +124,15 @@ QUANTITIES = (
         unit="1",
     ),
 )
+
+
+LINE = Shape(
+    title="the motor's friction over speed",
+    numbers=len(NAMES),
+    names=(*NAMES, *(at_reference(name) for name in NAMES)),
+    labels=("hold",),
+)
+"""The straight line through the half-differences of the holds."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,13 +275,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     scale = torque_scale(recording, zero)
     if scale is not None:
         estimates[scale.name] = scale
+    standing = Standing(LINE, len(points.speed), len(np.unique(points.level)))
+    estimates = standing.weakly(estimates)
     result = Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
-        warnings=(*warnings, *remarks),
+        warnings=(*warnings, *remarks, *standing.warnings),
         plots=tuple(plots),
         tables=(tare_table(tare), budget_table(estimates.values())),
         options={"torque_is_of": "motor"},
@@ -476,7 +488,8 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=6,
+    version=7,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
+    shapes=(LINE,),
 )

@@ -26,6 +26,7 @@ from experiments.recording import Recording
 from experiments.recordings.channels import EFFORTS, chosen_channel
 from experiments.recordings.motion_channels import number
 from experiments.result import Covariance, Plot, Result, Series, Table, both_ways, residual_panel
+from experiments.shape import Shape, Standing
 from model.arrays import BoolArray, FloatArray
 from model.identify.estimate import BudgetLine, Estimate, Identifiable
 from model.identify.friction_curve import CurveFit, LawFit, fit_curve
@@ -100,7 +101,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     for suffix, fit in fits.items():
         estimates |= {
             name + suffix: replace(e, name=name + suffix)
-            for name, e in _estimates(recording, table, fit).items()
+            for name, e in _standing(fit).weakly(_estimates(recording, table, fit)).items()
         }
     first = next(iter(fits.values()))
     names = tuple(n for n in first.chosen.names if n in estimates)
@@ -110,7 +111,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         quantities=QUANTITIES,
         estimates=estimates,
         metrics=_metrics(table, fits),
-        warnings=tuple(text for fit in fits.values() for text in _remarks(table, fit)),
+        warnings=tuple(
+            text
+            for fit in fits.values()
+            for text in (*_remarks(table, fit), *_standing(fit).warnings)
+        ),
         plots=(_plot(table, fits),),
         tables=(_laws(fits), budget_table(estimates.values())),
         options={
@@ -120,6 +125,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         },
         covariance=_covariance(first.chosen, names),
     )
+
+
+def _standing(fit: CurveFit) -> Standing:
+    """The law that was taken on the points that were used."""
+    names = fit.chosen.names
+    curve = Shape(title=f"the law {fit.chosen.law}", numbers=len(names), names=names)
+    return Standing(curve, int(fit.used.sum()), fit.points[fit.used].speeds)
 
 
 def _covariance(law: LawFit, names: tuple[str, ...]) -> Covariance | None:
@@ -383,5 +395,5 @@ EXPERIMENT = Experiment(
     gear_mounted=False,
     has_plan=False,
     quantities=QUANTITIES,
-    version=3,
+    version=4,
 )

@@ -18,6 +18,7 @@ import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
 from model.identify.estimate import Cause, Distribution
+from model.identify.repeated import LARGEST, SMALLEST
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +72,6 @@ class Spread:
 
 UNREPEATED = Spread(point=0.005, place=0.0, freedom=0)
 """Assumed where no speed was visited twice."""
-FEWEST = 3
-"""Repetitions below which the scatter is assumed and not estimated."""
-_SMALLEST, _LARGEST = 3e-4, 0.2
 
 
 def means_by(level: Array) -> Array:
@@ -100,7 +98,7 @@ def spread_beyond(
 
     def cost(logarithms: Array) -> float:
         """Minus twice the restricted likelihood, for the logarithm of the scatter alone or of scatter and waves."""
-        variance = np.exp(2.0 * np.clip(logarithms, math.log(_SMALLEST), math.log(_LARGEST)))
+        variance = np.exp(2.0 * np.clip(logarithms, math.log(SMALLEST), math.log(LARGEST)))
         whole: Array = fixed + variance[0] * unit
         if len(variance) > 1:
             whole = whole + variance[1] * by_place
@@ -114,7 +112,7 @@ def spread_beyond(
         best = _lowest(cost, [np.array([p, w]) for p in grid for w in grid])
     # Twice the gain of the likelihood against its 95 % quantile: waves that chance explains are none.
     varies = cost(still) - cost(best) > scipy.special.chdtri(1.0, 0.05)
-    found = np.exp(np.clip(best if varies else still, math.log(_SMALLEST), math.log(_LARGEST)))
+    found = np.exp(np.clip(best if varies else still, math.log(SMALLEST), math.log(LARGEST)))
     return float(found[0]), float(found[-1]) if varies else 0.0
 
 

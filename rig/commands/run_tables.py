@@ -103,6 +103,8 @@ def print_plan(planned: PlannedRun) -> None:
             origin,
         )
     out.print(margins)
+    for remark in planned.remarks:
+        out.print(f"warning: {remark}", style="yellow", soft_wrap=True)
 
 
 def _print_alarm(out: Console, problem: str) -> None:

@@ -126,6 +126,17 @@ class PlannedRun:
         """Nominal time of the steps after `index` [s]."""
         return sum(step.nominal for step in self.steps[index + 1 :])
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the plan is too thin for: the curves of its analysis that stand on too few points."""
+        segments = [
+            step.segment
+            for step in self.plan
+            if isinstance(step, Motion) and step.segment is not None
+        ]
+        standings = (shape.planned(segments) for shape in self.experiment.shapes)
+        return tuple(text for standing in standings for text in standing.warnings)
+
     def as_json(self) -> dict[str, Any]:
         """The object that `rig plan --json` prints."""
         peak = max((abs(step.speed) for step in self.steps), default=0.0)
@@ -146,6 +157,7 @@ class PlannedRun:
             "peak_speed": {"value": peak / RPM, "unit": "r/min"},
             "margins": [margin.as_json() for margin in self.margins],
             "limits": self.limits.as_json(),
+            "remarks": list(self.remarks),
         }
 
 

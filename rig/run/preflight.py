@@ -78,8 +78,8 @@ class Check:
 
 
 def static_checks(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
-    """What can be known without the rig: disk space, folder, provenance of the ratings."""
-    return (*_disk(planned, output), *_ratings(planned))
+    """What can be known without the rig: disk space, folder, provenance of the ratings, points for what is fitted."""
+    return (*_disk(planned, output), *_ratings(planned), *_points(planned))
 
 
 def folder_problem(output: Path) -> str:
@@ -145,6 +145,14 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
             ),
         )
     return (Check("disk space", "ok", evidence),)
+
+
+def _points(planned: PlannedRun) -> tuple[Check, ...]:
+    """Whether the plan has the points that the curves of its analysis ask for."""
+    remedy = "Ask for more speeds, or for each of them again (up and down, repeats)."
+    return tuple(
+        Check("points", "warning", text.removesuffix("."), remedy) for text in planned.remarks
+    )
 
 
 def _ratings(planned: PlannedRun) -> tuple[Check, ...]:

@@ -9,12 +9,14 @@ import numpy as np
 from experiments.errors import analysing
 from experiments.protocols.friction.plots import point_table
 from experiments.protocols.friction.points import MeasuredFriction
-from experiments.protocols.friction.quantities import QUANTITIES
+from experiments.protocols.friction.quantities import CURVE, QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Covariance, Result
-from model.identify.common_errors import FEWEST, UNREPEATED, means_by, spread_beyond
+from experiments.shape import Standing
+from model.identify.common_errors import UNREPEATED, means_by, spread_beyond
 from model.identify.estimate import Estimate
 from model.identify.friction import check_curve
+from model.identify.repeated import FEWEST
 from model.identify.running_torque import pair_directions
 from model.identify.stribeck import NAMES, fit_stribeck, profile_intervals
 
@@ -69,18 +71,19 @@ def friction_in_foreign_unit(
             identifiable="yes" if closed else "no",
             note=note,
         )
+    standing = Standing(CURVE, len(points.speed), len(np.unique(points.level)), point)
     text = f'The channel "{measured.channel}" is in {unit}, not N m: friction is that of the whole axis, in {unit}.'
     return Result(
         run=recording.metadata.run_id,
         kind=KIND,
         quantities=QUANTITIES,
-        estimates=estimates,
+        estimates=standing.weakly(estimates),
         metrics={
             "points": float(len(points.speed)),
             "chi_square": fit.chi_square,
             "freedom": float(fit.freedom),
         },
-        warnings=(*measured.warnings, *points.warnings, text),
+        warnings=(*measured.warnings, *points.warnings, *standing.warnings, text),
         tables=(point_table(measured.holds, measured.bracket, None, unit),),
         options={
             "torque_is_of": "motor + gear",

@@ -53,7 +53,6 @@ from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive, Origin
 from model.identify.common_errors import (
-    FEWEST,
     UNREPEATED,
     CommonError,
     Spread,
@@ -62,6 +61,7 @@ from model.identify.common_errors import (
 )
 from model.identify.estimate import Cause
 from model.identify.friction import tare_scatter
+from model.identify.repeated import FEWEST
 from model.identify.running_torque import (
     REST_LIMIT,
     FrictionPoints,

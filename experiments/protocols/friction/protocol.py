@@ -71,10 +71,11 @@ from experiments.protocols.friction.points import (
     reproducibility,
     spread_of,
 )
-from experiments.protocols.friction.quantities import QUANTITIES
+from experiments.protocols.friction.quantities import CURVE, QUANTITIES
 from experiments.protocols.friction.temperature import DRY, VISCOUS
 from experiments.recording import Recording
 from experiments.result import Covariance, Result
+from experiments.shape import Standing
 from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,
@@ -317,13 +318,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         | at_20_degrees(fit, curve, coefficients)
         | offset_estimate(fit, measured.zero)
     )
+    standing = _standing(fit, spread)
+    estimates = standing.weakly(estimates)
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
-        warnings=(*measured.warnings, *fit.warnings),
+        warnings=(*measured.warnings, *fit.warnings, *standing.warnings),
         plots=friction_plots(fit, brought.holds, measured.bracket, measured.tare),
         tables=(
             fit_table(fit),
@@ -425,6 +428,12 @@ def _conditions(
         numbers["dry_friction_per_kelvin"] = law.dry.at(coefficients[DRY].value)
         numbers["viscous_friction_per_kelvin"] = law.viscous.at(coefficients[VISCOUS].value)
     return numbers
+
+
+def _standing(fit: FrictionFit, spread: Spread) -> Standing:
+    """The curve on the points that it was laid through."""
+    places = len(np.unique(fit.points.level))
+    return Standing(CURVE, len(fit.points.speed), places, spread.point)
 
 
 def _bearing_taken_off(
@@ -574,7 +583,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=8,
+    version=9,
     live=("speed", "torque points", "torque"),
     takes_tare=True,
     learns=per_kelvin,
@@ -589,6 +598,7 @@ EXPERIMENT = Experiment(
             "input; the balance used is named in the provenance.",
         ),
     ),
+    shapes=(CURVE,),
     figures=(
         PaperFigure(9, "friction torque at the input over speed"),
         PaperFigure(17, "measured and fitted friction torque, both directions"),

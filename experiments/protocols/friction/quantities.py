@@ -8,6 +8,7 @@ from experiments.quantity import (
     Counterpart,
     Quantity,
 )
+from experiments.shape import Shape
 
 CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
 """Input speeds at which catalogues give the no-load running torque."""
@@ -229,3 +230,15 @@ SCORES = (
 """Of a given parameter set, nothing fitted."""
 
 QUANTITIES = (*ESTIMATES, *METRICS, *SCORES)
+
+CURVE = Shape(
+    title="friction over speed",
+    numbers=5,
+    names=(
+        *("coulomb", "static", "stribeck_velocity", "shape", "viscous"),
+        *(at_reference(name) for name in ("coulomb", "static", "viscous")),
+    ),
+    labels=("hold", "bracket"),
+    needs_repeats=True,
+)
+"""The Stribeck curve through the holds, reference speed included."""
