@@ -13,7 +13,7 @@ from experiments.recording import ArraySource, Recording
 from experiments.torque.running_torque import measured_holds
 from experiments.torque.zero import torque_zero
 from model.arrays import FloatArray
-from model.gear import HarmonicDrive
+from model.gear import HarmonicDrive, Origin
 from model.units import ARCSEC
 
 SPEED, RATE = 70.0, 250.0
@@ -113,3 +113,24 @@ def test_without_a_slow_hold_the_cards_accuracy_bounds_the_error(
     # As peak-to-peak of all orders together no more than the catalogue says.
     assert float(amplitudes.min()) > 0.0
     assert 2.0 * float(amplitudes.sum()) == pytest.approx(gear.ratings.transmission_accuracy)
+
+
+def test_the_loss_of_a_gear_whose_load_nobody_stated_may_be_none(
+    rippling: Recording, gear: HarmonicDrive
+) -> None:
+    def ripple(origin: str, whose: HarmonicDrive) -> vibration.Ripple:
+        metadata = dataclasses.replace(
+            rippling.metadata, origin=origin, gear_mounted=True, process={}
+        )
+        run = dataclasses.replace(rippling, metadata=metadata)
+        holds, _ = measured_holds(run, run.segments, torque_zero(run))
+        return vibration.ripple_of(run, holds, whose, "torque")
+
+    unstated, simulated = ripple("hardware", gear), ripple("simulated", gear)
+    assert unstated.loss[0] > 0.0
+    assert unstated.unseen[0] == pytest.approx(unstated.loss[0])
+    # By its own mode nothing shakes this output.
+    assert simulated.loss[0] == 0.0
+    own = gear.with_values({"inertia.output": gear.inertia.output}, Origin("measured", "its card"))
+    stated = ripple("hardware", own)
+    assert (stated.loss[0], stated.unseen[0]) == (simulated.loss[0], simulated.unseen[0])

@@ -24,12 +24,13 @@ from typing import TypedDict
 
 import numpy as np
 
+from experiments.assumed import OUTPUT_INERTIA, Assumed
 from experiments.assumed import TEMPERATURE as UNKNOWN_TEMPERATURE
-from experiments.assumed import Assumed
 from experiments.budget import stated_note, thermometer_uncertainty, torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, time_base_remark
+from experiments.load import is_stated
 from experiments.protocols.friction.bearing import OutputBearing, output_bearing
 from experiments.protocols.friction.temperature import (
     DRY,
@@ -395,7 +396,10 @@ def common_errors(
             CommonError(
                 source=VIBRATION,
                 effect=_vibration(measured.ripple, speed),
-                note="damping and first mode of the parameter set",
+                note="damping and first mode of the parameter set"
+                if is_stated(recording, curve.gear)
+                else OUTPUT_INERTIA.note,
+                assumed="" if is_stated(recording, curve.gear) else OUTPUT_INERTIA.kind,
             )
         )
     if measured.ripple.lag.any():

@@ -10,7 +10,8 @@ show: there y is small, and w_1 falls out. With the damping D of the gear it tak
 D is what the parameter set's dampers are at the output (K_b' is the bearing's stiffness there), E what hysteresis takes
 per cycle: 4 T_h x where it slides, as x^3 before (Dahl), T_h = K/2 times the hysteresis loss of the ratings. Orders and
 their sidebands n +- k/N beat over the output turn, so that y is taken from short blocks and squares are averaged.
-Damping is known within a factor of about three, w_1 (in the fourth power) by the card's stiffness and inertia.
+Damping is known within a factor of about three, w_1 (in the fourth power) by the card's stiffness and inertia. Where
+nobody stated the inertia, w_1 is the lowest that is assumed, and the loss lies between none and what follows from it.
 
 The input ripples too, and the port lags behind the torque by an unknown part of `LAG`: the mean over angle holds the
 product of both ripples, half the sum of Re(T_n conj(w_n)/w); a first-order lag t hides i n w t T_n of T_n. The sum of
@@ -25,8 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.assumed import LOWEST_MODE
 from experiments.evidence import usable
 from experiments.evidence.sampling import HIGHEST_SHARE
+from experiments.load import is_stated
 from experiments.planning.speeds import first_resonances
 from experiments.recording import Recording
 from experiments.torque.running_torque import Hold
@@ -84,9 +87,8 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
     """The ripples of all holds at constant speed."""
     ripple = Ripple(*np.zeros((4, len(holds))))
     orders, period = np.array(ORDERS), 1.0 / recording.metadata.sample_rate
-    mode = math.sqrt(math.prod(first_resonances(gear)))
-    # At small amplitudes hysteresis is a spring beside the gear's own.
-    mode *= math.sqrt(1.0 + 0.5 * gear.ratings.hysteresis_loss / SLIDING)
+    is_known = is_stated(recording, gear)
+    mode = _mode(gear) if is_known else LOWEST_MODE
     shaken = [
         _is_shaken(recording) and orders[-1] * abs(h.torque.speed) > SLOW * mode for h in holds
     ]
@@ -112,8 +114,17 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
             loss = 0.5 * _damping(gear) * (orders * torsion) ** 2 * speed
             loss += orders * _hysteresis_loss(gear, torsion) / REVOLUTION
             low, high = loss.sum(axis=1)
+            if not is_known:
+                low = 0.0
             ripple.loss[k], ripple.unseen[k] = 0.5 * (low + high), 0.5 * (high - low)
     return ripple
+
+
+def _mode(gear: HarmonicDrive) -> float:
+    """The first mode [rad/s] of a gear whose load is stated."""
+    mode = math.sqrt(math.prod(first_resonances(gear)))
+    # At small amplitudes hysteresis is a spring beside the gear's own.
+    return mode * math.sqrt(1.0 + 0.5 * gear.ratings.hysteresis_loss / SLIDING)
 
 
 def _sampled(

@@ -27,6 +27,7 @@ from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
+from experiments.load import UNSTATED, is_simulated
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import (
@@ -218,8 +219,6 @@ OUTPUT_ECCENTRICITY, INPUT_ECCENTRICITY = 2.0, 1.0
 """arcsec at the output, once per output and once per input revolution: a seat that is trued up to half a micrometre."""
 TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
-UNSTATED = ("assumed", "recalled")
-"""Standings of an output inertia that nobody stated of this gear: it is that of another load."""
 STATED_MODE_UNCERTAINTY = 0.05
 """Relative standard uncertainty of a resonance that was stated: it depends on amplitude and warmth."""
 STIFFNESS_TOLERANCE = 0.4
@@ -382,12 +381,6 @@ def _unsaid(encoder: Channel, otherwise: Assumed) -> str:
 
 def _uncertainty_of(certified: CertifiedAngle | None) -> float:
     return 0.0 if certified is None else certified.certificate.standard_uncertainty
-
-
-def is_simulated(recording: Recording) -> bool:
-    """Whether a simulated output turned what its parameter set says, assumed or not."""
-    metadata = recording.metadata
-    return metadata.origin == "simulated" or "truth" in metadata.process
 
 
 def stated_mode(recording: Recording) -> StatedMode | None:

@@ -23,6 +23,7 @@ from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
+from experiments.load import load_of
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, stop
 from experiments.planning.shared_parameters import (
@@ -187,7 +188,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             for step, angle, ideal in zip(steps, ladder.predicted, ladder.ideal, strict=True)
         ]
     bearing = output_bearing(recording, evidence.settings)
-    estimates, damped = without_bearing(ladder.estimates, bearing, gear.inertia.output)
+    estimates, damped = without_bearing(ladder.estimates, bearing, load_of(recording, gear))
     _refuse_alias(recording, estimates["frequency"].value)
     if not is_known:
         estimates = _with_alias(recording, estimates)
@@ -423,7 +424,7 @@ EXPERIMENT = Experiment(
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,
-    version=10,
+    version=11,
     live=("speed", "steps", "torque"),
     builds_on=("kinematic-error",),
     terms=(
