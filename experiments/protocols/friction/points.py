@@ -396,10 +396,10 @@ def common_errors(
             CommonError(
                 source=VIBRATION,
                 effect=_vibration(measured.ripple, speed),
-                note="damping and first mode of the parameter set"
-                if is_stated(recording, curve.gear)
-                else OUTPUT_INERTIA.note,
-                assumed="" if is_stated(recording, curve.gear) else OUTPUT_INERTIA.kind,
+                **_said(
+                    None if is_stated(recording, curve.gear) else OUTPUT_INERTIA,
+                    "damping and first mode of the parameter set",
+                ),
             )
         )
     if measured.ripple.lag.any():
