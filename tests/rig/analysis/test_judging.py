@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments import catalogue
+from experiments.evidence.conclusion import judged
 from experiments.result import Check, Result, Verdict
 from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
@@ -207,6 +208,19 @@ def test_what_lacks_something_is_not_judged_and_says_what(
     verdict = judge_run(found("friction", **changes), acceptance)  # type: ignore[arg-type]
     assert verdict.verdict == "NOT JUDGED"
     assert because in verdict.because[0]
+
+
+def test_a_torque_that_must_be_above_zero_and_reaches_it_is_not_judged() -> None:
+    quantities = catalogue.load("starting-torque").quantities
+    quantity = next(q for q in quantities if q.name == "starting_torque")
+
+    def outcome(u: float) -> str:
+        ran = found("starting-torque", 1.0, u)
+        number = judged(quantity, ran.result.estimates["starting_torque"])
+        result = replace(ran.result, estimates={"starting_torque": number})
+        return judge([replace(ran, result=result)], asked(limit("starting-torque", 3.0))).verdict
+
+    assert (outcome(0.1), outcome(1.5)) == ("PASS", "NOT JUDGED")
 
 
 @pytest.mark.parametrize("kind", ["friction", "starting-torque", "warm-up"])
