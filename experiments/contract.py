@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from experiments.errors import PlanError
+from experiments.need import Need
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Check, Result
@@ -57,6 +58,9 @@ class Experiment:
     `builds_on` names the protocols without whose identified parameters its analysis is poorer; `learns` makes of the
     results of a gear's other runs of this protocol settings of its analysis, for whoever gives none by hand.
     `terms` are those that a reader of its results needs, `figures` the paper's that its run draws.
+    `asks` is what the analysis needs of a recording that was made elsewhere: the channels of `needs`, where it does
+    not say more. `short` are parameters with which its run is short, for teaching and load tests, with wider
+    uncertainties.
     `shapes` are the curves that it lays through the points of a run: a plan says beforehand where they are too few.
     `cuts_gaps` is an analysis that uses the stretches between gaps of time and draws nothing across them.
     `version` of the analysis is raised whenever the same recording gives other numbers.
@@ -85,6 +89,13 @@ class Experiment:
     terms: tuple[Term, ...] = ()
     figures: tuple[PaperFigure, ...] = ()
     shapes: tuple[Shape, ...] = ()
+    asks: Need | None = None
+    short: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def foreign_need(self) -> Need:
+        """What the analysis needs of a recording that was made elsewhere."""
+        return self.asks or Need(channels=tuple((name,) for name in self.needs))
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from experiments.assumed import MOTOR_ENCODER, OUTPUT_ENCODER
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings
+from experiments.need import BOTH_ANGLES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
@@ -213,6 +214,8 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=BOTH_ANGLES, ratio=True, labels=("home-input", "home-output")),
+    short={"zero_time": 0.5, "input_passes": 1, "input_speed_rpm": 30.0, "output_speed_rpm": 120.0},
     needs=("input_angle", "input_index", "index_seen"),
     quantities=QUANTITIES,
     version=4,

@@ -19,6 +19,7 @@ from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, time_base_remark, usable
+from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
@@ -485,6 +486,14 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=(("input_angle",), TORQUES), labels=("hold",), gear_off=True),
+    short={
+        "zero_time": 0.5,
+        "points": 6,
+        "lowest_rpm": 60.0,
+        "measure_time": 0.2,
+        "settle_time": 0.2,
+    },
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,

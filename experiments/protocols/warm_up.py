@@ -14,6 +14,7 @@ from experiments.budget import scale_line
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings, usable
+from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import (
     between_zeros,
@@ -285,6 +286,8 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=(("input_angle",), TORQUES), labels=("warm-up",)),
+    short={"zero_time": 0.5, "window": 5.0, "at_most": 60.0},
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
     version=5,

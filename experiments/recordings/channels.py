@@ -13,9 +13,6 @@ from experiments.errors import AnalysisError
 from experiments.recording import Recording
 from model.arrays import FloatArray
 
-ANGLES = ("input_angle", "position", "output_angle")
-EFFORTS = ("torque", "drive_torque", "force", "current", "motor_current", "voltage")
-
 
 def chosen_channel(
     recording: Recording,

@@ -21,9 +21,10 @@ from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_settings, usable
+from experiments.need import EFFORTS, SPEEDS, Need
 from experiments.quantity import Dependence, Quantity
 from experiments.recording import Recording
-from experiments.recordings.channels import EFFORTS, chosen_channel
+from experiments.recordings.channels import chosen_channel
 from experiments.recordings.motion_channels import number
 from experiments.result import Covariance, Plot, Result, Series, Table, both_ways, residual_panel
 from experiments.shape import Shape, Standing
@@ -35,7 +36,6 @@ from model.identify.least_squares import student_quantile
 
 NAME = "friction-curve"
 SETTINGS = ("law", "speed", "effort", "uncertainty", "direction", "least_speed")
-SPEEDS = ("speed", "input_speed", "output_speed")
 SPEED_UNITS = ("rad/s", "m/s")
 DIRECTIONS = ("both", "forward", "reverse", "each")
 CHANCE = 0.05
@@ -391,6 +391,7 @@ EXPERIMENT = Experiment(
     parameters=NoParameters,
     plan=no_plan,
     analyse=analyse,
+    asks=Need(channels=(SPEEDS, EFFORTS), time=False, is_table=True),
     needs=(),
     gear_mounted=False,
     has_plan=False,

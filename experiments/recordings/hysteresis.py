@@ -18,6 +18,7 @@ from experiments.evidence import (
     rotary_ratio,
     usable,
 )
+from experiments.need import ANGLES, TORQUES, Need
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import brought_forward, chosen_channel, stated_lag
@@ -238,6 +239,7 @@ EXPERIMENT = Experiment(
     parameters=NoParameters,
     plan=no_plan,
     analyse=analyse,
+    asks=Need(channels=(ANGLES, ("output_torque", *TORQUES))),
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,

@@ -22,6 +22,7 @@ from experiments.budget import STATED, budget_table, scale_line, zero_uncertaint
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
+from experiments.need import ANGLES, EFFORTS, SPEEDS, Need
 from experiments.quantity import (
     OF_EFFORT_DIFFERENCES,
     Quantity,
@@ -334,6 +335,7 @@ EXPERIMENT = Experiment(
     parameters=NoParameters,
     plan=no_plan,
     analyse=analyse,
+    asks=Need(channels=((*ANGLES, *SPEEDS), EFFORTS)),
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,

@@ -12,9 +12,10 @@ import numpy as np
 
 from experiments.errors import AnalysisError
 from experiments.evidence import usable
+from experiments.need import ANGLES, EFFORTS
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording
-from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel, stated, stated_lag
+from experiments.recordings.channels import chosen_channel, stated, stated_lag
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.identify.motion_source import MotionBlock, Stretch, TimeAxis, time_axis

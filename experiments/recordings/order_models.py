@@ -15,8 +15,9 @@ import numpy as np
 from experiments.contract import Evidence
 from experiments.evidence import rotary_ratio
 from experiments.ladder import Ladder, Rung, Sample, centred, nothing_fitted
+from experiments.need import ANGLES
 from experiments.recording import Recording
-from experiments.recordings.channels import ANGLES, chosen_channel
+from experiments.recordings.channels import chosen_channel
 from experiments.recordings.order_spectrum import HIGHEST, channel_of
 from experiments.recordings.orders_source import order_source
 from model.arrays import FloatArray, IntArray

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from experiments.budget import scale_line
+from experiments.need import EFFORTS
 from experiments.recording import Recording
-from experiments.recordings.channels import EFFORTS
 from experiments.result import way_of
 from model.identify.estimate import Estimate
 from model.identify.orders.fit import OrdersFit, Wave

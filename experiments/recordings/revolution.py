@@ -12,12 +12,13 @@ import math
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
+from experiments.need import ANGLES, EFFORTS, MEASURED, Need
 from experiments.quantity import (
     OF_CHANNEL_DIFFERENCES,
     Quantity,
 )
 from experiments.recording import Recording
-from experiments.recordings.channels import ANGLES, EFFORTS, chosen_channel
+from experiments.recordings.channels import chosen_channel
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
 from experiments.recordings.orders_source import order_source
 from experiments.recordings.orders_words import order_estimates, said_of
@@ -160,6 +161,7 @@ EXPERIMENT = Experiment(
     parameters=NoParameters,
     plan=no_plan,
     analyse=analyse,
+    asks=Need(channels=(ANGLES, MEASURED), time=False, revolutions=True),
     needs=(),
     has_plan=False,
     cuts_gaps=True,

@@ -11,6 +11,7 @@ from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, usable
+from experiments.need import ANGLES, EFFORTS, MEASURED, SPEEDS, Need
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import stated_lag
@@ -202,6 +203,7 @@ EXPERIMENT = Experiment(
     parameters=NoParameters,
     plan=no_plan,
     analyse=analyse,
+    asks=Need(channels=((*ANGLES, *SPEEDS, *EFFORTS), MEASURED)),
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,

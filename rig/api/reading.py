@@ -11,12 +11,12 @@ from typing import Any
 from experiments.recording import ArraySource, Recording
 from rig.api.gearing import gear
 from rig.api.runs import Run
-from rig.commands.importing import WITHOUT_TIME
 from rig.errors import ConfigurationError
 from rig.runfile.importing.channel_map import ImportOptions, RunMap, read_channel_map
 from rig.runfile.importing.channel_source import parse_channel
 from rig.runfile.importing.convert import import_tables
 from rig.runfile.importing.opening import open_tables
+from rig.runfile.importing.reach import is_of_tables
 from rig.runfile.importing.stated import with_stated
 from rig.runfile.read import close_recording, open_run
 
@@ -194,7 +194,7 @@ def _options(
         )
     if "gear" in given:
         given["gear"] = gear(given["gear"])
-    if given.get("experiment") in WITHOUT_TIME:
+    if is_of_tables(str(given.get("experiment", ""))):
         given.setdefault("no_time", True)
     given["channels"] = tuple(parse_channel(f"{name}={text}") for name, text in channels.items())
     return with_stated(_mapped(map_file, run).options(given), **stated)

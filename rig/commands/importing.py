@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from rig.runfile.importing.channel_map import ImportOptions, RunMap
     from rig.runfile.importing.convert import Imported
 
-WITHOUT_TIME = ("friction-curve",)
-"""Analyses of tables that have no time base."""
-
 
 def import_(
     format: flags.Kind,
@@ -64,11 +61,12 @@ def import_(
     or says what it lacks. Units, signs and ratios are asked for, never guessed.
     """
     from rig.runfile.importing.channel_source import parse_channel
+    from rig.runfile.importing.reach import is_of_tables
 
     said = {
         "channels": tuple(parse_channel(text) for text in channel or ()),
         "rate": rate,
-        "no_time": no_time or protocol in WITHOUT_TIME,
+        "no_time": no_time or is_of_tables(protocol),
         "time_base": time_base and time_base.value,
         "start_time": start,
         "drop_bad_rows": drop_bad_rows,

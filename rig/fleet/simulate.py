@@ -49,29 +49,13 @@ BETWEEN_RUNS = 60.0
 """s from the end of one run to the start of the next."""
 SEEDS_PER_ORDER = 1_000_000
 """Gears and benches of one seed: those of the next have other numbers."""
-SHORT: Mapping[str, Mapping[str, Any]] = {
-    "motor-tare": {"points": 6, "lowest_rpm": 60.0, "measure_time": 0.2, "settle_time": 0.2},
-    "friction": {
-        "points": 8,
-        "lowest_rpm": 60.0,
-        "measure_time": 0.2,
-        "settle_time": 0.2,
-        "up_and_down": False,
-    },
-    "home": {"input_passes": 1, "input_speed_rpm": 30.0, "output_speed_rpm": 120.0},
-    "kinematic-error": {"speed_rpm": 61.8},
-    "starting-torque": {"positions": 4},
-    "velocity-steps": {"repeats": 1, "duration": 0.1, "speeds_rpm": (300.0, 600.0, 1000.0)},
-    "warm-up": {"window": 5.0, "at_most": 60.0},
-}
-"""Parameters with which a run of each protocol is short: for teaching and load tests, with wider uncertainties."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Production:
     """What is asked for: so many gears on so many benches, by these protocols, `per_day` gears a day on each bench.
 
-    `values` are parameters by protocol, beside those of `SHORT` where it is `short`.
+    `values` are parameters by protocol, beside those of its protocol's short form where it is `short`.
     """
 
     folder: Path
@@ -104,7 +88,7 @@ class Production:
 
     def parameters(self, protocol: str) -> dict[str, Any]:
         """The values with which a protocol is run."""
-        short = {"zero_time": 0.5, **SHORT.get(protocol, {})} if self.short else {}
+        short = catalogue.load(protocol).short if self.short else {}
         return {**short, **self.values.get(protocol, {})}
 
 

@@ -68,6 +68,27 @@ def test_every_experiment_keeps_the_contract(name: str) -> None:
             assert parameter.unit or parameter.kind is not float, parameter.name
 
 
+@pytest.mark.parametrize("name", catalogue.kinds())
+def test_every_analysis_says_what_it_asks_of_a_recording_made_elsewhere(name: str) -> None:
+    asks = catalogue.load(name).asks
+    assert asks is not None
+    assert asks.channels
+    assert all(asks.channels)
+
+
+def test_an_analysis_that_says_nothing_asks_for_the_channels_of_its_run() -> None:
+    friction = dataclasses.replace(catalogue.load("friction"), asks=None)
+    assert friction.foreign_need.channels == (("input_angle",), ("torque",))
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_every_protocol_has_a_short_form_that_can_be_planned(name: str) -> None:
+    experiment = catalogue.load(name)
+    assert experiment.short
+    short = make_parameters(experiment.parameters, dict(experiment.short))
+    assert list(experiment.plan(short, shipped_gear()))
+
+
 @pytest.mark.parametrize("name", [k for k in catalogue.kinds() if k not in PROTOCOLS])
 def test_an_analysis_without_a_plan_cannot_be_run(name: str) -> None:
     experiment = catalogue.load(name)

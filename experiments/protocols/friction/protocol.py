@@ -22,6 +22,7 @@ from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_settings, rotary_ratio
+from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import (
     between_zeros,
@@ -579,6 +580,15 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=(("input_angle",), (*TORQUES, "current"))),
+    short={
+        "zero_time": 0.5,
+        "points": 8,
+        "lowest_rpm": 60.0,
+        "measure_time": 0.2,
+        "settle_time": 0.2,
+        "up_and_down": False,
+    },
     needs=("input_angle", "torque"),
     compare=compare,
     identified=identified,

@@ -28,6 +28,7 @@ from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
 from experiments.load import UNSTATED, is_simulated
+from experiments.need import BOTH_ANGLES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
 from experiments.planning.shared_parameters import (
@@ -696,6 +697,8 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=BOTH_ANGLES, ratio=True),
+    short={"zero_time": 0.5, "speed_rpm": 61.8},
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,

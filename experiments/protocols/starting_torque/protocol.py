@@ -12,6 +12,7 @@ from experiments.budget import budget_table
 from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings
+from experiments.need import TORQUES, Need
 from experiments.protocols.friction.bearing import NAMES, output_bearing
 from experiments.protocols.starting_torque.balance import Balance, balanced
 from experiments.protocols.starting_torque.breakaway import (
@@ -151,6 +152,8 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=(("input_angle",), TORQUES), labels=("torque-ramp",)),
+    short={"zero_time": 0.5, "positions": 4},
     needs=("input_angle", "torque"),
     quantities=QUANTITIES,
     version=6,

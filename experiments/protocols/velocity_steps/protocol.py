@@ -24,6 +24,7 @@ from experiments.contract import Evidence, Experiment
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
 from experiments.load import load_of
+from experiments.need import BOTH_ANGLES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, stop
 from experiments.planning.shared_parameters import (
@@ -421,6 +422,8 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=plan,
     analyse=analyse,
+    asks=Need(channels=BOTH_ANGLES, ratio=True, labels=("step",)),
+    short={"zero_time": 0.5, "repeats": 1, "duration": 0.1, "speeds_rpm": (300.0, 600.0, 1000.0)},
     compare=compare,
     identified=identified,
     quantities=QUANTITIES,

@@ -25,8 +25,8 @@ from experiments.assumed import (
     TORQUE_ZERO,
 )
 from experiments.budget import TORQUES
+from experiments.need import EFFORTS
 from experiments.recording import Event
-from experiments.recordings.channels import EFFORTS
 from rig.errors import RunFileError
 from rig.runfile.header import RunHeader, iso_time
 from rig.runfile.importing.adapters.table import Table

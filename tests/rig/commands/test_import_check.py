@@ -131,13 +131,6 @@ def test_what_hinders_the_import_is_told_and_the_rest_is_shown(rig: Rig, tmp_pat
     )
 
 
-def test_every_analysis_that_needs_no_plan_says_what_it_needs() -> None:
-    from experiments import catalogue
-    from rig.runfile.importing.reach import NEEDS
-
-    assert set(catalogue.kinds()) <= set(NEEDS)
-
-
 def test_lag_and_accuracy_go_into_the_run_and_the_map_keeps_what_no_flag_says(
     rig: Rig, tmp_path: Path
 ) -> None:
