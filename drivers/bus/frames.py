@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.bus.cia301 import DataType
+from drivers.bus.cia301 import DataType, ObjectRef
 from drivers.bus.pdo import MappedPdo
 from drivers.errors import DriverError
 from drivers.samples import CycleFlag
@@ -64,6 +64,35 @@ class Field:
                 limit="1, 2, 4 or 8 bytes",
             )
         return _FORMATS[kind.size, kind.signed]
+
+
+class Fields:
+    """The fields that the channels of a rig need, each made once, where a mapped PDO has its object."""
+
+    def __init__(self, pdos: Sequence[MappedPdo]) -> None:
+        self.made: list[Field] = []
+        self._pdos = tuple(pdos)
+        self._place: dict[tuple[int, tuple[int, int], int], int] = {}
+
+    def number(self, node_id: int, entry: ObjectRef, quantum: float = 0.0) -> int:
+        """The field of an object of a node, made where it is new; -1 where no PDO has it."""
+        key = (node_id, entry.key, entry.offset)
+        if key not in self._place:
+            field = self._field(node_id, entry, quantum)
+            if field is None:
+                return -1
+            self._place[key] = len(self.made)
+            self.made.append(field)
+        return self._place[key]
+
+    def _field(self, node_id: int, entry: ObjectRef, quantum: float) -> Field | None:
+        for slot, pdo in enumerate(self._pdos):
+            offset = pdo.offset_of(entry.key)
+            if pdo.node_id == node_id and offset is not None:
+                mapped = next(e for e in pdo.entries if e.key == entry.key)
+                kind = mapped.data_type if entry.part is None else entry.value_type
+                return Field(f"node {node_id} {entry}", slot, offset + entry.offset, kind, quantum)
+        return None
 
 
 class FrameLayout:

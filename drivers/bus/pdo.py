@@ -8,7 +8,7 @@ keeps its own, and is used as it is.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from drivers.bus.cia301 import (
@@ -33,6 +33,8 @@ LAST_SYNCHRONOUS: Final = 240
 """RPDO types 0 to 240 act with the next SYNC after the frame; for a TPDO only type 1 answers every SYNC."""
 PREDEFINED_PDOS: Final = 4
 """PDO numbers that have a COB-ID by the pre-defined connection set."""
+_KEPT_BIT: Final = 0x40000000
+"""Of a COB-ID (bit 30, no RTR): written back as the device has it."""
 
 
 class UntiedPdoError(DriverError):
@@ -97,30 +99,11 @@ def map_objects(
     back differently.
     """
     wanted = [_as_answered(device, entry) for entry in entries]
-    mapped: list[MappedPdo] = []
-    number = 1
-    refused: list[ObjectRef] = []
-    pending = pack(wanted)
-    untied: UntiedPdoError | None = None
-    while pending and number <= MOST_PDOS:
-        frame = pending.pop(0)
-        try:
-            pdo = _write_longest(device, number, is_transmit, frame)
-        except UntiedPdoError as error:
-            # The type of one TPDO may be fixed, and that of the next not.
-            untied, pdo = untied or error, None
-        number += 1
-        if pdo is None:
-            pending.insert(0, frame)
-            continue
-        mapped.append(pdo)
-        rest = [entry for entry in frame if pdo.offset_of(entry.key) is None]
-        if rest and len(rest) < len(frame):
-            pending.insert(0, rest)
-    refused = [e for e in wanted if all(p.offset_of(e.key) is None for p in mapped)]
+    mapped, untied = _map_in_turn(device, wanted, is_transmit)
+    refused = [entry for entry in wanted if not _holds(mapped, entry)]
     mapped += _as_preset(device, is_transmit, refused, {p.number for p in mapped})
     for entry in refused:
-        if any(p.offset_of(entry.key) is not None for p in mapped):
+        if _holds(mapped, entry):
             continue
         if entry.key in optional:
             device.note_missing(entry, "cannot be mapped into a PDO")
@@ -134,6 +117,37 @@ def map_objects(
     if is_transmit:
         _silence_others(device, {p.number for p in mapped})
     return mapped
+
+
+def _holds(mapped: Sequence[MappedPdo], entry: ObjectRef) -> bool:
+    """Whether one of these PDOs carries the entry."""
+    return any(pdo.offset_of(entry.key) is not None for pdo in mapped)
+
+
+def _map_in_turn(
+    device: RemoteDevice, wanted: Sequence[ObjectRef], is_transmit: bool
+) -> tuple[list[MappedPdo], UntiedPdoError | None]:
+    """What the device takes, PDO by PDO; and the first one that could not be tied to SYNC."""
+    mapped: list[MappedPdo] = []
+    untied: UntiedPdoError | None = None
+    pending = pack(wanted)
+    for number in range(1, MOST_PDOS + 1):
+        if not pending:
+            break
+        frame = pending.pop(0)
+        try:
+            pdo = _write_longest(device, number, is_transmit, frame)
+        except UntiedPdoError as error:
+            # The type of one TPDO may be fixed, and that of the next not.
+            untied, pdo = untied or error, None
+        if pdo is None:
+            pending.insert(0, frame)
+            continue
+        mapped.append(pdo)
+        rest = [entry for entry in frame if pdo.offset_of(entry.key) is None]
+        if rest and len(rest) < len(frame):
+            pending.insert(0, rest)
+    return mapped, untied
 
 
 def _as_answered(device: RemoteDevice, entry: ObjectRef) -> ObjectRef:
@@ -188,11 +202,9 @@ def _write_longest(
         if not own and number > PREDEFINED_PDOS:
             # It has no COB-ID, and none that is surely free can be given to it.
             return None
-        identifier = (
-            own or (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
-        )
-        keep = cob_id & 0x40000000
-        _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
+        predefined = (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
+        valid = cob_id & _KEPT_BIT | (own or predefined)
+        _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | valid))
         device.sdo.download(mapping, 0, U8.encode(0))
     except SdoAbortError:
         _restore(device, communication)
@@ -205,18 +217,33 @@ def _write_longest(
     by_sync = _try_download(device, communication, 2, U8.encode(EVERY_SYNC))
     if is_transmit:
         _quieten(device, communication)
-    _try_download(device, communication, 1, U32.encode(keep | identifier))
+    _try_download(device, communication, 1, U32.encode(valid))
+    return _read_back(device, number, is_transmit, written, by_sync=by_sync, valid=valid)
+
+
+def _read_back(
+    device: RemoteDevice,
+    number: int,
+    is_transmit: bool,
+    written: Sequence[ObjectRef],
+    *,
+    by_sync: bool,
+    valid: int,
+) -> MappedPdo:
+    """The PDO as the device has it now, with the names of what was written; `by_sync`: it took the type,
+    `valid`: its COB-ID. Raises `UntiedPdoError`, `ReadbackError`.
+    """
+    communication, mapping = _indices(number, is_transmit)
     pdo = read_pdo(device, number, is_transmit=is_transmit)
-    expected = tuple(entry.mapping for entry in written)
+    is_timed = pdo is not None and pdo.transmission_type == EVERY_SYNC
     if pdo is not None and not is_transmit and not by_sync:
         _tell_type(device, pdo)
-    if pdo is not None and is_transmit and pdo.transmission_type != EVERY_SYNC:
-        _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | keep | identifier))
+        is_timed = True
+    if pdo is not None and is_transmit and not is_timed:
+        _try_download(device, communication, 1, U32.encode(COB_ID_INVALID_BIT | valid))
         raise _not_by_sync(device, communication, pdo)
-    is_timed = pdo is not None and (
-        pdo.transmission_type == EVERY_SYNC or not (is_transmit or by_sync)
-    )
-    if pdo is None or not is_timed or tuple(e.mapping for e in pdo.entries) != expected:
+    expected = [entry.mapping for entry in written]
+    if pdo is None or not is_timed or [e.mapping for e in pdo.entries] != expected:
         raise ReadbackError(
             "the PDO mapping reads back differently",
             where=f"{device.where}, {object_text(mapping, 0)}",
@@ -224,10 +251,7 @@ def _write_longest(
             limit=", ".join(str(entry) for entry in written),
         )
     named = {entry.key: entry for entry in written}
-    entries = tuple(named[e.key] for e in pdo.entries)
-    return MappedPdo(
-        device.node_id, is_transmit, number, pdo.cob_id, pdo.transmission_type, entries
-    )
+    return replace(pdo, entries=tuple(named[e.key] for e in pdo.entries))
 
 
 def _try_download(device: RemoteDevice, index: int, subindex: int, data: bytes) -> bool:

@@ -13,7 +13,7 @@ from drivers.bus.cia401 import AnalogModule, AnalogModuleConfig
 from drivers.bus.cia406 import POSITION, Counter, CounterConfig
 from drivers.bus.columns import Column, Validity
 from drivers.bus.device import Identity, Missing, RemoteDevice
-from drivers.bus.frames import Field, FrameLayout
+from drivers.bus.frames import Fields, FrameLayout
 from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import PumpedBus
 from drivers.bus.pdo import MappedPdo, map_objects
@@ -261,32 +261,16 @@ class RigNodes:
                     kind="seen",
                 )
             )
-        fields: list[Field] = []
-        place: dict[tuple[int, tuple[int, int], int], int] = {}
-
-        def field_of(node_id: int, entry: ObjectRef, quantum: float = 0.0) -> int:
-            key = (node_id, entry.key, entry.offset)
-            if key not in place:
-                for slot, pdo in enumerate(pdos):
-                    offset = pdo.offset_of(entry.key) if pdo.node_id == node_id else None
-                    if offset is not None:
-                        mapped = next(e for e in pdo.entries if e.key == entry.key)
-                        place[key] = len(fields)
-                        kind = mapped.data_type if entry.part is None else entry.value_type
-                        at = offset + entry.offset
-                        fields.append(Field(f"node {node_id} {entry}", slot, at, kind, quantum))
-                        break
-            return place.get(key, -1)
-
+        fields = Fields(pdos)
+        number = fields.number
         present = [
             s
             for s in self._sources
-            if s.entry is None or field_of(s.node_id, s.entry, s.quantum) >= 0
+            if s.entry is None or number(s.node_id, s.entry, s.quantum) >= 0
         ]
-        present = [s for s in present if s.seen is None or field_of(s.seen[0], s.seen[1]) >= 0]
-        present.sort(
-            key=lambda s: _ORDER.index(s.channel.name) if s.channel.name in _ORDER else len(_ORDER)
-        )
+        present = [s for s in present if s.seen is None or number(s.seen[0], s.seen[1]) >= 0]
+        rank = {name: place for place, name in enumerate(_ORDER)}
+        present.sort(key=lambda source: rank.get(source.channel.name, len(_ORDER)))
         column_of = {s.channel.name: i for i, s in enumerate(present)}
         if len(column_of) != len(present):
             raise DriverError(
@@ -294,12 +278,12 @@ class RigNodes:
                 where="rig",
                 value=[s.channel.name for s in present],
             )
-        self.columns = [self._column(s, column_of, field_of) for s in present]
+        self.columns = [self._column(s, column_of, number) for s in present]
         for counter in self.counters:
             if counter.has_alarms and counter.config.alarms is not None:
-                at = field_of(counter.config.node_id, counter.config.alarms)
+                at = number(counter.config.node_id, counter.config.alarms)
                 self.validities += [Validity(at, counter.config.alarm_mask)] if at >= 0 else []
-        self.layout = FrameLayout(pdos, fields)
+        self.layout = FrameLayout(pdos, fields.made)
         if self._guard is not None and names.GUARD_CLOSED not in column_of:
             self._bus.emit(
                 "warning",

@@ -60,6 +60,9 @@ _MOST_ENTRIES: Final = 100_000
 _DEFECTS_KEPT: Final = 1000
 _DOMAIN: Final = 0x0F
 _WHAT_IT_IS: Final = "Is this an EDS or DCF file (text with sections like [1000])?"
+_XML: Final = "This is XML (XDD, CiA 311): ask for the EDS of the device."
+_BIT_RATES: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
+"""kbit/s that a file can claim."""
 
 Section = dict[str, str]
 
@@ -131,12 +134,35 @@ def parse_eds(
     """The description in the bytes of a file; `node_id` is what `$NODEID` stands for. Raises `DecodeError`."""
     defects: list[str] = []
     sections = _sections(data if isinstance(data, str) else text_of(data, defects), defects)
-    if node_id is None:
-        # The standard spells it with one m, not every tool does.
-        commissioning = (
-            sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
-        )
-        node_id = integer(commissioning.get("nodeid", ""))
+    entries = _objects(sections, _node_of(sections) if node_id is None else node_id, defects)
+    if not entries:
+        remedy = _XML if _is_xml(data) else _WHAT_IT_IS
+        raise DecodeError("no object is described in it", where=where, remedy=remedy)
+    _check_lists(sections, entries, defects)
+    info = sections.get("deviceinfo", {})
+    _check_info(info, defects)
+    return DeviceDescription(
+        vendor_name=unquoted(info.get("vendorname", "")),
+        vendor_number=integer(info.get("vendornumber", "")),
+        product_name=unquoted(info.get("productname", "")),
+        product_number=integer(info.get("productnumber", "")),
+        revision_number=integer(info.get("revisionnumber", "")),
+        bit_rates=tuple(r * 1000 for r in _BIT_RATES if integer(info.get(f"baudrate_{r}", ""))),
+        entries=entries,
+        defects=tuple(defects[:_DEFECTS_KEPT]),
+    )
+
+
+def _node_of(sections: Mapping[str, Section]) -> int | None:
+    """The node's number as the file has it; the standard spells its section with one m, not every tool does."""
+    named = sections.get("devicecomissioning") or sections.get("devicecommissioning") or {}
+    return integer(named.get("nodeid", ""))
+
+
+def _objects(
+    sections: Mapping[str, Section], node_id: int | None, defects: list[str]
+) -> dict[tuple[int, int], EdsEntry]:
+    """Every object and sub-object that is described, compact lists filled in."""
     entries: dict[tuple[int, int], EdsEntry] = {}
     matches = [
         (match, section) for name, section in sections.items() if (match := _OBJECT.match(name))
@@ -158,35 +184,22 @@ def parse_eds(
         if match := _COMPACT.match(name):
             rename_or_fill = _rename_compact if match[2] == "name" else _fill_compact
             rename_or_fill(int(match[1], 16), section, entries, node_id)
-    if not entries:
-        is_xml = (data.encode("utf-8", "replace") if isinstance(data, str) else data).lstrip(
-            b"\xef\xbb\xbf \r\n"
-        )[:1] == b"<"
-        remedy = (
-            "This is XML (XDD, CiA 311): ask for the EDS of the device." if is_xml else _WHAT_IT_IS
-        )
-        raise DecodeError("no object is described in it", where=where, remedy=remedy)
-    _check_lists(sections, entries, defects)
-    info = sections.get("deviceinfo", {})
+    return entries
+
+
+def _is_xml(data: bytes | str) -> bool:
+    """Whether it begins as XML does."""
+    start = data.encode("utf-8", "replace") if isinstance(data, str) else data
+    return start.lstrip(b"\xef\xbb\xbf \r\n").startswith(b"<")
+
+
+def _check_info(info: Section, defects: list[str]) -> None:
+    """What is missing, or no number, of the section about the device."""
     if not info:
         defects.append("[DeviceInfo] is missing")
     for key in ("vendornumber", "productnumber", "revisionnumber"):
         if key in info and integer(info[key]) is None:
             defects.append(f"[DeviceInfo] {key} is {info[key]!r}, not a number")
-    return DeviceDescription(
-        vendor_name=unquoted(info.get("vendorname", "")),
-        vendor_number=integer(info.get("vendornumber", "")),
-        product_name=unquoted(info.get("productname", "")),
-        product_number=integer(info.get("productnumber", "")),
-        revision_number=integer(info.get("revisionnumber", "")),
-        bit_rates=tuple(
-            r * 1000
-            for r in (10, 20, 50, 125, 250, 500, 800, 1000)
-            if integer(info.get(f"baudrate_{r}", ""))
-        ),
-        entries=entries,
-        defects=tuple(defects[:_DEFECTS_KEPT]),
-    )
 
 
 def text_of(data: bytes, defects: list[str]) -> str:
