@@ -146,7 +146,7 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
     if os.environ.get("HARMONIC_RIG_DEBUG"):
         traceback.print_exception(error)
     known = _refusal(error) or exits.explain(error)
-    from rig.analysis.wording import visible
+    from rig.content.wording import visible
 
     notes = [visible(note) for note in _notes(error)]
     if as_json:
@@ -205,7 +205,7 @@ def _tell_as_json(error: BaseException, sentence: str) -> None:
     """The error as one line of JSON on standard output: a whole object by itself, and the last line of a stream."""
     import json
 
-    from rig.analysis.wording import visible
+    from rig.content.wording import visible
 
     sys.stdout.write(visible(json.dumps(exits.error_object(error, sentence))) + "\n")
     sys.stdout.flush()

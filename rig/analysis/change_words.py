@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from experiments import catalogue
 from experiments.parameters import parameter_fields
 from model.units import printed
-from rig.analysis.wording import laboratory_unit, readable
+from rig.content.wording import laboratory_unit, readable
 from rig.gears.card import UNITS, in_words
 
 ACQUISITION: Mapping[str, str] = {

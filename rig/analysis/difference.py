@@ -24,7 +24,7 @@ from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, g
 from rig.analysis.change_words import acquisition_unit, read_in, words_of
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.store import Analysis
-from rig.analysis.wording import laboratory_unit, number, show
+from rig.content.wording import laboratory_unit, number, show
 from rig.program import PROGRAM_KEYS
 from rig.runfile.header import read_header
 from rig.runfile.read import close_recording, open_run

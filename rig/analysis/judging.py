@@ -267,7 +267,7 @@ def _reason(line: Verdict) -> str:
 
 def held_against(line: Verdict) -> tuple[str, str]:
     """Value ± U and limit of a line in words, both in the unit of its quantity."""
-    from rig.analysis.wording import laboratory_unit, number, show
+    from rig.content.wording import laboratory_unit, number, show
 
     estimate = line.estimate
     size = estimate.value if math.isfinite(estimate.value) else line.limit

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, overload
 
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
-from rig.analysis.wording import metric_text, show
 from rig.api.tables import TableView
+from rig.content.wording import metric_text, show
 from rig.errors import RigError
 from rig.extras import optional
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from rig.analysis.wording import visible
+from rig.content.wording import visible
 
 WIDTH = 100
 """Letters of a line that fit a screen."""

@@ -354,9 +354,9 @@ def _print_fits(
     everything: bool,
 ) -> None:
     from experiments.quantity import quantity_of
-    from rig.analysis.wording import number
     from rig.commands.result_tables import print_result
     from rig.commands.visible import Text
+    from rig.content.wording import number
     from rig.present.figure import WATERMARKS
 
     out = console()
@@ -394,9 +394,9 @@ def _print_fits(
 def _print_comparison(
     fitted: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
 ) -> None:
-    from rig.analysis.wording import laboratory_unit, number
     from rig.commands.result_tables import print_metrics, print_warnings
     from rig.commands.visible import Text
+    from rig.content.wording import laboratory_unit, number
 
     out = console()
     out.print()
@@ -430,7 +430,7 @@ def _print_comparison(
 
 def _name_of(gear: HarmonicDrive, path: str) -> str:
     """A value of the set as people call it: its description and symbol."""
-    from rig.analysis.wording import readable
+    from rig.content.wording import readable
 
     for value in gear.values():
         if value.path == path:

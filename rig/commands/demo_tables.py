@@ -11,10 +11,10 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemaining
 
 from experiments.result import Result
 from experiments.truth import TruthRow
-from rig.analysis.wording import number, show
 from rig.commands.result_tables import print_verdict, print_warnings
 from rig.commands.terminal import console, ruled_table
 from rig.commands.visible import Text, plain_column
+from rig.content.wording import number, show
 from rig.trial.demo.chain import ORDER, Demonstration, Finished, Step
 
 

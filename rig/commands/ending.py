@@ -87,7 +87,7 @@ def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) 
 def _value_lines(ending: Ending, made: Digest) -> list[Text]:
     """At most five values ± U, what is judged before what is not, each with its limit and verdict."""
     from rig.analysis.judging import held_against
-    from rig.analysis.wording import show
+    from rig.content.wording import show
 
     assert made.fit is not None
     result = made.fit.result

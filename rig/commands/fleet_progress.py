@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 
-from rig.analysis.wording import visible
+from rig.content.wording import visible
 from rig.fleet.progress import Progress
 
 ON_A_TERMINAL, IN_A_LOG = 0.2, 30.0

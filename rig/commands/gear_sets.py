@@ -182,7 +182,7 @@ def asked(
     """What somebody at the terminal answers: one question for each value; Enter or the end of input keeps it."""
     from model.errors import ParameterError
     from model.quantities import readable
-    from rig.analysis.wording import visible
+    from rig.content.wording import visible
     from rig.gears.stating import remark_of, value_of
 
     answers: dict[str, float] = {}

@@ -10,10 +10,10 @@ from rig.analysis.difference import Change, Difference
 from rig.analysis.judging import GearVerdict
 from rig.analysis.passport.analyse import Analysed
 from rig.analysis.passport.content import Passport, PassportSeries
-from rig.analysis.wording import number
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
+from rig.content.wording import number
 
 _STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 

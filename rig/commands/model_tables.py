@@ -10,9 +10,9 @@ from rich.table import Table
 from model.gear import HarmonicDrive
 from model.summary import Summary
 from model.units import ARCMIN, RPM
-from rig.analysis.wording import number
 from rig.commands.terminal import console, ruled_table
 from rig.commands.visible import Text
+from rig.content.wording import number
 
 DIGITS = 5
 

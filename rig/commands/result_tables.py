@@ -7,12 +7,11 @@ from rich.table import Table
 
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict
-from rig.analysis.wording import STATISTICAL_PART, metric_text, show
+from rig.analysis.rows import LIMIT, estimate_grid, statistical_grid
 from rig.commands.judgement import VERDICT_STYLE, verdict_text
-from rig.commands.terminal import ruled_table
+from rig.commands.terminal import painted
 from rig.commands.visible import Text
-
-IDENTIFIABLE_STYLE = {"yes": "green", "weakly": "yellow", "no": "red"}
+from rig.content.wording import metric_text
 
 
 def print_result(
@@ -30,7 +29,10 @@ def print_result(
     out.print()
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
-        out.print(estimate_table(result, everything=everything))
+        grid = estimate_grid(result)
+        out.print(painted(grid.without(LIMIT, "remark")))
+        if everything:
+            out.print(painted(statistical_grid(result)))
     notes = [
         (result.quantity(n).titled(n), e.note)
         for n, e in result.estimates.items()
@@ -86,25 +88,6 @@ def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
     for warning in warnings:
         out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
-
-
-def estimate_table(result: Result, *, everything: bool = False) -> Table:
-    """The estimates of a result as a rich table; with `everything` the statistical part of U as well."""
-    value = "value ± U (95 %)"
-    facts = ("unit", *((STATISTICAL_PART,) if everything else ()), "identifiable")
-    estimates = ruled_table("quantity", value, *facts, numbers=(value,), whole=(value, *facts))
-    for name, estimate in result.estimates.items():
-        quantity = result.quantity(name)
-        shown = show(estimate, quantity)
-        verdict = Text(estimate.identifiable, style=IDENTIFIABLE_STYLE[estimate.identifiable])
-        estimates.add_row(
-            Text(quantity.titled(name)),
-            f"{shown.value} ± {shown.expanded or '?'}",
-            shown.unit,
-            *((f"{shown.low} … {shown.high}",) if everything else ()),
-            verdict,
-        )
-    return estimates
 
 
 def _grid() -> Table:

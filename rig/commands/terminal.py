@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Console, OverflowMethod
     from rich.table import Table
 
+    from rig.content.grid import Grid
+
 # Every start of `rig` imports this module; what writing needs is imported when something is written.
 
 
@@ -29,7 +31,7 @@ def echo(text: str, *, errors: bool = False, is_line: bool = True) -> None:
 
     Not `is_line`: what is written next goes on behind it.
     """
-    from rig.analysis.wording import visible
+    from rig.content.wording import visible
 
     typer.echo(visible(text), err=errors, nl=is_line)
 
@@ -62,10 +64,31 @@ def ruled_table(*headings: str, **look: Any) -> Table:
     return table(*headings, box=box.SIMPLE_HEAD, pad_edge=False, **look)
 
 
+STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim"}
+"""How the tone of a word looks on a terminal."""
+
+
+def painted(grid: Grid, **look: Any) -> Table:
+    """A grid as a table of results; see `ruled_table`. Numbers, units and words stand on one line."""
+    from rig.commands.visible import Text
+    from rig.content.grid import tone_of
+
+    numbers = [one.heading for one in grid.columns if one.kind == "number"]
+    whole = [one.heading for one in grid.columns if one.kind in ("number", "unit", "word")]
+    rows = ruled_table(*grid.headings, numbers=numbers, whole=whole, **look)
+    for row in grid.rows:
+        cells = [
+            Text(text, style=STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")
+            for text, one in zip(row, grid.columns, strict=True)
+        ]
+        rows.add_row(*cells)
+    return rows
+
+
 def print_json(value: Any) -> None:
     """The one object that `--json` promises on standard output."""
     from rig.analysis.store import json_text
-    from rig.analysis.wording import visible
+    from rig.content.wording import visible
 
     typer.echo(visible(json_text(value)))
 

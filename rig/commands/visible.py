@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import rich.text
 from rich.console import Console, ConsoleOptions, RenderableType
 
-from rig.analysis.wording import visible
+from rig.content.wording import visible
 
 if TYPE_CHECKING:
     from rich.progress import Task, TextColumn

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.result import Plot
-from rig.analysis.wording import decimals_of, fixed, number
+from rig.content.grid import Grid, columns
+from rig.content.wording import decimals_of, fixed, number
 from rig.fleet.dataset import DataSet
 from rig.fleet.lot import Lot, why_of
 from rig.fleet.lot_benches import BenchValues, by_bench
@@ -18,9 +19,8 @@ from rig.fleet.lot_quantity import LotQuantity
 from rig.fleet.lot_words import limits_words, with_interval
 from rig.present import content, definitions
 from rig.present import figure as figures
-from rig.present.content import Grid, Overall, Part
+from rig.present.content import Overall, Part
 from rig.present.page import ORIGIN_SENTENCES, Figure, Signature, write_context
-from rig.present.provenance import Provenance
 from rig.runfile.seal import file_sha256
 
 MOST_DRAWN = 12
@@ -106,40 +106,30 @@ def _capability_grid(lot: Lot) -> Grid | None:
         rows.append(_capability_row(one))
     if not rows:
         return None
-    columns = (
-        "Quantity",
-        "Unit",
-        "Gears",
-        "Mean",
-        "s",
-        "Mean U",
-        "Limit",
-        "Cp (95 %)",
-        "Cpk (95 %)",
+    heads = columns(
+        ("quantity", "quantity"),
+        ("unit", "unit"),
+        ("gears", "number"),
+        ("mean", "number"),
+        ("s", "number"),
+        ("mean U", "number"),
+        ("limit", "number"),
+        ("Cp (95 %)", "number"),
+        ("Cpk (95 %)", "number"),
         "P / M / F / –",
     )
-    numeric = (False, False, True, True, True, True, True, True, True, False)
-    if not any(
-        one.limits and None not in (one.limits.lower, one.limits.upper) for one in lot.quantities
-    ):
-        # No limit has two sides.
-        columns, numeric = (
-            _without(cells, columns.index("Cp (95 %)")) for cells in (columns, numeric)
-        )
-        rows = [_without(row, len(row) - 3) for row in rows]
-    return Grid(
+    grid = Grid(
         "Key quantities against their limits",
-        columns,
-        tuple(rows),
-        numeric,
+        heads,
+        rows,
         "s: standard deviation between gears, which holds that of their measurement; mean U: expanded uncertainty "
         "(95 %) of one gear. Cp and Cpk of the gears that are judged, assuming a normal distribution; * where the "
         "values refuse it at 1 %. P / M / F / –: gears with PASS, MARGINAL, FAIL, NOT JUDGED.",
     )
-
-
-def _without(cells: tuple[Any, ...], place: int) -> tuple[Any, ...]:
-    return (*cells[:place], *cells[place + 1 :])
+    has_two_sides = any(
+        one.limits and None not in (one.limits.lower, one.limits.upper) for one in lot.quantities
+    )
+    return grid if has_two_sides else grid.without("Cp (95 %)")
 
 
 def _capability_row(one: LotQuantity) -> tuple[str, ...]:
@@ -215,9 +205,8 @@ def _look_at(lot: Lot) -> Part:
     )
     grid = Grid(
         "The gears to look at first",
-        ("Gear", "Bench", "Verdict", "Why"),
+        columns("gear", "bench", ("verdict", "word"), "why"),
         rows,
-        (False, False, False, False),
         "In this order: what fails, what is marginal, what is unlike the others (more than 3.5 robust standard "
         "deviations from the median), what is nearest to a limit.",
     )
@@ -234,9 +223,8 @@ def _unknown(lot: Lot) -> Part:
     ]
     grid = Grid(
         "What could not be judged",
-        ("Why", "Gears", "Which"),
-        tuple(rows),
-        (False, True, False),
+        columns("why", ("gears", "number"), "which"),
+        rows,
         "A gear may stand in several lines." if len(rows) > 1 else "",
     )
     none = () if rows else ("Every gear is judged by all that its acceptance file asks.",)
@@ -254,16 +242,15 @@ def _bench_grid(one: LotQuantity) -> Grid:
     rows = tuple(_bench_row(bench, factor) for bench in by_bench(one))
     return Grid(
         "Bench beside bench",
-        (
-            "Bench",
-            "Gears",
-            f"Mean{where}",
-            f"s{where}",
-            "Beside the others (95 %)",
-            "Per 30 days (95 %)",
+        columns(
+            "bench",
+            ("gears", "number"),
+            (f"mean{where}", "number"),
+            (f"s{where}", "number"),
+            ("beside the others (95 %)", "number"),
+            ("per 30 days (95 %)", "number"),
         ),
         rows,
-        (False, True, True, True, True, True),
         "Different gears were on different benches: a difference is of gears, of benches, or of both. Of many such "
         "intervals one in twenty leaves zero out by chance.",
     )
@@ -297,19 +284,7 @@ def _part(
     warnings: tuple[str, ...] = (),
 ) -> Part:
     return Part(
-        anchor=f"part-{index}",
-        title=title,
-        run="",
-        word="",
-        estimates=None,
-        orders=None,
-        budget=None,
-        metrics=None,
-        tables=tables,
-        annex=(),
-        warnings=warnings,
-        provenance=Provenance(),
-        figures=drawings,
+        anchor=f"part-{index}", title=title, grids=tables, warnings=warnings, figures=drawings
     )
 
 
@@ -338,19 +313,13 @@ def _gear_grid(lot: Lot) -> Grid:
         )
         for one in lot.gears
     )
-    return Grid(
-        "Gears of the lot",
-        ("Gear", "Bench", "Verdict", "First reason, or nearest limit"),
-        rows,
-        (False,) * 4,
-    )
+    heads = columns("gear", "bench", ("verdict", "word"), "first reason, or nearest limit")
+    return Grid("Gears of the lot", heads, rows)
 
 
 def _files(lot: Lot) -> Grid:
     rows = tuple((path.name, file_sha256(path)) for _, path in DataSet(lot.data.folder).parts())
-    return Grid(
-        "Results", ("File", "SHA-256"), rows, (False, False), str(lot.data.folder), ("SHA-256",)
-    )
+    return Grid("Results", columns("file", ("SHA-256", "hash")), rows, str(lot.data.folder))
 
 
 def _number(lot: Lot) -> str:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.quantity import Quantity
-from rig.analysis.wording import laboratory_unit
+from rig.content.wording import laboratory_unit
 from rig.fleet.capability import Capability, capability
 from rig.fleet.lot_rows import LotRow, declared_quantity
 from rig.gears.acceptance import Acceptance, Limit

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rig.analysis.wording import decimals_of, fixed, number
+from rig.content.wording import decimals_of, fixed, number
 
 if TYPE_CHECKING:
     from rig.fleet.capability import Interval

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rig.analysis.tare import takes_tare
-from rig.analysis.wording import laboratory_unit, number, show, source_text
-from rig.present.content import Grid
+from rig.content.grid import Grid, columns
+from rig.content.wording import laboratory_unit, number, show, source_text
 from rig.present.provenance import tare_of
 
 if TYPE_CHECKING:
@@ -36,14 +36,13 @@ OUT_OF_REACH = (
 all the same: nobody shall look for them in vain.
 """
 
-COLUMNS = (
-    "Quantity by its definition",
-    "Measured ± U (95 %)",
-    "Catalogue",
-    "Conditions and source of the catalogue's value",
-    "Conditions here",
+COLUMNS = columns(
+    ("quantity by its definition", "quantity"),
+    ("measured ± U (95 %)", "number"),
+    ("catalogue", "number"),
+    "conditions and source of the catalogue's value",
+    "conditions here",
 )
-NUMERIC = (False, True, True, False, False)
 TITLE = "Beside the catalogue"
 NOTE = (
     "The conditions of the catalogue are the customary ones; those of the unit's own "
@@ -61,7 +60,7 @@ def catalogue_grid(
     nothing to compare.
     """
     rows = catalogue_rows(fits, conditions)
-    return Grid(TITLE, COLUMNS, rows, NUMERIC, NOTE) if rows else None
+    return Grid(TITLE, COLUMNS, rows, NOTE) if rows else None
 
 
 def catalogue_rows(

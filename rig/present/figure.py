@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.result import Plot, Series
-from rig.analysis.wording import printable
+from rig.content.wording import printable
 from rig.present.decimate import peak_rows, scatter_rows
 
 if TYPE_CHECKING:

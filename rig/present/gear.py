@@ -12,13 +12,14 @@ from markupsafe import Markup
 from experiments.result import DECISION_RULE
 from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.passport.content import Passport, PassportSeries
-from rig.analysis.wording import decimals_of, fixed, number
+from rig.content.data import data_grid
+from rig.content.grid import Grid, columns
+from rig.content.wording import decimals_of, fixed, number
 from rig.present import catalogue, content, definitions, provenance
 from rig.present import figure as figures
-from rig.present.content import Grid, Overall, Part
+from rig.present.content import Overall, Part
 from rig.present.gear_runs import gear_alarms, gear_files, newest_fits
 from rig.present.page import ORIGIN_SENTENCES, Figure, Signature, run_line
-from rig.present.provenance import Provenance
 
 if TYPE_CHECKING:
     from rig.analysis.fit import Fit
@@ -184,7 +185,7 @@ def _parts(passport: Passport) -> list[Part]:
     parts = []
     for index, (title, plot, series) in enumerate(plots, 1):
         table = tables.get(series.key)
-        grid = content.data_grid(table) if table is not None else None
+        grid = data_grid(table) if table is not None else None
         facts = "; ".join(f"{name}: {value}" for name, value in series.conditions.items())
         parts.append(
             _part(
@@ -219,15 +220,8 @@ def _part(
         anchor=f"part-{index}",
         title=title,
         run=run,
-        word="",
-        estimates=None,
-        orders=None,
-        budget=None,
-        metrics=None,
-        tables=(grid,) if grid else (),
-        annex=(),
+        grids=(grid,) if grid else (),
         warnings=warnings,
-        provenance=Provenance(),
         figures=figures,
     )
 
@@ -275,12 +269,8 @@ def _run_grid(passport: Passport) -> Grid:
         )
         for run in passport.runs
     )
-    return Grid(
-        "Runs that count",
-        ("Run", "Started", "Protocol", "Operator", "Outcome", "Origin"),
-        rows,
-        (False,) * 6,
-    )
+    heads = columns("run", "started", "protocol", "operator", "outcome", "origin")
+    return Grid("Runs that count", heads, rows)
 
 
 def _definitions(passport: Passport) -> list[tuple[str, str]]:

@@ -11,7 +11,8 @@ from rig.analysis.fit import Fit
 from rig.analysis.newest import newest_analysed
 from rig.analysis.passport.content import Passport
 from rig.analysis.stored_fit import fit_in_force
-from rig.present.content import Grid, run_files, seal_words
+from rig.content.grid import Grid
+from rig.present.content import run_files, seal_words
 from rig.present.provenance import alarms_of
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal

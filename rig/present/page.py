@@ -17,7 +17,10 @@ from typing import TYPE_CHECKING, Any
 from experiments import catalogue as experiments_catalogue
 from experiments.result import DECISION_RULE, Plot
 from rig.analysis.judging import GearVerdict
-from rig.analysis.wording import printable, unbroken
+from rig.analysis.rows import truth_grid
+from rig.content.data import data_grid
+from rig.content.grid import capital, tone_of
+from rig.content.wording import printable, unbroken
 from rig.errors import RigError
 from rig.present import catalogue, content, definitions, provenance
 from rig.present import figure as figures
@@ -140,7 +143,8 @@ def render_page(context: dict[str, Any]) -> str:
         finalize=_finalize,
     )
     environment.filters["css"] = lambda text: Markup(css_text(text))
-    environment.filters["unbroken"] = unbroken
+    environment.filters["headed"] = lambda text: capital(unbroken(text))
+    environment.filters["tone"] = lambda text: tone_of(text) or ""
     environment.filters["symbols"] = lambda text: Markup(
         _symbols(str(Markup.escape(printable(text))))
     )
@@ -253,7 +257,7 @@ def _context(
             [(p.title, p.provenance.settings) for p in parts],
             "Parameters of the protocols and settings of the analyses",
         ),
-        "truth": content.truth_grid(truth, results) if truth else None,
+        "truth": truth_grid(truth, results) if truth else None,
         "truth_note": _truth_note(truth),
         "paper_figures": [row for row in paper_figure_rows(all_figures) if row[2] or len(fits) > 1],
         "run_word": "Run",
@@ -306,7 +310,7 @@ def _parts(
             replace(
                 part,
                 figures=tuple(f for f, _ in figures_and_plots),
-                tables=(*part.tables, *(content.data_grid(m.table()) for m in judged)),
+                grids=(*part.grids, *(data_grid(m.table()) for m in judged)),
             )
         )
     return tuple(parts), all_figures

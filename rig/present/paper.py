@@ -14,9 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from experiments.result import DECISION_RULE
-from rig.analysis.wording import printable, unbroken
+from rig.content.grid import TONES, Grid, capital, columns
+from rig.content.wording import printable, unbroken
 from rig.errors import RigError
-from rig.present.content import Grid, VerdictLine
+from rig.present.content import VerdictLine
 
 TEMPLATE, FRONT = "page.typ", "front.typ"
 PLACE = b"// FRONT\n"
@@ -67,6 +68,7 @@ def _fonts() -> str:
 def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
     """What the template shows, as plain values: text without control characters and with breaks in long words."""
     content = {
+        "tones": TONES,
         "number": context["number"],
         "heading": context["heading"],
         "heading_short": _shortened(context["heading"]),
@@ -134,15 +136,14 @@ SECTIONS = (
 
 
 def _grids(*grids: Grid | None, size: float = TEXT_SIZE) -> list[dict[str, Any]]:
-    """Tables with the faces of their columns and the largest size of their text [pt]; the template lays them out."""
+    """Tables with the kinds of their columns and the largest size of their text [pt]; the template lays them out."""
     return [
         {
-            **asdict(grid),
-            "columns": [unbroken(column) for column in grid.columns],
-            "faces": [
-                FACES.get(column, "hash" if column in grid.hashes else "")
-                for column in grid.columns
-            ],
+            "title": grid.title,
+            "note": grid.note,
+            "columns": [capital(unbroken(heading)) for heading in grid.headings],
+            "kinds": [column.kind for column in grid.columns],
+            "rows": grid.rows,
             "largest": size,
         }
         for grid in grids
@@ -150,44 +151,33 @@ def _grids(*grids: Grid | None, size: float = TEXT_SIZE) -> list[dict[str, Any]]
     ]
 
 
-FACES = {"Verdict": "verdict", "Identifiable": "verdict", "Symbol": "symbol", "Quantity": "words"}
-"""Columns whose text is set in a way of its own."""
-
-
 def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:
     """The judged quantities as one table."""
-    columns = (
-        "Quantity",
-        "Value ± U (95 %)",
-        "Limit",
-        "Definition and source of the limit",
-        "Verdict",
+    heads = columns(
+        ("quantity", "quantity"),
+        ("value ± U (95 %)", "number"),
+        ("limit", "number"),
+        "definition and source of the limit",
+        ("verdict", "word"),
     )
-    rows = tuple(
-        (v.name, v.value, v.limit, f"{v.definition}; {v.source}", v.outcome) for v in lines
-    )
-    return Grid(
-        "Judged quantities", columns, rows, (False, True, True, False, False), DECISION_RULE
-    )
+    rows = [(v.name, v.value, v.limit, f"{v.definition}; {v.source}", v.outcome) for v in lines]
+    return Grid("Judged quantities", heads, rows, DECISION_RULE)
 
 
 def _key_grid(rows: Sequence[tuple[str, str, str, str]]) -> Grid:
-    return Grid(
-        "Summary",
-        ("Test", "Quantity", "Value ± U (95 %)", "Identifiable"),
-        tuple(rows),
-        (False, False, True, False),
+    heads = columns(
+        "test", ("quantity", "quantity"), ("value ± U (95 %)", "number"), ("identifiable", "word")
     )
+    return Grid("Summary", heads, rows)
 
 
 def _paper_grid(rows: Sequence[tuple[str, str, Sequence[Any], str]]) -> Grid:
-    cells = tuple(
+    cells = [
         (number, what, f"Figure {', '.join(str(f.number) for f in here)}" if here else missing)
         for number, what, here, missing in rows
-    )
-    return Grid(
-        "Figures after the paper", ("Paper", "What it shows", "Here"), cells, (True, False, False)
-    )
+    ]
+    heads = columns(("paper", "number"), "what it shows", "here")
+    return Grid("Figures after the paper", heads, cells)
 
 
 def _part(part: Any) -> dict[str, Any]:
@@ -196,7 +186,7 @@ def _part(part: Any) -> dict[str, Any]:
         "run": part.run,
         "warnings": list(part.warnings),
         "figures": [{**asdict(f), "svg": str(f.svg)} for f in part.figures],
-        "grids": _grids(part.estimates, part.orders, part.metrics, *part.tables, part.budget),
+        "grids": _grids(*part.grids),
     }
 
 

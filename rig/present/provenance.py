@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from experiments import catalogue
 from model.units import printed
 from rig.analysis.fit import NOT_SEALED
-from rig.analysis.wording import number, readable
+from rig.content.wording import number, readable
 from rig.present.run_words import world_facts
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from rig.analysis.passport.content import (
 )
 from rig.analysis.passport.followed import comparable, order_of, watched
 from rig.analysis.passport.gather import AnalysedRun
-from rig.analysis.wording import laboratory_unit
+from rig.content.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
 MEASURED, CONTROL, CATALOGUE, SIGNALS = range(4)

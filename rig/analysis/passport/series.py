@@ -20,7 +20,7 @@ from rig.analysis.passport.content import (
 from rig.analysis.passport.draw import control_plot
 from rig.analysis.passport.followed import FollowedQuantity, comparable
 from rig.analysis.passport.gather import AnalysedRun
-from rig.analysis.wording import laboratory_unit
+from rig.content.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
 TEMPERATURE_THAT_MATTERS = 1.0

@@ -14,10 +14,10 @@ from experiments.result import Plot, Series, Verdict
 from rig.analysis.fit import Fit
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport
+from rig.content.data import data_grid
 from rig.present.certificate.gather import CHARTED_FROM, Certified
-from rig.present.content import Part, data_grid
+from rig.present.content import Part
 from rig.present.page import Figure, figures_of
-from rig.present.provenance import Provenance
 
 PAPER = ("9", "12", "13", "16", "17", "19")
 """The figures of the paper that a certificate shows, in their order."""
@@ -122,21 +122,7 @@ def _tables(record: Passport, charted: Sequence[object]) -> tuple:
 
 
 def _part(anchor: str, title: str, figures: tuple[Figure, ...], annex: tuple = ()) -> Part:
-    return Part(
-        anchor=anchor,
-        title=title,
-        run="",
-        word="",
-        estimates=None,
-        orders=None,
-        budget=None,
-        metrics=None,
-        tables=(),
-        annex=annex,
-        warnings=(),
-        provenance=Provenance(),
-        figures=figures,
-    )
+    return Part(anchor=anchor, title=title, annex=annex, figures=figures)
 
 
 def curve_part(figures: Sequence[Figure]) -> Part:

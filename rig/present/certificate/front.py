@@ -19,12 +19,13 @@ from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import held_against, whose_limit
-from rig.analysis.wording import number, show
+from rig.analysis.rows import coverage
+from rig.content.grid import Grid, columns
+from rig.content.wording import number, show
 from rig.present import definitions, provenance
 from rig.present import figure as figures
 from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.laboratory import LaboratoryWords
-from rig.present.content import Grid
 from rig.program import Program, this_program
 from rig.runfile.manifest import Manifest
 
@@ -156,25 +157,24 @@ def value_grid(gathered: Certified) -> Grid:
         quantity = fit.result.quantity(estimate.name)
         value = show(estimate, quantity).with_uncertainty
         rows.append((quantity.headed(estimate.name), value, *coverage(estimate), "–", NO_LIMIT))
-    columns = ("Quantity", "Value ± U (95 %)", "k", "ν", "Limit", "Verdict")
+    heads = columns(
+        ("quantity", "quantity"),
+        ("value ± U (95 %)", "number"),
+        ("k", "number"),
+        ("ν", "number"),
+        ("limit", "number"),
+        ("verdict", "word"),
+    )
     sources = dict.fromkeys(whose_limit(line) for line in gathered.verdict.lines)
     limits = f" Limits: {'; '.join(sources)}." if sources else ""
     note = f"U = k u covers 95 %; ν: effective degrees of freedom of u.{limits}"
-    return Grid("", columns, tuple(rows), (False, True, True, True, True, False), note)
+    return Grid("", heads, rows, note)
 
 
 def _judged_row(line: Verdict) -> tuple[str, ...]:
     value, limit = held_against(line)
     title = line.quantity.headed(line.estimate.name)
     return (title, value, *coverage(line.estimate), limit, line.outcome)
-
-
-def coverage(estimate: Estimate) -> tuple[str, str]:
-    """k and the degrees of freedom of a number as text; nothing for one that is none."""
-    if not math.isfinite(estimate.value):
-        return "–", "–"
-    freedom = estimate.degrees_of_freedom
-    return number(estimate.coverage_factor, 3), number(freedom, 3) if freedom < 1e4 else "∞"
 
 
 def _others(fits: Sequence[Fit], told: set[tuple[str, str]]) -> Iterator[tuple[Fit, Estimate]]:
@@ -260,8 +260,7 @@ def hash_grid(gathered: Certified, manifest: Manifest) -> Grid:
     program = this_program()
     rows.append(("program", _named(program), program.sha256))
     rows.append(("manifest", "all that this rests on", manifest.sha256))
-    columns = ("What", "Name", "SHA-256")
-    return Grid("", columns, tuple(rows), (False, False, False), hashes=columns[2:])
+    return Grid("", columns("what", "name", ("SHA-256", "hash")), rows)
 
 
 def _named(program: Program) -> str:

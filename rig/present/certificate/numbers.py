@@ -12,15 +12,21 @@ from typing import TYPE_CHECKING
 from experiments.quantity import Quantity, bare_quantity
 from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
-from rig.analysis.wording import laboratory_unit, number, order_label, printed_symbol, show
-from rig.present.content import Grid
+from rig.content.grid import Grid, columns
+from rig.content.wording import laboratory_unit, number, order_label, printed_symbol, show
 
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive
 
 NOTHING = "–"
-COLUMNS = ("Quantity", "Symbol", "Card", "Provenance", "Computed", "Identified ± U (95 %)")
-NUMERIC = (False, False, True, False, True, True)
+COLUMNS = columns(
+    ("quantity", "quantity"),
+    ("symbol", "symbol"),
+    ("card", "number"),
+    "provenance",
+    ("computed", "number"),
+    ("identified ± U (95 %)", "number"),
+)
 NOTE = (
     "The paper's Tables 1 to 3 stand here by their subjects; its numbers are not known to this program. Computed: "
     "from the card by the paper's equations. Identified: by the newest run of its kind."
@@ -126,7 +132,7 @@ def _grid(
                 _identified(estimate, quantity),
             )
         )
-    return Grid(title, COLUMNS, tuple(lines), NUMERIC, note)
+    return Grid(title, COLUMNS, lines, note)
 
 
 def _orders(card: HarmonicDrive, fits: Sequence[Fit]) -> Grid:
@@ -146,7 +152,7 @@ def _orders(card: HarmonicDrive, fits: Sequence[Fit]) -> Grid:
                 _identified(estimate, quantity),
             )
         )
-    return Grid("Kinematic error", COLUMNS, tuple(lines), NUMERIC)
+    return Grid("Kinematic error", COLUMNS, lines)
 
 
 def _provenance(card: HarmonicDrive, order: float) -> str:

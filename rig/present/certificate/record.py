@@ -17,7 +17,7 @@ from typing import Any
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import InForce
 from rig.analysis.store import Analysis, json_text
-from rig.analysis.wording import show
+from rig.content.wording import show
 from rig.errors import RunFileError
 from rig.present.certificate.front import sentence_of
 from rig.present.certificate.gather import Certified, acceptance_sha256

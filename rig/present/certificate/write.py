@@ -235,7 +235,7 @@ def _numbers(fits: Sequence[Any]) -> Part | None:
         curve_part(()),
         anchor="numbers",
         title="The gear in numbers: card, computed, identified",
-        tables=grids,
+        grids=grids,
     )
 
 

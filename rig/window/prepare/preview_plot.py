@@ -19,7 +19,7 @@ from PySide6.QtWidgets import (
 )
 
 from model.units import RPM, printed
-from rig.analysis.wording import number
+from rig.content.wording import number
 from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
 from rig.window.plot.plots import LabPlot

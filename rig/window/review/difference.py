@@ -8,7 +8,7 @@ from pathlib import Path
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from rig.analysis.difference import Change, Difference, difference
-from rig.analysis.wording import readable
+from rig.content.wording import readable
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem
 
+from rig.content.grid import Grid, tone_of
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -16,23 +16,6 @@ from rig.window.shell.stack import (
     set_tip,
 )
 
-WORD_COLOURS: Mapping[str, str] = {
-    "yes": "good",
-    "weakly": "warning",
-    "no": "bad",
-    "PASS": "good",
-    "MARGINAL": "warning",
-    "FAIL": "bad",
-    "NOT JUDGED": "muted",
-    "significant": "bad",
-    "within U": "good",
-    "error": "bad",
-    "warning": "warning",
-    "in control": "good",
-    "to be watched": "warning",
-    "out of control": "bad",
-}
-"""Colours of the palette for the words of a verdict."""
 WIDEST = 320
 """Pixels of a column at first; the last one takes what is left."""
 
@@ -48,6 +31,11 @@ class GridTable(QTableWidget):
         self._columns: tuple[str, ...] = ()
         row_by_row(self, name)
         session.theme_changed.connect(self._colour)
+
+    def show_grid(self, grid: Grid) -> None:
+        """Other contents; a word of a verdict has the colour of its tone."""
+        self._judged = [one.heading for one in grid.columns if one.kind == "word"]
+        self.show_rows(grid.headings, grid.rows, [one.kind == "number" for one in grid.columns])
 
     def show_rows(
         self, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool] = ()
@@ -98,13 +86,8 @@ class GridTable(QTableWidget):
                 continue
             for row in range(self.rowCount()):
                 item = self._cell(row, place)
-                word = next(
-                    (word for word in WORD_COLOURS if re.match(rf"{word}(?: \(|$)", item.text())),
-                    "",
-                )
-                item.setForeground(
-                    QColor(getattr(palette, WORD_COLOURS[word]) if word else palette.text)
-                )
+                tone = tone_of(item.text())
+                item.setForeground(QColor(getattr(palette, tone or "text")))
                 font = item.font()
-                font.setBold(bool(word))
+                font.setBold(tone is not None)
                 item.setFont(font)

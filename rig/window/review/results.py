@@ -17,12 +17,13 @@ from experiments import catalogue
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from rig.analysis.judging import GearVerdict
+from rig.analysis.rows import estimate_grid
 from rig.analysis.tare import takes_tare
 from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
-from rig.window.review.words import RESULT_COLUMNS, result_page, result_rows
+from rig.window.review.words import result_page
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -242,7 +243,7 @@ class ResultsView(QWidget):
         self._session = session
         self._shown: tuple[Result, GearVerdict] | None = None
         self.bar = bar
-        self.table = GridTable(session, "Results", judged=("identifiable", "limit or catalogue"))
+        self.table = GridTable(session, "Results")
         self.page = QTextBrowser()
         self.page.setAccessibleName("Warnings, figures of merit, tables")
         self.page.setOpenLinks(False)
@@ -264,17 +265,9 @@ class ResultsView(QWidget):
     def show_result(self, result: Result, gear: HarmonicDrive | None, judged: GearVerdict) -> None:
         """The numbers of a result; `gear` knows what the catalogue says, `judged` what they are worth."""
         self._shown = result, judged
-        rows = result_rows(result, gear, judged.of(result))
         # A column in which nothing stands takes room from those that say something.
-        full = [
-            place
-            for place in range(len(RESULT_COLUMNS))
-            if place < 4 or any(row[place] for row in rows)
-        ]
-        columns = [RESULT_COLUMNS[place] for place in full]
-        self.table.show_rows(
-            columns, [[row[p] for p in full] for row in rows], [p == 1 for p in full]
-        )
+        grid = estimate_grid(result, lines=judged.of(result), gear=gear)
+        self.table.show_grid(grid.without_empty())
         self._write_page()
         self._parts.show()
         self.hint.hide()
@@ -297,7 +290,7 @@ def comparison_rows(
     content: Mapping[str, object], gear: HarmonicDrive | None
 ) -> list[tuple[str, ...]]:
     """What `rig compare --json` found, a row per value of the parameter set."""
-    from rig.analysis.wording import laboratory_unit, number, readable
+    from rig.content.wording import laboratory_unit, number, readable
 
     described = (
         {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}

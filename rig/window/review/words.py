@@ -5,73 +5,19 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
-from experiments.quantity import Quantity
-from experiments.result import Result, Verdict
-from model.gear import HarmonicDrive
-from model.identify.estimate import Estimate
-from rig.analysis.judging import GearVerdict, held_against, whose_limit
-from rig.analysis.wording import laboratory_unit, number, readable, show
-from rig.present.content import Grid, data_grid, metric_grid
+from experiments.result import Result
+from rig.analysis.judging import GearVerdict, held_against
+from rig.analysis.rows import limit_words, metric_grid
+from rig.content.data import data_grid
+from rig.content.grid import Grid
+from rig.content.wording import readable
 from rig.window.shell.palette import Palette
-
-RESULT_COLUMNS = (
-    "quantity",
-    "value ± U (95 %)",
-    "unit",
-    "identifiable",
-    "limit or catalogue",
-    "remark",
-)
-
-
-def result_rows(
-    result: Result, gear: HarmonicDrive | None, lines: Sequence[Verdict] = ()
-) -> list[tuple[str, ...]]:
-    """A row per estimate, in the units of a laboratory, each under `RESULT_COLUMNS`; `lines` are its limits, judged."""
-    verdicts = {line.estimate.name: line for line in lines}
-    rows = []
-    for name, estimate in result.estimates.items():
-        quantity = result.quantity(name)
-        s = show(estimate, quantity)
-        verdict = verdicts.get(name)
-        limit = catalogue_words(quantity, estimate, gear)
-        if verdict is not None:
-            limit = f"{verdict.outcome} {limit_words(verdict)}"
-        value = f"{s.value} ± {s.expanded or '?'}"
-        rows.append(
-            (
-                quantity.titled(name),
-                value,
-                s.unit,
-                estimate.identifiable,
-                limit,
-                estimate.note,
-            )
-        )
-    return rows
-
-
-def limit_words(verdict: Verdict) -> str:
-    """The limit that a quantity was held against, and whose limit it is."""
-    _, limit = held_against(verdict)
-    because = f"; {verdict.because}" if verdict.because else ""
-    return f"({limit}, {whose_limit(verdict)}{because})"
 
 
 def verdict_words(judged: GearVerdict) -> str:
     """The verdict with its reasons in one sentence."""
     because = "; ".join(judged.because)
     return f"Verdict: {judged.verdict}" + (f". {because}." if because else ".")
-
-
-def catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:
-    """The value of the catalogue, where it is from and under which conditions it holds; "" where there is none."""
-    if quantity.catalogue is None or gear is None:
-        return ""
-    value = gear.value(f"ratings.{quantity.catalogue.rating}")
-    factor, unit = laboratory_unit(value.unit, estimate.value, quantity.shown)
-    source = f"{value.origin.provenance}: {value.origin.source}".rstrip(": ")
-    return f"catalogue {number(value.value / factor)} {unit} ({source})"
 
 
 def result_page(result: Result, palette: Palette, judged: GearVerdict | None = None) -> str:
@@ -91,7 +37,7 @@ def result_page(result: Result, palette: Palette, judged: GearVerdict | None = N
         words = html.escape(f"{v.name}: {value} {limit_words(v)}. {definition}.")
         parts.append(f'<p><b style="color:{colour}">{html.escape(v.outcome)}</b>&nbsp; {words}</p>')
     grids = [metric_grid(result), *(data_grid(table) for table in result.tables)]
-    parts += [grid_html(grid, palette) for grid in grids if grid is not None]
+    parts += [grid_html(grid, palette) for grid in grids if grid.rows]
     if result.options:
         pairs = [(readable(name), str(value)) for name, value in result.options.items()]
         parts.append(facts_html("Conventions", pairs, palette))
@@ -100,10 +46,10 @@ def result_page(result: Result, palette: Palette, judged: GearVerdict | None = N
 
 def grid_html(grid: Grid, palette: Palette) -> str:
     """A grid of the report as a table of rich text."""
-    right = [' align="right"' if numeric else "" for numeric in grid.numeric]
+    right = [' align="right"' if one.kind == "number" else "" for one in grid.columns]
     style = f'style="color:{palette.muted}"'
     head = "".join(
-        f"<th{a} {style}>{html.escape(c)}</th>" for a, c in zip(right, grid.columns, strict=True)
+        f"<th{a} {style}>{html.escape(c)}</th>" for a, c in zip(right, grid.headings, strict=True)
     )
     body = "".join(
         "<tr>"

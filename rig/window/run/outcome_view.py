@@ -20,8 +20,8 @@ from PySide6.QtWidgets import (
 from experiments.quantity import key_names
 from experiments.result import Result
 from rig.analysis.tare import takes_tare
-from rig.analysis.wording import show
 from rig.bench.identity import option_of
+from rig.content.wording import show
 from rig.run.trips import rule_of
 from rig.runfile.layout import PART_SUFFIX
 from rig.window.run.state import RunState, State

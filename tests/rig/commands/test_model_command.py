@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from model.errors import ParameterError
 from model.gear_file import save_gear, shipped_gear
-from rig.analysis.wording import number
 from rig.commands import modelling
+from rig.content.wording import number
 
 NAMES = ("Z_R", "K_ms", "K_m", "K_cyl", "K_bot", "K_t", "K_b", "K_HDf", "K_HDw", "alpha_n")
 

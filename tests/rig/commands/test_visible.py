@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.recording import Event
-from rig.analysis.wording import visible
 from rig.commands.terminal import table
 from rig.commands.visible import Text, VisibleConsole, plain_column
+from rig.content.wording import visible
 from rig.main import app, run
 from rig.runfile.write import RunWriter
 from tests.rig.runfile.making import EPOCH_NS, block, header

@@ -13,15 +13,15 @@ from typing import Any
 import pytest
 import typst
 
-from rig.analysis.wording import order_label, printed_symbol, unbroken
-from rig.present.columns import column
-from rig.present.content import Grid, without_empty
+from rig.content.grid import Grid, Kind, capital, columns
+from rig.content.wording import order_label, printed_symbol, unbroken
 from rig.present.page import report_context
 from rig.present.paper import typeset
 from tests.rig import handmade
 
 INSET, PORTRAIT, LANDSCAPE = 7.0, 174.0 / 25.4 * 72.0, 261.0 / 25.4 * 72.0
 """Space beside the text of a column, and the width of the text on A4 upright and crosswise [pt]."""
+KINDS: tuple[Kind, ...] = ("text", "number")
 LONG_WORD = "error-of-one-revolution,"
 
 
@@ -49,15 +49,14 @@ def layouts(monkeypatch: pytest.MonkeyPatch, grids: Sequence[Grid]) -> list[dict
 def test_a_table_is_no_wider_than_its_page_and_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
     cells = ("1.5", "a longer text that may be broken into lines", "x" * 200, "")
     wanted = {
-        f"T:{count}/{place}/{numeric}": Grid(
-            f"T:{count}/{place}/{numeric}",
-            tuple(f"heading of column {k}" for k in range(count)),
+        f"T:{count}/{place}/{kind}": Grid(
+            f"T:{count}/{place}/{kind}",
+            columns(*((f"heading of column {k}", kind) for k in range(count))),
             ((cell,) * count,),
-            (numeric,) * count,
         )
         for count in (1, 2, 5, 14, 40)
         for place, cell in enumerate(cells)
-        for numeric in (False, True)
+        for kind in KINDS
     }
     shown: dict[str, list[str]] = {title: [] for title in wanted}
     for one in layouts(monkeypatch, tuple(wanted.values())):
@@ -66,10 +65,10 @@ def test_a_table_is_no_wider_than_its_page_and_can_be_read(monkeypatch: pytest.M
         assert one["size"] >= 6.5
         assert len(one["widths"]) == len(one["columns"])
         title = one["title"].split(",")[0]
-        assert one["columns"][0] == wanted[title].columns[0]
+        assert one["columns"][0] == capital(wanted[title].headings[0])
         shown[title] += one["columns"]
     assert {title: set(heads) for title, heads in shown.items()} == {
-        title: set(grid.columns) for title, grid in wanted.items()
+        title: set(map(capital, grid.headings)) for title, grid in wanted.items()
     }
 
 
@@ -77,12 +76,13 @@ def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     number, words = "1.25 ± 0.13 mN m", "and more of it, and still more, " * 9
-    alone = Grid("T:alone", ("Word", "Value"), ((LONG_WORD, number),), (True, True))
+    alone = Grid(
+        "T:alone", columns(("word", "number"), ("value", "number")), ((LONG_WORD, number),)
+    )
     crowded = Grid(
         "T:crowded",
-        ("Word", "Value", *("text",) * 4),
+        columns("word", ("value", "number"), *("text",) * 4),
         ((f"{LONG_WORD} and what is said of it here and everywhere", number, *(words,) * 4),),
-        (False, True, *(False,) * 4),
     )
     whole, broken = sorted(layouts(monkeypatch, (alone, crowded)), key=lambda one: one["title"])
     assert broken["widths"][0] >= whole["widths"][0]
@@ -94,52 +94,16 @@ def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers(
 def test_a_short_table_is_kept_together_and_a_long_one_is_not(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    grids = [Grid(f"T:{rows}", ("a", "b"), (("1", "2"),) * rows, (True, True)) for rows in (5, 60)]
+    grids = [Grid(f"T:{rows}", columns("a", "b"), (("1", "2"),) * rows) for rows in (5, 60)]
     found = {one["title"]: one["kept"] for one in layouts(monkeypatch, grids)}
     assert found == {"T:5": True, "T:60": False}
 
 
 def test_hashes_stand_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    head = "SHA-256 of the run file"
     rows = (("00001-friction-" + "x" * 60, "ab" * 32),)
-    (found,) = layouts(
-        monkeypatch, [Grid("T:files", ("Run", head), rows, (False,) * 2, hashes=(head,))]
-    )
+    heads = columns("run", ("SHA-256 of the run file", "hash"))
+    (found,) = layouts(monkeypatch, [Grid("T:files", heads, rows)])
     assert found["widths"][1] >= 0.85 * 0.602 * 64
-
-
-def test_numbers_of_one_size_share_their_decimals() -> None:
-    assert column("friction [N m]", [0.0524, 0.1365, 0.06067]) == (
-        "friction [mN m]",
-        ["52.40", "136.50", "60.67"],
-        True,
-    )
-    assert column("time [s]", [5.0, 80.25, 97.5]) == (
-        "time [s]",
-        ["5.000", "80.250", "97.500"],
-        True,
-    )
-    assert column("revolutions", [1.0, 50.0]) == ("revolutions", ["1", "50"], True)
-    assert column("speed [r/min]", [1.318, 2976.0])[1] == ["1.318", "2\u202f976"]
-    assert column("torque [N m]", [2.5, 0.5])[0] == "torque [N m]"
-
-
-def test_words_whole_numbers_and_gaps_stay_as_they_are() -> None:
-    assert column("segment", ["hold", 3]) == ("segment", ["hold", "3"], False)
-    assert column("sweep", [0, 12]) == ("sweep", ["0", "12"], True)
-    assert column("housing [degC]", [float("nan"), 22.0, 23.25])[:2] == (
-        "housing [°C]",
-        ["–", "22.00", "23.25"],
-    )
-    assert column("nothing", []) == ("nothing", [], False)
-    assert column("zero [N m]", [0.0, 0.0])[1] == ["0", "0"]
-
-
-def test_columns_that_say_nothing_are_left_out() -> None:
-    grid = without_empty(
-        Grid("t", ("a", "b", "c"), (("1", "", "x"), ("2", "", "")), (True, False, False), "note")
-    )
-    assert grid == Grid("t", ("a", "c"), (("1", "x"), ("2", "")), (True, False), "note")
 
 
 def test_symbols_orders_and_units_are_printed_as_they_are_named() -> None:

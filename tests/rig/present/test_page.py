@@ -21,9 +21,9 @@ from model.identify.estimate import BudgetLine
 from model.units import ARCMIN
 from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
+from rig.analysis.rows import budget_grid
 from rig.analysis.validate import ValidatedRung, Validation
 from rig.errors import RigError
-from rig.present import content
 from rig.present.page import (
     css_text,
     render_page,
@@ -409,17 +409,15 @@ def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
     sources = tuple(BudgetLine(f"source {k}", "B", 0.1) for k in range(9))
     few = {name: replace(one, budget=(*one.budget, *sources)) for name, one in few.items()}
     result = handmade.friction_result()
-    down, across = (
-        content.budget_grid(result, few),
-        content.budget_grid(result, result.estimates),
-    )
+    down = budget_grid(replace(result, estimates=few), few)
+    across = budget_grid(result, result.estimates)
     assert down is not None
     assert across is not None
-    assert down.columns == ("Source (type)", "F_c [N]", "running torque [mN m]")
+    assert down.headings == ("source (type)", "F_c [N]", "running torque [mN m]")
     assert [row[0] for row in down.rows][-2:] == ["u", "U (95 %)"]
     assert len({len(row) for row in down.rows}) == 1
-    assert across.columns[:2] == ("Quantity", "Unit")
-    assert dict(zip(across.columns, across.rows[0], strict=True))["repeats (A)"] == "0.9"
+    assert across.headings[:2] == ("quantity", "unit")
+    assert dict(zip(across.headings, across.rows[0], strict=True))["repeats (A)"] == "0.9"
 
 
 def test_models_stand_with_the_last_run_of_their_kind() -> None:
@@ -443,7 +441,7 @@ def test_models_stand_with_the_last_run_of_their_kind() -> None:
     fits = [bare(), bare()]
     context = report_context(fits, created=CREATED, verdict=handmade.verdict([]), models=[judged])
     first, second = context["parts"]
-    assert "Models of the running torque" not in [grid.title for grid in first.tables]
-    assert second.tables[-1].title == "Models of the running torque"
-    assert second.tables[-1].rows[1][:2] == ("2  line", "2")
+    assert "Models of the running torque" not in [grid.title for grid in first.grids]
+    assert second.grids[-1].title == "Models of the running torque"
+    assert second.grids[-1].rows[1][:2] == ("2  line", "2")
     assert second.figures[-1].note == "1: mean (null); 2: line."

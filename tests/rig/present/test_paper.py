@@ -81,7 +81,7 @@ def test_it_has_the_numbers_of_the_page() -> None:
     for line in context["verdicts"]:
         assert squeezed(line.value) in text
         assert squeezed(line.limit) in text
-    for row in context["parts"][0].estimates.rows:
+    for row in context["parts"][0].grids[0].rows:
         for cell in row[:5]:
             # A symbol such as F_c is printed with its index below the line.
             assert squeezed(cell).replace("_", "") in text.replace("_", ""), cell
@@ -187,7 +187,7 @@ def test_the_same_content_gives_the_same_plain_values() -> None:
     assert first == second
     tables = paper_content(paper("simulated").context)["annex"]
     assert tables
-    assert all(len(table["faces"]) == len(table["columns"]) for table in tables)
+    assert all(len(table["kinds"]) == len(table["columns"]) for table in tables)
 
 
 def test_nothing_stands_in_the_margins() -> None:

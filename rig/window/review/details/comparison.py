@@ -13,7 +13,7 @@ from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.result_data import quantities_for
-from rig.analysis.wording import metric_text
+from rig.content.wording import metric_text
 from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html

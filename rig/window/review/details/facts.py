@@ -11,8 +11,8 @@ from typing import Any
 
 from experiments.recording import Recording
 from model.units import RPM
-from rig.analysis.wording import number, readable
-from rig.present.content import Grid
+from rig.content.grid import Grid, columns
+from rig.content.wording import number, readable
 from rig.present.provenance import conditions_of, parameters_in_words, value_in_words
 from rig.present.run_words import acquisition_facts, world_facts
 from rig.program import PROGRAM_KEYS
@@ -22,12 +22,12 @@ from rig.window.review.words import facts_html, grid_html
 from rig.window.shell.palette import Palette
 
 Pairs = tuple[tuple[str, str], ...]
-CALIBRATION_COLUMNS = (
+CALIBRATION_COLUMNS = columns(
     "channel",
-    "one count",
-    "unit",
-    "scale uncertainty",
-    "accuracy",
+    ("one count", "number"),
+    ("unit", "unit"),
+    ("scale uncertainty", "number"),
+    ("accuracy", "number"),
     "certificate",
     "dated",
     "due",
@@ -104,8 +104,7 @@ def calibration_grid(header: RunHeader) -> Grid:
         )
         certificate = k.certificate or "–", k.date or "–", due
         rows.append((c.name, quantum, c.unit, relative, accuracy, *certificate, device))
-    numeric = (False, True, False, True, True, False, False, False, False)
-    return Grid("Calibration of the channels", CALIBRATION_COLUMNS, tuple(rows), numeric)
+    return Grid("Calibration of the channels", CALIBRATION_COLUMNS, rows)
 
 
 def _limits(limits: Mapping[str, Any]) -> Pairs:

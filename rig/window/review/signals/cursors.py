@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QWidget
 
-from rig.analysis.wording import fixed, number
+from rig.content.wording import fixed, number
 from rig.window.plot.plots import LabPlot
 from rig.window.review.grid import GridTable
 from rig.window.review.signals.stretch import Stretch

@@ -41,6 +41,11 @@ class Shown:
         )
 
     @property
+    def pair(self) -> str:
+        """`value ± U` for a column that has the unit beside it; a U that is not known is a question mark."""
+        return f"{self.value} ± {self.expanded or '?'}"
+
+    @property
     def with_uncertainty(self) -> str:
         """`value ± U unit`."""
         return (

@@ -13,7 +13,7 @@ from experiments.errors import AnalysisError
 from experiments.quantity import Quantity, bare_quantity, quantity_of
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.units import ARCMIN, DEGREE, printed
-from rig.analysis.wording import fixed, metric_text, number, printable, readable, show
+from rig.content.wording import fixed, metric_text, number, printable, readable, show
 
 
 def estimate(name: str, value: float, unit: str, u: float) -> Estimate:

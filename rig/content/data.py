@@ -1,6 +1,4 @@
-"""Columns of a table of data: numbers of one column share their unit and, where they are of one
-size, their decimals.
-"""
+"""A table of numbers as words: those of one column share their unit and, where they are of one size, their decimals."""
 
 from __future__ import annotations
 
@@ -9,8 +7,10 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from experiments.result import Table
 from model.unit_text import scale_in
-from rig.analysis.wording import fixed, heading, number
+from rig.content.grid import Column, Grid
+from rig.content.wording import fixed, heading, number
 
 DIGITS = 4
 """Significant digits of the smaller numbers of a column; the largest one has at most one more."""
@@ -21,18 +21,27 @@ SMALL_UNITS = {"N m": "mN m"}
 _UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
 
 
-def column(title: str, cells: Sequence[Any]) -> tuple[str, list[str], bool]:
-    """Heading, texts and whether it is numeric, of one column of a table."""
+def data_grid(table: Table) -> Grid:
+    """A table of an analysis in words."""
+    cells = [[row[place] for row in table.rows] for place in range(len(table.columns))]
+    named = [data_column(*pair) for pair in zip(table.columns, cells, strict=True)]
+    rows = tuple(zip(*(texts for _, texts in named), strict=True))
+    return Grid(table.title, tuple(column for column, _ in named), rows, table.note)
+
+
+def data_column(title: str, cells: Sequence[Any]) -> tuple[Column, list[str]]:
+    """One column of a table with its texts; it is one of numbers where every cell is one."""
     numeric = bool(cells) and all(
         isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in cells
     )
     if not numeric or all(isinstance(cell, int) for cell in cells):
-        return heading(title), [number(cell) for cell in cells], numeric
+        kind = "number" if numeric else "text"
+        return Column(heading(title), kind), [number(cell) for cell in cells]
     values = [float(cell) for cell in cells]
     title, values = _in_small_unit(title, values)
     decimals = _decimals(values)
     texts = [number(value) if decimals is None else fixed(value, decimals) for value in values]
-    return heading(title), texts, True
+    return Column(heading(title), "number"), texts
 
 
 def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
