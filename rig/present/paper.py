@@ -16,8 +16,8 @@ from typing import Any
 from experiments.result import DECISION_RULE
 from rig.content.grid import TONES, Grid, capital, columns
 from rig.content.wording import printable, unbroken
-from rig.errors import RigError
 from rig.present.content import VerdictLine
+from rig.present.typesetting import Document, set_pages
 
 TEMPLATE, FRONT = "page.typ", "front.typ"
 PLACE = b"// FRONT\n"
@@ -31,31 +31,22 @@ TEXT_SIZE, SMALL_TEXT_SIZE = 8.0, 7.5
 
 def render_pdf(context: Mapping[str, Any]) -> bytes:
     """The pages of a report as PDF; `context` is what the HTML page is made of. Raises `RigError`."""
-    document = typeset(context, format="pdf")
-    assert isinstance(document, bytes)
+    (document,) = typeset(context, format="pdf")
     return document
 
 
-def typeset(context: Mapping[str, Any], **output: Any) -> Any:
+def typeset(context: Mapping[str, Any], **output: Any) -> list[bytes]:
     """What typst makes of a report, in the format that `output` names. Raises `RigError`."""
-    import typst
+    return set_pages(document_of(context), output)
 
+
+def document_of(context: Mapping[str, Any]) -> Document:
+    """The template and what it shows of a report."""
     content = json.dumps(paper_content(context), ensure_ascii=False, allow_nan=False)
     folder = resources.files("rig.present")
     source = folder.joinpath(TEMPLATE).read_bytes()
     source = source.replace(PLACE, folder.joinpath(FRONT).read_bytes(), 1)
-    try:
-        return typst.compile(
-            source,
-            sys_inputs={"content": content},
-            ignore_system_fonts=True,
-            font_paths=[_fonts()],  # type: ignore[arg-type]  the stubs leave paths out
-            **output,
-        )
-    except (RuntimeError, ValueError, OSError) as error:
-        raise RigError(
-            f"the report cannot be set on paper: {error}", remedy="Write it as HTML instead."
-        ) from error
+    return Document(source.decode(), content, _fonts())
 
 
 def _fonts() -> str:

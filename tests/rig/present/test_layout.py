@@ -7,16 +7,15 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
-import pytest
 import typst
 
 from rig.content.grid import Grid, Kind, capital, columns
 from rig.content.wording import order_label, printed_symbol, unbroken
 from rig.present.page import report_context
-from rig.present.paper import typeset
+from rig.present.paper import document_of
 from tests.rig import handmade
 
 INSET, PORTRAIT, LANDSCAPE = 7.0, 174.0 / 25.4 * 72.0, 261.0 / 25.4 * 72.0
@@ -34,19 +33,14 @@ def plain_context() -> dict[str, Any]:
     return report_context(fits, created=created, verdict=verdict) | {"parameter_sets": ()}
 
 
-def layouts(monkeypatch: pytest.MonkeyPatch, grids: Sequence[Grid]) -> list[dict[str, Any]]:
+def layouts(grids: Sequence[Grid]) -> list[dict[str, Any]]:
     """How typst laid out the tables of an annex: columns, size [pt], widths [em], crosswise or not, in one piece."""
-
-    def asked(source: bytes, *, format: str, **more: Any) -> str:
-        return typst.query(source, "<table-layout>", field="value", **more)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(typst, "compile", asked)
-        found = typeset(plain_context() | {"parameter_sets": tuple(grids)}, format="pdf")
+    document = document_of(plain_context() | {"parameter_sets": tuple(grids)})
+    found = document.set_by_typst(partial(typst.query, selector="<table-layout>", field="value"))
     return [one for one in json.loads(found) if one["title"].startswith("T:")]
 
 
-def test_a_table_is_no_wider_than_its_page_and_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_table_is_no_wider_than_its_page_and_can_be_read() -> None:
     cells = ("1.5", "a longer text that may be broken into lines", "x" * 200, "")
     wanted = {
         f"T:{count}/{place}/{kind}": Grid(
@@ -59,7 +53,7 @@ def test_a_table_is_no_wider_than_its_page_and_can_be_read(monkeypatch: pytest.M
         for kind in KINDS
     }
     shown: dict[str, list[str]] = {title: [] for title in wanted}
-    for one in layouts(monkeypatch, tuple(wanted.values())):
+    for one in layouts(tuple(wanted.values())):
         room = LANDSCAPE if one["landscape"] else PORTRAIT
         assert sum(width * one["size"] + INSET for width in one["widths"]) <= room + 1.0
         assert one["size"] >= 6.5
@@ -72,9 +66,7 @@ def test_a_table_is_no_wider_than_its_page_and_can_be_read(monkeypatch: pytest.M
     }
 
 
-def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers() -> None:
     number, words = "1.25 ± 0.13 mN m", "and more of it, and still more, " * 9
     alone = Grid(
         "T:alone", columns(("word", "number"), ("value", "number")), ((LONG_WORD, number),)
@@ -84,25 +76,23 @@ def test_a_column_is_as_wide_as_its_longest_word_and_its_numbers(
         columns("word", ("value", "number"), *("text",) * 4),
         ((f"{LONG_WORD} and what is said of it here and everywhere", number, *(words,) * 4),),
     )
-    whole, broken = sorted(layouts(monkeypatch, (alone, crowded)), key=lambda one: one["title"])
+    whole, broken = sorted(layouts((alone, crowded)), key=lambda one: one["title"])
     assert broken["widths"][0] >= whole["widths"][0]
     assert broken["widths"][1] >= whole["widths"][1]
     # By the letters themselves: sixteen of them are no narrower than six em, and no wider than ten.
     assert 6.0 < whole["widths"][1] < 10.0
 
 
-def test_a_short_table_is_kept_together_and_a_long_one_is_not(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_short_table_is_kept_together_and_a_long_one_is_not() -> None:
     grids = [Grid(f"T:{rows}", columns("a", "b"), (("1", "2"),) * rows) for rows in (5, 60)]
-    found = {one["title"]: one["kept"] for one in layouts(monkeypatch, grids)}
+    found = {one["title"]: one["kept"] for one in layouts(grids)}
     assert found == {"T:5": True, "T:60": False}
 
 
-def test_hashes_stand_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hashes_stand_in_one_line() -> None:
     rows = (("00001-friction-" + "x" * 60, "ab" * 32),)
     heads = columns("run", ("SHA-256 of the run file", "hash"))
-    (found,) = layouts(monkeypatch, [Grid("T:files", heads, rows)])
+    (found,) = layouts([Grid("T:files", heads, rows)])
     assert found["widths"][1] >= 0.85 * 0.602 * 64
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 
 import io
 import re
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -20,8 +22,10 @@ from drivers.channel import Calibration, Channel
 from experiments.recording import Origin
 from experiments.result import Table
 from rig.analysis.fit import Fit
+from rig.errors import RigError
 from rig.present.page import report_context
 from rig.present.paper import paper_content, render_pdf, typeset
+from rig.present.typesetting import Document, set_pages
 from rig.runfile.layout import Column
 from tests.rig import handmade
 
@@ -235,3 +239,23 @@ def test_nothing_stands_in_the_margins() -> None:
         assert picture[:top, :].min() > 0.6
         assert np.count_nonzero(picture < 0.5) > 100, "an empty page"
     assert crosswise
+
+
+def test_a_document_that_cannot_be_set_is_refused_with_the_reason() -> None:
+    """By what typst says of it, and where its process dies of it by that."""
+    with pytest.raises(RigError, match=r"cannot be set on paper.*unknown variable: nowhere"):
+        set_pages(Document("#nowhere", "{}", ""), {"format": "pdf"})
+    with pytest.raises(RigError, match=r"cannot be set on paper: its process ended with 1"):
+        set_pages(Document("", "{}", ""), {"no such option": 1})
+
+
+def test_the_document_is_set_in_a_process_that_ends_with_it() -> None:
+    """typst keeps 300 MB of a certificate for as long as its process lives."""
+    asked = """
+import sys
+from rig.present.typesetting import Document, set_pages
+(made,) = set_pages(Document("Hello", "{}", ""), {"format": "pdf"})
+print(made[:4], "typst" in sys.modules)
+"""
+    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
+    assert done.stdout == "b'%PDF' False\n"
