@@ -55,19 +55,19 @@ def in_memory(recording: Recording) -> Recording:
     return dataclasses.replace(recording, source=source)
 
 
-def _source(recording: Recording) -> MemorySource:
+def memory_of(recording: Recording) -> MemorySource:
     assert isinstance(recording.source, MemorySource)
     return recording.source
 
 
-def _with(
+def with_arrays(
     honest: Honest,
     arrays: Mapping[str, Stored] | None = None,
     *,
     times: Stored | None = None,
     flags: Stored | None = None,
 ) -> Honest:
-    before = _source(honest.recording)
+    before = memory_of(honest.recording)
     source = MemorySource(
         {**before.arrays, **(arrays or {})},
         before.times if times is None else times,
@@ -78,26 +78,28 @@ def _with(
     )
 
 
-def _torque(honest: Honest, change: Callable[[Stored], Stored]) -> Honest:
+def shown_by_torque(honest: Honest, change: Callable[[Stored], Stored]) -> Honest:
     """The torque port reads something else [N m]."""
     signal = honest.recording.signals["torque"]
     torque = change(honest.recording.si("torque"))
-    return _with(honest, {"torque": np.rint((torque - signal.offset) / signal.gain).astype(int)})
+    return with_arrays(
+        honest, {"torque": np.rint((torque - signal.offset) / signal.gain).astype(int)}
+    )
 
 
 def _counts(honest: Honest, name: str, factor: float) -> Honest:
-    counts = _source(honest.recording).arrays[name]
-    return _with(honest, {name: np.rint(counts * factor).astype(np.int64)})
+    counts = memory_of(honest.recording).arrays[name]
+    return with_arrays(honest, {name: np.rint(counts * factor).astype(np.int64)})
 
 
-def _about(honest: Honest, **changes: Any) -> Honest:
+def about(honest: Honest, **changes: Any) -> Honest:
     metadata = dataclasses.replace(honest.recording.metadata, **changes)
     return dataclasses.replace(
         honest, recording=dataclasses.replace(honest.recording, metadata=metadata)
     )
 
 
-def _longest(recording: Recording, *labels: str) -> Segment:
+def longest(recording: Recording, *labels: str) -> Segment:
     return max(recording.labelled(*labels), key=lambda s: s.stop - s.start)
 
 
@@ -107,41 +109,41 @@ def _longest(recording: Recording, *labels: str) -> Segment:
 def clipped_and_flagged(honest: Honest) -> Honest:
     ends = np.abs(honest.recording.si("torque")) >= CLIPPED
     flags = honest.recording.flags() | np.where(ends, SATURATED, 0).astype(np.uint16)
-    return _with(clipped(honest), flags=flags)
+    return with_arrays(clipped(honest), flags=flags)
 
 
 def clipped(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: np.clip(torque, -CLIPPED, CLIPPED))
+    return shown_by_torque(honest, lambda torque: np.clip(torque, -CLIPPED, CLIPPED))
 
 
 def clipped_on_one_side(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: np.minimum(torque, CLIPPED))
+    return shown_by_torque(honest, lambda torque: np.minimum(torque, CLIPPED))
 
 
 def clipped_low(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: np.clip(torque, -0.02, 0.02))
+    return shown_by_torque(honest, lambda torque: np.clip(torque, -0.02, 0.02))
 
 
 def reversed_torque(honest: Honest) -> Honest:
-    return _torque(honest, np.negative)
+    return shown_by_torque(honest, np.negative)
 
 
 def rectified(honest: Honest) -> Honest:
-    return _torque(honest, np.abs)
+    return shown_by_torque(honest, np.abs)
 
 
 def millinewtons(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: 1000.0 * torque)
+    return shown_by_torque(honest, lambda torque: 1000.0 * torque)
 
 
-def _in_both(honest: Honest, change: Callable[[Stored], Stored]) -> Honest:
+def in_both(honest: Honest, change: Callable[[Stored], Stored]) -> Honest:
     """Port and drive read something else [N m]: they share the motor's current sensor and its torque constant."""
     changed = {}
     for name in ("torque", "drive_torque"):
         signal = honest.recording.signals[name]
         torque = change(honest.recording.si(name))
         changed[name] = np.rint((torque - signal.offset) / signal.gain).astype(int)
-    return _with(honest, changed)
+    return with_arrays(honest, changed)
 
 
 def _dead(half_width: float) -> Callable[[Stored], Stored]:
@@ -149,20 +151,20 @@ def _dead(half_width: float) -> Callable[[Stored], Stored]:
 
 
 def wide_dead_band_in_both(honest: Honest) -> Honest:
-    return _in_both(honest, _dead(0.03))
+    return in_both(honest, _dead(0.03))
 
 
 def dead_band_in_both(honest: Honest) -> Honest:
-    return _in_both(honest, _dead(0.01))
+    return in_both(honest, _dead(0.01))
 
 
 def clipped_in_both(honest: Honest) -> Honest:
-    return _in_both(honest, lambda torque: np.clip(torque, -CLIPPED, CLIPPED))
+    return in_both(honest, lambda torque: np.clip(torque, -CLIPPED, CLIPPED))
 
 
 def coarse_in_both(honest: Honest) -> Honest:
     """Steps of 20 mN m."""
-    return _in_both(honest, lambda torque: np.rint(torque / 0.02) * 0.02)
+    return in_both(honest, lambda torque: np.rint(torque / 0.02) * 0.02)
 
 
 def with_a_torque_cell(honest: Honest, sensor: str = "torque cell 7") -> Honest:
@@ -181,57 +183,57 @@ def with_a_torque_cell(honest: Honest, sensor: str = "torque cell 7") -> Honest:
 def stray_rows_of_the_input(honest: Honest) -> Honest:
     """Thousands of counts beside the angle in a thousandth of the rows, one row each."""
     random = np.random.default_rng(23)
-    counts = _source(honest.recording).arrays["input_angle"].astype(np.int64)
+    counts = memory_of(honest.recording).arrays["input_angle"].astype(np.int64)
     at = np.flatnonzero(random.random(len(counts)) < 1e-3)
     counts[at] += random.choice([-4000, 4000], len(at))
-    return _with(honest, {"input_angle": counts})
+    return with_arrays(honest, {"input_angle": counts})
 
 
 def doubled(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: 2.0 * torque)
+    return shown_by_torque(honest, lambda torque: 2.0 * torque)
 
 
 def halved(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: 0.5 * torque)
+    return shown_by_torque(honest, lambda torque: 0.5 * torque)
 
 
 def frozen(honest: Honest) -> Honest:
     """The port stands still from the middle of the longest segment on."""
 
     def change(torque: Stored) -> Stored:
-        hold = _longest(honest.recording, "hold", "traverse")
+        hold = longest(honest.recording, "hold", "traverse")
         middle = (hold.start + hold.stop) // 2
         return np.where(np.arange(len(torque)) < middle, torque, torque[middle])
 
-    return _torque(honest, change)
+    return shown_by_torque(honest, change)
 
 
 def frozen_for_a_while(honest: Honest) -> Honest:
     """The port is not renewed for a fifth of a second."""
-    hold = _longest(honest.recording, "hold", "traverse")
-    torque = _source(honest.recording).arrays["torque"].copy()
+    hold = longest(honest.recording, "hold", "traverse")
+    torque = memory_of(honest.recording).arrays["torque"].copy()
     middle = (hold.start + hold.stop) // 2
     torque[middle : middle + 200] = torque[middle]
-    return _with(honest, {"torque": torque})
+    return with_arrays(honest, {"torque": torque})
 
 
 def half_in_reverse(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: np.where(torque > 0.0, torque, 0.5 * torque))
+    return shown_by_torque(honest, lambda torque: np.where(torque > 0.0, torque, 0.5 * torque))
 
 
 def louder_from_the_middle(honest: Honest) -> Honest:
     def change(torque: Stored) -> Stored:
         return np.where(np.arange(len(torque)) < len(torque) // 2, torque, 1.2 * torque)
 
-    return _torque(honest, change)
+    return shown_by_torque(honest, change)
 
 
 def drifting_zero(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: torque + np.linspace(0.0, 0.04, len(torque)))
+    return shown_by_torque(honest, lambda torque: torque + np.linspace(0.0, 0.04, len(torque)))
 
 
 def fading(honest: Honest) -> Honest:
-    return _torque(honest, lambda torque: torque * np.linspace(1.3, 0.7, len(torque)))
+    return shown_by_torque(honest, lambda torque: torque * np.linspace(1.3, 0.7, len(torque)))
 
 
 # Angles, ratio and time.
@@ -259,41 +261,41 @@ def output_reversed(honest: Honest) -> Honest:
 
 def output_standing(honest: Honest) -> Honest:
     """The output angle is not renewed for a fifth of a second, and then goes on from where it should be."""
-    segment = _longest(honest.recording, "step", "traverse")
-    counts = _source(honest.recording).arrays["output_angle"].copy()
+    segment = longest(honest.recording, "step", "traverse")
+    counts = memory_of(honest.recording).arrays["output_angle"].copy()
     middle = segment.stop - (segment.stop - segment.start) // 4
     counts[middle : middle + 200] = counts[middle]
-    return _with(honest, {"output_angle": counts})
+    return with_arrays(honest, {"output_angle": counts})
 
 
 def input_jumping(honest: Honest) -> Honest:
     """A hundred counts are lost at once in the middle of a segment."""
-    segment = _longest(honest.recording, "hold", "step", "traverse")
-    counts = _source(honest.recording).arrays["input_angle"].copy()
+    segment = longest(honest.recording, "hold", "step", "traverse")
+    counts = memory_of(honest.recording).arrays["input_angle"].copy()
     counts[segment.stop - (segment.stop - segment.start) // 4 :] += 100
-    return _with(honest, {"input_angle": counts})
+    return with_arrays(honest, {"input_angle": counts})
 
 
 def ratio_119(honest: Honest) -> Honest:
-    return _about(honest, ratio=119.0)
+    return about(honest, ratio=119.0)
 
 
 def ratio_121(honest: Honest) -> Honest:
-    return _about(honest, ratio=121.0)
+    return about(honest, ratio=121.0)
 
 
 def output_late(honest: Honest) -> Honest:
-    counts = _source(honest.recording).arrays["output_angle"]
+    counts = memory_of(honest.recording).arrays["output_angle"]
     late = np.concatenate([np.repeat(counts[:1], 2), counts[:-2]])
-    return _with(honest, {"output_angle": late})
+    return with_arrays(honest, {"output_angle": late})
 
 
 def slow_time(honest: Honest) -> Honest:
-    return _with(honest, times=_stretched(honest, 1.1))
+    return with_arrays(honest, times=_stretched(honest, 1.1))
 
 
 def fast_time(honest: Honest) -> Honest:
-    return _with(honest, times=_stretched(honest, 0.9))
+    return with_arrays(honest, times=_stretched(honest, 0.9))
 
 
 def slow_time_and_rate(honest: Honest) -> Honest:
@@ -301,7 +303,7 @@ def slow_time_and_rate(honest: Honest) -> Honest:
     metadata = honest.recording.metadata
     start = datetime.datetime.fromisoformat(metadata.start_time)
     end = datetime.datetime.fromisoformat(metadata.end_time)
-    return _about(
+    return about(
         slow_time(honest),
         sample_rate=metadata.sample_rate / 1.1,
         end_time=(start + 1.1 * (end - start)).isoformat(),
@@ -313,17 +315,17 @@ def slow_clock(honest: Honest) -> Honest:
     recording = slow_time(honest).recording
     bare = tuple(dataclasses.replace(s, setpoint=0.0) for s in recording.segments)
     slow = dataclasses.replace(honest, recording=dataclasses.replace(recording, segments=bare))
-    return _about(slow, sample_rate=recording.metadata.sample_rate / 1.1)
+    return about(slow, sample_rate=recording.metadata.sample_rate / 1.1)
 
 
 def _stretched(honest: Honest, factor: float) -> Stored:
-    times = _source(honest.recording).times
+    times = memory_of(honest.recording).times
     return times[0] + ((times - times[0]) * factor).astype(np.int64)
 
 
 def decimated(honest: Honest, every: int) -> Honest:
     """Only every so many rows were recorded."""
-    recording, before = honest.recording, _source(honest.recording)
+    recording, before = honest.recording, memory_of(honest.recording)
     flags = honest.recording.flags()[::every]
     source = MemorySource(
         {name: values[::every] for name, values in before.arrays.items()},
@@ -335,7 +337,7 @@ def decimated(honest: Honest, every: int) -> Honest:
         for s in recording.segments
     )
     thinned = dataclasses.replace(recording, source=source, segments=segments)
-    return _about(
+    return about(
         dataclasses.replace(honest, recording=thinned),
         sample_rate=recording.metadata.sample_rate / every,
     )
@@ -351,37 +353,37 @@ def at_125_hz(honest: Honest) -> Honest:
 
 def rows_missing(honest: Honest) -> Honest:
     """A twentieth of one segment is incomplete: far below the share that is allowed of a run."""
-    segment = _longest(honest.recording, "hold", "step", "traverse")
+    segment = longest(honest.recording, "hold", "step", "traverse")
     flags = honest.recording.flags().copy()
     flags[segment.start : segment.start + (segment.stop - segment.start) // 20] |= MISSING
     evidence = dataclasses.replace(honest.evidence, maximum_missed_share=0.04)
-    return dataclasses.replace(_with(honest, flags=flags), evidence=evidence)
+    return dataclasses.replace(with_arrays(honest, flags=flags), evidence=evidence)
 
 
 def pause(honest: Honest) -> Honest:
     """The clock goes on for three seconds in the middle of a segment, and no row was written."""
-    segment = _longest(honest.recording, "hold", "step", "traverse")
-    times = _source(honest.recording).times.copy()
+    segment = longest(honest.recording, "hold", "step", "traverse")
+    times = memory_of(honest.recording).times.copy()
     times[(segment.start + segment.stop) // 2 :] += 3_000_000_000
-    return _with(honest, times=times)
+    return with_arrays(honest, times=times)
 
 
 def time_going_back(honest: Honest) -> Honest:
     """Two rows of a segment have changed places."""
-    segment = _longest(honest.recording, "hold", "step", "traverse")
-    times = _source(honest.recording).times.copy()
+    segment = longest(honest.recording, "hold", "step", "traverse")
+    times = memory_of(honest.recording).times.copy()
     middle = (segment.start + segment.stop) // 2
     times[[middle, middle + 1]] = times[[middle + 1, middle]]
-    return _with(honest, times=times)
+    return with_arrays(honest, times=times)
 
 
 def stopped(honest: Honest) -> Honest:
-    return _about(honest, outcome="ABORTED")
+    return about(honest, outcome="ABORTED")
 
 
 def by_the_drives_ramps(honest: Honest) -> Honest:
     """The drive had no cyclic speed mode."""
-    return _about(
+    return about(
         honest, process={**honest.recording.metadata.process, "speed_mode": "profile velocity"}
     )
 

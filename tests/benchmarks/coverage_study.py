@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import subprocess
 import sys
 import tempfile
 import time
@@ -24,12 +23,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from tests.benchmarks.coverage_table import pooled, table
 from tests.benchmarks.cramer_rao import information_bounds
-
-Line = dict[str, Any]
-"""One line of the file of rows: what a run came to, or one number of its result beside the truth."""
+from tests.benchmarks.rows_file import Line, add_rows, code_commit, read_rows
 
 KINDS = (
     "home",
@@ -63,10 +59,6 @@ TRIES = 6
 """Speeds that are drawn until the plan accepts one."""
 FAILED = ("ABORTED", "TRIPPED", "ERROR", "INTERRUPTED")
 """Outcomes of a run that did not come to its end."""
-SAMPLING_CHECKS = ("sampling of the resonance", "count lattice")
-"""Checks that refuse what the sampling cannot tell (orders and resonances above 0.4 of the rate):
-no missing answer."""
-FULL_TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +147,7 @@ def _one_run(
     while planned is None and len(run["refusals"]) < TRIES:
         setting = next(settings)
         run |= {"rate": setting.rate, "values": dict(setting.values)}
-        request = _request(seed, kind, number, folder, study, setting)
+        request = request_of(seed, kind, number, folder, study.population, setting)
         try:
             planned = plan_request(request)
         except (PlanError, ModelError, RigError) as refusal:
@@ -171,12 +163,16 @@ def _one_run(
         fit = _fitted(path, tare if planned.experiment.takes_tare else None)
     except (AnalysisError, ModelError, RigError) as refusal:
         return path, {**run, "outcome": "refused", "words": str(refusal)}, []
-    return path, {**run, "outcome": "analysed", "words": ""}, list(_numbers(fit))
+    unchecked = [c.name for c in fit.result.checks if c.is_evidence and c.outcome == "not checked"]
+    subject = str(fit.result.options.get("torque_is_of", ""))
+    run |= {"outcome": "analysed", "words": "", "unchecked": unchecked, "subject": subject}
+    return path, run, list(_numbers(fit))
 
 
-def _request(
-    seed: int, kind: str, number: int, folder: Path, study: Study, setting: Setting
+def request_of(
+    seed: int, kind: str, number: int, folder: Path, population: str, setting: Setting
 ) -> Any:
+    """What is asked of the simulated rig: a run of this kind on the gear and the bench of a seed."""
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
     from rig.bench.backends.assembly import AMBIENT, WorldChoice
@@ -195,7 +191,7 @@ def _request(
         world=WorldChoice(
             gear_seed=mixed("study gear", seed) & LARGEST,
             bench_seed=mixed("study bench", seed) & LARGEST,
-            population=study.population,  # type: ignore[arg-type]
+            population=population,  # type: ignore[arg-type]
             number=number,
             start_state=AMBIENT,
         ),
@@ -232,6 +228,8 @@ def _numbers(fit: Any) -> Iterator[Line]:
             "low": e.low,
             "high": e.high,
             "expanded": e.expanded_uncertainty,
+            "factor": e.coverage_factor,
+            "unit": e.unit,
             "type_b": math.hypot(*shared),
             "seen": row.seen,
             "true": row.measurand,
@@ -241,153 +239,7 @@ def _numbers(fit: Any) -> Iterator[Line]:
         }
 
 
-# --- The table -----------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Errors:
-    """Errors and widths of one quantity (n,), as shares of the truth where its target is one."""
-
-    seen: np.ndarray
-    true: np.ndarray
-    width: np.ndarray
-    expanded: np.ndarray
-
-    @classmethod
-    def of(cls, numbers: Sequence[Line]) -> Errors:
-        def away(number: Line, name: str) -> float:
-            error = number["value"] - number[name]
-            return math.remainder(error, FULL_TURN) if number["is_circular"] else error
-
-        size = np.array([abs(n["true"]) if n["is_share"] else 1.0 for n in numbers])
-        return cls(
-            np.array([away(n, "seen") for n in numbers]) / size,
-            np.array([away(n, "true") for n in numbers]) / size,
-            np.array([n["high"] - n["low"] for n in numbers]) / size,
-            np.array([n["expanded"] for n in numbers]) / size,
-        )
-
-
-def table(lines: Iterable[Line]) -> list[Line]:
-    """One row per kind and quantity. Shares are of the numbers that were called identified."""
-    runs: dict[str, list[Line]] = defaultdict(list)
-    numbers: dict[tuple[str, str], list[Line]] = defaultdict(list)
-    for line in lines:
-        if line["what"] == "run":
-            runs[line["kind"]].append(line)
-        else:
-            numbers[line["kind"], line["quantity"]].append(line)
-    return [
-        _row(kind, quantity, group, runs[kind])
-        for (kind, quantity), group in sorted(numbers.items())
-    ]
-
-
-def _row(kind: str, quantity: str, group: Sequence[Line], runs: Sequence[Line]) -> Line:
-    yes = [n for n in group if n["called"] == "yes"]
-    row: Line = {"kind": kind, "quantity": quantity, "seeds": len(group), "called_yes": len(yes)}
-    row |= _answers(quantity, group, runs)
-    if not yes:
-        empty = ("statistical", "expanded")
-        return row | {f"covered_{name}": None for name in empty} | dict.fromkeys(_RATIOS)
-    errors = Errors.of(yes)
-    held = [
-        n["low"] <= n["value"] - e <= n["high"] for n, e in zip(yes, _absolute(yes), strict=True)
-    ]
-    within = np.abs(errors.true) <= errors.expanded
-    scatter = float(errors.seen.std(ddof=1)) if len(yes) > 1 else math.nan
-    needed = float(np.quantile(np.abs(errors.true), 0.95))
-    u = float(np.median(errors.expanded))
-    ratios = (
-        float(np.median(errors.width)) / (3.92 * scatter) if scatter else math.nan,
-        u / needed if needed else math.nan,
-        float(errors.true.mean()) / u if u else math.nan,
-    )
-    finite = (round(r, 3) if math.isfinite(r) else None for r in ratios)
-    return row | {
-        "covered_statistical": round(float(np.mean(held)), 4),
-        "covered_expanded": round(float(np.mean(within)), 4),
-        **dict(zip(_RATIOS, finite, strict=True)),
-    }
-
-
-_RATIOS = ("width_ratio", "expanded_ratio", "bias_over_u")
-
-
-def _absolute(numbers: Sequence[Line]) -> list[float]:
-    """Found minus what the bench sees, in the quantity's own unit."""
-    plain = [{**n, "is_share": False} for n in numbers]
-    return [float(e) for e in Errors.of(plain).seen]
-
-
-def _answers(quantity: str, group: Sequence[Line], runs: Sequence[Line]) -> Line:
-    """Of the runs that hold enough information for half the target, how many gave no number called identified.
-
-    Runs that were refused because their sampling cannot tell are not counted, nor are quantities
-    without a bound.
-    """
-    by_seed = {n["seed"]: n for n in group}
-    family = quantity.partition("_")[0] + "_"
-    targets = [n["target"] for n in group if n["target"] is not None]
-    shared = [n["type_b"] for n in group]
-    enough = missing = 0
-    for run in runs:
-        bounds = run.get("bounds", {})
-        bound = bounds.get(quantity, bounds.get(family))
-        if run["outcome"] not in ("analysed", "refused") or bound is None:
-            continue
-        if any(run["words"].startswith(name) for name in SAMPLING_CHECKS) or not targets:
-            continue
-        number = by_seed.get(run["seed"])
-        # A refused run has no budget and no value: those of the others stand for it.
-        target = number["target"] if number else float(np.median(targets))
-        type_b = number["type_b"] if number else float(np.median(shared))
-        if 1.96 * math.hypot(bound, type_b) < 0.5 * target:
-            enough += 1
-            missing += number is None or not _is_answer(number)
-    return {"enough_information": enough, "not_answered": missing}
-
-
-def _is_answer(number: Line) -> bool:
-    """Whether a number says something: identified, or not distinguishable from zero within a useful U."""
-    is_limit = abs(number["value"]) <= number["expanded"] <= number["target"]
-    return number["called"] == "yes" or (is_limit and not number["is_circular"])
-
-
 # --- The command ---------------------------------------------------------------------------------
-
-
-def code_commit(*, uncommitted: bool) -> str:
-    """The commit of the code; `SystemExit` where files differ from it, unless that is allowed (then "+" is added)."""
-    root = Path(__file__).resolve().parents[2]
-
-    def git(*words: str) -> str:
-        done = subprocess.run(
-            ["git", "-C", str(root), *words], capture_output=True, text=True, check=True
-        )
-        return done.stdout.strip()
-
-    changed = git("status", "--porcelain")
-    if changed and not uncommitted:
-        raise SystemExit(
-            f"The code has uncommitted changes; commit them, or say --uncommitted:\n{changed}"
-        )
-    return git("rev-parse", "HEAD") + ("+" if changed else "")
-
-
-def read_rows(path: Path | None, study: Study) -> list[Line]:
-    """The lines of this study in a file of rows; a line that was cut off while it was written is left out."""
-    if path is None or not path.exists():
-        return []
-    lines = []
-    for text in path.read_text(encoding="utf-8").splitlines():
-        try:
-            line = json.loads(text)
-        except ValueError:
-            continue
-        if all(line.get(name) == value for name, value in study.key.items()):
-            lines.append(line)
-    return lines
 
 
 def conducted(
@@ -398,9 +250,7 @@ def conducted(
         waiting = {pool.submit(run_seed, seed, study): seed for seed in seeds}
         for done, future in enumerate(as_completed(waiting), 1):
             lines = future.result()
-            if rows is not None:
-                with rows.open("a", encoding="utf-8") as file:
-                    file.write("".join(json.dumps(line) + "\n" for line in lines))
+            add_rows(rows, lines)
             print(f"\r{done}/{len(seeds)}", end="", file=sys.stderr, flush=True)
             yield lines
     print(file=sys.stderr)
@@ -432,7 +282,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     lines = [
         line
-        for line in read_rows(options.rows, study)
+        for line in read_rows(options.rows, study.key)
         if line["seed"] in seeds and line["kind"] in kinds
     ]
     have: dict[int, set[str]] = defaultdict(set)
@@ -442,11 +292,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     lines = [line for line in lines if line["seed"] not in missing]
     for found in conducted(study, missing, options.workers, options.rows):
         lines += found
-    answer = {"commit": study.commit, "first_seed": options.first_seed, "rows": table(lines)}
+    answer = {
+        "commit": study.commit,
+        "first_seed": options.first_seed,
+        "rows": table(lines),
+        "pooled": pooled(lines),
+    }
     if options.json:
         print(json.dumps(answer))
     else:
         print_table(answer["rows"], lines)
+        print(json.dumps(answer["pooled"]))
     return 0
 
 

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 
 from experiments.recording import Segment
-from tests.benchmarks import coverage_study
-from tests.benchmarks.coverage_study import Line, Study, read_rows, run_seed, settings_of, table
+from tests.benchmarks import coverage_study, rows_file
+from tests.benchmarks.coverage_study import Study, run_seed, settings_of
+from tests.benchmarks.coverage_table import pooled, table
 from tests.benchmarks.cramer_rao import information_bounds
+from tests.benchmarks.rows_file import Line, code_commit, read_rows
 
 STUDY = Study(population="narrow", kinds=("warm-up",), speeds=(), commit="c0ffee")
 
@@ -94,6 +96,27 @@ def test_errors_go_round_the_circle_and_may_be_shares_of_the_truth() -> None:
     assert share["expanded_ratio"] == pytest.approx(3.0, abs=1e-3)
 
 
+def test_a_bench_is_one_chance_however_many_numbers_it_gives() -> None:
+    """Half of the benches miss with all that they have: the interval is that of benches, not of numbers."""
+    many = [number(k, 99.0 if k % 2 else 10.0) for k in range(20) for _ in range(50)]
+    (row,) = pooled(many).values()
+    assert (row["benches"], row["numbers"], row["U"][0]) == (20, 1000, 0.5)
+    assert row["U"][1] < 0.35
+    assert row["U"][2] > 0.65
+    cold = pooled([number(1, 10.0, quantity="coulomb_at_20_degrees"), number(2, 99.0)])
+    assert (cold["all"]["U"][0], cold["at 20 degC"]["U"][0]) == (0.5, 1.0)
+
+
+def test_the_table_names_the_bars_that_a_quantity_misses() -> None:
+    scatter = np.random.default_rng(1).standard_normal(200)
+    good = [number(k, 10.0 + 0.5 * s, expanded=1.0) for k, s in enumerate(scatter)]
+    assert table(good)[0]["misses"] == ""
+    wide = [{**n, "low": n["value"] - 3.0, "high": n["value"] + 3.0} for n in good]
+    assert table(wide)[0]["misses"] == "A, width"
+    assert table([{**n, "expanded": 0.5} for n in good])[0]["misses"] == "U"
+    assert table([{**n, "expanded": 3.0} for n in good])[0]["misses"] == "U ratio"
+
+
 def test_only_what_is_called_identified_is_counted_as_claimed() -> None:
     (row,) = table([number(1, 99.0, called="weakly"), number(2, 10.0)])
     assert (row["seeds"], row["called_yes"], row["covered_expanded"]) == (2, 1, 1.0)
@@ -158,17 +181,17 @@ def test_rows_are_taken_up_again_by_the_same_study_alone(tmp_path: Path) -> None
     other = {**mine, "commit": "another"}
     text = json.dumps(mine)
     path.write_text(f"{text}\n{json.dumps(other)}\n{text[:20]}", encoding="utf-8")
-    assert read_rows(path, STUDY) == [mine]
+    assert read_rows(path, STUDY.key) == [mine]
 
 
 def test_a_changed_tree_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     class Done:
         stdout = " M model/gear.py"
 
-    monkeypatch.setattr(coverage_study.subprocess, "run", lambda *a, **k: Done())
+    monkeypatch.setattr(rows_file.subprocess, "run", lambda *a, **k: Done())
     with pytest.raises(SystemExit, match="--uncommitted"):
-        coverage_study.code_commit(uncommitted=False)
-    assert coverage_study.code_commit(uncommitted=True).endswith("+")
+        code_commit(uncommitted=False)
+    assert code_commit(uncommitted=True).endswith("+")
 
 
 def test_a_seed_runs_from_draw_to_bound() -> None:
