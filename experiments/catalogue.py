@@ -5,7 +5,6 @@ This module stays light: it imports no array library, so that a command line can
 
 from __future__ import annotations
 
-import functools
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -36,71 +35,77 @@ class Entry:
 ENTRIES: tuple[Entry, ...] = (
     Entry(
         "kinematic-error",
-        "experiments.protocols.kinematic_error.protocol",
+        "experiments.protocols.kinematic_error.declaration",
         "kinematic error over whole output revolutions at low speed, both directions (figures 12, 13, 16)",
         ladder="experiments.protocols.kinematic_error.ladder",
     ),
     Entry(
         "friction",
-        "experiments.protocols.friction.protocol",
+        "experiments.protocols.friction.declaration",
         "no-load running torque at constant speeds, both directions, up and down (figures 9, 17)",
         ladder="experiments.protocols.friction.ladder",
     ),
     Entry(
         "velocity-steps",
-        "experiments.protocols.velocity_steps.protocol",
+        "experiments.protocols.velocity_steps.declaration",
         "speed steps, simulated output against measured output per speed (figure 19)",
         ladder="experiments.protocols.velocity_steps.ladder",
     ),
     Entry(
         "motor-tare",
-        "experiments.protocols.motor_tare",
+        "experiments.protocols.motor_tare.declaration",
         "friction and cogging of the bare motor, gear removed",
     ),
-    Entry("warm-up", "experiments.protocols.warm_up", "turn until the running torque is steady"),
+    Entry(
+        "warm-up",
+        "experiments.protocols.warm_up.declaration",
+        "turn until the running torque is steady",
+    ),
     Entry(
         "starting-torque",
-        "experiments.protocols.starting_torque.protocol",
+        "experiments.protocols.starting_torque.declaration",
         "slow torque ramps at several wave-generator positions, ended by first motion",
     ),
     Entry(
-        "home", "experiments.protocols.home", "index marks of both encoders, slowly, from one side"
+        "home",
+        "experiments.protocols.home.declaration",
+        "index marks of both encoders, slowly, from one side",
     ),
     Entry(
         "motion",
-        "experiments.recordings.motion",
+        "experiments.recordings.motion.declaration",
         "inertia and friction from any motion (inverse dynamics)",
         has_plan=False,
         ladder="experiments.recordings.motion_models",
     ),
     Entry(
         "friction-curve",
-        "experiments.recordings.friction_curve",
+        "experiments.recordings.friction_curve.declaration",
         "friction law of a table of speed and torque: Coulomb, viscous, Stribeck",
         has_plan=False,
     ),
     Entry(
         "revolution",
-        "experiments.recordings.revolution",
+        "experiments.recordings.revolution.declaration",
         "Fourier series of a channel per revolution, both ways",
         has_plan=False,
     ),
     Entry(
         "order-spectrum",
-        "experiments.recordings.order_spectrum",
+        "experiments.recordings.order_spectrum.declaration",
         "order spectrum of a channel over an angle",
         has_plan=False,
         ladder="experiments.recordings.order_models",
     ),
     Entry(
         "skew",
-        "experiments.recordings.skew",
+        "experiments.recordings.skew.declaration",
         "delay between two channels, apart from hysteresis",
         has_plan=False,
     ),
     Entry(
         "hysteresis",
-        "experiments.recordings.hysteresis",
+        "experiments.recordings.hysteresis.declaration",
         "stiffness, loss and lost motion from loops of output torque",
         has_plan=False,
     ),
@@ -161,7 +166,6 @@ def load(name: str) -> Experiment:
     """
     experiment: Experiment = import_module(entry(name).module).EXPERIMENT
 
-    @functools.wraps(experiment.analyse)
     def checked(recording: Recording, evidence: Evidence) -> Result:
         # The checks need the array libraries, and whoever asks only what a protocol declares does not.
         from experiments.evidence.conclusion import checked_analysis

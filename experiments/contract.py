@@ -5,17 +5,42 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Literal
 
 from experiments.errors import PlanError
 from experiments.need import Need
 from experiments.quantity import Quantity
-from experiments.recording import Recording
-from experiments.result import Check, Result
 from experiments.shape import Shape
-from experiments.steps.vocabulary import Step
 from experiments.terms import PaperFigure, Term
-from model.gear import HarmonicDrive
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+    from experiments.result import Check, Result
+    from experiments.steps.vocabulary import Step
+    from model.gear import HarmonicDrive
+
+
+@dataclass(frozen=True)
+class Deferred:
+    """A function of a protocol by its place, "module:name"; the module is imported when the function is called.
+
+    What a protocol declares is asked for by whoever lists, judges or describes; what it computes with takes seconds to
+    import.
+    """
+
+    place: str
+
+    @cached_property
+    def function(self) -> Callable[..., Any]:
+        """The function itself, its module imported now."""
+        module, _, name = self.place.partition(":")
+        return getattr(import_module(module), name)
+
+    def __call__(self, *given: Any, **named: Any) -> Any:
+        """What the function makes of this."""
+        return self.function(*given, **named)
 
 
 @dataclass(frozen=True)
@@ -50,6 +75,8 @@ class Experiment:
     gear, evidence)` scores given parameters on a run without fitting any; `identified(result,
     gear)` is the gear with what the analysis identified written into it. Both are None where a
     protocol has nothing of the kind. `has_plan` is False for analyses of recordings only.
+
+    These functions are named by their place (`Deferred`) where what they compute with takes long to import.
 
     `quantities` are all that its analysis and its comparison may return, the most important first.
     `live` names the plots of a run that is under way: torque below speed, row by row. `setpoint` is

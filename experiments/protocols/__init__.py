@@ -1,4 +1,5 @@
-"""The protocols: each a file with its parameters, its plan and its analysis, or a folder when it has parts.
+"""The protocols: each a folder of what it declares (`declaration`), what its run does (`plan`) and its `analysis`.
 
-Start reading in `friction.protocol`, or copy `home`, the shortest one.
+A declaration names the functions of the other two by their place and imports neither: it is read by whoever lists,
+judges or describes. Start reading in `friction.declaration`; `home` is the shortest one.
 """

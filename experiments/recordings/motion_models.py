@@ -16,7 +16,7 @@ import scipy  # pyright: ignore[reportMissingTypeStubs]
 from experiments.contract import Evidence
 from experiments.ladder import Ladder, Rung, Sample
 from experiments.recording import Recording
-from experiments.recordings.motion import channels_of, choice_of, load_turn
+from experiments.recordings.motion.analysis import channels_of, choice_of, load_turn
 from experiments.recordings.motion_channels import RecordedMotion
 from model.arrays import FloatArray
 from model.identify.motion import MotionChoice, identify_motion

@@ -18,7 +18,7 @@ from experiments.ladder import Ladder, Rung, Sample, centred, nothing_fitted
 from experiments.need import ANGLES
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
-from experiments.recordings.order_spectrum import HIGHEST, channel_of
+from experiments.recordings.order_spectrum.analysis import HIGHEST, channel_of
 from experiments.recordings.orders_source import order_source
 from model.arrays import FloatArray, IntArray
 from model.identify.orders.fit import fit_samples

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from experiments import catalogue
-from experiments.protocols.velocity_steps.protocol import Parameters as StepParameters
+from experiments.protocols.velocity_steps.declaration import Parameters as StepParameters
 from model.gear_file import harmonic_path, shipped_gear
 from model.kinematic_error import normalised_mse
 from model.motor import shipped_motor

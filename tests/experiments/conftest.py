@@ -7,9 +7,13 @@ import dataclasses
 import pytest
 
 from experiments.contract import Evidence
-from experiments.protocols import motor_tare
-from experiments.protocols.friction import protocol as friction
-from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.friction import declaration as friction_declaration
+from experiments.protocols.friction import plan as friction_plan
+from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
+from experiments.protocols.kinematic_error import plan as kinematic_error_plan
+from experiments.protocols.motor_tare import analysis as motor_tare
+from experiments.protocols.motor_tare import declaration as motor_tare_declaration
+from experiments.protocols.motor_tare import plan as motor_tare_plan
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import Harmonic, HarmonicDrive
@@ -48,29 +52,31 @@ def bench(gear: HarmonicDrive) -> Bench:
 @pytest.fixture(scope="session")
 def kinematic_error_run(bench: Bench, gear: HarmonicDrive) -> Recording:
     return record(
-        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=92.7), gear),
+        kinematic_error_plan.plan(kinematic_error_declaration.Parameters(speed_rpm=92.7), gear),
         bench,
         "kinematic-error",
     )
 
 
 @pytest.fixture(scope="session")
-def friction_parameters() -> friction.Parameters:
-    return friction.Parameters(lowest_rpm=4.0, points=14)
+def friction_parameters() -> friction_declaration.Parameters:
+    return friction_declaration.Parameters(lowest_rpm=4.0, points=14)
 
 
 @pytest.fixture(scope="session")
 def friction_run(
-    bench: Bench, gear: HarmonicDrive, friction_parameters: friction.Parameters
+    bench: Bench, gear: HarmonicDrive, friction_parameters: friction_declaration.Parameters
 ) -> Recording:
-    return record(friction.plan(friction_parameters, gear), bench, "friction")
+    return record(friction_plan.plan(friction_parameters, gear), bench, "friction")
 
 
 @pytest.fixture(scope="session")
 def tare_run(bench: Bench, gear: HarmonicDrive) -> Recording:
-    parameters = motor_tare.Parameters(lowest_rpm=4.0, points=14)
+    parameters = motor_tare_declaration.Parameters(lowest_rpm=4.0, points=14)
     bare = dataclasses.replace(bench, mounted=False, seed=9)
-    return record(motor_tare.plan(parameters, gear), bare, "motor-tare", run_id="synthetic-tare")
+    return record(
+        motor_tare_plan.plan(parameters, gear), bare, "motor-tare", run_id="synthetic-tare"
+    )
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,9 @@ import scipy
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import ArraySource, Recording, RunMetadata
-from experiments.recordings import motion, order_spectrum, revolution
+from experiments.recordings.motion import analysis as motion
+from experiments.recordings.order_spectrum import analysis as order_spectrum
+from experiments.recordings.revolution import analysis as revolution
 from model.channel import Calibration, Channel
 from model.gear import HarmonicDrive
 from model.units import ARCSEC

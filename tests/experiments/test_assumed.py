@@ -20,7 +20,7 @@ from experiments.assumed import (
 from experiments.budget import scale_line, timed, zero_uncertainty
 from experiments.contract import Evidence
 from experiments.evidence.conclusion import judged
-from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.kinematic_error import analysis as kinematic_error
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.tares.motor_heat import motor_heat

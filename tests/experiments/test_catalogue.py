@@ -5,11 +5,12 @@ from __future__ import annotations
 import dataclasses
 import subprocess
 import sys
+from importlib import import_module
 
 import pytest
 
 from experiments import catalogue
-from experiments.contract import Experiment
+from experiments.contract import Deferred, Experiment
 from experiments.errors import PlanError
 from experiments.parameters import make_parameters, parameter_fields
 from model.gear_file import shipped_gear
@@ -23,6 +24,8 @@ PROTOCOLS = (
     "starting-torque",
     "home",
 )
+FUNCTIONS = ("plan", "analyse", "compare", "identified", "learns")
+"""The functions of an experiment."""
 
 
 def test_the_catalogue_lists_names_without_importing_arrays() -> None:
@@ -31,6 +34,15 @@ def test_the_catalogue_lists_names_without_importing_arrays() -> None:
         "sys.exit(any(m in sys.modules for m in ('numpy', 'scipy', 'numba', 'h5py', 'pydantic', 'matplotlib')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_what_everything_declares_is_known_without_what_it_computes_with() -> None:
+    code = (
+        "import sys; from experiments import catalogue; [catalogue.load(kind) for kind in catalogue.kinds()];"
+        "print([m for m in ('numpy', 'scipy', 'numba') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "[]", done.stderr
 
 
 def test_names_and_kinds() -> None:
@@ -59,9 +71,14 @@ def test_every_experiment_keeps_the_contract(name: str) -> None:
     assert experiment.name == name
     assert experiment.has_plan == entry.has_plan
     assert dataclasses.is_dataclass(experiment.parameters)
-    assert experiment.analyse.__doc__
+    declared: Experiment = import_module(entry.module).EXPERIMENT
+    assert declared.version == experiment.version
+    functions = [getattr(declared, name) for name in FUNCTIONS]
+    for function in [f for f in functions if f is not None]:
+        there = function.function if isinstance(function, Deferred) else function
+        assert callable(there)
+        assert there.__doc__
     if experiment.has_plan:
-        assert experiment.plan.__doc__
         for parameter in parameter_fields(experiment.parameters):
             assert parameter.help, parameter.name
             assert parameter.kind in (float, int, bool, str, tuple), parameter.name

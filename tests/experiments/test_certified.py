@@ -12,8 +12,11 @@ import pytest
 from experiments.angle.certified import certified_angle, certified_angles
 from experiments.angle.phase_reference import phase_reference
 from experiments.contract import Evidence
-from experiments.protocols.kinematic_error import protocol as kinematic_error
-from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.protocols.kinematic_error import analysis as kinematic_error
+from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
+from experiments.protocols.kinematic_error import plan as kinematic_error_plan
+from experiments.protocols.velocity_steps import declaration as velocity_steps_declaration
+from experiments.protocols.velocity_steps import plan as velocity_steps_plan
 from experiments.protocols.velocity_steps.data import recorded_steps
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
@@ -57,7 +60,7 @@ def arrays_of(run: Recording) -> ArraySource:
 def wrong(bench: Bench, gear: HarmonicDrive) -> Recording:
     """The run as an encoder records it that shows too much; it counts down while the gear turns up."""
     run = record(
-        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=92.7), gear),
+        kinematic_error_plan.plan(kinematic_error_declaration.Parameters(speed_rpm=92.7), gear),
         dataclasses.replace(bench, output_shows=SHOWN),
         "kinematic-error",
     )
@@ -289,10 +292,10 @@ def test_the_motor_encoder_has_a_certificate_of_its_own(
 def test_steps_are_read_without_what_the_certificate_states(
     bench: Bench, gear: HarmonicDrive
 ) -> None:
-    plan = velocity_steps.Parameters(speeds_rpm=(1800.0,), repeats=1, duration=0.5)
+    plan = velocity_steps_declaration.Parameters(speeds_rpm=(1800.0,), repeats=1, duration=0.5)
     there = dataclasses.replace(bench, output_index=0.01)
     clean, shown = (
-        record(velocity_steps.plan(plan, gear), one, "velocity-steps")
+        record(velocity_steps_plan.plan(plan, gear), one, "velocity-steps")
         for one in (there, dataclasses.replace(there, output_shows=SHOWN))
     )
 

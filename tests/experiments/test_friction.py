@@ -13,11 +13,15 @@ import pytest
 from experiments.catalogue import load
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.protocols import motor_tare
-from experiments.protocols.friction import protocol as friction
+from experiments.protocols.friction import analysis as friction
+from experiments.protocols.friction import declaration as friction_declaration
+from experiments.protocols.friction import plan as friction_plan
 from experiments.protocols.friction.estimates import at_20_degrees, coefficients_of
 from experiments.protocols.friction.points import FittedCurve, measure_friction, reproducibility
 from experiments.protocols.friction.temperature import THERMOMETRY, VISCOUS, temperature_law
+from experiments.protocols.motor_tare import analysis as motor_tare
+from experiments.protocols.motor_tare import declaration as motor_tare_declaration
+from experiments.protocols.motor_tare import plan as motor_tare_plan
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from experiments.steps.vocabulary import ServoOff
@@ -87,7 +91,9 @@ def test_a_tare_that_does_not_cover_the_speeds_is_not_used(
     friction_run: Recording, gear: HarmonicDrive, bench: Bench
 ) -> None:
     bare = dataclasses.replace(bench, mounted=False)
-    plan = motor_tare.plan(motor_tare.Parameters(speeds_rpm=(100.0, 300.0, 1000.0)), gear)
+    plan = motor_tare_plan.plan(
+        motor_tare_declaration.Parameters(speeds_rpm=(100.0, 300.0, 1000.0)), gear
+    )
     short = motor_tare.analyse(record(plan, bare, "motor-tare"), Evidence(gear))
     result = friction.analyse(friction_run, Evidence(gear, short, settings=QUICK))
     assert result.options["torque_is_of"] == "motor + gear"
@@ -117,7 +123,7 @@ def test_a_result_that_is_no_tare_is_not_used(result: Result) -> None:
 
 
 def test_a_tare_with_the_gear_mounted_is_refused(bench: Bench, gear: HarmonicDrive) -> None:
-    plan = motor_tare.plan(motor_tare.Parameters(speeds_rpm=(100.0, 300.0)), gear)
+    plan = motor_tare_plan.plan(motor_tare_declaration.Parameters(speeds_rpm=(100.0, 300.0)), gear)
     with pytest.raises(AnalysisError, match="gear mounted"):
         motor_tare.analyse(record(plan, bench, "motor-tare"), Evidence(gear))
 
@@ -145,11 +151,11 @@ def test_the_tare_finds_motor_friction_and_cogging(tare: Result) -> None:
 
 def test_a_disc_of_known_inertia_gives_the_torque_scale(gear: HarmonicDrive, bench: Bench) -> None:
     bare = dataclasses.replace(bench, mounted=False, cogging=())
-    parameters = motor_tare.Parameters(
+    parameters = motor_tare_declaration.Parameters(
         speeds_rpm=(500.0, 1500.0, 2500.0), disc_inertia=2e-4, repeats=2
     )
     run = record(
-        motor_tare.plan(parameters, gear),
+        motor_tare_plan.plan(parameters, gear),
         bare,
         "motor-tare",
         parameters=dataclasses.asdict(parameters),
@@ -176,10 +182,12 @@ def test_a_disc_of_known_inertia_gives_the_torque_scale(gear: HarmonicDrive, ben
 def test_the_zero_is_taken_servo_off_and_its_drift_is_said(
     bench: Bench, gear: HarmonicDrive
 ) -> None:
-    parameters = friction.Parameters(speeds_rpm=(60.0, 200.0, 600.0), up_and_down=False)
+    parameters = friction_declaration.Parameters(speeds_rpm=(60.0, 200.0, 600.0), up_and_down=False)
     for drift in (0.0, 0.008):
         run = record(
-            friction.plan(parameters, gear), dataclasses.replace(bench, drift=drift), "friction"
+            friction_plan.plan(parameters, gear),
+            dataclasses.replace(bench, drift=drift),
+            "friction",
         )
         zero = torque_zero(run)
         assert zero.before is not None
@@ -193,11 +201,14 @@ def test_the_zero_is_taken_servo_off_and_its_drift_is_said(
 
 
 def test_the_zero_cancels_in_the_half_difference_and_stands_in_the_half_sum(
-    bench: Bench, gear: HarmonicDrive, tare: Result, friction_parameters: friction.Parameters
+    bench: Bench,
+    gear: HarmonicDrive,
+    tare: Result,
+    friction_parameters: friction_declaration.Parameters,
 ) -> None:
     """54 mN m taken as zero servo-on: friction must not move, the offset must show it."""
     run = record(
-        friction.plan(friction_parameters, gear),
+        friction_plan.plan(friction_parameters, gear),
         dataclasses.replace(bench, offset=0.01),
         "friction",
     )
@@ -210,9 +221,9 @@ def test_the_zero_cancels_in_the_half_difference_and_stands_in_the_half_sum(
 
 
 def test_a_drifting_reference_speed_is_said_and_a_large_drift_is_refused(
-    bench: Bench, gear: HarmonicDrive, friction_parameters: friction.Parameters
+    bench: Bench, gear: HarmonicDrive, friction_parameters: friction_declaration.Parameters
 ) -> None:
-    run = record(friction.plan(friction_parameters, gear), bench, "friction")
+    run = record(friction_plan.plan(friction_parameters, gear), bench, "friction")
     source = run.source
     assert isinstance(source, ArraySource)
     for fall, refused in ((0.1, False), (0.5, True)):
@@ -299,9 +310,9 @@ def test_nothing_is_brought_anywhere_where_nothing_varies(result: Result) -> Non
 def test_a_slowest_speed_that_saw_little_of_the_bend_is_said_and_the_interval_decides(
     bench: Bench, gear: HarmonicDrive, tare: Result
 ) -> None:
-    parameters = friction.Parameters(lowest_rpm=40.0, points=9)
+    parameters = friction_declaration.Parameters(lowest_rpm=40.0, points=9)
     result = load("friction").analyse(
-        record(friction.plan(parameters, gear), bench, "friction"),
+        record(friction_plan.plan(parameters, gear), bench, "friction"),
         Evidence(gear, tare, settings=QUICK),
     )
     assert any("slowest speed" in w for w in result.warnings)
@@ -377,10 +388,10 @@ def test_a_foreign_recording_of_angle_and_current_gives_friction_in_amperes(
     bench: Bench, gear: HarmonicDrive
 ) -> None:
     """No segments, no zero, no output encoder; whole revolutions at steady speed are found from the angle."""
-    parameters = friction.Parameters(
+    parameters = friction_declaration.Parameters(
         lowest_rpm=15.0, points=10, up_and_down=False, bracket_every=100, measure_time=10.0
     )
-    run = record(friction.plan(parameters, gear), bench, "friction")
+    run = record(friction_plan.plan(parameters, gear), bench, "friction")
     source = run.source
     assert isinstance(source, ArraySource)
     names = {"input_angle": "input_angle", "torque": "current"}
@@ -443,7 +454,7 @@ def test_holds_cover_whole_revolutions_of_the_plan(
 
 
 def test_servo_off_is_where_the_plan_puts_it(gear: HarmonicDrive) -> None:
-    steps = list(friction.plan(friction.Parameters(), gear))
+    steps = list(friction_plan.plan(friction_declaration.Parameters(), gear))
     assert [k for k, s in enumerate(steps) if isinstance(s, ServoOff)] == [0, len(steps) - 1]
 
 

@@ -11,7 +11,9 @@ import pytest
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.planning.speeds import first_resonances
-from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.kinematic_error import analysis as kinematic_error
+from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
+from experiments.protocols.kinematic_error import plan as kinematic_error_plan
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.channel import Calibration
@@ -73,7 +75,7 @@ def test_figure_16_friction_a_quarter_turn_away_is_told_apart(
 ) -> None:
     turned = dataclasses.replace(bench, depth=(Harmonic(2.0, 1.2e-3, 3e-3),))
     run = record(
-        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=185.3), gear),
+        kinematic_error_plan.plan(kinematic_error_declaration.Parameters(speed_rpm=185.3), gear),
         turned,
         "kinematic-error",
     )
@@ -200,9 +202,9 @@ def test_the_identified_gear_scores_better_than_the_assumed_one(
     origin = identified.origins["kinematic_error.2"]
     assert origin.provenance == "identified"
     assert origin.standard_uncertainty is not None
-    parameters = kinematic_error.Parameters(speed_rpm=185.3)
+    parameters = kinematic_error_declaration.Parameters(speed_rpm=185.3)
     other = record(
-        kinematic_error.plan(parameters, gear),
+        kinematic_error_plan.plan(parameters, gear),
         dataclasses.replace(bench, seed=77),
         "kinematic-error",
     )
@@ -215,7 +217,9 @@ def test_the_identified_gear_scores_better_than_the_assumed_one(
 
 def test_repeats_are_pooled_and_scored_on_each_other(bench: Bench, gear: HarmonicDrive) -> None:
     run = record(
-        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=185.3, repeats=2), gear),
+        kinematic_error_plan.plan(
+            kinematic_error_declaration.Parameters(speed_rpm=185.3, repeats=2), gear
+        ),
         bench,
         "kinematic-error",
     )

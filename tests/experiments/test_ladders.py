@@ -13,8 +13,9 @@ from experiments.errors import AnalysisError, PlanError
 from experiments.ladder import Ladder, Sample, centred
 from experiments.protocols.friction import ladder as friction
 from experiments.protocols.kinematic_error import ladder as kinematic_error
+from experiments.protocols.velocity_steps import declaration as velocity_steps_declaration
 from experiments.protocols.velocity_steps import ladder as velocity_steps
-from experiments.protocols.velocity_steps import protocol as steps_protocol
+from experiments.protocols.velocity_steps import plan as velocity_steps_plan
 from experiments.recording import Recording
 from experiments.result import Result
 from model.friction import friction_torque
@@ -119,9 +120,11 @@ def test_a_run_shows_its_kinematic_error_from_the_index_marks(
 def steps_run(gear: HarmonicDrive) -> Recording:
     """Four quick steps of a gear that has more inertia than its set says."""
     heavier = gear.with_values({"inertia.output": 0.13})
-    parameters = steps_protocol.Parameters(speeds_rpm=(1200.0, 2400.0), repeats=1, duration=0.4)
+    parameters = velocity_steps_declaration.Parameters(
+        speeds_rpm=(1200.0, 2400.0), repeats=1, duration=0.4
+    )
     bench = Bench(gear=heavier, error=(), elastic=True)
-    return record(steps_protocol.plan(parameters, heavier), bench, "velocity-steps")
+    return record(velocity_steps_plan.plan(parameters, heavier), bench, "velocity-steps")
 
 
 def test_a_fitted_spring_predicts_steps_that_it_has_not_seen(

@@ -16,9 +16,12 @@ from experiments.errors import PlanError
 from experiments.parameters import ParameterField, parameter_fields
 from experiments.planning.parts import LABELS, ZERO_AFTER, ZERO_BEFORE
 from experiments.planning.speeds import alias_leak, first_resonances, incommensurate, lattice_lock
-from experiments.protocols.friction import protocol as friction
-from experiments.protocols.kinematic_error import protocol as kinematic_error
-from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.protocols.friction import declaration as friction_declaration
+from experiments.protocols.friction import plan as friction_plan
+from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
+from experiments.protocols.kinematic_error import plan as kinematic_error_plan
+from experiments.protocols.velocity_steps import declaration as velocity_steps_declaration
+from experiments.protocols.velocity_steps import plan as velocity_steps_plan
 from experiments.steps.vocabulary import (
     FindIndex,
     HoldRevolutions,
@@ -143,8 +146,11 @@ def _check_numbers(steps: list[Any]) -> None:
 def test_kinematic_error_covers_whole_output_revolutions_after_an_approach() -> None:
     for mounting, turns in (("circular-spline-fixed", 120.0), ("flexspline-fixed", 121.0)):
         steps = list(
-            kinematic_error.plan(
-                kinematic_error.Parameters(output_revolutions=2, repeats=2, mounting=mounting), GEAR
+            kinematic_error_plan.plan(
+                kinematic_error_declaration.Parameters(
+                    output_revolutions=2, repeats=2, mounting=mounting
+                ),
+                GEAR,
             )
         )
         holds = [s for s in steps if isinstance(s, HoldRevolutions)]
@@ -163,13 +169,13 @@ def test_kinematic_error_covers_whole_output_revolutions_after_an_approach() -> 
 
 
 def test_friction_defaults_are_what_a_laboratory_expects() -> None:
-    speeds = [w / RPM for w in friction.sweep_speeds(friction.Parameters(), GEAR)]
+    speeds = [w / RPM for w in friction_plan.sweep_speeds(friction_declaration.Parameters(), GEAR)]
     assert len(speeds) >= 30
     assert speeds == sorted(speeds)
     assert speeds[0] <= GEAR.mesh_friction.stribeck_velocity / 10.0 / RPM
     assert 2900.0 < speeds[-1] <= 3000.0 * 1.015
     assert sum(s < 100.0 for s in speeds) >= 15
-    steps = list(friction.plan(friction.Parameters(), GEAR))
+    steps = list(friction_plan.plan(friction_declaration.Parameters(), GEAR))
     holds = [s.segment for s in steps if isinstance(s, HoldRevolutions) and s.segment]
     assert sum(h.label == "hold" for h in holds) == 120
     assert sum(h.label == "bracket" for h in holds) == 28
@@ -183,7 +189,7 @@ def test_friction_defaults_are_what_a_laboratory_expects() -> None:
 
 
 def test_friction_points_start_all_over_the_output_revolution() -> None:
-    steps = list(friction.plan(friction.Parameters(), GEAR))
+    steps = list(friction_plan.plan(friction_declaration.Parameters(), GEAR))
     place, places = 0.0, []
     for step in steps:
         if isinstance(step, MoveRevolutions):
@@ -205,12 +211,12 @@ def test_fast_speeds_are_moved_off_the_sampling_lattice() -> None:
 
 
 def _marks(**values: Any) -> list[str]:
-    steps = kinematic_error.plan(kinematic_error.Parameters(**values), GEAR)
+    steps = kinematic_error_plan.plan(kinematic_error_declaration.Parameters(**values), GEAR)
     return [getattr(s, "code", "") for s in steps]
 
 
 def _speeds(**values: Any) -> set[float]:
-    steps = kinematic_error.plan(kinematic_error.Parameters(**values), GEAR)
+    steps = kinematic_error_plan.plan(kinematic_error_declaration.Parameters(**values), GEAR)
     return {abs(s.speed) / RPM for s in steps if isinstance(s, Ramp)} - {0.0}
 
 
@@ -231,7 +237,7 @@ def test_a_speed_on_the_lattice_of_the_output_counts_is_moved() -> None:
 def test_a_counter_that_no_speed_averages_out_is_refused() -> None:
     """One count per output revolution: the saw-tooth is an output order at every speed."""
     with pytest.raises(PlanError, match="rounding") as refused:
-        kinematic_error.plan(kinematic_error.Parameters(output_counts=1), GEAR)
+        kinematic_error_plan.plan(kinematic_error_declaration.Parameters(output_counts=1), GEAR)
     assert refused.value.where == "kinematic-error.speed_rpm"
 
 
@@ -241,19 +247,21 @@ def test_orders_near_the_first_mode_are_refused_by_the_plan() -> None:
     assert "not-quasi-static" in _marks(speed_rpm=0.98 * highest)
     assert "quasi-static" in _marks(speed_rpm=30.3)
     with pytest.raises(PlanError, match="torsional mode") as refused:
-        kinematic_error.plan(kinematic_error.Parameters(speed_rpm=1.05 * highest), GEAR)
+        kinematic_error_plan.plan(
+            kinematic_error_declaration.Parameters(speed_rpm=1.05 * highest), GEAR
+        )
     assert refused.value.where == "kinematic-error.speed_rpm"
 
 
 def test_steps_start_from_stated_angles_approached_from_one_side() -> None:
-    parameters = velocity_steps.Parameters()
-    steps = list(velocity_steps.plan(parameters, GEAR))
+    parameters = velocity_steps_declaration.Parameters()
+    steps = list(velocity_steps_plan.plan(parameters, GEAR))
     moves = [s for s in steps if isinstance(s, MoveToAngle)]
     jumps = [s for s in steps if isinstance(s, SpeedStep)]
     assert len(moves) == len(jumps) == 2 * 8 * parameters.repeats
     assert all(m.speed > 0.0 for m in moves)
     assert {m.phase for m in moves} == {
-        velocity_steps.start_phase(k, parameters.repeats) for k in range(parameters.repeats)
+        velocity_steps_plan.start_phase(k, parameters.repeats) for k in range(parameters.repeats)
     }
     assert all(j.least_revolutions >= 3.0 for j in jumps)
     wanted = (60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 2400.0, 3000.0)
@@ -294,4 +302,4 @@ def test_impossible_parameters_are_refused_with_value_and_limit(
 
 def test_parameters_of_another_protocol_are_refused() -> None:
     with pytest.raises(PlanError, match="another protocol"):
-        friction.plan(kinematic_error.Parameters(), GEAR)  # type: ignore[arg-type]
+        friction_plan.plan(kinematic_error_declaration.Parameters(), GEAR)  # type: ignore[arg-type]

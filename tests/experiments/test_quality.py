@@ -15,11 +15,11 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import BAD_CYCLE, check_recording, require_time_base, time_base_remark
 from experiments.evidence.skew import skews, viscous_windup
-from experiments.protocols import motor_tare
-from experiments.protocols.friction import protocol as friction
-from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.protocols.friction import analysis as friction
+from experiments.protocols.motor_tare import analysis as motor_tare
+from experiments.protocols.velocity_steps import analysis as velocity_steps
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment
-from experiments.recordings import motion
+from experiments.recordings.motion import analysis as motion
 from model.channel import Channel
 from model.gear import HarmonicDrive
 

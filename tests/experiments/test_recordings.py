@@ -16,7 +16,7 @@ from experiments.budget import budget_table, torque_scale_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, require_time_base
-from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.kinematic_error import analysis as kinematic_error
 from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.recordings.channels import chosen_channel
 from experiments.result import Result, outcome_against

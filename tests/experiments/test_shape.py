@@ -9,9 +9,10 @@ import pytest
 
 from experiments import catalogue
 from experiments.contract import Evidence
-from experiments.protocols.friction import protocol as friction
+from experiments.protocols.friction import analysis as friction
+from experiments.protocols.friction import declaration as friction_declaration
 from experiments.protocols.friction.quantities import CURVE
-from experiments.recordings.friction_curve import EXPERIMENT as TABLE_OF_FRICTION
+from experiments.recordings.friction_curve.declaration import EXPERIMENT as TABLE_OF_FRICTION
 from experiments.result import Result
 from experiments.shape import LEAST_FREEDOM, Standing
 from model.gear import HarmonicDrive
@@ -24,7 +25,7 @@ from tests.experiments.recordings.test_friction_curve import BOTH, table
 from tests.experiments.recordings.test_friction_curve import friction as law
 from tests.experiments.synthetic import Bench, record
 
-THIN = friction.Parameters(
+THIN = friction_declaration.Parameters(
     speeds_rpm=(1.0, 5.0, 20.0, 100.0, 300.0, 1200.0, 2800.0), up_and_down=False
 )
 
@@ -32,7 +33,7 @@ THIN = friction.Parameters(
 def test_one_sweep_over_seven_speeds_is_weakly_and_the_plan_says_it_before(
     bench: Bench, gear: HarmonicDrive, tare: Result, tmp_path: Path
 ) -> None:
-    planned = plan_run(friction.EXPERIMENT, THIN, gear, shipped_motor())
+    planned = plan_run(friction_declaration.EXPERIMENT, THIN, gear, shipped_motor())
     (said,) = planned.remarks
     assert "10 points for 5 numbers, 5 degrees of freedom of 10 asked for" in said
     assert "2 points measured again of 3 asked for" in said

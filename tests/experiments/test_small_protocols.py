@@ -11,10 +11,17 @@ import pytest
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.protocols import home, warm_up
+from experiments.protocols.home import analysis as home
+from experiments.protocols.home import declaration as home_declaration
+from experiments.protocols.home import plan as home_plan
+from experiments.protocols.starting_torque import analysis as starting_torque
 from experiments.protocols.starting_torque import breakaway
-from experiments.protocols.starting_torque import protocol as starting_torque
+from experiments.protocols.starting_torque import declaration as starting_torque_declaration
+from experiments.protocols.starting_torque import plan as starting_torque_plan
 from experiments.protocols.starting_torque.balance import balanced
+from experiments.protocols.warm_up import analysis as warm_up
+from experiments.protocols.warm_up import declaration as warm_up_declaration
+from experiments.protocols.warm_up import plan as warm_up_plan
 from experiments.recording import ArraySource, Recording
 from experiments.steps.vocabulary import MoveRevolutions, MoveToAngle, ServoOff, TorqueRamp
 from model.channel import Channel
@@ -27,8 +34,8 @@ from tests.experiments.synthetic import Bench, record
 
 @pytest.fixture(scope="module")
 def ramps(bench: Bench, gear: HarmonicDrive) -> Recording:
-    parameters = starting_torque.Parameters(positions=4, approach_rpm=30.0)
-    return record(starting_torque.plan(parameters, gear), bench, "starting-torque")
+    parameters = starting_torque_declaration.Parameters(positions=4, approach_rpm=30.0)
+    return record(starting_torque_plan.plan(parameters, gear), bench, "starting-torque")
 
 
 def test_the_starting_torque_is_where_the_input_begins_to_turn(
@@ -101,7 +108,9 @@ def test_an_approach_that_sticks_and_slips_leaves_the_wind_up_unknown(
 def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
     gear: HarmonicDrive,
 ) -> None:
-    steps = list(starting_torque.plan(starting_torque.Parameters(positions=5), gear))
+    steps = list(
+        starting_torque_plan.plan(starting_torque_declaration.Parameters(positions=5), gear)
+    )
     ramps = {k: step.rate for k, step in enumerate(steps) if isinstance(step, TorqueRamp)}
     assert len(ramps) == 10
     for k, rate in ramps.items():
@@ -118,14 +127,16 @@ def test_every_ramp_is_approached_in_its_own_direction_and_starts_without_power(
     assert isinstance(travel, MoveRevolutions)
     assert travel.revolutions <= -1.0
     # Many positions need no revolution between them; the first of a direction still has one.
-    many = list(starting_torque.plan(starting_torque.Parameters(positions=360), gear))
+    many = list(
+        starting_torque_plan.plan(starting_torque_declaration.Parameters(positions=360), gear)
+    )
     moves = [s.revolutions for s in many if isinstance(s, MoveRevolutions)]
     assert moves[0] >= 1.0
     assert min(moves) <= -1.0
 
 
 def test_positions_are_spread_over_a_turn_of_input_and_output(gear: HarmonicDrive) -> None:
-    steps = list(starting_torque.plan(starting_torque.Parameters(), gear))
+    steps = list(starting_torque_plan.plan(starting_torque_declaration.Parameters(), gear))
     forward = [s for s in steps if isinstance(s, TorqueRamp) and s.rate > 0.0]
     phases = sorted(s.segment.setpoint for s in forward if s.segment is not None)
     assert np.allclose(np.diff(phases), REVOLUTION / 23.0)
@@ -144,7 +155,9 @@ def test_positions_are_spread_over_a_turn_of_input_and_output(gear: HarmonicDriv
 def test_a_heavier_output_is_brought_to_rest_more_gently(gear: HarmonicDrive) -> None:
     def creep(output: float) -> MoveRevolutions:
         heavy = gear.with_values({"inertia.output": output})
-        steps = list(starting_torque.plan(starting_torque.Parameters(positions=2), heavy))
+        steps = list(
+            starting_torque_plan.plan(starting_torque_declaration.Parameters(positions=2), heavy)
+        )
         ramp = next(k for k, step in enumerate(steps) if isinstance(step, TorqueRamp))
         found = steps[ramp - 2]
         assert isinstance(found, MoveRevolutions)
@@ -225,8 +238,8 @@ def test_ramps_that_move_nothing_are_said_or_refused(ramps: Recording, gear: Har
 
 
 def test_home_finds_both_marks(bench: Bench, gear: HarmonicDrive) -> None:
-    parameters = home.Parameters(input_speed_rpm=30.0, output_speed_rpm=120.0)
-    result = home.analyse(record(home.plan(parameters, gear), bench, "home"), Evidence(gear))
+    parameters = home_declaration.Parameters(input_speed_rpm=30.0, output_speed_rpm=120.0)
+    result = home.analyse(record(home_plan.plan(parameters, gear), bench, "home"), Evidence(gear))
     assert result.estimates["input_index"].value == pytest.approx(
         bench.index % REVOLUTION, abs=4e-4
     )
@@ -245,8 +258,8 @@ def test_home_finds_both_marks(bench: Bench, gear: HarmonicDrive) -> None:
 
 
 def test_a_mark_is_no_better_known_than_its_encoder(bench: Bench, gear: HarmonicDrive) -> None:
-    parameters = home.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0)
-    run = record(home.plan(parameters, gear), bench, "home")
+    parameters = home_declaration.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0)
+    run = record(home_plan.plan(parameters, gear), bench, "home")
     signal = run.signals["input_index"]
     coarse = dataclasses.replace(
         signal, calibration=dataclasses.replace(signal.calibration, accuracy=3e-3)
@@ -263,7 +276,9 @@ def test_home_without_index_channels_says_what_is_lacking(
     bench: Bench, gear: HarmonicDrive
 ) -> None:
     run = record(
-        home.plan(home.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0), gear),
+        home_plan.plan(
+            home_declaration.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0), gear
+        ),
         bench,
         "home",
     )
@@ -274,7 +289,9 @@ def test_home_without_index_channels_says_what_is_lacking(
 
 def test_home_that_saw_no_mark_is_refused(bench: Bench, gear: HarmonicDrive) -> None:
     run = record(
-        home.plan(home.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0), gear),
+        home_plan.plan(
+            home_declaration.Parameters(input_speed_rpm=60.0, output_speed_rpm=120.0), gear
+        ),
         bench,
         "home",
     )
@@ -289,9 +306,12 @@ def test_home_that_saw_no_mark_is_refused(bench: Bench, gear: HarmonicDrive) -> 
 
 
 def test_warm_up_sees_the_torque_become_steady(bench: Bench, gear: HarmonicDrive) -> None:
-    parameters = warm_up.Parameters(speed_rpm=1500.0, window=5.0, at_most=600.0)
+    parameters = warm_up_declaration.Parameters(speed_rpm=1500.0, window=5.0, at_most=600.0)
     run = record(
-        warm_up.plan(parameters, gear), bench, "warm-up", parameters=dataclasses.asdict(parameters)
+        warm_up_plan.plan(parameters, gear),
+        bench,
+        "warm-up",
+        parameters=dataclasses.asdict(parameters),
     )
     steady = warm_up.analyse(run, Evidence(gear))
     assert steady.metrics["steady"] == 1.0
@@ -309,9 +329,12 @@ def test_warm_up_sees_the_torque_become_steady(bench: Bench, gear: HarmonicDrive
 def test_a_warm_up_takes_off_what_warm_magnets_make_the_port_read_too_much(
     bench: Bench, gear: HarmonicDrive
 ) -> None:
-    parameters = warm_up.Parameters(speed_rpm=1500.0, window=1.0, at_most=60.0)
+    parameters = warm_up_declaration.Parameters(speed_rpm=1500.0, window=1.0, at_most=60.0)
     run = record(
-        warm_up.plan(parameters, gear), bench, "warm-up", parameters=dataclasses.asdict(parameters)
+        warm_up_plan.plan(parameters, gear),
+        bench,
+        "warm-up",
+        parameters=dataclasses.asdict(parameters),
     )
     source = run.source
     assert isinstance(source, ArraySource)
@@ -332,9 +355,12 @@ def test_a_warm_up_takes_off_what_warm_magnets_make_the_port_read_too_much(
 
 
 def test_warm_up_that_ended_too_early_says_so(bench: Bench, gear: HarmonicDrive) -> None:
-    parameters = warm_up.Parameters(speed_rpm=1500.0, window=5.0, at_most=600.0)
+    parameters = warm_up_declaration.Parameters(speed_rpm=1500.0, window=5.0, at_most=600.0)
     run = record(
-        warm_up.plan(parameters, gear), bench, "warm-up", parameters=dataclasses.asdict(parameters)
+        warm_up_plan.plan(parameters, gear),
+        bench,
+        "warm-up",
+        parameters=dataclasses.asdict(parameters),
     )
     source = run.source
     assert isinstance(source, ArraySource)

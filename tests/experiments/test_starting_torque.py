@@ -17,7 +17,7 @@ from experiments.evidence.conclusion import judged
 from experiments.evidence.dead_band import dead_band
 from experiments.evidence.finding import Finding
 from experiments.evidence.holds import Recorded
-from experiments.protocols.starting_torque import protocol
+from experiments.protocols.starting_torque import analysis as starting_torque
 from experiments.protocols.starting_torque.plan import Parameters, plan
 from experiments.recording import ArraySource, Recording, Segment
 from experiments.result import Result
@@ -38,7 +38,7 @@ def ramps(bench: Bench, gear: HarmonicDrive) -> Recording:
 
 @pytest.fixture(scope="module")
 def honest(ramps: Recording, gear: HarmonicDrive) -> Result:
-    return protocol.analyse(ramps, Evidence(gear))
+    return starting_torque.analyse(ramps, Evidence(gear))
 
 
 def changed(
@@ -72,7 +72,7 @@ def test_stray_rows_do_not_move_breakaway(
         values[late : late + 2] -= size
         values[segment.start] += size
 
-    found = protocol.analyse(changed(ramps, stray, channel), Evidence(gear))
+    found = starting_torque.analyse(changed(ramps, stray, channel), Evidence(gear))
     for name, estimate in honest.estimates.items():
         assert found.estimates[name].value == pytest.approx(estimate.value, rel=2e-3), name
 
@@ -84,7 +84,7 @@ def test_counts_that_jump_are_no_motion(ramps: Recording, gear: HarmonicDrive) -
         if segment == first:
             values[(segment.start + segment.stop) // 2 :] += 40
 
-    found = protocol.analyse(changed(ramps, jump, "input_angle"), Evidence(gear))
+    found = starting_torque.analyse(changed(ramps, jump, "input_angle"), Evidence(gear))
     assert found.metrics["ramps"] == 7.0
     assert any("1 of 8 ramps ended by a jump" in w for w in found.warnings)
 
@@ -92,7 +92,7 @@ def test_counts_that_jump_are_no_motion(ramps: Recording, gear: HarmonicDrive) -
         values[(segment.start + segment.stop) // 2 : segment.stop] += 40
 
     with pytest.raises(AnalysisError, match="no motion of the gear"):
-        protocol.analyse(changed(ramps, every, "input_angle"), Evidence(gear))
+        starting_torque.analyse(changed(ramps, every, "input_angle"), Evidence(gear))
 
 
 def test_both_encoders_tell_the_motion(ramps: Recording, gear: HarmonicDrive) -> None:
@@ -104,7 +104,7 @@ def test_both_encoders_tell_the_motion(ramps: Recording, gear: HarmonicDrive) ->
             half = (segment.stop - segment.start) // 2
             values[segment.stop - half : segment.stop] += np.linspace(0, 8192, half).astype(int)
 
-    found = protocol.analyse(changed(ramps, creep, "input_angle"), Evidence(gear))
+    found = starting_torque.analyse(changed(ramps, creep, "input_angle"), Evidence(gear))
     assert found.metrics["ramps"] == 7.0
     assert any("1 of 8 ramps moved by one encoder only" in w for w in found.warnings)
 
@@ -121,7 +121,7 @@ def test_ramps_that_disagree_are_refused(ramps: Recording, gear: HarmonicDrive) 
             values[ends : ends + 60] = values[segment.start] + moved
 
     with pytest.raises(AnalysisError, match="the ramps disagree") as refused:
-        protocol.analyse(changed(ramps, early, "input_angle"), Evidence(gear))
+        starting_torque.analyse(changed(ramps, early, "input_angle"), Evidence(gear))
     assert refused.value.remedy
 
 
@@ -136,7 +136,7 @@ def test_directions_apart_are_in_the_budget_or_refused(
 
         return changed(ramps, more, "torque")
 
-    widened = protocol.analyse(louder(5.0), Evidence(gear))
+    widened = starting_torque.analyse(louder(5.0), Evidence(gear))
     assert not any(b.source == "directions apart" for b in the_torque(honest).budget)
     assert the_torque(widened).value == pytest.approx(the_torque(honest).value, rel=1e-3)
     for name, one in honest.estimates.items():
@@ -145,7 +145,7 @@ def test_directions_apart_are_in_the_budget_or_refused(
     (line,) = (b for b in the_torque(widened).budget if b.source == "directions apart")
     assert line.standard_uncertainty == pytest.approx(5e-3 / math.sqrt(3.0), rel=0.05)
     with pytest.raises(AnalysisError, match="the directions disagree"):
-        protocol.analyse(louder(40.0), Evidence(gear))
+        starting_torque.analyse(louder(40.0), Evidence(gear))
 
 
 def warm(ramps: Recording, degrees: float) -> Recording:
@@ -171,8 +171,8 @@ def test_a_value_stands_at_20_degrees_beside_that_of_the_run(
 ) -> None:
     assert "starting_torque_at_20_degrees" not in honest.estimates
     settings = {"dry_per_kelvin": (-0.004, 0.001), "per_kelvin_source": "four runs"}
-    assumed = protocol.analyse(warm(ramps, 30.0), Evidence(gear))
-    known = protocol.analyse(warm(ramps, 30.0), Evidence(gear, settings=settings))
+    assumed = starting_torque.analyse(warm(ramps, 30.0), Evidence(gear))
+    known = starting_torque.analyse(warm(ramps, 30.0), Evidence(gear, settings=settings))
     for result, factor in ((assumed, 0.95), (known, 0.96)):
         own, cold = the_torque(result), result.estimates["starting_torque_at_20_degrees"]
         assert cold.value == pytest.approx(own.value / factor)

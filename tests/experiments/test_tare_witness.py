@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from experiments.protocols.motor_tare import QUANTITIES
+from experiments.protocols.motor_tare.declaration import QUANTITIES
 from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.result import Result
 from experiments.tares import tare_witness as witness

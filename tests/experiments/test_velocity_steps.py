@@ -12,7 +12,10 @@ import pytest
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, PlanError
-from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.protocols.velocity_steps import analysis as velocity_steps
+from experiments.protocols.velocity_steps import declaration as velocity_steps_declaration
+from experiments.protocols.velocity_steps import identified as velocity_steps_identified
+from experiments.protocols.velocity_steps import plan as velocity_steps_plan
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.channel import Channel
@@ -36,10 +39,10 @@ def elastic_gear(gear: HarmonicDrive) -> HarmonicDrive:
 
 @pytest.fixture(scope="module")
 def run(elastic_gear: HarmonicDrive) -> Recording:
-    parameters = velocity_steps.Parameters(
+    parameters = velocity_steps_declaration.Parameters(
         speeds_rpm=(60.0, 120.0, 1800.0, 2950.0), repeats=1, duration=1.0
     )
-    plan = velocity_steps.plan(parameters, elastic_gear)
+    plan = velocity_steps_plan.plan(parameters, elastic_gear)
     return record(plan, Bench(gear=elastic_gear, error=WHOLE, elastic=True), "velocity-steps")
 
 
@@ -167,8 +170,8 @@ def asked_for_more(run: Recording, share: float) -> Recording:
 
 
 def test_the_identified_set_rings_as_the_run_did(result: Result, gear: HarmonicDrive) -> None:
-    identified = velocity_steps.identified(result, gear)
-    mode = velocity_steps.torsional_mode(identified)
+    identified = velocity_steps_identified.identified(result, gear)
+    mode = velocity_steps_identified.torsional_mode(identified)
     assert mode.natural_frequency**2 == pytest.approx(
         result.estimates["mode_squared"].value, rel=1e-3
     )
@@ -208,7 +211,7 @@ def test_a_damping_that_the_run_does_not_tell_leaves_the_set_its_own(
 ) -> None:
     untold = dataclasses.replace(result.estimates["damping_ratio"], identifiable="weakly")
     run = dataclasses.replace(result, estimates={**result.estimates, "damping_ratio": untold})
-    assert velocity_steps.identified(run, gear).bearing.damping == gear.bearing.damping
+    assert velocity_steps_identified.identified(run, gear).bearing.damping == gear.bearing.damping
 
 
 def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(
@@ -216,9 +219,11 @@ def test_a_damping_beyond_the_bearings_reach_goes_into_the_cup(
 ) -> None:
     damped = dataclasses.replace(result.estimates["damping_ratio"], value=0.08)
     changed = dataclasses.replace(result, estimates={**result.estimates, "damping_ratio": damped})
-    identified = velocity_steps.identified(changed, gear)
+    identified = velocity_steps_identified.identified(changed, gear)
     assert identified.damping.structural > 0.0
-    assert velocity_steps.torsional_mode(identified).damping_ratio == pytest.approx(0.08, rel=1e-3)
+    assert velocity_steps_identified.torsional_mode(identified).damping_ratio == pytest.approx(
+        0.08, rel=1e-3
+    )
 
 
 def test_compare_prefers_the_right_inertia(
@@ -260,7 +265,7 @@ def test_an_unknown_choice_of_error_is_refused(run: Recording, gear: HarmonicDri
 
 def test_the_plan_says_which_rate_the_resonance_needs(gear: HarmonicDrive) -> None:
     with pytest.raises(PlanError, match="half the sampling rate") as refused:
-        velocity_steps.plan(velocity_steps.Parameters(sync_rate=200.0), gear)
+        velocity_steps_plan.plan(velocity_steps_declaration.Parameters(sync_rate=200.0), gear)
     assert "or more (--sample-rate)" in refused.value.remedy
 
 

@@ -24,9 +24,8 @@ import pytest
 
 from experiments import catalogue
 from experiments.contract import Evidence
-from experiments.protocols import home, warm_up
-from experiments.protocols.starting_torque import protocol as starting_torque
-from experiments.protocols.velocity_steps import protocol as velocity_steps
+from experiments.protocols.velocity_steps import declaration as velocity_steps_declaration
+from experiments.protocols.velocity_steps import plan as velocity_steps_plan
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive
@@ -53,9 +52,11 @@ def small(
 ) -> Callable[[str], Result]:
     """The analysis of a small recording of a kind."""
 
-    def planned(module: Any, parameters: Any) -> Recording:
+    def planned(kind: str, **values: Any) -> Recording:
+        protocol = catalogue.load(kind)
+        parameters = protocol.parameters(**values)
         given = dataclasses.asdict(parameters)
-        return record(module.plan(parameters, gear), bench, module.NAME, parameters=given)
+        return record(protocol.plan(parameters, gear), bench, kind, parameters=given)
 
     def recording(kind: str) -> Recording:
         if kind in ("kinematic-error", "revolution", "order-spectrum"):
@@ -72,16 +73,18 @@ def small(
         if kind == "friction-curve":
             return table(SPEEDS, friction(SPEEDS, 1.5))
         if kind == "velocity-steps":
-            steps = velocity_steps.Parameters(speeds_rpm=(60.0, 1800.0, 2950.0), repeats=1)
+            steps = velocity_steps_declaration.Parameters(
+                speeds_rpm=(60.0, 1800.0, 2950.0), repeats=1
+            )
             whole = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))
             ringing = Bench(gear=gear, error=whole, elastic=True)
-            return record(velocity_steps.plan(steps, gear), ringing, kind)
+            return record(velocity_steps_plan.plan(steps, gear), ringing, kind)
         if kind == "warm-up":
-            return planned(warm_up, warm_up.Parameters(window=2.0, at_most=60.0))
+            return planned(kind, window=2.0, at_most=60.0)
         if kind == "starting-torque":
-            return planned(starting_torque, starting_torque.Parameters(positions=2))
+            return planned(kind, positions=2)
         if kind == "home":
-            return planned(home, home.Parameters(input_speed_rpm=30.0, output_speed_rpm=120.0))
+            return planned(kind, input_speed_rpm=30.0, output_speed_rpm=120.0)
         pytest.fail(f"no small recording for {kind}: add one here")
 
     def analysed(kind: str) -> Result:

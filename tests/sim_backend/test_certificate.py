@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.contract import Evidence
-from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.kinematic_error import analysis as kinematic_error
 from experiments.result import Result
 from experiments.truth import TruthRow, truth_of, truth_rows
 from model.gear_file import shipped_gear

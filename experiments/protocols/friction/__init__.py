@@ -1,1 +1,1 @@
-"""Friction over speed: `protocol` plans and analyses, `points` measures, `estimates` adds what no residual shows."""
+"""Friction over speed: `points` measures, `estimates` adds what no residual shows, `plots` draws."""

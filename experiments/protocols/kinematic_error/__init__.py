@@ -1,1 +1,1 @@
-"""Kinematic error: `protocol` plans and analyses, `plots` draws."""
+"""Kinematic error and transmission accuracy; `plots` draws."""

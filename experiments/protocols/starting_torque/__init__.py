@@ -1,1 +1,1 @@
-"""No-load starting torque: plan, moment of first motion, balance of the directions, analysis."""
+"""No-load starting torque: `breakaway` is the moment of first motion, `balance` that of the directions."""

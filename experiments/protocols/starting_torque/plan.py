@@ -1,20 +1,15 @@
-"""No-load starting torque: what a run does, and what it can be told."""
+"""No-load starting torque: what a run does."""
 
 from __future__ import annotations
 
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated
-
-from annotated_types import Ge, Gt, Le
 
 from experiments.errors import PlanError
-from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, longest, stop
-from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.planning.speeds import refuse_speed
+from experiments.protocols.starting_torque.declaration import NAME, Parameters
 from experiments.steps.vocabulary import (
     MoveRevolutions,
     MoveToAngle,
@@ -26,59 +21,22 @@ from experiments.steps.vocabulary import (
 from model.gear import HarmonicDrive
 from model.units import DEGREE, REVOLUTION, RPM
 
-NAME = "starting-torque"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a starting-torque run can be told.
-
-    The usual 23 positions share no factor with the orders at which motors cog (12, 24, 36, 48, 72):
-    on 8 positions order 24 stands at the same phase in all of them and is read as friction.
-    """
-
-    positions: Annotated[
-        int,
-        Ge(2),
-        Le(360),
-        Unit(""),
-        Help("wave-generator positions per direction, evenly over a revolution"),
-    ] = 23
-    repeats: Repeats = 1
-    rate: Annotated[float, Gt(0.0), Le(1.0), Unit("N m/s"), Help("rate of the torque ramp")] = 0.02
-    torque_limit: Annotated[
-        float,
-        Gt(0.0),
-        Le(10.0),
-        Unit("N m"),
-        Help("torque at which a ramp that moves nothing ends"),
-    ] = 0.4
-    motion_deg: Annotated[
-        float, Gt(0.0), Le(30.0), Unit("deg"), Help("input motion that ends a ramp")
-    ] = 1.0
-    approach_rpm: SlowSpeed = 20.0
-    travel_rpm: Annotated[
-        float,
-        Gt(0.0),
-        Le(3000.0),
-        Unit("r/min"),
-        Help("input speed between positions, which are spread over a turn of the output"),
-    ] = 300.0
-    acceleration: Acceleration = 50.0
-    zero_time: ZeroTime = 3.0
-
-
 RELEASE_TIME = 0.5
 """s without power before a ramp: what the servo held at standstill is let go, the torque port settles."""
+
 LEAST_APPROACH = 1.0
 """Input revolutions in its own direction before the first ramp of a direction: the wind-up of the other is gone."""
+
 CREEP = 0.05
 """rad of input that a position is approached with at the end, so slowly that the output comes to rest as
 its own friction has wound it up; many times the wind-up itself."""
+
 SLOWEST_CREEP = 0.02
 """rad/s."""
+
 LEFT_BY_STOPPING = 2e-4
 """N m at the input that the moving output may take out of the wind-up when the input comes to rest."""
+
 STEP_SHARE = 0.43
 """Share of the positions between one ramp and the next.
 

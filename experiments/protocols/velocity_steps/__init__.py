@@ -1,1 +1,1 @@
-"""Velocity steps: `protocol` plans and analyses, `data` cuts the steps out of a recording, `plots` draws."""
+"""Velocity steps: `data` cuts the steps out of a recording, `plots` draws."""

@@ -18,12 +18,12 @@ from experiments.errors import AnalysisError
 from experiments.evidence import require_time_base, rotary_ratio
 from experiments.ladder import Ladder, Rung, Sample, nothing_fitted
 from experiments.planning.speeds import first_resonances
+from experiments.protocols.velocity_steps.analysis import expected_of
 from experiments.protocols.velocity_steps.data import (
     RecordedStep,
     recorded_steps,
     simulated_output,
 )
-from experiments.protocols.velocity_steps.protocol import expected_of
 from experiments.recording import Recording
 from model.arrays import FloatArray
 from model.identify.dynamics import FittedRung, fit_rung, predict_steps

@@ -11,7 +11,8 @@ from experiments import catalogue
 from experiments.contract import Evidence
 from experiments.evidence.holds import Recorded
 from experiments.evidence.motion import encoders_against_ratio, speed_against_set_point
-from experiments.protocols import home
+from experiments.protocols.home import declaration as home_declaration
+from experiments.protocols.home import plan as home_plan
 from experiments.recording import ArraySource, Recording
 from model.gear import HarmonicDrive
 from model.units import REVOLUTION
@@ -23,8 +24,8 @@ RIPPLE = 0.05
 
 def passes(bench: Bench, gear: HarmonicDrive, scale: float) -> Recording:
     """The two half turns of an input pass that ripple the most, with an input encoder that counts `scale` times."""
-    parameters = home.Parameters(input_speed_rpm=6.0, output_speed_rpm=120.0)
-    run = record(home.plan(parameters, gear), bench, "home")
+    parameters = home_declaration.Parameters(input_speed_rpm=6.0, output_speed_rpm=120.0)
+    run = record(home_plan.plan(parameters, gear), bench, "home")
     source = run.source
     assert isinstance(source, ArraySource)
     quantum = run.signals["input_angle"].quantum
@@ -60,7 +61,9 @@ def part_of_a_pass(bench: Bench, gear: HarmonicDrive, error: float, turns: float
     """So many turns of an output pass, with an error of the output twice per input revolution that has its least value
     where they begin, and its largest where a quarter of a turn is left over.
     """
-    run = record(home.plan(home.Parameters(output_speed_rpm=120.0), gear), bench, "home")
+    run = record(
+        home_plan.plan(home_declaration.Parameters(output_speed_rpm=120.0), gear), bench, "home"
+    )
     source = run.source
     assert isinstance(source, ArraySource)
     (segment,) = run.labelled("home-output")

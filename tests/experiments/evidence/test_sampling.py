@@ -10,15 +10,16 @@ from experiments import catalogue
 from experiments.contract import Evidence
 from experiments.evidence.holds import Recorded
 from experiments.evidence.sampling import count_lattice, time_axis
-from experiments.protocols.kinematic_error import protocol as kinematic_error
+from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
+from experiments.protocols.kinematic_error import plan as kinematic_error_plan
 from experiments.recording import Origin, Recording
 from model.gear import HarmonicDrive
 from tests.experiments.synthetic import Bench, record
 
 
 def at(speed_rpm: float, bench: Bench, gear: HarmonicDrive) -> Recording:
-    parameters = kinematic_error.Parameters(speed_rpm=speed_rpm)
-    return record(kinematic_error.plan(parameters, gear), bench, "kinematic-error")
+    parameters = kinematic_error_declaration.Parameters(speed_rpm=speed_rpm)
+    return record(kinematic_error_plan.plan(parameters, gear), bench, "kinematic-error")
 
 
 @pytest.mark.parametrize(("speed_rpm", "outcome"), [(100.0, "widened"), (92.7, "ok")])

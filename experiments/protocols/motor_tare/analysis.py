@@ -7,32 +7,21 @@ The torque port shows motor + gear. With the gear removed the same speeds and di
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Annotated
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from experiments.assumed import ROTOR
 from experiments.budget import budget_table, scale_line
-from experiments.contract import Evidence, Experiment
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, time_base_remark, usable
-from experiments.need import TORQUES, Need
-from experiments.parameters import Help, Unit
-from experiments.planning.parts import between_zeros, checked
-from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
-from experiments.protocols.friction import protocol as friction
 from experiments.protocols.friction.quantities import at_reference
-from experiments.quantity import (
-    OF_TORQUE_DIFFERENCES,
-    Quantity,
-)
+from experiments.protocols.motor_tare.declaration import LINE, NAME, NAMES, QUANTITIES, Parameters
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Plot, Result, Series, both_ways, residual_panel
-from experiments.shape import Shape, Standing
-from experiments.steps.vocabulary import Prompt, Step
+from experiments.shape import Standing
 from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.tares.tare import tare_table
 from experiments.tares.tare_chart import tare_chart
@@ -41,7 +30,6 @@ from experiments.torque.pattern import direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
-from model.gear import HarmonicDrive
 from model.identify.common_errors import whitening_of
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.friction import HALF_SUMS
@@ -55,166 +43,14 @@ from model.identify.running_torque import (
 )
 from model.units import REVOLUTION, RPM
 
-NAME = "motor-tare"
-NAMES = ("motor_coulomb", "motor_viscous")
 DISC_INERTIA = 0.005
 """Relative standard uncertainty of the inertia of a disc that was turned and weighed."""
+
 HEAT_CAPACITY = 350.0
 """J/K of a servo motor of this size (some 0.9 kg of steel and copper), assumed within a factor of two."""
+
 UNSEEN_LOSSES = 2.0
 """Losses of the whole run over those of the holds: ramps and settling turn as far again."""
-
-
-QUANTITIES = (
-    Quantity(
-        name="motor_coulomb",
-        title="motor, Coulomb friction",
-        unit="N m",
-        target_uncertainty=3e-3,
-        target_reason="subtracted from a gear's torque, of which it is a thirtieth",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(
-        name="motor_viscous",
-        title="motor, viscous friction",
-        unit="N m s/rad",
-        target_uncertainty=1e-5,
-        target_reason="3 mN m at 3000 r/min: as of Coulomb friction",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(
-        name=at_reference("motor_coulomb"),
-        title="motor, Coulomb friction at 20 °C",
-        unit="N m",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(
-        name=at_reference("motor_viscous"),
-        title="motor, viscous friction at 20 °C",
-        unit="N m s/rad",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(
-        name="offset",
-        title="offset",
-        unit="N m",
-        definition="half-sum of the directions: rest of the zero and asymmetry",
-        is_signed=True,
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(
-        name="torque_scale",
-        title="torque scale",
-        unit="1",
-        definition="torque shown per torque that accelerates a disc of known inertia",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(name="speeds", title="speeds", unit="1"),
-    Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
-    Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
-    Quantity(
-        name="cogging_peak_to_peak",
-        title="cogging seen through the servo's closed loop, peak to peak",
-        unit="N m",
-        definition="torque over angle that the drive asks for at constant speed: of the motor's cogging "
-        "what the speed loop follows",
-    ),
-    Quantity(
-        name="strongest_cogging_order",
-        title="strongest order of the cogging seen through the servo's closed loop",
-        unit="1",
-    ),
-)
-
-
-LINE = Shape(
-    title="the motor's friction over speed",
-    numbers=len(NAMES),
-    names=(*NAMES, *(at_reference(name) for name in NAMES)),
-    labels=("hold",),
-)
-"""The straight line through the half-differences of the holds."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a motor-tare run can be told; speeds are those of the friction protocol."""
-
-    lowest_rpm: Annotated[float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed")] = (
-        1.0
-    )
-    highest_rpm: Annotated[
-        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
-    ] = 3000.0
-    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
-    speeds_rpm: Annotated[
-        tuple[float, ...],
-        Gt(0.0),
-        Le(10000.0),
-        Unit("r/min"),
-        Help("speeds to run instead of the list above"),
-    ] = ()
-    repeats: Repeats = 1
-    measure_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
-    ] = 1.0
-    settle_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
-    ] = 0.6
-    disc_inertia: Annotated[
-        float,
-        Ge(0.0),
-        Le(1.0),
-        Unit("kg m2"),
-        Help("inertia of a known disc on the shaft, 0 for none (torque scale)"),
-    ] = 0.0
-    rotor_inertia: Annotated[
-        float,
-        Ge(0.0),
-        Le(1.0),
-        Unit("kg m2"),
-        Help("inertia of the rotor itself, as its data sheet says"),
-    ] = 2.59e-5
-    acceleration: Acceleration = 800.0
-    zero_time: ZeroTime = 3.0
-    sync_rate: SyncRate = 1000.0
-
-
-def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; every speed in both directions, settled, over whole revolutions of the bare motor; torque zero."""
-    checked(parameters, Parameters, NAME)
-    settings = _as_friction(parameters)
-    speeds = friction.sweep_speeds(settings, gear, NAME)
-    return between_zeros(_points(parameters, settings, speeds), parameters.zero_time)
-
-
-def _as_friction(p: Parameters) -> friction.Parameters:
-    """The friction protocol with these speeds, so that the tare runs exactly the speeds that it is for."""
-    return friction.Parameters(
-        lowest_rpm=p.lowest_rpm,
-        highest_rpm=p.highest_rpm,
-        points=p.points,
-        speeds_rpm=p.speeds_rpm,
-        measure_time=p.measure_time,
-        settle_time=p.settle_time,
-        acceleration=p.acceleration,
-        sync_rate=p.sync_rate,
-    )
-
-
-def _points(
-    p: Parameters, settings: friction.Parameters, speeds: tuple[float, ...]
-) -> Iterator[Step]:
-    yield Prompt(
-        "Take the gear off, and have the motor as warm as in the run that this tare is for.",
-        "gear-removed",
-        consent="The gear is removed and the motor is warm",
-    )
-    for repeat in range(p.repeats):
-        for speed in speeds:
-            for direction in (1, -1):
-                yield from friction.constant_speed(settings, direction * speed, "hold", repeat)
-
 
 COGGING_BELOW = 100.0 * RPM
 """Input speed up to which the torque over angle shows cogging and not the inertia of a rippling speed."""
@@ -477,28 +313,3 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
         x_scale="log",
         panels=(residual_panel("mN m"),),
     )
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Motor tare",
-    summary="friction and cogging of the bare motor, gear removed",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=(("input_angle",), TORQUES), labels=("hold",), gear_off=True),
-    short={
-        "zero_time": 0.5,
-        "points": 6,
-        "lowest_rpm": 60.0,
-        "measure_time": 0.2,
-        "settle_time": 0.2,
-    },
-    needs=("input_angle", "torque"),
-    gear_mounted=False,
-    quantities=QUANTITIES,
-    version=7,
-    live=("speed", "torque points", "torque"),
-    gives_tare=True,
-    shapes=(LINE,),
-)

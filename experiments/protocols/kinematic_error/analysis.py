@@ -11,43 +11,25 @@ directions combined; figures 12, 13 and 16.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from experiments.angle.certified import CertifiedAngle, angle_of, certified_angles
 from experiments.angle.phase_reference import PhaseReference, phase_reference
 from experiments.angle.traverses import traverses_of
 from experiments.assumed import LOWEST_MODE, MOTOR_ENCODER, OUTPUT_ENCODER, OUTPUT_INERTIA, Assumed
 from experiments.budget import budget_table, scale_line
-from experiments.contract import Evidence, Experiment
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, PlanError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio, usable
 from experiments.load import UNSTATED, is_simulated
-from experiments.need import BOTH_ANGLES, Need
-from experiments.parameters import Help, Unit
-from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
-from experiments.planning.shared_parameters import (
-    Acceleration,
-    Mounted,
-    Repeats,
-    SyncRate,
-    ZeroTime,
-)
 from experiments.planning.speeds import (
-    CORRECTED,
-    JUDGED_ORDER,
-    LOCK_REFUSED,
-    QUASI_STATIC,
     first_resonances,
-    lattice_lock,
-    off_lattice,
-    refuse_speed,
 )
+from experiments.protocols.kinematic_error.declaration import NAME
 from experiments.protocols.kinematic_error.plots import (
     goodness_table,
     kinematic_error_plots,
@@ -58,8 +40,6 @@ from experiments.protocols.kinematic_error.quantities import QUANTITIES
 from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Result, way_of
-from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
-from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.channel import Channel
@@ -79,136 +59,11 @@ from model.identify.torsion import Spring, StatedMode, Torsion, UnstatedMode
 from model.identify.transmission import left_out_mse
 from model.kinematic_error import normalised_mse, order_of_label, series_value
 from model.linear import dynamic_parameters
-from model.units import ARCSEC, REVOLUTION, RPM
-
-NAME = "kinematic-error"
-MAXIMUM_SPEED = 300.0 * RPM
-"""rad/s; above it no kinematic error is measured."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a kinematic-error run can be told."""
-
-    speed_rpm: Annotated[
-        float,
-        Gt(0.0),
-        Le(300.0),
-        Unit("r/min"),
-        Help("input speed, incommensurate with SYNC and quasi-static"),
-    ] = 30.3
-    output_revolutions: Annotated[
-        int, Ge(1), Le(100), Unit("rev"), Help("whole output revolutions each way")
-    ] = 1
-    repeats: Repeats = 1
-    approach_revolutions: Annotated[
-        float,
-        Ge(1.0),
-        Le(50.0),
-        Unit("rev"),
-        Help("input revolutions discarded after each reversal (wind-up)"),
-    ] = 1.5
-    mounting: Mounted = "circular-spline-fixed"
-    acceleration: Acceleration = 100.0
-    zero_time: ZeroTime = 3.0
-    sync_rate: SyncRate = 1000.0
-    output_counts: Annotated[
-        int,
-        Ge(1),
-        Le(100_000_000),
-        Unit("1/rev"),
-        Help("counts per revolution of the output encoder"),
-    ] = 72000
-
-
-def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; forward and reverse over whole output revolutions at constant speed, repeated; torque zero.
-
-    A speed at which samples fall on the output counts again and again is moved by up to 1.5 %.
-    Raises `PlanError` for one at which the orders come near the first torsional mode.
-    """
-    checked(parameters, Parameters, NAME)
-    refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
-    output_travel(gear, parameters.mounting, 1.0, NAME)
-    speed = _speed(parameters, gear)
-    _refuse_near_mode(speed, gear)
-    return between_zeros(_traverses(parameters, gear, speed), parameters.zero_time)
-
-
-def _traverses(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
-    travel = output_travel(gear, p.mounting, p.output_revolutions, NAME)
-    yield from _remarks(p, gear, speed)
-    for repeat in range(p.repeats):
-        for direction in (1, -1):
-            setpoint = direction * speed
-            yield ramp(setpoint, p.acceleration, direction)
-            approach = SegmentLabel("approach", setpoint, direction, repeat)
-            yield HoldRevolutions(
-                p.approach_revolutions, longest(p.approach_revolutions, speed), approach
-            )
-            yield HoldRevolutions(
-                travel,
-                longest(travel, speed, 0.1),
-                SegmentLabel("traverse", setpoint, direction, repeat),
-            )
-            yield stop(p.acceleration)
-
-
-def _speed(p: Parameters, gear: HarmonicDrive) -> float:
-    """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
-    wanted = p.speed_rpm * RPM
-    ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    highest = max(min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED), wanted)
-    lattice = p.output_counts / ratio
-    moved = off_lattice(wanted, p.sync_rate, lattice, ratio, ceiling=highest)
-    lock = lattice_lock(moved, p.sync_rate, lattice, ratio)
-    if lock > LOCK_REFUSED:
-        raise PlanError(
-            "near this speed the rounding of the output's counts falls on the orders themselves",
-            where=f"{NAME}.speed_rpm",
-            value=f"{p.speed_rpm:g} r/min, {100.0 * lock:.0f} % of it",
-            limit=f"<= {100.0 * LOCK_REFUSED:.0f} %",
-            remedy="Choose another speed or SYNC rate.",
-        )
-    return moved
-
-
-def _judged_order(gear: HarmonicDrive) -> float:
-    return max(JUDGED_ORDER, *(h.order for h in gear.kinematic_error), 0.0)
-
-
-def _refuse_near_mode(speed: float, gear: HarmonicDrive) -> None:
-    """Raise `PlanError` where the torsional vibration would make too much of the highest order."""
-    order, first = _judged_order(gear), first_resonances(gear)[0]
-    highest = math.sqrt(CORRECTED) * first / order
-    if speed > highest * (1.0 + 1e-9):
-        raise PlanError(
-            f"order {order:g} of the kinematic error comes near the first torsional mode, "
-            f"{first / REVOLUTION:.3g} Hz by the parameter set",
-            where=f"{NAME}.speed_rpm",
-            value=f"{speed / RPM:.4g} r/min",
-            limit=f"<= {math.floor(10.0 * highest / RPM) / 10.0:g} r/min",
-            remedy="Choose a slower speed, or a smaller inertia at the output.",
-        )
-
-
-def _remarks(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
-    """Events that say how far the speed is from the first mode and from the lattice of the output counts."""
-    order = _judged_order(gear)
-    margin = first_resonances(gear)[0] / (order * speed)
-    text = f"order {order:g} at {speed / RPM:.4g} r/min is {margin:.1f} times below the first torsional mode"
-    quasi_static = margin**-2 <= QUASI_STATIC
-    yield Mark("quasi-static" if quasi_static else "not-quasi-static", text)
-    if speed != p.speed_rpm * RPM:
-        text = (
-            f"{p.speed_rpm:g} r/min at {p.sync_rate:g} Hz samples the output counts almost in step with the "
-            f"input: the run turns at {speed / RPM:.5g} r/min, where their rounding averages out"
-        )
-        yield Mark("speed-moved", text)
-
+from model.units import ARCSEC, REVOLUTION
 
 HIGHEST_ORDER = 12
 """Input orders that are fitted unless the setting says otherwise."""
+
 SETTINGS = (
     "highest_order",
     "accuracy_order",
@@ -216,12 +71,16 @@ SETTINGS = (
     "output_eccentricity",
     "input_eccentricity",
 )
+
 OUTPUT_ECCENTRICITY, INPUT_ECCENTRICITY = 2.0, 1.0
 """arcsec at the output, once per output and once per input revolution: a seat that is trued up to half a micrometre."""
+
 TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
+
 STATED_MODE_UNCERTAINTY = 0.05
 """Relative standard uncertainty of a resonance that was stated: it depends on amplitude and warmth."""
+
 STIFFNESS_TOLERANCE = 0.4
 """Half-width of the rectangular distribution of K over the stiffness of a parameter set that no run identified."""
 
@@ -688,36 +547,3 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
         kinematic_error=tuple(sorted(series, key=lambda h: h.order)),
         origins=MappingProxyType(origins),
     )
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Kinematic error and transmission accuracy",
-    summary="kinematic error over whole output revolutions at low speed, both directions",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=BOTH_ANGLES, ratio=True),
-    short={"zero_time": 0.5, "speed_rpm": 61.8},
-    compare=compare,
-    identified=identified,
-    quantities=QUANTITIES,
-    version=6,
-    live=("speed", "wave", "torque", "output"),
-    terms=(
-        KINEMATIC_ERROR,
-        Term(
-            "Transmission accuracy",
-            "Sum of the largest positive and the largest negative deviation of the output from "
-            "the ideal over one complete output revolution, one direction. It is taken from the "
-            "fitted curve up to the stated order; the raw peak-to-peak, which holds quantisation "
-            "and noise, stands beside it.",
-        ),
-        NORMALISED_MSE,
-    ),
-    figures=(
-        PaperFigure(12, "kinematic error over the input angle"),
-        PaperFigure(13, "fitted kinematic error and its orders"),
-        PaperFigure(16, "friction torque and kinematic error over the wave-generator angle"),
-    ),
-)

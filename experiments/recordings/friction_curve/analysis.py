@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 
 from experiments.budget import budget_table, scale_line
-from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_settings, usable
-from experiments.need import EFFORTS, SPEEDS, Need
-from experiments.quantity import Dependence, Quantity
+from experiments.need import EFFORTS, SPEEDS
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
+from experiments.recordings.friction_curve.declaration import NAME, QUANTITIES
 from experiments.recordings.motion_channels import number
 from experiments.result import Covariance, Plot, Result, Series, Table, both_ways, residual_panel
 from experiments.shape import Shape, Standing
@@ -34,54 +34,22 @@ from model.identify.friction_curve import CurveFit, LawFit, fit_curve
 from model.identify.friction_points import LAWS, CurvePoints, Law, curve_points
 from model.identify.least_squares import student_quantile
 
-NAME = "friction-curve"
 SETTINGS = ("law", "speed", "effort", "uncertainty", "direction", "least_speed")
+
 SPEED_UNITS = ("rad/s", "m/s")
+
 DIRECTIONS = ("both", "forward", "reverse", "each")
+
 CHANCE = 0.05
 """Of points on a straight line to look as bent, above which they do not bend."""
+
 LARGEST_WRONG = 0.25
 """Share of the points left out above which nothing is called identified."""
+
 LARGEST_SCATTER = 3.0
 """Times the stated uncertainties by which points may scatter about the curve."""
-CURVE_POINTS = 300
 
-OF_FORCES: Mapping[str, Dependence] = {"effort": "difference"}
-OF_SPEEDS: Mapping[str, Dependence] = {"speed": "difference"}
-OF_SLOPES: Mapping[str, Dependence] = {**OF_FORCES, **OF_SPEEDS}
-QUANTITIES = (
-    Quantity(name="coulomb", title="Coulomb friction", unit="", is_key=True, rests_on=OF_FORCES),
-    Quantity(name="viscous", title="viscous friction", unit="", is_key=True, rests_on=OF_SLOPES),
-    Quantity(name="static", title="static friction", unit="", is_key=True, rests_on=OF_FORCES),
-    Quantity(
-        name="stribeck_velocity",
-        title="Stribeck velocity",
-        unit="",
-        is_key=True,
-        rests_on=OF_SPEEDS,
-    ),
-    Quantity(name="shape", title="Stribeck shape", unit="1", rests_on={}),
-    Quantity(
-        name="offset",
-        title="offset",
-        unit="",
-        definition="Half the sum of both directions: zero of the effort, or a friction that differs each way.",
-        is_signed=True,
-        rests_on={"effort": "proportional"},
-    ),
-    Quantity(name="coulomb_{way}", title="Coulomb friction {way}", unit="", rests_on=OF_FORCES),
-    Quantity(name="viscous_{way}", title="viscous friction {way}", unit="", rests_on=OF_SLOPES),
-    Quantity(name="static_{way}", title="static friction {way}", unit="", rests_on=OF_FORCES),
-    Quantity(
-        name="stribeck_velocity_{way}", title="Stribeck velocity {way}", unit="", rests_on=OF_SPEEDS
-    ),
-    Quantity(name="shape_{way}", title="Stribeck shape {way}", unit="1", rests_on={}),
-    Quantity(name="points", title="points", unit="1"),
-    Quantity(name="wrong_points", title="points left out as wrong", unit="1"),
-    Quantity(name="least_speed", title="speed below which no point is taken", unit=""),
-    Quantity(name="hold_out_error", title="error of points not seen", unit=""),
-    Quantity(name="scatter", title="scatter about the curve", unit=""),
-)
+CURVE_POINTS = 300
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -382,19 +350,3 @@ def _points_of(points: CurvePoints, used: BoolArray, law: LawFit, has_errors: bo
         *both_ways(kept.way, x, y, **bars),
         *(replace(s, panel=1) for s in both_ways(kept.way, x, left)),
     ]
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Friction over speed from a table",
-    summary="friction law of a table of speed and torque: Coulomb, viscous, Stribeck",
-    parameters=NoParameters,
-    plan=no_plan,
-    analyse=analyse,
-    asks=Need(channels=(SPEEDS, EFFORTS), time=False, is_table=True),
-    needs=(),
-    gear_mounted=False,
-    has_plan=False,
-    quantities=QUANTITIES,
-    version=4,
-)

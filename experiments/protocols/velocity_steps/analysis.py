@@ -10,31 +10,17 @@ angle.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from experiments.angle.certified import certified_angles
 from experiments.angle.phase_reference import phase_reference
 from experiments.budget import budget_table
-from experiments.contract import Evidence, Experiment
-from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.contract import Evidence
+from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
 from experiments.load import load_of
-from experiments.need import BOTH_ANGLES, Need
-from experiments.parameters import Help, Unit
-from experiments.planning.parts import between_zeros, checked, stop
-from experiments.planning.shared_parameters import (
-    Acceleration,
-    Repeats,
-    SlowSpeed,
-    SyncRate,
-    ZeroTime,
-)
-from experiments.planning.speeds import first_resonances, refuse_speed
+from experiments.planning.speeds import first_resonances
 from experiments.protocols.friction.bearing import NAMES, output_bearing
 from experiments.protocols.velocity_steps.bearing import without_bearing
 from experiments.protocols.velocity_steps.data import (
@@ -44,8 +30,9 @@ from experiments.protocols.velocity_steps.data import (
     recorded_steps,
     simulated_output,
 )
-from experiments.protocols.velocity_steps.identified import identified, torsional_mode
+from experiments.protocols.velocity_steps.identified import torsional_mode
 from experiments.protocols.velocity_steps.inertia import output_inertia
+from experiments.protocols.velocity_steps.plan import RESONANCE_SHARE
 from experiments.protocols.velocity_steps.plots import (
     fitted_step_plots,
     identifiability_table,
@@ -57,8 +44,6 @@ from experiments.protocols.velocity_steps.plots import (
 from experiments.protocols.velocity_steps.quantities import NAME, QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
-from experiments.steps.vocabulary import HoldTime, MoveToAngle, SegmentLabel, SpeedStep, Step
-from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 from experiments.torque.zero import torque_zero
 from model.arrays import FloatArray
 from model.gear import HarmonicDrive
@@ -70,88 +55,12 @@ from model.identify.step_data import StepScore, score_step
 from model.identify.step_rungs import Expected
 from model.linear import dynamic_parameters
 from model.stiffness import drive_stiffness
-from model.units import REVOLUTION, RPM
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a velocity-step run can be told."""
-
-    speeds_rpm: Annotated[
-        tuple[float, ...], Gt(0.0), Le(10000.0), Unit("r/min"), Help("input speeds of the steps")
-    ] = (60.0, 120.0, 300.0, 600.0, 1200.0, 1800.0, 2400.0, 3000.0)
-    repeats: Repeats = 2
-    duration: Annotated[
-        float, Ge(0.05), Le(600.0), Unit("s"), Help("time at speed, long enough for the ring-down")
-    ] = 1.5
-    revolutions: Annotated[
-        float, Ge(3.0), Le(1000.0), Unit("rev"), Help("least input revolutions of a step")
-    ] = 3.0
-    rest_time: Annotated[
-        float, Ge(0.1), Le(60.0), Unit("s"), Help("standstill before each step")
-    ] = 0.5
-    approach_rpm: SlowSpeed = 30.0
-    acceleration: Acceleration = 500.0
-    zero_time: ZeroTime = 3.0
-    sync_rate: SyncRate = 1000.0
-
-
-def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; for each repeat, speed and direction: a stated wave-generator angle, rest, step,
-    stop; torque zero.
-    """
-    checked(parameters, Parameters, NAME)
-    if not parameters.speeds_rpm:
-        raise PlanError(
-            "the list of speeds is empty",
-            where=f"{NAME}.speeds_rpm",
-            remedy="Give at least one speed.",
-        )
-    for rpm in (*parameters.speeds_rpm, parameters.approach_rpm):
-        refuse_speed(rpm, gear, f"{NAME}.speeds_rpm")
-    expected = first_resonances(gear)[-1] / REVOLUTION
-    if expected > RESONANCE_SHARE * parameters.sync_rate:
-        raise PlanError(
-            "the resonance that the card predicts lies too near half the sampling rate",
-            where=f"{NAME}.sync_rate",
-            value=f"{expected:.4g} Hz at {parameters.sync_rate:g} Hz",
-            limit=f"<= {RESONANCE_SHARE * parameters.sync_rate:.4g} Hz",
-            remedy=f"Record at {expected / RESONANCE_SHARE:.0f} Hz or more (--sample-rate).",
-        )
-    return between_zeros(_steps(parameters), parameters.zero_time)
-
-
-def start_phase(repeat: int, repeats: int) -> float:
-    """The wave-generator angle [rad] from which the steps of one repeat start."""
-    return REVOLUTION * repeat / repeats
-
-
-def _steps(p: Parameters) -> Iterator[Step]:
-    slow = p.approach_rpm * RPM
-    at_most = 5.0 * REVOLUTION / slow + 10.0
-    for repeat in range(p.repeats):
-        phase = start_phase(repeat, p.repeats)
-        for rpm in p.speeds_rpm:
-            for direction in (1, -1):
-                setpoint = direction * rpm * RPM
-                yield MoveToAngle(
-                    phase,
-                    slow,
-                    p.acceleration,
-                    at_most,
-                    SegmentLabel("position", phase, direction, repeat),
-                )
-                yield HoldTime(p.rest_time, SegmentLabel("rest", setpoint, direction, repeat))
-                label = SegmentLabel("step", setpoint, direction, repeat)
-                yield SpeedStep(setpoint, p.duration, p.revolutions, label)
-                yield stop(p.acceleration)
-
+from model.units import REVOLUTION
 
 SETTINGS = ("kinematic_error", "ladder", *NAMES)
+
 LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
 """The setting `ladder`: up to which rung is fitted; full costs several times as much."""
-RESONANCE_SHARE = 0.4
-"""Share of the sampling rate above which no resonance is identified."""
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -413,44 +322,3 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
             "fitted": "nothing",
         },
     )
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Velocity steps",
-    summary="speed steps, simulated output against measured output per speed",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=BOTH_ANGLES, ratio=True, labels=("step",)),
-    short={"zero_time": 0.5, "repeats": 1, "duration": 0.1, "speeds_rpm": (300.0, 600.0, 1000.0)},
-    compare=compare,
-    identified=identified,
-    quantities=QUANTITIES,
-    version=11,
-    live=("speed", "steps", "torque"),
-    builds_on=("kinematic-error",),
-    terms=(
-        KINEMATIC_ERROR,
-        NORMALISED_MSE,
-        Term(
-            "Secant stiffness over inertia, K/J",
-            "Torque over torsion between reversals at a stated torque, a quarter of T1, over the "
-            "output's inertia. The stiffness grows with torque; this is not the static torsional "
-            "stiffness of the catalogue, and the square of the mode's frequency is higher, because "
-            "damping stiffens.",
-        ),
-        Term(
-            "Rung",
-            "One of the models that are tried on all steps, the simplest first. It is chosen by how "
-            "well it predicts a step that the fit has not seen.",
-        ),
-        Term(
-            "Skill",
-            "One minus the squared error of the model over that of a null model (a rigid gear; a "
-            "rigid gear with the kinematic error). Zero is no better than the null model, one is "
-            "perfect.",
-        ),
-    ),
-    figures=(PaperFigure(19, "output speed after velocity steps, simulated and measured"),),
-)

@@ -3,30 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Annotated
+from dataclasses import replace
 
 import numpy as np
-from annotated_types import Gt, Le
 
 from experiments.budget import scale_line
-from experiments.contract import Evidence, Experiment
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings, usable
-from experiments.need import TORQUES, Need
-from experiments.parameters import Help, Unit
-from experiments.planning.parts import (
-    between_zeros,
-    checked,
-    longest,
-    ramp,
-    stop,
-    whole_revolutions,
-    window_of,
-)
-from experiments.planning.shared_parameters import Acceleration, SyncRate, ZeroTime
-from experiments.planning.speeds import incommensurate, refuse_speed
 from experiments.protocols.friction.points import (
     LAG_RELATIVE,
     LOSS_RELATIVE,
@@ -36,97 +20,15 @@ from experiments.protocols.friction.points import (
     VIBRATION,
 )
 from experiments.protocols.friction.vibration import LAG, ripple_of
-from experiments.quantity import (
-    OF_TORQUE_DIFFERENCES,
-    Quantity,
-)
+from experiments.protocols.warm_up.declaration import NAME, QUANTITIES, Parameters
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
-from experiments.steps.vocabulary import HoldRevolutions, SegmentLabel, Settle, Step
 from experiments.tares.motor_heat import MotorHeat, motor_heat
-from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
-from model.gear import HarmonicDrive
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.running_torque import FrictionPoints, pair_directions
-from model.units import RPM
-
-NAME = "warm-up"
-
-
-QUANTITIES = (
-    Quantity(
-        name="running_torque",
-        title="running torque",
-        unit="N m",
-        definition="half-difference of the directions at the speed of the warm-up: the friction of all that the motor "
-        "turns (itself, the gear, the bench's output bearing), as warm as in the two holds",
-        target_uncertainty=0.01,
-        target_reason="a tenth of what catalogues state for this size, 0.1 N m",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
-    Quantity(name="speed", title="speed of the running torque", unit="rad/s"),
-    Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
-    Quantity(
-        name="torque_constant_factor",
-        title="torque constant over that at 20 °C",
-        unit="1",
-        definition="by the housing's temperature; the running torque is what the port showed, times this",
-    ),
-    Quantity(name="last_change", title="last change", unit="N m"),
-    Quantity(name="total_change", title="total change", unit="N m"),
-    Quantity(name="time_until_steady", title="time until steady", unit="s"),
-    Quantity(name="steady", title="steady", unit="1"),
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a warm-up run can be told."""
-
-    speed_rpm: Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("input speed")] = 1500.0
-    window: Annotated[
-        float,
-        Gt(0.0),
-        Le(600.0),
-        Unit("s"),
-        Help("window of the mean torque, rounded up to whole revolutions"),
-    ] = 30.0
-    tolerance: Annotated[
-        float, Gt(0.0), Le(1.0), Unit("N m"), Help("largest change of torque from window to window")
-    ] = 0.0005
-    at_most: Annotated[float, Gt(0.0), Le(86400.0), Unit("s"), Help("longest time")] = 1800.0
-    acceleration: Acceleration = 500.0
-    zero_time: ZeroTime = 3.0
-    sync_rate: SyncRate = 1000.0
-
-
-def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; forward until steady, then the same number of revolutions of one window in reverse; torque zero."""
-    checked(parameters, Parameters, NAME)
-    refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
-    return between_zeros(_turns(parameters), parameters.zero_time)
-
-
-def _turns(p: Parameters) -> Iterator[Step]:
-    speed = incommensurate(p.speed_rpm * RPM, p.sync_rate, p.window)
-    yield ramp(speed, p.acceleration, 1)
-    yield Settle(
-        window_of(speed, p.window), p.tolerance, p.at_most, SegmentLabel("warm-up", speed, 1)
-    )
-    turns = whole_revolutions(speed, min(p.window, 5.0))
-    for direction in (1, -1):
-        setpoint = direction * speed
-        yield ramp(setpoint, p.acceleration, direction)
-        yield HoldRevolutions(
-            turns, longest(turns, speed), SegmentLabel("settle", setpoint, direction)
-        )
-        yield HoldRevolutions(
-            turns, longest(turns, speed), SegmentLabel("hold", setpoint, direction)
-        )
-        yield stop(p.acceleration)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -277,20 +179,3 @@ def _steady_since(time: np.ndarray, torque: np.ndarray, tolerance: float) -> flo
     away = np.flatnonzero(np.abs(torque - torque[-1]) > tolerance)
     first = int(away[-1]) + 1 if len(away) else 0
     return float(time[first] - time[0]) if first < len(time) - 1 else math.nan
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Warm-up",
-    summary="turn until the running torque is steady",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=(("input_angle",), TORQUES), labels=("warm-up",)),
-    short={"zero_time": 0.5, "window": 5.0, "at_most": 60.0},
-    needs=("input_angle", "torque"),
-    quantities=QUANTITIES,
-    version=5,
-    live=("speed", "temperature", "torque"),
-    terms=(RUNNING_TORQUE, MOTOR_AND_GEAR),
-)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments.budget import budget_table, scale_line
-from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import (
     check_recording,
@@ -18,63 +18,26 @@ from experiments.evidence import (
     rotary_ratio,
     usable,
 )
-from experiments.need import ANGLES, TORQUES, Need
-from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import brought_forward, chosen_channel, stated_lag
+from experiments.recordings.hysteresis.declaration import NAME, QUANTITIES
 from experiments.result import Plot, Result, Series, Table
 from model.arrays import BoolArray, FloatArray
 from model.identify.estimate import Estimate
 from model.identify.hysteresis import NAMES, UNITS, HysteresisFit, fit_hysteresis
 
-NAME = "hysteresis"
 SETTINGS = ("angle", "torque", "at_torque")
+
 TORQUE = "output_torque"
+
 TORSION = "torsion"
 """The name of an angle that is made here: theta_o - theta_i/N."""
+
 MOST_ROWS = 4_000_000
 """Rows that are read; of more the first."""
+
 PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss", "lost_motion")
 """What is proportional to the scale of the torque; lost motion inversely, by the torque that it is stated at."""
-
-QUANTITIES = (
-    Quantity(
-        name="branch_stiffness",
-        title="stiffness of the loading branch",
-        unit="N m/rad",
-        definition="slope of torque over torsion beyond half the amplitude, while it is loaded",
-        is_key=True,
-    ),
-    Quantity(
-        name="secant_stiffness",
-        title="secant stiffness",
-        unit="N m/rad",
-        definition="torque over torsion between the tips of the loop",
-        is_key=True,
-    ),
-    Quantity(
-        name="loss", title="loss per loop", unit="J", definition="area of the loop", is_key=True
-    ),
-    Quantity(
-        name="hysteresis_loss",
-        title="hysteresis loss",
-        unit="rad",
-        shown="arcmin",
-        definition="width of the loop at no torque",
-        is_key=True,
-    ),
-    Quantity(
-        name="lost_motion",
-        title="lost motion",
-        unit="rad",
-        shown="arcmin",
-        definition="between the middles of the loop at +T and at -T",
-        is_key=True,
-    ),
-    Quantity(name="loops", title="loops", unit="1"),
-    Quantity(name="amplitude", title="amplitude of the torque", unit="N m"),
-    Quantity(name="torque_of_lost_motion", title="torque of the lost motion", unit="N m"),
-)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -230,18 +193,3 @@ def _table(fit: HysteresisFit) -> Table:
     heads = (f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(NAMES, UNITS, strict=True))
     rows = tuple((number, *loop.numbers) for number, loop in enumerate(fit.loops, start=1))
     return Table("loops", "Each loop", ("loop", *heads), rows)
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Hysteresis loops",
-    summary="stiffness, loss and lost motion from loops of output torque",
-    parameters=NoParameters,
-    plan=no_plan,
-    analyse=analyse,
-    asks=Need(channels=(ANGLES, ("output_torque", *TORQUES))),
-    needs=(),
-    has_plan=False,
-    quantities=QUANTITIES,
-    version=4,
-)

@@ -19,15 +19,11 @@ from typing import Any
 import numpy as np
 
 from experiments.budget import STATED, budget_table, scale_line, zero_uncertainty
-from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
-from experiments.need import ANGLES, EFFORTS, SPEEDS, Need
-from experiments.quantity import (
-    OF_EFFORT_DIFFERENCES,
-    Quantity,
-)
 from experiments.recording import Recording
+from experiments.recordings.motion.declaration import NAME, QUANTITIES
 from experiments.recordings.motion_channels import RecordedMotion, number, recorded_motion
 from experiments.recordings.motion_plots import motion_plots, motion_tables
 from experiments.result import Covariance, Result
@@ -40,67 +36,12 @@ from model.identify.motion import (
 )
 from model.identify.motion_result import MotionFit, MotionScore
 
-NAME = "motion"
 SETTINGS = (
     *("variant", "position", "effort", "instrument", "load", "lag_s", "least_speed"),
     *("cutoff_hz", "decimation", "start", "stop"),
 )
-MOST_HARMONICS = 40
 
-QUANTITIES = (
-    Quantity(name="inertia", title="inertia", unit="", rests_on=OF_EFFORT_DIFFERENCES),
-    Quantity(name="viscous", title="viscous friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
-    Quantity(name="coulomb", title="Coulomb friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
-    Quantity(name="static", title="static friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
-    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit="", rests_on={}),
-    Quantity(name="viscous_{way}", title="viscous {way}", unit="", rests_on=OF_EFFORT_DIFFERENCES),
-    Quantity(name="coulomb_{way}", title="coulomb {way}", unit="", rests_on=OF_EFFORT_DIFFERENCES),
-    Quantity(
-        name="offset", title="offset", unit="", is_signed=True, rests_on=OF_EFFORT_DIFFERENCES
-    ),
-    Quantity(
-        name="load_sin_{harmonic}",
-        title="load, sine {harmonic}",
-        unit="",
-        is_signed=True,
-        rests_on=OF_EFFORT_DIFFERENCES,
-    ),
-    Quantity(
-        name="load_cos_{harmonic}",
-        title="load, cosine {harmonic}",
-        unit="",
-        is_signed=True,
-        rests_on=OF_EFFORT_DIFFERENCES,
-    ),
-    Quantity(
-        name="speed_lag",
-        title="lag of the measured speed",
-        unit="s",
-        definition="By how much the instrument channel is later than the motion of the position.",
-        is_signed=True,
-        rests_on={},
-    ),
-    Quantity(
-        name="relative_error_percent",
-        title="relative error percent",
-        unit="1",
-        definition="100 |effort - model| / |effort| over the samples with motion.",
-    ),
-    Quantity(
-        name="hold_out_error_percent",
-        title="hold-out error percent",
-        unit="1",
-        definition="The same on tenths of the time that the fit had not seen.",
-    ),
-    Quantity(name="standstill_share", title="share of samples at standstill, left out", unit="1"),
-    Quantity(name="least_speed", title="speed below which the axis stands", unit=""),
-    Quantity(name="cutoff", title="cut-off of the filter", unit="Hz"),
-    Quantity(name="effort_lag", title="lag taken off the effort", unit="s", is_signed=True),
-    Quantity(name="condition", title="condition", unit="1"),
-    Quantity(name="condition_scaled", title="condition scaled", unit="1"),
-    Quantity(name="residual_norm", title="residual norm", unit=""),
-    Quantity(name="samples", title="samples", unit="1"),
-)
+MOST_HARMONICS = 40
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -326,19 +267,3 @@ def _options(motion: RecordedMotion, fit: MotionFit, choice: MotionChoice) -> di
         "lag_is": "stated" if choice.lag is not None else "of the data",
         "filter": dataclasses.asdict(fit.recipe),
     }
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Inertia and friction from motion",
-    summary="inertia and friction from any motion (inverse dynamics)",
-    parameters=NoParameters,
-    plan=no_plan,
-    analyse=analyse,
-    asks=Need(channels=((*ANGLES, *SPEEDS), EFFORTS)),
-    needs=(),
-    has_plan=False,
-    quantities=QUANTITIES,
-    version=6,
-    cuts_gaps=True,
-)

@@ -11,39 +11,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Annotated
+from collections.abc import Mapping
 
 import numpy as np
-from annotated_types import Ge, Gt, Le
 
 from experiments.budget import budget_table
-from experiments.contract import Evidence, Experiment
-from experiments.errors import AnalysisError, PlanError, analysing
+from experiments.contract import Evidence
+from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_settings, rotary_ratio
-from experiments.need import TORQUES, Need
-from experiments.parameters import Help, Unit
-from experiments.planning.parts import (
-    between_zeros,
-    checked,
-    longest,
-    ramp,
-    stop,
-    whole_revolutions,
-    window_of,
-)
-from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
-from experiments.planning.speeds import (
-    clear_of_resonances,
-    incommensurate,
-    log_speeds,
-    near_resonance,
-    refuse_speed,
-    resonance_speeds,
-)
 from experiments.protocols.friction import bearing
-from experiments.protocols.friction.coefficients import per_kelvin
+from experiments.protocols.friction.declaration import NAME
 from experiments.protocols.friction.estimates import (
     at_20_degrees,
     coefficients_of,
@@ -77,16 +54,6 @@ from experiments.protocols.friction.temperature import DRY, VISCOUS
 from experiments.recording import Recording
 from experiments.result import Covariance, Result
 from experiments.shape import Standing
-from experiments.steps.vocabulary import (
-    HoldRevolutions,
-    HoldTime,
-    Mark,
-    MoveRevolutions,
-    SegmentLabel,
-    Settle,
-    Step,
-)
-from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.identify.common_errors import UNREPEATED, Spread, Stated
@@ -98,169 +65,6 @@ from model.identify.friction import (
 )
 from model.identify.running_torque import FrictionPoints, pair_directions, pooled_errors
 from model.identify.stribeck import NAMES
-from model.units import DEGREE, RPM
-
-NAME = "friction"
-
-GOLDEN_STEP = 0.6180339887498949
-"""Output revolutions between the start positions of successive speeds: neighbouring speeds lie far
-apart on the output, any
-number of positions is spread evenly, and none repeats."""
-
-WIND_UP = 30.0 * DEGREE
-"""Input angle of the set-point within which friction winds the gear up after a reversal (hysteresis of 1 arcmin is
-2 degrees at the input), and a speed loop builds up the torque that breaks a sticking gear loose (16 degrees were seen).
-"""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a friction run can be told."""
-
-    lowest_rpm: Annotated[
-        float,
-        Gt(0.0),
-        Le(6000.0),
-        Unit("r/min"),
-        Help("lowest input speed; below a tenth of the Stribeck velocity"),
-    ] = 1.0
-    highest_rpm: Annotated[
-        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
-    ] = 3000.0
-    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
-    speeds_rpm: Annotated[
-        tuple[float, ...],
-        Gt(0.0),
-        Le(10000.0),
-        Unit("r/min"),
-        Help("speeds to run instead of the list above"),
-    ] = ()
-    up_and_down: Annotated[bool, Help("go up the list and down again")] = True
-    repeats: Repeats = 1
-    bracket_rpm: Annotated[
-        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("reference speed that brackets the sweep")
-    ] = 600.0
-    bracket_every: Annotated[
-        int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")
-    ] = 5
-    measure_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
-    ] = 1.0
-    settle_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
-    ] = 0.6
-    settle_tolerance: Annotated[
-        float, Gt(0.0), Le(1.0), Unit("N m"), Help("agreement of consecutive torque windows")
-    ] = 0.002
-    resonance_band: Annotated[
-        float,
-        Ge(0.0),
-        Le(0.5),
-        Unit("1"),
-        Help("share of a resonance speed that is steered clear of"),
-    ] = 0.08
-    move_rpm: Annotated[
-        float,
-        Gt(0.0),
-        Le(6000.0),
-        Unit("r/min"),
-        Help("speed of the moves that spread the start positions"),
-    ] = 1500.0
-    acceleration: Acceleration = 800.0
-    zero_time: ZeroTime = 3.0
-    sync_rate: SyncRate = 1000.0
-
-
-def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; at every speed a new start position, both directions, settle, whole revolutions; torque zero."""
-    checked(parameters, Parameters, NAME)
-    speeds = sweep_speeds(parameters, gear)
-    for name in ("bracket_rpm", "move_rpm"):
-        refuse_speed(getattr(parameters, name), gear, f"{NAME}.{name}")
-    return between_zeros(_sweeps(parameters, gear, speeds), parameters.zero_time)
-
-
-def sweep_speeds(p: Parameters, gear: HarmonicDrive, name: str = NAME) -> tuple[float, ...]:
-    """The input speeds [rad/s], ascending: as given or log-spaced, then moved off SYNC ratios and resonances.
-
-    `name` of the protocol stands in refusals.
-    """
-    if not p.speeds_rpm and p.highest_rpm < p.lowest_rpm:
-        raise PlanError(
-            "the highest speed is below the lowest",
-            where=f"{name}.highest_rpm",
-            value=f"{p.highest_rpm:g} r/min",
-            limit=f">= {p.lowest_rpm:g} r/min",
-        )
-    wanted = (
-        sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
-    )
-    for rpm in wanted:
-        refuse_speed(rpm, gear, f"{name}.speeds_rpm" if p.speeds_rpm else f"{name}.highest_rpm")
-    low, high = wanted[0] * RPM, wanted[-1] * RPM
-    resonances = resonance_speeds(gear)
-    moved = (
-        clear_of_resonances(rpm * RPM, resonances, p.resonance_band, low, high) for rpm in wanted
-    )
-    ceiling = gear.ratings.maximum_input_speed
-    return tuple(incommensurate(w, p.sync_rate, p.measure_time, ceiling=ceiling) for w in moved)
-
-
-def _sweeps(p: Parameters, gear: HarmonicDrive, speeds: tuple[float, ...]) -> Iterator[Step]:
-    resonances = resonance_speeds(gear)
-    for speed in speeds:
-        order = near_resonance(speed, resonances, p.resonance_band)
-        if order is not None:
-            text = (
-                f"{speed / RPM:.4g} r/min lies where order {order:g} meets the first torsional mode"
-            )
-            yield Mark("near-resonance", text)
-    position = 0
-    for sweep in range(p.repeats * (2 if p.up_and_down else 1)):
-        ordered = speeds if sweep % 2 == 0 or not p.up_and_down else speeds[::-1]
-        yield from _bracket(p, sweep)
-        for index, speed in enumerate(ordered):
-            yield _start_position(p, gear, position)
-            position += 1
-            for direction in (1, -1):
-                yield from constant_speed(p, direction * speed, "hold", sweep)
-            if (index + 1) % p.bracket_every == 0 or index + 1 == len(ordered):
-                yield from _bracket(p, sweep)
-
-
-def _bracket(p: Parameters, sweep: int) -> Iterator[Step]:
-    reference = incommensurate(p.bracket_rpm * RPM, p.sync_rate, p.measure_time)
-    for direction in (1, -1):
-        yield from constant_speed(p, direction * reference, "bracket", sweep)
-
-
-def _start_position(p: Parameters, gear: HarmonicDrive, position: int) -> Step:
-    """A move by a golden part of the output revolution, forward or back so that the output stays within one."""
-    here, there = ((GOLDEN_STEP * k) % 1.0 for k in (position, position + 1))
-    turns = (there - here) * gear.ratio
-    speed = p.move_rpm * RPM
-    return MoveRevolutions(
-        turns, speed, p.acceleration, longest(abs(turns), speed) + 5.0, SegmentLabel("position")
-    )
-
-
-def constant_speed(p: Parameters, setpoint: float, label: str, repeat: int) -> Iterator[Step]:
-    """One point: ramp, settle, whole revolutions at a constant signed speed [rad/s], stop."""
-    direction, speed = (1 if setpoint > 0.0 else -1), abs(setpoint)
-    yield ramp(setpoint, p.acceleration, direction)
-    settle = SegmentLabel("settle", setpoint, direction, repeat)
-    window = window_of(speed, p.settle_time)
-    if window > 2.0 * p.settle_time:
-        # A revolution takes longer than any transient: waiting for equal whole turns would double the run for nothing.
-        yield HoldTime(max(2.0 * p.settle_time, WIND_UP / speed), settle)
-    else:
-        yield Settle(window, p.settle_tolerance, 6.0 * window, settle)
-    turns = whole_revolutions(speed, p.measure_time)
-    yield HoldRevolutions(
-        turns, longest(turns, speed), SegmentLabel(label, setpoint, direction, repeat)
-    )
-    yield stop(p.acceleration)
-
 
 SETTINGS = (
     "channel",
@@ -571,46 +375,3 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
     balance = result.options["torque_balance"]
     options = dataclasses.replace(changed.options, torque_balance=balance)
     return dataclasses.replace(changed, options=options, origins=origins)
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="No-load running torque and friction",
-    summary="no-load running torque at constant speeds, both directions, up and down",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=(("input_angle",), (*TORQUES, "current"))),
-    short={
-        "zero_time": 0.5,
-        "points": 8,
-        "lowest_rpm": 60.0,
-        "measure_time": 0.2,
-        "settle_time": 0.2,
-        "up_and_down": False,
-    },
-    needs=("input_angle", "torque"),
-    compare=compare,
-    identified=identified,
-    quantities=QUANTITIES,
-    version=9,
-    live=("speed", "torque points", "torque"),
-    takes_tare=True,
-    learns=per_kelvin,
-    terms=(
-        RUNNING_TORQUE,
-        MOTOR_AND_GEAR,
-        Term(
-            "Friction parameters",
-            "Parameters of the Stribeck curve of the tooth mesh, equation 19: Coulomb friction "
-            "F_c, static friction F_s, Stribeck velocity v_s, shape σ, viscous coefficient c_v. "
-            "Their size depends on the torque balance by which the mesh force is referred to the "
-            "input; the balance used is named in the provenance.",
-        ),
-    ),
-    shapes=(CURVE,),
-    figures=(
-        PaperFigure(9, "friction torque at the input over speed"),
-        PaperFigure(17, "measured and fitted friction torque, both directions"),
-    ),
-)

@@ -9,10 +9,9 @@ from collections import Counter
 import numpy as np
 
 from experiments.budget import budget_table
-from experiments.contract import Evidence, Experiment
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings
-from experiments.need import TORQUES, Need
 from experiments.protocols.friction.bearing import NAMES, output_bearing
 from experiments.protocols.starting_torque.balance import Balance, balanced
 from experiments.protocols.starting_torque.breakaway import (
@@ -22,16 +21,16 @@ from experiments.protocols.starting_torque.breakaway import (
     breakaway_of,
     stuck_share,
 )
+from experiments.protocols.starting_torque.declaration import NAME
 from experiments.protocols.starting_torque.estimates import at_rest, conditions_of, estimates_of
-from experiments.protocols.starting_torque.plan import NAME, Parameters, plan
 from experiments.protocols.starting_torque.quantities import QUANTITIES
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Table, both_ways
-from experiments.terms import MOTOR_AND_GEAR, Term
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.units import DEGREE
 
 SETTINGS = (*NAMES, "dry_per_kelvin", "per_kelvin_source")
+
 LARGEST_DOUBTFUL = 0.25
 """Share of the ramps that may have ended by something else than motion."""
 
@@ -143,27 +142,3 @@ def _table(ramps: list[Breakaway]) -> Table:
     rows = tuple((b.position / DEGREE, b.direction, b.torque) for b in ramps)
     columns = ("position [deg]", "direction", "torque [N m]")
     return Table("starting-torque", "Starting torque per ramp", columns, rows)
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="No-load starting torque",
-    summary="slow torque ramps at several wave-generator positions, ended by first motion",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=(("input_angle",), TORQUES), labels=("torque-ramp",)),
-    short={"zero_time": 0.5, "positions": 4},
-    needs=("input_angle", "torque"),
-    quantities=QUANTITIES,
-    version=6,
-    live=("speed", "starting points", "torque"),
-    setpoint="position",
-    terms=(
-        Term(
-            "No-load starting torque",
-            "Quasi-static torque at which the input begins to turn, with nothing on the output.",
-        ),
-        MOTOR_AND_GEAR,
-    ),
-)

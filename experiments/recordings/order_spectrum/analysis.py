@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
-from experiments.need import ANGLES, EFFORTS, MEASURED, Need
-from experiments.quantity import (
-    Quantity,
-)
+from experiments.need import ANGLES, EFFORTS
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
+from experiments.recordings.order_spectrum.declaration import NAME, QUANTITIES
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
 from experiments.recordings.orders_source import KINEMATIC_ERROR, order_source
 from experiments.recordings.orders_words import order_estimates, said_of
@@ -23,32 +21,15 @@ from model.identify.orders.near_two import near_two
 from model.identify.orders.samples import OrderSamples
 from model.identify.orders.search import Search
 
-NAME = "order-spectrum"
 SETTINGS = ("channel", "angle", "highest_order")
+
 STRONGEST = 12
 """Orders that are listed as results; the table has all."""
+
 HIGHEST = 64.0
+
 PERIODS = 50.0
 """Periods of the highest order that an angle below one revolution must cover."""
-
-QUANTITIES = (
-    Quantity(
-        name="forward_amplitude_{order}",
-        title="order {order} forward, amplitude",
-        unit="",
-    ),
-    Quantity(
-        name="reverse_amplitude_{order}",
-        title="order {order} reverse, amplitude",
-        unit="",
-    ),
-    Quantity(
-        name="amplitude_{order}",
-        title="order {order}, amplitude",
-        unit="",
-    ),
-    Quantity(name="revolutions_{way}", title="revolutions {way}", unit="1"),
-)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -126,22 +107,3 @@ def _measured_ratio(recording: Recording) -> float:
     begin, end = (recording.output_angle(rows)[0] for rows in ends)
     # A run that comes back to where it began tells nothing by its ends.
     return float((last - first) / (end - begin)) if abs(end - begin) > 0.5 else math.nan
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Order spectrum",
-    summary="order spectrum of a channel over an angle",
-    parameters=NoParameters,
-    plan=no_plan,
-    analyse=analyse,
-    asks=Need(channels=(ANGLES, MEASURED), revolutions=True),
-    needs=(),
-    has_plan=False,
-    cuts_gaps=True,
-    quantities=QUANTITIES,
-    version=6,
-)
-"""Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart.
-Version 6: no slope beside the orders of the kinematic error of a stated ratio.
-"""

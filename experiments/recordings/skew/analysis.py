@@ -8,26 +8,28 @@ from typing import Any
 import numpy as np
 
 from experiments.budget import budget_table
-from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, usable
-from experiments.need import ANGLES, EFFORTS, MEASURED, SPEEDS, Need
-from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.recordings.channels import stated_lag
 from experiments.recordings.orders_source import angle_of
+from experiments.recordings.skew.declaration import NAME, QUANTITIES
 from experiments.result import Plot, Result, Series
 from model.arrays import FloatArray
 from model.identify.channel_skew import Pair, SkewFit, fit_skew
 
-NAME = "skew"
 SETTINGS = ("first", "second", "longest_delay")
+
 LONGEST = 0.5
 """s of delay that are searched, where nothing else is set; no more than a tenth of the recording."""
+
 MOST_ROWS = 4_000_000
 """Rows that are read; of more the first."""
+
 ANGLE, SPEED, EFFORT = 0, 1, 2
 """Kinds of channels by how often they are differentiated."""
+
 KINDS: Mapping[str, int] = {
     "rad": ANGLE,
     "m": ANGLE,
@@ -40,26 +42,6 @@ KINDS: Mapping[str, int] = {
     "A": EFFORT,
     "V": EFFORT,
 }
-
-QUANTITIES = (
-    Quantity(
-        name="skew",
-        title="delay of the second channel",
-        unit="s",
-        definition="by how much the second channel is later than the first",
-        rests_on={},
-        is_key=True,
-        is_signed=True,
-    ),
-    Quantity(name="gain", title="second per first", unit="", is_signed=True),
-    Quantity(
-        name="hysteresis",
-        title="hysteresis",
-        unit="",
-        definition="what the second channel stands off to each side by direction, at any speed",
-        is_signed=True,
-    ),
-)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -194,18 +176,3 @@ def _plot(pair: Pair, fit: SkewFit, name: str, unit: str) -> Plot:
             Series(label="second - gain x first", x=speed, y=off - off.mean(), style="points"),
         ),
     )
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Skew between two channels",
-    summary="delay between two channels, apart from hysteresis",
-    parameters=NoParameters,
-    plan=no_plan,
-    analyse=analyse,
-    asks=Need(channels=((*ANGLES, *SPEEDS, *EFFORTS), MEASURED)),
-    needs=(),
-    has_plan=False,
-    quantities=QUANTITIES,
-    version=4,
-)

@@ -9,69 +9,22 @@ from __future__ import annotations
 
 import math
 
-from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.contract import Evidence
 from experiments.errors import analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
-from experiments.need import ANGLES, EFFORTS, MEASURED, Need
-from experiments.quantity import (
-    OF_CHANNEL_DIFFERENCES,
-    Quantity,
-)
+from experiments.need import ANGLES, EFFORTS
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
 from experiments.recordings.orders_source import order_source
 from experiments.recordings.orders_words import order_estimates, said_of
+from experiments.recordings.revolution.declaration import NAME, QUANTITIES
 from experiments.result import Plot, Result, Series
 from model.identify.orders.near_two import near_two
 from model.identify.revolution import HIGHEST_ORDER, RevolutionFit, fit_series
 from model.units import DEGREE
 
-NAME = "revolution"
 SETTINGS = ("channel", "angle", "highest_order")
-
-QUANTITIES = (
-    Quantity(
-        name="forward_amplitude_{order}",
-        title="order {order} forward, amplitude",
-        unit="",
-        rests_on=OF_CHANNEL_DIFFERENCES,
-    ),
-    Quantity(
-        name="reverse_amplitude_{order}",
-        title="order {order} reverse, amplitude",
-        unit="",
-        rests_on=OF_CHANNEL_DIFFERENCES,
-    ),
-    Quantity(
-        name="amplitude_{order}",
-        title="order {order}, amplitude",
-        unit="",
-        rests_on=OF_CHANNEL_DIFFERENCES,
-    ),
-    Quantity(
-        name="phase_{order}", title="order {order}, phase", unit="rad", shown="°", is_circular=True
-    ),
-    Quantity(name="mean", title="mean", unit="", is_signed=True, rests_on=OF_CHANNEL_DIFFERENCES),
-    Quantity(
-        name="friction",
-        title="friction",
-        unit="",
-        definition="half the difference of the directions",
-        rests_on=OF_CHANNEL_DIFFERENCES,
-    ),
-    Quantity(
-        name="direction_shift",
-        title="direction shift",
-        unit="rad",
-        definition="angle by which the series of the directions are shifted",
-        is_signed=True,
-    ),
-    Quantity(name="residual_rms", title="residual rms", unit=""),
-    Quantity(name="samples", title="samples", unit="1"),
-    Quantity(name="candidates", title="candidates", unit="1"),
-    Quantity(name="revolutions", title="revolutions", unit="1"),
-)
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -152,23 +105,3 @@ def _curve_plot(fit: RevolutionFit, channel: str, unit: str) -> Plot:
         y_label=f"{channel.replace('_', ' ')} [{unit}]",
         series=tuple(series),
     )
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Fourier series per revolution",
-    summary="Fourier series of a channel per revolution, both ways",
-    parameters=NoParameters,
-    plan=no_plan,
-    analyse=analyse,
-    asks=Need(channels=(ANGLES, MEASURED), time=False, revolutions=True),
-    needs=(),
-    has_plan=False,
-    cuts_gaps=True,
-    quantities=QUANTITIES,
-    version=6,
-)
-"""Version 3: the estimator of the order spectrum; directions that differ apart, lines between whole orders fitted.
-Version 4: an interval that holds zero is called so, whatever the quantity.
-Version 6: no slope beside the orders of an output angle of a stated ratio.
-"""

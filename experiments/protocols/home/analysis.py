@@ -3,101 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
-from annotated_types import Ge, Le
 
 from experiments.angle.phase_reference import INPUT_SEEN, OUTPUT_SEEN
 from experiments.assumed import MOTOR_ENCODER, OUTPUT_ENCODER
-from experiments.contract import Evidence, Experiment
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings
-from experiments.need import BOTH_ANGLES, Need
-from experiments.parameters import Help, Unit
-from experiments.planning.parts import between_zeros, checked, longest, output_travel, ramp, stop
-from experiments.planning.shared_parameters import Acceleration, Mounted, SlowSpeed, ZeroTime
-from experiments.planning.speeds import refuse_speed
-from experiments.quantity import (
-    ANGLES_IN_ITS_BUDGET,
-    Quantity,
-)
+from experiments.protocols.home.declaration import NAME, QUANTITIES
 from experiments.recording import Recording, Segment
 from experiments.result import Result, Table
-from experiments.steps.vocabulary import FindIndex, SegmentLabel, Step
 from model.channel import Channel
-from model.gear import HarmonicDrive
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.least_squares import student_quantile
-from model.units import DEGREE, REVOLUTION, RPM
-
-NAME = "home"
-
-
-QUANTITIES = (
-    Quantity(
-        name="{encoder}_index",
-        title="{encoder} index",
-        unit="rad",
-        definition="where the motor's forward turn meets the index mark, within the revolution of its encoder and "
-        "without the errors of the encoder; met from the other side the mark lies its own width away",
-        target_uncertainty=1e-3,
-        target_reason="three counts of the motor encoder: phases of low orders are carried to another run",
-        is_signed=True,
-        is_circular=True,
-        rests_on=ANGLES_IN_ITS_BUDGET,
-    ),
-    Quantity(name="{encoder}_index_spread", title="{encoder} index spread", unit="rad"),
-)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Parameters:
-    """What a homing run can be told."""
-
-    input_speed_rpm: SlowSpeed = 6.0
-    output_speed_rpm: SlowSpeed = 60.0
-    input_passes: Annotated[
-        int, Ge(1), Le(50), Unit(""), Help("how often the input mark is passed, always forward")
-    ] = 3
-    output_passes: Annotated[
-        int,
-        Ge(1),
-        Le(10),
-        Unit(""),
-        Help("how often the output mark is passed; each takes one output revolution"),
-    ] = 1
-    mounting: Mounted = "circular-spline-fixed"
-    acceleration: Acceleration = 50.0
-    zero_time: ZeroTime = 3.0
-
-
-def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
-    """Torque zero; the input mark, then the output mark, each passed forward only; torque zero."""
-    checked(parameters, Parameters, NAME)
-    for name in ("input_speed_rpm", "output_speed_rpm"):
-        refuse_speed(getattr(parameters, name), gear, f"{NAME}.{name}")
-    turn = output_travel(gear, parameters.mounting, 1.0, NAME)
-    return between_zeros(_marks(parameters, turn), parameters.zero_time)
-
-
-def _marks(p: Parameters, output_turn: float) -> Iterator[Step]:
-    """Every pass goes on from where the last one ended: a whole revolution ahead the mark comes
-    again, from the same side.
-    """
-    searches = (
-        ("input", p.input_speed_rpm, 1.0, p.input_passes),
-        ("output", p.output_speed_rpm, output_turn, p.output_passes),
-    )
-    for which, rpm, turns, passes in searches:
-        speed = rpm * RPM
-        for repeat in range(passes):
-            yield ramp(speed, p.acceleration, 1)
-            label = SegmentLabel(f"home-{which}", speed, 1, repeat)
-            yield FindIndex(which, speed, longest(1.05 * turns, speed), label)
-            yield stop(p.acceleration)
+from model.units import DEGREE, REVOLUTION
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -205,18 +125,3 @@ def _accuracy_line(signal: Channel, cause: Cause) -> BudgetLine:
         row = OUTPUT_ENCODER if cause is Cause.OUTPUT_ENCODER else MOTOR_ENCODER
         return row.line(source, row.standard_uncertainty, cause)
     return BudgetLine(source, "B", accuracy / math.sqrt(3.0), "", cause)
-
-
-EXPERIMENT = Experiment(
-    name=NAME,
-    title="Index marks",
-    summary="index marks of both encoders, slowly, from one side",
-    parameters=Parameters,
-    plan=plan,
-    analyse=analyse,
-    asks=Need(channels=BOTH_ANGLES, ratio=True, labels=("home-input", "home-output")),
-    short={"zero_time": 0.5, "input_passes": 1, "input_speed_rpm": 30.0, "output_speed_rpm": 120.0},
-    needs=("input_angle", "input_index", "index_seen"),
-    quantities=QUANTITIES,
-    version=4,
-)

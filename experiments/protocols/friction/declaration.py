@@ -1,0 +1,118 @@
+"""No-load running torque and friction: what a run can be told, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from experiments.contract import Deferred, Experiment
+from experiments.need import TORQUES, Need
+from experiments.parameters import Help, Unit
+from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.protocols.friction.quantities import CURVE, QUANTITIES
+from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
+
+NAME = "friction"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """What a friction run can be told."""
+
+    lowest_rpm: Annotated[
+        float,
+        Gt(0.0),
+        Le(6000.0),
+        Unit("r/min"),
+        Help("lowest input speed; below a tenth of the Stribeck velocity"),
+    ] = 1.0
+    highest_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
+    ] = 3000.0
+    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
+    speeds_rpm: Annotated[
+        tuple[float, ...],
+        Gt(0.0),
+        Le(10000.0),
+        Unit("r/min"),
+        Help("speeds to run instead of the list above"),
+    ] = ()
+    up_and_down: Annotated[bool, Help("go up the list and down again")] = True
+    repeats: Repeats = 1
+    bracket_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("reference speed that brackets the sweep")
+    ] = 600.0
+    bracket_every: Annotated[
+        int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")
+    ] = 5
+    measure_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+    ] = 1.0
+    settle_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+    ] = 0.6
+    settle_tolerance: Annotated[
+        float, Gt(0.0), Le(1.0), Unit("N m"), Help("agreement of consecutive torque windows")
+    ] = 0.002
+    resonance_band: Annotated[
+        float,
+        Ge(0.0),
+        Le(0.5),
+        Unit("1"),
+        Help("share of a resonance speed that is steered clear of"),
+    ] = 0.08
+    move_rpm: Annotated[
+        float,
+        Gt(0.0),
+        Le(6000.0),
+        Unit("r/min"),
+        Help("speed of the moves that spread the start positions"),
+    ] = 1500.0
+    acceleration: Acceleration = 800.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+
+
+EXPERIMENT = Experiment(
+    name=NAME,
+    title="No-load running torque and friction",
+    summary="no-load running torque at constant speeds, both directions, up and down",
+    parameters=Parameters,
+    plan=Deferred("experiments.protocols.friction.plan:plan"),
+    analyse=Deferred("experiments.protocols.friction.analysis:analyse"),
+    asks=Need(channels=(("input_angle",), (*TORQUES, "current"))),
+    short={
+        "zero_time": 0.5,
+        "points": 8,
+        "lowest_rpm": 60.0,
+        "measure_time": 0.2,
+        "settle_time": 0.2,
+        "up_and_down": False,
+    },
+    needs=("input_angle", "torque"),
+    compare=Deferred("experiments.protocols.friction.analysis:compare"),
+    identified=Deferred("experiments.protocols.friction.analysis:identified"),
+    quantities=QUANTITIES,
+    version=9,
+    live=("speed", "torque points", "torque"),
+    takes_tare=True,
+    learns=Deferred("experiments.protocols.friction.coefficients:per_kelvin"),
+    terms=(
+        RUNNING_TORQUE,
+        MOTOR_AND_GEAR,
+        Term(
+            "Friction parameters",
+            "Parameters of the Stribeck curve of the tooth mesh, equation 19: Coulomb friction "
+            "F_c, static friction F_s, Stribeck velocity v_s, shape σ, viscous coefficient c_v. "
+            "Their size depends on the torque balance by which the mesh force is referred to the "
+            "input; the balance used is named in the provenance.",
+        ),
+    ),
+    shapes=(CURVE,),
+    figures=(
+        PaperFigure(9, "friction torque at the input over speed"),
+        PaperFigure(17, "measured and fitted friction torque, both directions"),
+    ),
+)

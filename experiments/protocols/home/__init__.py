@@ -1,0 +1,1 @@
+"""Index marks of both encoders."""

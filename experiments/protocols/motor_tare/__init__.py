@@ -1,0 +1,1 @@
+"""Friction and cogging of the bare motor."""

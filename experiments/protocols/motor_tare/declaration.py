@@ -1,0 +1,161 @@
+"""Motor tare: what a run can be told, and what comes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le
+
+from experiments.contract import Deferred, Experiment
+from experiments.need import TORQUES, Need
+from experiments.parameters import Help, Unit
+from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.protocols.friction.quantities import at_reference
+from experiments.quantity import (
+    OF_TORQUE_DIFFERENCES,
+    Quantity,
+)
+from experiments.shape import Shape
+
+NAME = "motor-tare"
+
+NAMES = ("motor_coulomb", "motor_viscous")
+
+QUANTITIES = (
+    Quantity(
+        name="motor_coulomb",
+        title="motor, Coulomb friction",
+        unit="N m",
+        target_uncertainty=3e-3,
+        target_reason="subtracted from a gear's torque, of which it is a thirtieth",
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
+    Quantity(
+        name="motor_viscous",
+        title="motor, viscous friction",
+        unit="N m s/rad",
+        target_uncertainty=1e-5,
+        target_reason="3 mN m at 3000 r/min: as of Coulomb friction",
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
+    Quantity(
+        name=at_reference("motor_coulomb"),
+        title="motor, Coulomb friction at 20 °C",
+        unit="N m",
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
+    Quantity(
+        name=at_reference("motor_viscous"),
+        title="motor, viscous friction at 20 °C",
+        unit="N m s/rad",
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
+    Quantity(
+        name="offset",
+        title="offset",
+        unit="N m",
+        definition="half-sum of the directions: rest of the zero and asymmetry",
+        is_signed=True,
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
+    Quantity(
+        name="torque_scale",
+        title="torque scale",
+        unit="1",
+        definition="torque shown per torque that accelerates a disc of known inertia",
+        rests_on=OF_TORQUE_DIFFERENCES,
+    ),
+    Quantity(name="speeds", title="speeds", unit="1"),
+    Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
+    Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
+    Quantity(
+        name="cogging_peak_to_peak",
+        title="cogging seen through the servo's closed loop, peak to peak",
+        unit="N m",
+        definition="torque over angle that the drive asks for at constant speed: of the motor's cogging "
+        "what the speed loop follows",
+    ),
+    Quantity(
+        name="strongest_cogging_order",
+        title="strongest order of the cogging seen through the servo's closed loop",
+        unit="1",
+    ),
+)
+
+LINE = Shape(
+    title="the motor's friction over speed",
+    numbers=len(NAMES),
+    names=(*NAMES, *(at_reference(name) for name in NAMES)),
+    labels=("hold",),
+)
+"""The straight line through the half-differences of the holds."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """What a motor-tare run can be told; speeds are those of the friction protocol."""
+
+    lowest_rpm: Annotated[float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed")] = (
+        1.0
+    )
+    highest_rpm: Annotated[
+        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
+    ] = 3000.0
+    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
+    speeds_rpm: Annotated[
+        tuple[float, ...],
+        Gt(0.0),
+        Le(10000.0),
+        Unit("r/min"),
+        Help("speeds to run instead of the list above"),
+    ] = ()
+    repeats: Repeats = 1
+    measure_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+    ] = 1.0
+    settle_time: Annotated[
+        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+    ] = 0.6
+    disc_inertia: Annotated[
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Unit("kg m2"),
+        Help("inertia of a known disc on the shaft, 0 for none (torque scale)"),
+    ] = 0.0
+    rotor_inertia: Annotated[
+        float,
+        Ge(0.0),
+        Le(1.0),
+        Unit("kg m2"),
+        Help("inertia of the rotor itself, as its data sheet says"),
+    ] = 2.59e-5
+    acceleration: Acceleration = 800.0
+    zero_time: ZeroTime = 3.0
+    sync_rate: SyncRate = 1000.0
+
+
+EXPERIMENT = Experiment(
+    name=NAME,
+    title="Motor tare",
+    summary="friction and cogging of the bare motor, gear removed",
+    parameters=Parameters,
+    plan=Deferred("experiments.protocols.motor_tare.plan:plan"),
+    analyse=Deferred("experiments.protocols.motor_tare.analysis:analyse"),
+    asks=Need(channels=(("input_angle",), TORQUES), labels=("hold",), gear_off=True),
+    short={
+        "zero_time": 0.5,
+        "points": 6,
+        "lowest_rpm": 60.0,
+        "measure_time": 0.2,
+        "settle_time": 0.2,
+    },
+    needs=("input_angle", "torque"),
+    gear_mounted=False,
+    quantities=QUANTITIES,
+    version=7,
+    live=("speed", "torque points", "torque"),
+    gives_tare=True,
+    shapes=(LINE,),
+)

@@ -1,0 +1,1 @@
+"""Turning until the running torque is steady."""

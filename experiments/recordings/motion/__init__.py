@@ -1,0 +1,1 @@
+"""Inertia and friction from motion."""

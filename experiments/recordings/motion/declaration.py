@@ -1,0 +1,82 @@
+"""Inertia and friction from motion: what comes of it, and what it asks of a recording."""
+
+from __future__ import annotations
+
+from experiments.contract import Deferred, Experiment, NoParameters, no_plan
+from experiments.need import ANGLES, EFFORTS, SPEEDS, Need
+from experiments.quantity import (
+    OF_EFFORT_DIFFERENCES,
+    Quantity,
+)
+
+NAME = "motion"
+
+QUANTITIES = (
+    Quantity(name="inertia", title="inertia", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="viscous", title="viscous friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="coulomb", title="Coulomb friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="static", title="static friction", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="stribeck_velocity", title="Stribeck velocity", unit="", rests_on={}),
+    Quantity(name="viscous_{way}", title="viscous {way}", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(name="coulomb_{way}", title="coulomb {way}", unit="", rests_on=OF_EFFORT_DIFFERENCES),
+    Quantity(
+        name="offset", title="offset", unit="", is_signed=True, rests_on=OF_EFFORT_DIFFERENCES
+    ),
+    Quantity(
+        name="load_sin_{harmonic}",
+        title="load, sine {harmonic}",
+        unit="",
+        is_signed=True,
+        rests_on=OF_EFFORT_DIFFERENCES,
+    ),
+    Quantity(
+        name="load_cos_{harmonic}",
+        title="load, cosine {harmonic}",
+        unit="",
+        is_signed=True,
+        rests_on=OF_EFFORT_DIFFERENCES,
+    ),
+    Quantity(
+        name="speed_lag",
+        title="lag of the measured speed",
+        unit="s",
+        definition="By how much the instrument channel is later than the motion of the position.",
+        is_signed=True,
+        rests_on={},
+    ),
+    Quantity(
+        name="relative_error_percent",
+        title="relative error percent",
+        unit="1",
+        definition="100 |effort - model| / |effort| over the samples with motion.",
+    ),
+    Quantity(
+        name="hold_out_error_percent",
+        title="hold-out error percent",
+        unit="1",
+        definition="The same on tenths of the time that the fit had not seen.",
+    ),
+    Quantity(name="standstill_share", title="share of samples at standstill, left out", unit="1"),
+    Quantity(name="least_speed", title="speed below which the axis stands", unit=""),
+    Quantity(name="cutoff", title="cut-off of the filter", unit="Hz"),
+    Quantity(name="effort_lag", title="lag taken off the effort", unit="s", is_signed=True),
+    Quantity(name="condition", title="condition", unit="1"),
+    Quantity(name="condition_scaled", title="condition scaled", unit="1"),
+    Quantity(name="residual_norm", title="residual norm", unit=""),
+    Quantity(name="samples", title="samples", unit="1"),
+)
+
+EXPERIMENT = Experiment(
+    name=NAME,
+    title="Inertia and friction from motion",
+    summary="inertia and friction from any motion (inverse dynamics)",
+    parameters=NoParameters,
+    plan=no_plan,
+    analyse=Deferred("experiments.recordings.motion.analysis:analyse"),
+    asks=Need(channels=((*ANGLES, *SPEEDS), EFFORTS)),
+    needs=(),
+    has_plan=False,
+    quantities=QUANTITIES,
+    version=6,
+    cuts_gaps=True,
+)

@@ -1,0 +1,1 @@
+"""Skew between two channels."""
