@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from experiments.finding import Finding, Severity
 from rig.analysis.in_force import kept_by_hand
 from rig.analysis.store import (
     NOT_SEALED_THEN,
@@ -20,7 +21,7 @@ from rig.analysis.store import (
     read_analysis,
 )
 from rig.errors import RigError, UnsealedError
-from rig.runfile.checks import Level
+from rig.runfile.checks import LEVELS
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
 from rig.runfile.read import glance
 from rig.runfile.seal import check_seal, is_unsealed_allowed
@@ -28,28 +29,24 @@ from rig.runfile.sealed import names_of_notes, read_sealed
 
 
 @dataclass(frozen=True)
-class Link:
-    """One file of the chain, or one thing that names another: what it is, what was found.
+class Link(Finding):
+    """What was found of one file of the chain, or of one thing that names another.
 
-    `kind` is run, analysis, figures, tare, basis, choice, campaign, gear card, acceptance or calibration;
-    `sha256` that of its bytes, "" where they were not read; `text` says what is wrong with it, or "ok".
+    `what` is run, analysis, figures, tare, basis, choice, campaign, gear card, acceptance or calibration, `where` its
+    path; `sha256` that of its bytes, "" where they were not read; `found` says what is wrong with it, or "ok".
     """
 
-    kind: str
-    path: Path
-    level: Level
-    text: str
-    sha256: str = ""
-    error: RigError | None = field(default=None, compare=False)
+    sha256: str = field(default="", kw_only=True)
+    error: RigError | None = field(default=None, compare=False, kw_only=True)
     """What was raised where it was refused."""
 
-    def as_json(self) -> dict[str, str]:
-        """As `rig verify --json` tells it."""
-        return {
-            "kind": self.kind,
-            "name": str(self.path),
-            "level": self.level,
-            "text": self.text,
+    def as_json(self) -> dict[str, Any]:
+        """As `rig verify --json` tells it: as every finding, and the keys of 0.2.0 beside."""
+        return super().as_json() | {
+            "kind": self.what,
+            "name": self.where,
+            "level": LEVELS[self.severity],
+            "text": self.found,
             "sha256": self.sha256,
         }
 
@@ -57,7 +54,8 @@ class Link:
 def broken(kind: str, path: Path, error: RigError) -> Link:
     """A link that is refused; one without its note is only told where that is allowed."""
     allowed = isinstance(error, UnsealedError) and is_unsealed_allowed()
-    return Link(kind, path, "warning" if allowed else "error", str(error), error=error)
+    severity = Severity.WARNS if allowed else Severity.BLOCKS
+    return Link(kind, severity, str(error), where=str(path), error=error)
 
 
 def links_of_run(run: Path) -> Iterator[Link]:
@@ -67,11 +65,22 @@ def links_of_run(run: Path) -> Iterator[Link]:
         seal = check_seal(run, anew=True)
         sha256 = seal.sha256
         if run.name.endswith(PART_SUFFIX):
-            yield Link("run", run, "warning", "is not sealed: still being written, or cut off")
+            yield Link(
+                "run",
+                Severity.WARNS,
+                "is not sealed: still being written, or cut off",
+                where=str(run),
+            )
         elif not seal.is_whole:
-            yield Link("run", run, "warning", "is not sealed: its note is missing", sha256)
+            yield Link(
+                "run",
+                Severity.WARNS,
+                "is not sealed: its note is missing",
+                where=str(run),
+                sha256=sha256,
+            )
         else:
-            yield Link("run", run, "ok", "ok", sha256)
+            yield Link("run", Severity.PASSED, "ok", where=str(run), sha256=sha256)
     except RigError as error:
         yield broken("run", run, error)
     yield from _calibrations(run)
@@ -89,7 +98,9 @@ def _calibrations(run: Path) -> Iterator[Link]:
         if not file.get("copy"):
             continue
         if not path.is_file():
-            yield Link("calibration", path, "warning", f"is not here; {run.name} used it")
+            yield Link(
+                "calibration", Severity.WARNS, f"is not here; {run.name} used it", where=str(path)
+            )
             continue
         try:
             _, seal = read_sealed(path)
@@ -98,9 +109,15 @@ def _calibrations(run: Path) -> Iterator[Link]:
             continue
         if seal.sha256 != file.get("sha256"):
             text = f"is not the one that {run.name} used: that had SHA-256 {file.get('sha256')}"
-            yield Link("calibration", path, "error", text, seal.sha256)
+            yield Link("calibration", Severity.BLOCKS, text, where=str(path), sha256=seal.sha256)
         else:
-            yield Link("calibration", path, "ok", f"ok, named by {run.name}", seal.sha256)
+            yield Link(
+                "calibration",
+                Severity.PASSED,
+                f"ok, named by {run.name}",
+                where=str(path),
+                sha256=seal.sha256,
+            )
 
 
 def _links_of_store(run: Path, sha256: str) -> Iterator[Link]:
@@ -130,21 +147,27 @@ def _link_of(analysis: Analysis, run_sha256: str) -> Link:
     if run_sha256 and named != run_sha256:
         return Link(
             "analysis",
-            analysis.path,
-            "error",
+            Severity.BLOCKS,
             f"is of another run file: of SHA-256 {named or 'none'}, not {run_sha256}",
-            analysis.seal.sha256,
+            where=str(analysis.path),
+            sha256=analysis.seal.sha256,
         )
     if int(analysis.content.get("number", analysis.number)) != analysis.number:
         text = (
             f"was stored as number {analysis.content['number']}, and lies here as {analysis.number}"
         )
-        return Link("analysis", analysis.path, "error", text, analysis.seal.sha256)
+        return Link(
+            "analysis", Severity.BLOCKS, text, where=str(analysis.path), sha256=analysis.seal.sha256
+        )
     if analysis.seal.is_whole:
-        return Link("analysis", analysis.path, "ok", "ok", analysis.seal.sha256)
+        return Link(
+            "analysis", Severity.PASSED, "ok", where=str(analysis.path), sha256=analysis.seal.sha256
+        )
     is_older = analysis.content.get("format") != STORE_FORMAT
     text = NOT_SEALED_THEN if is_older else "is not sealed: its note is missing"
-    return Link("analysis", analysis.path, "warning", text, analysis.seal.sha256)
+    return Link(
+        "analysis", Severity.WARNS, text, where=str(analysis.path), sha256=analysis.seal.sha256
+    )
 
 
 def links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
@@ -170,30 +193,40 @@ def links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
 def _run_named(kind: str, path: Path, sha256: str, by: Analysis) -> Link:
     """A run file that an analysis names by its hash."""
     if not path.is_file():
-        return Link(kind, path, "warning", f"is not here; {by.name} rests on SHA-256 {sha256}")
+        return Link(
+            kind,
+            Severity.WARNS,
+            f"is not here; {by.name} rests on SHA-256 {sha256}",
+            where=str(path),
+        )
     try:
         found = check_seal(path).sha256
     except RigError as error:
         return broken(kind, path, error)
     if found != sha256:
         text = f"is not the one on which {by.name} rests: that had SHA-256 {sha256}"
-        return Link(kind, path, "error", text, found)
-    return Link(kind, path, "ok", f"ok, named by {by.name}", found)
+        return Link(kind, Severity.BLOCKS, text, where=str(path), sha256=found)
+    return Link(kind, Severity.PASSED, f"ok, named by {by.name}", where=str(path), sha256=found)
 
 
 def _analysis_named(kind: str, path: Path, naming: Mapping[str, Any], by: Analysis) -> Link:
     """A stored analysis that another one names by its hash."""
     sha256 = str(naming.get("analysis_sha256", ""))
     if not path.is_file():
-        return Link(kind, path, "warning", f"is not here; {by.name} rests on SHA-256 {sha256}")
+        return Link(
+            kind,
+            Severity.WARNS,
+            f"is not here; {by.name} rests on SHA-256 {sha256}",
+            where=str(path),
+        )
     try:
         found = read_analysis(path).seal.sha256
     except RigError as error:
         return broken(kind, path, error)
     if found != sha256:
         text = f"is not the one on which {by.name} rests: that had SHA-256 {sha256}"
-        return Link(kind, path, "error", text, found)
-    return Link(kind, path, "ok", f"ok, named by {by.name}", found)
+        return Link(kind, Severity.BLOCKS, text, where=str(path), sha256=found)
+    return Link(kind, Severity.PASSED, f"ok, named by {by.name}", where=str(path), sha256=found)
 
 
 def _gone(folder: Path, numbers: list[int]) -> Iterator[Link]:
@@ -205,7 +238,9 @@ def _gone(folder: Path, numbers: list[int]) -> Iterator[Link]:
             f"is not there, though its note {path.name}{HASH_SUFFIX} is: "
             "its writing was cut off, or it was taken away"
         )
-        yield Link("analysis", path, "warning", text)
+        yield Link("analysis", Severity.WARNS, text, where=str(path))
     for number in sorted(set(range(1, max(numbers, default=0))) - noted - set(numbers)):
         path = folder / f"{number:04d}.json"
-        yield Link("analysis", path, "warning", "is not there, though a later one is")
+        yield Link(
+            "analysis", Severity.WARNS, "is not there, though a later one is", where=str(path)
+        )

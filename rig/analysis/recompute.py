@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
+from experiments.finding import Finding, Severity
 from model.gear_file import gear_from_mapping
 from rig.analysis.fit import Fit, OtherTare, fit_recording
 from rig.analysis.result_data import table_to_mapping
@@ -21,7 +22,7 @@ from rig.analysis.store import Analysis, json_ready, read_analyses
 from rig.analysis.stored_fit import stored_fit
 from rig.analysis.tare import tare_kind
 from rig.errors import RunFileError
-from rig.runfile.checks import Level
+from rig.runfile.checks import LEVELS
 from rig.runfile.read import close_recording, open_run
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ class Recomputed:
 
     `worst` is the largest difference relative to the larger of the two numbers, at `worst_at`
     ("" where all are equal); `differing` are the places that hold something else, words among them.
-    `because` says why it was not made again, "" where it was. The level is
-    error where it says something else than what is stored, warning where it was not made again.
+    `because` says why it was not made again, "" where it was. It blocks
+    where it says something else than what is stored, and warns where it was not made again.
     """
 
     analysis: Analysis
@@ -47,19 +48,24 @@ class Recomputed:
     worst_at: str = ""
     differing: tuple[str, ...] = ()
     because: str = ""
-    level: Level = "ok"
+    severity: Severity = Severity.PASSED
 
     def as_json(self) -> dict[str, Any]:
         """As `rig verify --recompute --json` tells it."""
-        return {
+        return self.finding.as_json() | {
             "analysis": str(self.analysis.path),
-            "level": self.level,
+            "level": LEVELS[self.severity],
             "numbers": self.numbers,
             "worst": self.worst,
             "worst_at": self.worst_at,
             "differing": list(self.differing),
             "text": self.words,
         }
+
+    @property
+    def finding(self) -> Finding:
+        """The same as a finding."""
+        return Finding("recomputed", self.severity, self.words, where=str(self.analysis.path))
 
     @property
     def words(self) -> str:
@@ -85,13 +91,15 @@ def recompute(run: Path, analysis: Analysis, *, tolerance: float = TOLERANCE) ->
     version = analysis.content.get("analysis_version", 1)
     if experiment is None:
         return Recomputed(
-            analysis, because=f"this program has no analysis {analysis.kind}", level="warning"
+            analysis,
+            because=f"this program has no analysis {analysis.kind}",
+            severity=Severity.WARNS,
         )
     if version != experiment.version:
         text = (
             f"it is by version {version} of {analysis.kind}, which is at {experiment.version} here"
         )
-        return Recomputed(analysis, because=text, level="warning")
+        return Recomputed(analysis, because=text, severity=Severity.WARNS)
     recording = open_run(run)
     tare = None
     try:
@@ -191,8 +199,8 @@ def _compared(analysis: Analysis, again: Fit, tolerance: float) -> Recomputed:
                 worst, worst_at = apart, where
             if apart > tolerance:
                 differing.append(f"{where}: {one!r} stored, {other!r} now")
-    level: Level = "error" if differing else "ok"
-    return Recomputed(analysis, numbers, worst, worst_at, tuple(differing), level=level)
+    severity = Severity.BLOCKS if differing else Severity.PASSED
+    return Recomputed(analysis, numbers, worst, worst_at, tuple(differing), severity=severity)
 
 
 def _leaves(one: Any, other: Any, where: str) -> Iterator[tuple[str, Any, Any]]:

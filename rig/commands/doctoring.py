@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -12,14 +13,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.running import MountedHow, StdinControl
-from rig.commands.terminal import console, echo, outliving_the_terminal, print_json, table
+from rig.commands.terminal import echo, outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
+    from experiments.finding import Finding
     from rig.run.start import RunRequest
     from rig.trial.doctor.examine import Examination
-
-STYLE = {"ok": "green", "warning": "yellow", "failed": "bold red", "skipped": "dim"}
-MARK = {"ok": "ok", "warning": "WARNING", "failed": "FAILED", "skipped": "not looked at"}
 
 
 @outliving_the_terminal()
@@ -180,29 +179,16 @@ def _refuse_a_replay(backend: str) -> None:
 
 
 def _print(examination: Examination) -> None:
-    from rig.commands.visible import Text
+    from experiments.finding import Severity
+    from rig.commands.findings import print_findings
 
-    out = console()
-    title = f"rig doctor: {examination.backend}"
-    checklist = table("what", "", "evidence", title=title, box=None)
-    # Each heading once, in the order in which the groups came up.
-    for group in dict.fromkeys(finding.group for finding in examination.findings):
-        checklist.add_section()
-        checklist.add_row(Text(group, style="bold"))
-        for finding in (f for f in examination.findings if f.group == group):
-            row = (Text(f"  {finding.name}"), MARK[finding.result], Text(finding.evidence))
-            checklist.add_row(*row, style=STYLE[finding.result])
-    out.print(checklist)
-    for result in ("warning", "failed"):
-        for finding in (f for f in examination.findings if f.result == result):
-            words = f"{finding.remedy}" if finding.remedy else finding.evidence
-            out.print(
-                f"{MARK[result]}  {finding.group}, {finding.name}: {words}",
-                style=STYLE[result],
-                soft_wrap=True,
-            )
-    count = {result: sum(f.result == result for f in examination.findings) for result in MARK}
-    out.print(
-        f"{len(examination.findings)} lines, {count['failed']} failed, {count['warning']} warnings, "
-        f"{count['skipped']} not looked at"
+    echo(f"rig doctor: {examination.backend}")
+    groups: dict[str, list[Finding]] = {}
+    for finding in examination.findings:
+        groups.setdefault(finding.where, []).append(finding)
+    print_findings(groups)
+    count = Counter(finding.severity for finding in examination.findings)
+    echo(
+        f"{len(examination.findings)} lines, {count[Severity.BLOCKS]} failed, "
+        f"{count[Severity.WARNS]} warnings, {count[Severity.NOT_LOOKED_AT]} not looked at"
     )

@@ -13,10 +13,8 @@ from rich.table import Table
 
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
-from rig.analysis.chain import Link
 from rig.analysis.judging import GearVerdict
 from rig.analysis.listed_verdicts import told
-from rig.analysis.recompute import Recomputed
 from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
@@ -24,12 +22,11 @@ from rig.commands.visible import Text
 from rig.library.index import IndexedRun
 from rig.present.run_words import acquisition_facts, duration_text, world_facts
 from rig.runfile.header import ORIGIN_WORDS
-from rig.runfile.verify import Finding
 
 SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
 _LOOK: dict[str, Any] = {"box": None, "header_style": "bold", "pad_edge": False}
-_COLOURS = {"error": "bold red", "warning": "yellow", "ok": "green", "info": ""}
+_COLOURS = {"error": "bold red", "warning": "yellow"}
 WIDE = 110
 """Columns of a terminal from which on the list has room for gear and rows."""
 _OUTCOME_COLOURS = {"COMPLETED": "", "ABORTED": "yellow", "being written": "cyan", "-": ""}
@@ -224,49 +221,6 @@ def recording_as_json(
             for e in recording.events
         ],
     }
-
-
-def print_findings(checked: Mapping[str, Sequence[Finding]]) -> None:
-    """What verifying found, run by run."""
-    out = console(highlight=True)
-    for path, findings in checked.items():
-        out.print(Text(path, style="bold"))
-        checks = table("", "", "", overflow="fold", box=None, show_header=False)
-        for finding in findings:
-            checks.add_row(
-                Text(finding.level, style=_COLOURS[finding.level]),
-                finding.check,
-                Text(finding.text),
-            )
-        out.print(checks)
-
-
-def print_links(links: Sequence[Link], again: Sequence[Recomputed]) -> None:
-    """The chain of evidence, link by link, what was made again, and which link is the first that does not hold."""
-    out = console(highlight=True)
-    rows = table("", "", "", "", overflow="fold", box=None, show_header=False)
-    for link in links:
-        text = link.text if link.text != "ok" or not link.sha256 else f"SHA-256 {link.sha256}"
-        rows.add_row(
-            Text(link.level, style=_COLOURS[link.level]),
-            link.kind,
-            Text(link.path.name),
-            Text(text),
-        )
-    for one in again:
-        rows.add_row(
-            Text(one.level, style=_COLOURS[one.level]),
-            "recomputed",
-            Text(one.analysis.name),
-            Text(one.words),
-        )
-    out.print(rows)
-    first = next((link for link in links if link.level == "error"), None)
-    if first is not None:
-        out.print(
-            Text(f"The first broken link: {first.kind} {first.path}", style="bold red"),
-            soft_wrap=True,
-        )
 
 
 def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:

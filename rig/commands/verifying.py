@@ -12,10 +12,10 @@ from rig.commands.sealing import Unsealed
 from rig.commands.terminal import print_json
 
 if TYPE_CHECKING:
+    from experiments.finding import Finding
     from rig.analysis.chain import Link
     from rig.analysis.recompute import Recomputed
     from rig.errors import RigError
-    from rig.runfile.checks import Finding
 
 
 def verify(
@@ -60,10 +60,11 @@ def verify(
     manifest that is there is never written over; the hash that is printed is worth what the place is worth
     where it is kept. Exit code 6 if anything does not hold.
     """
+    from experiments.finding import first_blocking
     from rig import exits
     from rig.present.certificate.verify import certificates_in, runs_of, verify_certificate
     from rig.runfile.verify import verify_run
-    from rig.trial.chain import first_broken, links_of, runs_in
+    from rig.trial.chain import links_of, runs_in
     from rig.trial.manifest import hold_against
 
     if (manifest is not None or gear) and (manifest is None or not _is_one_folder(places)):
@@ -80,12 +81,12 @@ def verify(
         [one for run in dict.fromkeys((*runs, *named)) for one in _again(run)] if recompute else []
     )
     held = hold_against(manifest, places[0], gear) if manifest is not None else None
-    error = _first_error(checked, first_broken(links), again) or (held and held.error)
+    error = _first_error(checked, first_blocking(links), again) or (held and held.error)
     if json:
         told = _as_object(checked, links, again if recompute else None, error)
         print_json(told if held is None else told | {"manifest": held.as_json()})
     else:
-        from rig.commands.file_tables import print_findings, print_links
+        from rig.commands.findings import print_findings, print_links
         from rig.commands.manifest_tables import print_manifest
 
         print_findings(checked)
@@ -102,6 +103,7 @@ def _is_one_folder(places: Sequence[Path]) -> bool:
 
 def _again(run: Path) -> list[Recomputed]:
     """Every stored analysis of a run that can be read, made again."""
+    from experiments.finding import Severity
     from model.errors import WordedError
     from rig.analysis.recompute import Recomputed, recompute
     from rig.analysis.store import read_analyses
@@ -116,7 +118,7 @@ def _again(run: Path) -> list[Recomputed]:
         try:
             made.append(recompute(run, analysis))
         except WordedError as error:
-            made.append(Recomputed(analysis, because=str(error), level="error"))
+            made.append(Recomputed(analysis, because=str(error), severity=Severity.BLOCKS))
     return made
 
 
@@ -124,16 +126,17 @@ def _first_error(
     checked: Mapping[str, Sequence[Finding]], link: Link | None, again: Sequence[Recomputed]
 ) -> RigError | None:
     """What is wrong first: of the chain, then of a run's content, then of what was made again."""
+    from experiments.finding import first_blocking
     from rig.errors import ChangedRunError, RunFileError
 
     if link is not None:
-        return link.error or ChangedRunError(link.text, where=str(link.path))
+        return link.error or ChangedRunError(link.found, where=link.where)
     for run, findings in checked.items():
-        for finding in findings:
-            if finding.level == "error":
-                return RunFileError(f"{finding.check}: {finding.text}", where=run)
-    wrong = next((one for one in again if one.level == "error"), None)
-    return wrong and ChangedRunError(wrong.words, where=str(wrong.analysis.path))
+        blocking = first_blocking(findings)
+        if blocking is not None:
+            return RunFileError(blocking.sentence, where=run)
+    wrong = first_blocking(one.finding for one in again)
+    return wrong and ChangedRunError(wrong.found, where=wrong.where)
 
 
 def _as_object(
@@ -143,13 +146,15 @@ def _as_object(
     error: RigError | None,
 ) -> dict[str, Any]:
     from rig import exits
+    from rig.runfile.checks import LEVELS
 
     told: dict[str, Any] = {
         "runs": [
             {
                 "run": run,
                 "findings": [
-                    {"check": f.check, "level": f.level, "text": f.text} for f in findings
+                    f.as_json() | {"check": f.what, "level": LEVELS[f.severity], "text": f.found}
+                    for f in findings
                 ],
             }
             for run, findings in checked.items()

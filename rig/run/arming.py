@@ -16,8 +16,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from drivers.errors import DriverError
+from experiments.finding import Finding, Severity
 from rig.errors import ConfigurationError
-from rig.run.preflight import Check
 
 WITHOUT_GEAR = "NO GEAR"
 """What is typed to arm a run without a gear."""
@@ -95,25 +95,25 @@ def refuse_unarmed(arming: Arming) -> None:
             )
 
 
-def loss_check(unwatched: Callable[[], Sequence[str]] | None, covered_by: str) -> Check:
+def loss_check(unwatched: Callable[[], Sequence[str]] | None, covered_by: str) -> Finding:
     """Whether the motor stops when the computer is lost: the drive sees to it, or the rig's description says
     what does. `unwatched` gives the reasons why the drive would not; None: nobody knows.
     """
     reasons = unwatched() if unwatched is not None else ("nobody knows whether it would",)
     if not reasons:
         text = "the drive watches the computer's heartbeat, and stops then: as it reads back"
-        return Check("loss of the computer", "ok", text)
+        return Finding("loss of the computer", Severity.PASSED, text)
     text = f"the drive does not stop by itself: {'; '.join(reasons)}"
     if covered_by.strip():
-        return Check(
+        return Finding(
             "loss of the computer",
-            "warning",
+            Severity.WARNS,
             f"{text}. Covered by: {covered_by.strip()}",
             "Try it with the motor free, before a gear is mounted.",
         )
-    return Check(
+    return Finding(
         "loss of the computer",
-        "failed",
+        Severity.BLOCKS,
         text,
         "Cover it by hardware (a watchdog relay in the safe-torque-off line, the drive's own life guarding), try it "
         "with the motor free, and say it as `computer_loss_covered_by` in [drive].",
@@ -125,7 +125,7 @@ def handle_check(
     known: str,
     unwatched: Callable[[], Sequence[str]] | None,
     covered_by: str,
-) -> Check:
+) -> Finding:
     """Whether the watchdog has a handle of its own on the bus; `open_it` opens it, `known` is what is known of the
     adapter. Without one a run goes on where the loss of the whole computer is covered: what is lost is the quick stop
     of a loop that hangs, before the drive misses its heartbeat.
@@ -135,47 +135,47 @@ def handle_check(
     except Exception as error:  # noqa: BLE001  whatever an adapter's library raises
         text = f"the bus cannot be opened twice, the run goes on without a watchdog: {error}"
     else:
-        return Check("watchdog", "ok", "it has a handle of its own on the bus")
+        return Finding("watchdog", Severity.PASSED, "it has a handle of its own on the bus")
     text += f" ({known})" if known else ""
     watched = unwatched is not None and not unwatched()
     if watched or covered_by.strip():
         covered = "the drive watches the computer's heartbeat" if watched else covered_by.strip()
-        return Check(
+        return Finding(
             "watchdog",
-            "warning",
+            Severity.WARNS,
             f"{text}. A loop that hangs is covered by: {covered}",
             "Use an adapter that can be opened twice, or a hub (socketcand) in front of it.",
         )
-    return Check(
+    return Finding(
         "watchdog",
-        "failed",
+        Severity.BLOCKS,
         text.replace("the run goes on without a watchdog", "and nothing else stops the motor"),
         "Use an adapter that can be opened twice, or cover the loss of the computer by hardware and say it as "
         "`computer_loss_covered_by` in [drive].",
     )
 
 
-def guard_check(read: Callable[[], tuple[int, bool]] | None) -> Check:
+def guard_check(read: Callable[[], tuple[int, bool]] | None) -> Finding:
     """The guard's contact: `read` gives the input's value and whether that means closed; None: no
     input is configured.
     """
     if read is None:
-        return Check(
+        return Finding(
             "guard",
-            "warning",
+            Severity.WARNS,
             "no guard input is configured: nobody looks whether the guard is closed",
         )
     try:
         value, closed = read()
     except DriverError as error:
-        return Check(
+        return Finding(
             "guard",
-            "failed",
+            Severity.BLOCKS,
             f"the guard input cannot be read: {error}",
             "Correct [guard] in the configuration.",
         )
     if closed:
-        return Check("guard", "ok", f"closed (input 0x{value:X})")
-    return Check(
-        "guard", "failed", f"open (input 0x{value:X})", "Close the guard, then start again."
+        return Finding("guard", Severity.PASSED, f"closed (input 0x{value:X})")
+    return Finding(
+        "guard", Severity.BLOCKS, f"open (input 0x{value:X})", "Close the guard, then start again."
     )

@@ -8,12 +8,12 @@ import ctypes
 import os
 import sys
 
-from rig.run.preflight import Check
+from experiments.finding import Finding, Severity
 
 _MCL_CURRENT_AND_FUTURE = 3
 
 
-def claim_real_time(priority: int, lock_memory: bool) -> tuple[Check, ...]:
+def claim_real_time(priority: int, lock_memory: bool) -> tuple[Finding, ...]:
     """Ask for SCHED_FIFO with this priority (0: do not ask) and for locked memory. What was refused is a warning."""
     checks = []
     if priority > 0:
@@ -23,20 +23,22 @@ def claim_real_time(priority: int, lock_memory: bool) -> tuple[Check, ...]:
     return tuple(checks)
 
 
-def _claim_priority(priority: int) -> Check:
+def _claim_priority(priority: int) -> Finding:
     remedy = "Allow it (ulimit -r, or CAP_SYS_NICE), or set real_time.scheduler_priority = 0."
     if not hasattr(os, "sched_setscheduler"):
-        return Check(
+        return Finding(
             "scheduler",
-            "warning",
+            Severity.WARNS,
             f"{sys.platform} has no SCHED_FIFO: the loop is scheduled like any program",
         )
     try:
         for thread in _threads():
             os.sched_setscheduler(thread, os.SCHED_FIFO, os.sched_param(priority))
     except (OSError, ValueError) as error:
-        return Check("scheduler", "warning", f"SCHED_FIFO {priority} was refused: {error}", remedy)
-    return Check("scheduler", "ok", f"SCHED_FIFO with priority {priority}")
+        return Finding(
+            "scheduler", Severity.WARNS, f"SCHED_FIFO {priority} was refused: {error}", remedy
+        )
+    return Finding("scheduler", Severity.PASSED, f"SCHED_FIFO with priority {priority}")
 
 
 def _threads() -> list[int]:
@@ -47,18 +49,20 @@ def _threads() -> list[int]:
         return [0]
 
 
-def _lock_memory() -> Check:
+def _lock_memory() -> Finding:
     try:
         library = ctypes.CDLL(None, use_errno=True)
         refused = library.mlockall(_MCL_CURRENT_AND_FUTURE)
     except (OSError, AttributeError, TypeError) as error:
-        return Check("memory", "warning", f"memory cannot be locked on {sys.platform}: {error}")
+        return Finding(
+            "memory", Severity.WARNS, f"memory cannot be locked on {sys.platform}: {error}"
+        )
     if refused:
         reason = os.strerror(ctypes.get_errno())
-        return Check(
+        return Finding(
             "memory",
-            "warning",
+            Severity.WARNS,
             f"memory was not locked: {reason}",
             "Raise `ulimit -l`, or set lock_memory = false.",
         )
-    return Check("memory", "ok", "locked")
+    return Finding("memory", Severity.PASSED, "locked")

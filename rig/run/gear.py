@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+from experiments.finding import Finding, Severity
 from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, in_words, stated_facts
-from rig.run.preflight import Check
 from rig.run.start import RunRequest
 
 
@@ -21,16 +21,16 @@ def with_card(request: RunRequest, card: GearCard, *, parameters_given: bool = F
     )
 
 
-def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
+def card_checks(card: GearCard | None, serial: str) -> tuple[Finding, ...]:
     """A preflight's view of a card: is there one, is it confirmed, is anything unknown that results need."""
     if card is None:
         text = f"nothing is known of gear {serial}" if serial.strip() else "no gear is named"
-        return (Check("gear card", "failed", text, "Fill in its card and confirm it."),)
+        return (Finding("gear card", Severity.BLOCKS, text, "Fill in its card and confirm it."),)
     if not card.is_confirmed:
         return (
-            Check(
+            Finding(
                 "gear card",
-                "failed",
+                Severity.BLOCKS,
                 card.warning,
                 "Look at the gear, then confirm the card by name.",
             ),
@@ -38,15 +38,19 @@ def card_checks(card: GearCard | None, serial: str) -> tuple[Check, ...]:
     confirmation = card.confirmation
     assert confirmation is not None
     checks = [
-        Check("gear card", "ok", f"{card.serial} confirmed by {confirmation.by}, {confirmation.at}")
+        Finding(
+            "gear card",
+            Severity.PASSED,
+            f"{card.serial} confirmed by {confirmation.by}, {confirmation.at}",
+        )
     ]
     unknown = [name for name in EXPECTED if name not in stated_facts(card.facts)]
     if unknown:
         words = ", ".join(in_words(name) for name in unknown)
         checks.append(
-            Check(
+            Finding(
                 "gear card",
-                "warning",
+                Severity.WARNS,
                 f"not known of {card.serial}: {words}",
                 "Reports will say so.",
             )

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from drivers.clock import Clock
 from drivers.port import RigDescription, RigPort
+from experiments.finding import Finding
 from rig.library.folder import RunPlace
 from rig.run.bounds import Watch
 from rig.run.dry_run import PlannedRun
@@ -19,7 +20,6 @@ from rig.run.latch import TripLatch
 from rig.run.make_safe import MakeSafeReport, Patience
 from rig.run.margins import with_units
 from rig.run.marker import RunMarker
-from rig.run.preflight import Check
 from rig.run.recorder import Recorder
 from rig.run.trips import Trip
 from rig.run.watchdog import Watchdog
@@ -65,7 +65,7 @@ class RunOrder:
     """Watches in real time that turns happen."""
     files: Sequence[UsedFile] = ()
     """The description of the rig and its calibrations: the run notes their hashes."""
-    arm: Callable[[], tuple[Check, ...]] | None = None
+    arm: Callable[[], tuple[Finding, ...]] | None = None
     """What is looked at last before a rig of hardware may move: the guard, the computer. Called
     once the rig is open.
     """

@@ -11,10 +11,9 @@ import math
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import date
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +31,7 @@ from drivers.channel import (
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.port import DriveLimits, RigPort
 from drivers.samples import CycleFlag
+from experiments.finding import Finding, Severity, passed_if
 from experiments.steps.kind import Motion, Servo
 from experiments.steps.vocabulary import Step
 from model.units import RPM
@@ -39,7 +39,6 @@ from rig.bench.limits import Limits
 from rig.errors import LimitError, RigError
 from rig.run.dry_run import PlannedRun
 
-CheckResult = Literal["ok", "warning", "failed"]
 VERIFIED_PROVENANCES = ("catalogue", "measured", "identified", "published")
 """Ratings of any other provenance are worth a warning."""
 
@@ -62,22 +61,7 @@ _HELD_OTHERWISE = {
 """What to do where a drive lacks the usual object of a limit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Check:
-    """One check: what, how it came out, the evidence, and what to do if it is not fine."""
-
-    name: str
-    result: CheckResult
-    evidence: str
-    remedy: str = ""
-
-    def __str__(self) -> str:
-        return f"{self.name}: {self.evidence}" + (
-            f". {self.remedy}" if self.remedy and self.result != "ok" else ""
-        )
-
-
-def static_checks(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
+def static_checks(planned: PlannedRun, output: Path) -> tuple[Finding, ...]:
     """What can be known without the rig: disk space, folder, provenance of the ratings, points for what is fitted."""
     return (*_disk(planned, output), *_ratings(planned), *_points(planned))
 
@@ -105,17 +89,17 @@ def _existing(output: Path) -> Path:
     return folder
 
 
-def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
+def _disk(planned: PlannedRun, output: Path) -> tuple[Finding, ...]:
     folder, problem = _existing(output), folder_problem(output)
     if problem:
-        return (Check("folder", "failed", problem, "Name another with --runs."),)
+        return (Finding("folder", Severity.BLOCKS, problem, "Name another with --runs."),)
     try:
         free = shutil.disk_usage(folder).free
     except OSError as error:
         return (
-            Check(
+            Finding(
                 "folder",
-                "failed",
+                Severity.BLOCKS,
                 f"{folder}: {error.strerror or error}",
                 "Name another with --runs.",
             ),
@@ -128,9 +112,9 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
     )
     if free < needed:
         return (
-            Check(
+            Finding(
                 "disk space",
-                "failed",
+                Severity.BLOCKS,
                 evidence,
                 "Free space, or name another folder with --runs.",
             ),
@@ -138,24 +122,25 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Check, ...]:
     worst = planned.space_needed()
     if free < worst:
         return (
-            Check(
+            Finding(
                 "disk space",
-                "warning",
+                Severity.WARNS,
                 f"{evidence}, {worst / 1e6:.0f} MB if every step takes its longest",
             ),
         )
-    return (Check("disk space", "ok", evidence),)
+    return (Finding("disk space", Severity.PASSED, evidence),)
 
 
-def _points(planned: PlannedRun) -> tuple[Check, ...]:
+def _points(planned: PlannedRun) -> tuple[Finding, ...]:
     """Whether the plan has the points that the curves of its analysis ask for."""
     remedy = "Ask for more speeds, or for each of them again (up and down, repeats)."
     return tuple(
-        Check("points", "warning", text.removesuffix("."), remedy) for text in planned.remarks
+        Finding("points", Severity.WARNS, text.removesuffix("."), remedy)
+        for text in planned.remarks
     )
 
 
-def _ratings(planned: PlannedRun) -> tuple[Check, ...]:
+def _ratings(planned: PlannedRun) -> tuple[Finding, ...]:
     if not planned.experiment.gear_mounted:
         return ()
     doubtful = []
@@ -164,11 +149,11 @@ def _ratings(planned: PlannedRun) -> tuple[Check, ...]:
         if value.origin.provenance not in VERIFIED_PROVENANCES:
             doubtful.append(f"{name} ({value.origin.provenance})")
     if not doubtful:
-        return (Check("ratings", "ok", "limits rest on verified ratings"),)
+        return (Finding("ratings", Severity.PASSED, "limits rest on verified ratings"),)
     return (
-        Check(
+        Finding(
             "ratings",
-            "warning",
+            Severity.WARNS,
             f"limits rest on {', '.join(doubtful)}",
             "Check them against the catalogue or the nameplate before a run on hardware.",
         ),
@@ -177,30 +162,30 @@ def _ratings(planned: PlannedRun) -> tuple[Check, ...]:
 
 def channel_checks(
     channels: Sequence[Channel], needs: Sequence[str], today: date
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """Whether the rig has the channels that the protocol needs, and whether their calibrations are still valid."""
     names = {channel.name for channel in channels}
     missing = [name for name in (*needs, INPUT_ANGLE) if name not in names]
     checks = []
     if missing:
         checks.append(
-            Check(
+            Finding(
                 "channels",
-                "failed",
+                Severity.BLOCKS,
                 f"missing: {', '.join(dict.fromkeys(missing))}",
                 "Map them in the configuration.",
             )
         )
     else:
-        checks.append(Check("channels", "ok", ", ".join(sorted(names))))
+        checks.append(Finding("channels", Severity.PASSED, ", ".join(sorted(names))))
     if OUTPUT_ANGLE not in names and not missing:
         text = (
             "no output encoder: torsion, disagreement and standstill of the output are not watched"
         )
-        checks.append(Check("output encoder", "warning", text))
+        checks.append(Finding("output encoder", Severity.WARNS, text))
     if DRIVE_TORQUE not in names and TORQUE in names:
         text = "the drive does not tell its own: a monitor that is open, frozen or drifting in motion is not noticed"
-        checks.append(Check("torque port", "warning", text))
+        checks.append(Finding("torque port", Severity.WARNS, text))
     for channel in channels:
         due = channel.calibration.due
         if due:
@@ -208,7 +193,7 @@ def channel_checks(
     return tuple(checks)
 
 
-def set_point_checks(channels: Sequence[Channel], plan: Sequence[Step]) -> tuple[Check, ...]:
+def set_point_checks(channels: Sequence[Channel], plan: Sequence[Step]) -> tuple[Finding, ...]:
     """Whether the rig takes every kind of set-point that the plan commands; what cannot be ended is not begun."""
     names = {channel.name for channel in channels}
     servos = {step.servo for step in plan if isinstance(step, Motion)}
@@ -220,30 +205,30 @@ def set_point_checks(channels: Sequence[Channel], plan: Sequence[Step]) -> tuple
     remedy = (
         "Choose another protocol; or see what `rig doctor` says of the drive's modes and units."
     )
-    return (Check("set-points", "failed", text, remedy),)
+    return (Finding("set-points", Severity.BLOCKS, text, remedy),)
 
 
-def _calibration(name: str, due: str, today: date) -> Check:
+def _calibration(name: str, due: str, today: date) -> Finding:
     try:
         overdue = date.fromisoformat(due[:10]) < today
     except ValueError:
-        return Check(
+        return Finding(
             "calibration",
-            "warning",
+            Severity.WARNS,
             f"{name}: due date {due!r} cannot be read",
             "Write it as YYYY-MM-DD.",
         )
     if overdue:
-        return Check(
+        return Finding(
             "calibration",
-            "warning",
+            Severity.WARNS,
             f"{name} was due on {due}",
             "Have it calibrated; results will say so.",
         )
-    return Check("calibration", "ok", f"{name} due on {due}")
+    return Finding("calibration", Severity.PASSED, f"{name} due on {due}")
 
 
-def drive_limits_check(port: RigPort, limits: Limits) -> Check:
+def drive_limits_check(port: RigPort, limits: Limits) -> Finding:
     """Write the limits into the drive and compare what reads back; where it takes none, look at what somebody has set
     by hand. Raises `LimitError` where it holds others.
     """
@@ -254,7 +239,7 @@ def drive_limits_check(port: RigPort, limits: Limits) -> Check:
     return limits_by_hand_check(limits.of_the_rig.drive_limits(), held)
 
 
-def limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Check:
+def limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Finding:
     """Limits that somebody has set by the maker's tool: torque and speed must be said, and be no wider than what gear
     and motor bear. Ramps are the set-points' own there.
     """
@@ -271,15 +256,15 @@ def limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Check:
                 remedy="Set it by the maker's tool, then say it in [drive.limits_by_hand].",
             )
     words = ", ".join(_limit_words(name, getattr(held, name)) for name in ("torque", "speed"))
-    return Check(
+    return Finding(
         "drive limits",
-        "warning",
+        Severity.WARNS,
         f"set by hand and not read back: {words}; the drive holds no ramps",
         "Look them up in the amplifier when something else was mounted meanwhile.",
     )
 
 
-def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:
+def limits_check(wanted: DriveLimits, present: DriveLimits) -> Finding:
     """The drive's limits as they read back; a drive that holds others than were written must not be armed."""
     written, read = asdict(wanted), asdict(present)
     for name, value in written.items():
@@ -299,7 +284,7 @@ def limits_check(wanted: DriveLimits, present: DriveLimits) -> Check:
                 remedy="Check that the drive accepts the object and its unit, then try again.",
             )
     held = ", ".join(_limit_words(name, value) for name, value in read.items())
-    return Check("drive limits", "ok", f"read back: {held}")
+    return Finding("drive limits", Severity.PASSED, f"read back: {held}")
 
 
 def _limit_words(name: str, value: float) -> str:
@@ -319,7 +304,7 @@ def standing_checks(
     counts: NDArray[np.int64],
     flags: NDArray[np.uint16],
     rated_torque: float,
-) -> tuple[Check, ...]:
+) -> tuple[Finding, ...]:
     """A few hundred cycles with the servo off: drive state, standstill of both encoders, complete
     cycles, torque zero.
     """
@@ -332,7 +317,7 @@ def standing_checks(
         remedy = (
             "Wire the SYNC to the device's trigger line, or take the channel from another device."
         )
-        checks.append(Check("pairs", "failed", evidence, remedy))
+        checks.append(Finding("pairs", Severity.BLOCKS, evidence, remedy))
     if STATUSWORD in column:
         checks.append(_state(int(counts[-1, column[STATUSWORD]])))
     for name in (INPUT_ANGLE, OUTPUT_ANGLE):
@@ -340,25 +325,18 @@ def standing_checks(
             spread = int(np.ptp(counts[:, column[name]]))
             standing = spread <= STANDING_COUNTS
             evidence = f"{name} moves by {spread} counts in {len(counts)} cycles"
-            checks.append(
-                Check(
-                    "standstill",
-                    "ok" if standing else "failed",
-                    evidence,
-                    "Wait until the rig stands.",
-                )
-            )
+            checks.append(passed_if("standstill", standing, evidence, "Wait until the rig stands."))
     if TORQUE in column:
         torque = by_name[TORQUE].to_si(counts[:, column[TORQUE]])
         zero, noise = float(torque.mean()), float(torque.std())
         evidence = f"{1e3 * zero:.1f} mN m with {1e3 * noise:.2f} mN m of noise (r.m.s.), servo off"
         fine = abs(zero) <= LARGEST_ZERO * rated_torque
         remedy = "Trim the monitor's offset or check its cable."
-        checks.append(Check("torque zero", "ok" if fine else "failed", evidence, remedy))
+        checks.append(passed_if("torque zero", fine, evidence, remedy))
     return tuple(checks)
 
 
-def _completeness(flags: NDArray[np.uint16]) -> Check:
+def _completeness(flags: NDArray[np.uint16]) -> Finding:
     share = float(np.mean((flags & CycleFlag.INCOMPLETE) != 0)) if len(flags) else 1.0
     late = (
         float(np.mean((flags & (CycleFlag.LATE | CycleFlag.DOUBLED)) != 0)) if len(flags) else 0.0
@@ -368,27 +346,30 @@ def _completeness(flags: NDArray[np.uint16]) -> Check:
     if late:
         evidence += f", {100.0 * late:.1f} % with answers that came late"
         remedy = "Lower the SYNC rate or stop other programs on this computer; then check the bus."
-    return Check("cycles", "ok" if share <= MISSED_SHARE else "failed", evidence, remedy)
+    return passed_if("cycles", share <= MISSED_SHARE, evidence, remedy)
 
 
-def _state(word: int) -> Check:
+def _state(word: int) -> Finding:
     state = drive_state(word)
     evidence = f"statusword 0x{word:04X}, {state.value}"
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
-        return Check(
-            "drive", "failed", evidence, "Remove the cause and acknowledge the fault at the drive."
+        return Finding(
+            "drive",
+            Severity.BLOCKS,
+            evidence,
+            "Remove the cause and acknowledge the fault at the drive.",
         )
     if state in POWERED_STATES or state is DriveState.UNKNOWN:
-        return Check("drive", "failed", evidence, "The servo must be off before a run.")
-    return Check("drive", "ok", evidence)
+        return Finding("drive", Severity.BLOCKS, evidence, "The servo must be off before a run.")
+    return Finding("drive", Severity.PASSED, evidence)
 
 
-def refuse_failed(checks: Sequence[Check]) -> None:
+def refuse_failed(checks: Sequence[Finding]) -> None:
     """Raise `RigError` naming every check that failed."""
-    failed = [check for check in checks if check.result == "failed"]
+    failed = [check for check in checks if check.severity is Severity.BLOCKS]
     if failed:
         raise RigError(
             "the rig is not ready, nothing has moved",
             where="preflight",
-            value="; ".join(str(check) for check in failed),
+            value="; ".join(check.sentence for check in failed),
         )

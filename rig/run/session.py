@@ -24,6 +24,7 @@ from drivers.channel import OUTPUT_ANGLE
 from drivers.errors import BusLostError, DriverError, StaleDataError
 from drivers.port import STALE_DATA, Command, Guard, Mode
 from drivers.samples import SampleBlock
+from experiments.finding import Finding, Severity
 from experiments.recording import Event
 from experiments.steps.profile import cycles_of
 from rig.bench import limits as lim
@@ -44,7 +45,6 @@ from rig.run.order import Begin, Progress, RunOrder, RunReport
 from rig.run.phases import Journal, Machine, Turn
 from rig.run.preflight import (
     STANDING_TIME,
-    Check,
     channel_checks,
     drive_limits_check,
     refuse_failed,
@@ -62,6 +62,14 @@ STOP_SHARE = 0.25
 """Share of the allowed deceleration that a controlled stop uses."""
 SPACE_CHECK_CYCLES = 1000
 """Cycles between two looks at the free space of the disk."""
+LEVELS = {
+    Severity.PASSED: "info",
+    Severity.NOT_LOOKED_AT: "info",
+    Severity.NOTES: "info",
+    Severity.WARNS: "warning",
+    Severity.BLOCKS: "error",
+}
+"""How the run's log ranks what preflight found."""
 EXCHANGE_ATTEMPTS = 3
 """Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
 
@@ -146,7 +154,7 @@ class Session:
         )
         self._space_rows = 0
 
-    def run(self, first: SampleBlock, checks: tuple[Check, ...]) -> RunReport:
+    def run(self, first: SampleBlock, checks: tuple[Finding, ...]) -> RunReport:
         """Stand and look, execute the plan, make safe, seal."""
         try:
             self._stand(first, checks)
@@ -167,7 +175,7 @@ class Session:
         self._outcome = self._outcome or "COMPLETED"
         return self._report()
 
-    def _stand(self, first: SampleBlock, checks: tuple[Check, ...]) -> None:
+    def _stand(self, first: SampleBlock, checks: tuple[Finding, ...]) -> None:
         """Stand for a moment with the servo off, look, and take the position as reference; refuse a
         rig that is not fit.
         """
@@ -192,8 +200,7 @@ class Session:
         )
         checks = (*checks, *standing)
         for check in checks:
-            level = {"ok": "info", "warning": "warning", "failed": "error"}[check.result]
-            self._logbook.event(level, "preflight", "preflight", str(check))
+            self._logbook.event(LEVELS[check.severity], "preflight", "preflight", check.sentence)
         self._supervisor.begin(np.rint(counts.mean(axis=0)).astype(np.int64), self._machine.rows)
         try:
             refuse_failed(checks)
@@ -475,12 +482,12 @@ class Session:
             logbook.event("error", "latch", "session", str(error))
 
 
-def _write_limits(order: RunOrder) -> Check:
+def _write_limits(order: RunOrder) -> Finding:
     """What the drive holds of the limits; a drive that holds others is not armed."""
     try:
         return drive_limits_check(order.port, order.planned.limits)
     except (LimitError, DriverError) as error:
-        return Check("drive limits", "failed", str(error))
+        return Finding("drive limits", Severity.BLOCKS, str(error))
 
 
 def _geometry(planned: PlannedRun) -> Geometry | None:

@@ -12,6 +12,7 @@ from typing import Any
 from drivers.clock import WallClock
 from experiments import catalogue
 from experiments.contract import Experiment
+from experiments.finding import Finding
 from experiments.parameters import make_parameters, parameter_fields
 from experiments.recording import Event
 from model.gear import HarmonicDrive, Mounting
@@ -40,7 +41,7 @@ from rig.run.marker import RunMarker
 from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.order import Progress, RunOrder, RunReport
 from rig.run.own_handle import OwnHandle
-from rig.run.preflight import Check, refuse_failed, static_checks
+from rig.run.preflight import refuse_failed, static_checks
 from rig.run.realtime import block_cycles, execute_in_real_time, watchdog_deadline
 from rig.run.session import execute
 from rig.run.stop import StopRequest
@@ -285,7 +286,7 @@ def arming_of(request: RunRequest, planned: PlannedRun) -> Arming:
     )
 
 
-def arm(rig: AssembledRig, handle: OwnHandle | None = None) -> tuple[Check, ...]:
+def arm(rig: AssembledRig, handle: OwnHandle | None = None) -> tuple[Finding, ...]:
     """What is looked at last before a rig in real time may move; opens the watchdog's own handle."""
     unwatched, covered_by = rig.port.abilities.unwatched, rig.loss_covered_by
     own = (

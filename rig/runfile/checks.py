@@ -8,21 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from datetime import date
-from typing import Final, Literal
+from typing import Final
 
 import h5py
 import numpy as np
 
 from drivers.samples import CycleFlag
+from experiments.finding import Finding, Severity, first_blocking, passed_if
 from experiments.recording import Recording
 from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.source import FileSource
 
-Level = Literal["ok", "warning", "error"]
 BLOCK_ROWS = 65536
 LARGEST_RATE, SMALLEST_RATE = 1e9, 1e-9
 """Hz; the time stamps count nanoseconds, and end after centuries."""
@@ -37,17 +36,16 @@ ORIGINS_OF_BACKEND: Final[dict[str, tuple[str, ...]]] = {
     "import": ("imported",),
 }
 """What a run of each rig can be; the drivers of the hardware also reach a simulated bench."""
+LEVELS: Final = {
+    Severity.PASSED: "ok",
+    Severity.NOT_LOOKED_AT: "warning",
+    Severity.NOTES: "ok",
+    Severity.WARNS: "warning",
+    Severity.BLOCKS: "error",
+}
+"""The words of `rig verify --json` for how a check came out."""
 SIMULATED: Final = "simulated"
 """How certificates and models of simulated instruments begin."""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One check of a run file and what it found."""
-
-    check: str
-    level: Level
-    text: str
 
 
 def findings_of(
@@ -63,13 +61,13 @@ def findings_of(
 
 def require_sound(recording: Recording, source: FileSource, *, rows: bool = True) -> None:
     """Raise `RunFileError` at the first check that finds an error."""
-    for finding in findings_of(recording, source, rows=rows):
-        if finding.level == "error":
-            raise RunFileError(
-                f"{finding.check}: {finding.text}",
-                where=str(source.path),
-                remedy="Such a run is not used: take the original; `rig verify` shows every check.",
-            )
+    blocking = first_blocking(findings_of(recording, source, rows=rows))
+    if blocking is not None:
+        raise RunFileError(
+            blocking.sentence,
+            where=str(source.path),
+            remedy="Such a run is not used: take the original; `rig verify` shows every check.",
+        )
 
 
 def _check_counters(_: Recording, source: FileSource) -> Iterator[Finding]:
@@ -79,13 +77,17 @@ def _check_counters(_: Recording, source: FileSource) -> Iterator[Finding]:
         written = int(layout.read_number(process, "rows_written", -1))
         dropped = int(layout.read_number(process, "rows_dropped", 0))
     if written != source.rows and not source.grows:
-        yield Finding("rows", "error", f"{source.rows} rows, but the writer counted {written}")
+        yield Finding(
+            "rows", Severity.BLOCKS, f"{source.rows} rows, but the writer counted {written}"
+        )
     elif dropped:
         yield Finding(
-            "rows", "warning", f"{source.rows} rows as counted; {dropped} cycles never became a row"
+            "rows",
+            Severity.WARNS,
+            f"{source.rows} rows as counted; {dropped} cycles never became a row",
         )
     else:
-        yield Finding("rows", "ok", f"{source.rows} rows as counted, none dropped")
+        yield Finding("rows", Severity.PASSED, f"{source.rows} rows as counted, none dropped")
 
 
 def _check_numbers(recording: Recording, _: FileSource) -> Iterator[Finding]:
@@ -104,11 +106,7 @@ def _check_numbers(recording: Recording, _: FileSource) -> Iterator[Finding]:
         math.isnan(m.sample_rate) and may_be_unknown["rate"]
     ):
         wrong.append(f"the sample rate is {m.sample_rate:g} Hz")
-    yield (
-        Finding("numbers", "error", "; ".join(wrong))
-        if wrong
-        else Finding("numbers", "ok", "ratio and sample rate can be used")
-    )
+    yield passed_if("numbers", not wrong, "; ".join(wrong) or "ratio and sample rate can be used")
 
 
 def _check_origin(recording: Recording, source: FileSource) -> Iterator[Finding]:
@@ -134,11 +132,8 @@ def _check_origin(recording: Recording, source: FileSource) -> Iterator[Finding]
             wrong.append(f"it says hardware, but simulated: {', '.join(instruments)}")
         if "truth" in m.process:
             wrong.append("it says hardware, but holds the truth of a simulated gear")
-    yield (
-        Finding("origin", "error", "; ".join(wrong))
-        if wrong
-        else Finding("origin", "ok", f"{m.origin}, and nothing in it says otherwise")
-    )
+    fine = f"{m.origin}, and nothing in it says otherwise"
+    yield passed_if("origin", not wrong, "; ".join(wrong) or fine)
 
 
 def _check_rows(_: Recording, source: FileSource) -> Iterator[Finding]:
@@ -171,21 +166,18 @@ def _check_rows(_: Recording, source: FileSource) -> Iterator[Finding]:
         f"{str(flag.name).lower()} {count}" for flag, count in counted.items() if count
     )
     share = f"{flagged} of {source.rows} cycles flagged" + (f" ({parts})" if parts else "")
-    yield Finding(
+    holes = f"{gaps} gaps in the cycle index, {missing} cycles missing"
+    yield passed_if(
         "sequence",
-        "warning" if gaps else "ok",
-        f"{gaps} gaps in the cycle index, {missing} cycles missing"
-        if gaps
-        else "every cycle has its row",
+        not gaps,
+        holes if gaps else "every cycle has its row",
+        otherwise=Severity.WARNS,
     )
-    yield Finding(
-        "time",
-        "error" if backwards else "ok",
-        f"time does not increase at {backwards} rows, first at row {first_backwards}"
-        if backwards
-        else "time increases from row to row",
+    turned = f"time does not increase at {backwards} rows, first at row {first_backwards}"
+    yield passed_if(
+        "time", not backwards, turned if backwards else "time increases from row to row"
     )
-    yield Finding("flags", "warning" if flagged else "ok", share)
+    yield passed_if("flags", not flagged, share, otherwise=Severity.WARNS)
 
 
 def _check_columns(_: Recording, source: FileSource) -> Iterator[Finding]:
@@ -199,10 +191,8 @@ def _check_columns(_: Recording, source: FileSource) -> Iterator[Finding]:
                 unusable += int(np.count_nonzero(~np.isfinite(stored)))
         if unusable:
             wrong.append(f"{column.name} has {unusable} values that are no numbers")
-    yield (
-        Finding("channels", "error", "; ".join(wrong))
-        if wrong
-        else Finding("channels", "ok", "every channel can be read to its end")
+    yield passed_if(
+        "channels", not wrong, "; ".join(wrong) or "every channel can be read to its end"
     )
 
 
@@ -211,9 +201,11 @@ def _check_segments(recording: Recording, source: FileSource) -> Iterator[Findin
     if outside:
         text = f"segment {outside[0].index} ({outside[0].label}) ends at row {outside[0].stop} of {recording.rows}"
         # Of a run that is cut off the table may be ahead of the rows: recovering cuts it.
-        yield Finding("segments", "warning" if source.grows else "error", text)
+        yield Finding("segments", Severity.WARNS if source.grows else Severity.BLOCKS, text)
     else:
-        yield Finding("segments", "ok", f"{len(recording.segments)} segments within the rows")
+        yield Finding(
+            "segments", Severity.PASSED, f"{len(recording.segments)} segments within the rows"
+        )
 
 
 def _check_calibrations(recording: Recording, source: FileSource) -> Iterator[Finding]:
@@ -230,12 +222,16 @@ def _check_calibrations(recording: Recording, source: FileSource) -> Iterator[Fi
             overdue.append(f"{column.name} (due {due})")
     if overdue:
         yield Finding(
-            "calibration", "warning", "overdue when it was recorded: " + ", ".join(overdue)
+            "calibration", Severity.WARNS, "overdue when it was recorded: " + ", ".join(overdue)
         )
     if undated:
-        yield Finding("calibration", "warning", "due date is no ISO date: " + ", ".join(undated))
+        yield Finding(
+            "calibration", Severity.WARNS, "due date is no ISO date: " + ", ".join(undated)
+        )
     if not overdue and not undated:
-        yield Finding("calibration", "ok", "no calibration was overdue when it was recorded")
+        yield Finding(
+            "calibration", Severity.PASSED, "no calibration was overdue when it was recorded"
+        )
 
 
 _Check = Callable[[Recording, FileSource], Iterator[Finding]]

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from experiments.finding import Finding, Severity
 from rig.errors import ChangedRunError, RigError
 from rig.runfile import layout
-from rig.runfile.checks import Finding, findings_of
+from rig.runfile.checks import findings_of
 from rig.runfile.read import open_run
 from rig.runfile.seal import check_seal, hash_path
 from rig.runfile.source import FileSource
-
-__all__ = ["Finding", "verify_run"]
 
 
 def verify_run(path: str | Path) -> tuple[Finding, ...]:
@@ -21,16 +20,16 @@ def verify_run(path: str | Path) -> tuple[Finding, ...]:
     try:
         recording = open_run(path, digest=False)
     except RigError as error:
-        return (*findings, Finding("readable", "error", str(error)))
+        return (*findings, Finding("readable", Severity.BLOCKS, str(error)))
     source = recording.source
     assert isinstance(source, FileSource)
     with source:
         rows = f"{recording.rows} rows of {len(recording.signals)} channels"
-        findings.append(Finding("readable", "ok", rows))
+        findings.append(Finding("readable", Severity.PASSED, rows))
         try:
             findings.extend(findings_of(recording, source))
         except RigError as error:
-            findings.append(Finding("readable", "error", str(error)))
+            findings.append(Finding("readable", Severity.BLOCKS, str(error)))
     return tuple(findings)
 
 
@@ -38,17 +37,17 @@ def _check_hash(path: Path) -> Finding:
     if path.name.endswith(layout.PART_SUFFIX):
         return Finding(
             "hash",
-            "warning",
+            Severity.WARNS,
             "the run is not sealed: still being written, or cut off (`rig recover`)",
         )
     try:
         seal = check_seal(path, anew=True)
     except ChangedRunError as error:
         text = f"{error.what}: it is {error.value}, sealed with {error.limit}"
-        return Finding("hash", "error", text if error.limit else str(error))
+        return Finding("hash", Severity.BLOCKS, text if error.limit else str(error))
     except RigError as error:
-        return Finding("hash", "error", str(error))
+        return Finding("hash", Severity.BLOCKS, str(error))
     if not seal.is_whole:
         text = f"not sealed: there is no {hash_path(path).name} beside the run to compare with"
-        return Finding("hash", "warning", text)
-    return Finding("hash", "ok", f"SHA-256 {seal.sha256}")
+        return Finding("hash", Severity.WARNS, text)
+    return Finding("hash", Severity.PASSED, f"SHA-256 {seal.sha256}")

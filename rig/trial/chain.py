@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from experiments.finding import Severity
 from rig.analysis.chain import Link, broken, links_of_run
 from rig.errors import RigError
 from rig.gears import card as cards
 from rig.gears.acceptance import shipped_acceptance
 from rig.library.folder import ANALYSES_SUFFIX, RUN_SUFFIXES, run_files
-from rig.runfile.checks import Level
 from rig.runfile.layout import HASH_SUFFIX
 from rig.runfile.seal import check_seal, file_sha256
 from rig.runfile.sealed import read_sealed
@@ -51,11 +51,6 @@ def links_of(path: Path) -> Iterator[Link]:
         yield sealed_link("certificate", path)
 
 
-def first_broken(links: Iterable[Link]) -> Link | None:
-    """The first link that does not hold."""
-    return next((link for link in links if link.level == "error"), None)
-
-
 def links_of_campaign(path: Path) -> Iterator[Link]:
     """A campaign's journal, line by line, and the runs that it names."""
     try:
@@ -64,12 +59,19 @@ def links_of_campaign(path: Path) -> Iterator[Link]:
         yield broken("campaign", path, error)
         return
     if journal is None:
-        yield Link("campaign", path, "warning", "nothing was begun in it: it was cut off")
+        yield Link(
+            "campaign", Severity.WARNS, "nothing was begun in it: it was cut off", where=str(path)
+        )
         return
     if journal.is_chained:
-        yield Link("campaign", path, "ok", "ok, each line follows upon the one before")
+        yield Link(
+            "campaign",
+            Severity.PASSED,
+            "ok, each line follows upon the one before",
+            where=str(path),
+        )
     else:
-        yield Link("campaign", path, "warning", "not sealed (0.2.0)")
+        yield Link("campaign", Severity.WARNS, "not sealed (0.2.0)", where=str(path))
     for done in journal.stages:
         yield from _run_of(path, done)
     if journal.ended is not None:
@@ -80,41 +82,51 @@ def _links_of_end(path: Path, ended: Mapping[str, Any]) -> Iterator[Link]:
     """What the end of a campaign names: its certificates, and what the gear had to show."""
     for one in ended.get("certificates", ()):
         certificate = path.parent.parent / str(one["name"])
-        yield _named("certificate", certificate, str(one["sha256"]), path, "error")
+        yield _named("certificate", certificate, str(one["sha256"]), path, Severity.BLOCKS)
     if ended.get("acceptance_sha256"):
         # People edit this file: another edition of it is no forgery, but no longer what the verdict rests on.
         yield _acceptance(str(ended["acceptance"]), str(ended["acceptance_sha256"]), path)
 
 
-def _named(kind: str, path: Path, sha256: str, by: Path, level: Level) -> Link:
+def _named(kind: str, path: Path, sha256: str, by: Path, severity: Severity) -> Link:
     """A file that something else names by its hash."""
     if not path.is_file():
-        return Link(kind, path, "warning", f"is not here, though {by.name} names it")
+        return Link(
+            kind, Severity.WARNS, f"is not here, though {by.name} names it", where=str(path)
+        )
     found = file_sha256(path)
     if found != sha256:
         text = f"is not the one that {by.name} names: that had SHA-256 {sha256}"
-        return Link(kind, path, level, text, found)
-    return Link(kind, path, "ok", f"ok, named by {by.name}", found)
+        return Link(kind, severity, text, where=str(path), sha256=found)
+    return Link(kind, Severity.PASSED, f"ok, named by {by.name}", where=str(path), sha256=found)
 
 
 def _acceptance(name: str, sha256: str, by: Path) -> Link:
     if name.lower().endswith(".toml"):
-        return _named("acceptance", Path(name), sha256, by, "warning")
+        return _named("acceptance", Path(name), sha256, by, Severity.WARNS)
     try:
         found = shipped_acceptance(name).sha256
     except RigError as error:
-        return Link("acceptance", Path(name), "warning", str(error))
+        return Link("acceptance", Severity.WARNS, str(error), where=name)
     same = found == sha256
     text = (
         f"ok, named by {by.name}" if same else f"is another one in this version than for {by.name}"
     )
-    return Link("acceptance", Path(name), "ok" if same else "warning", text, found)
+    return Link(
+        "acceptance",
+        Severity.PASSED if same else Severity.WARNS,
+        text,
+        where=name,
+        sha256=found,
+    )
 
 
 def _run_of(path: Path, done: journals.DoneStage) -> Iterator[Link]:
     run = path.parent.parent / done.run
     if not run.is_file():
-        yield Link("run", run, "warning", f"is not here, though {path.name} names it")
+        yield Link(
+            "run", Severity.WARNS, f"is not here, though {path.name} names it", where=str(run)
+        )
         return
     if not done.sha256:
         return
@@ -125,7 +137,7 @@ def _run_of(path: Path, done: journals.DoneStage) -> Iterator[Link]:
         return
     if found != done.sha256:
         text = f"is not the one that {path.name} names: that had SHA-256 {done.sha256}"
-        yield Link("run", run, "error", text, found)
+        yield Link("run", Severity.BLOCKS, text, where=str(run), sha256=found)
 
 
 def sealed_link(kind: str, path: Path) -> Link:
@@ -135,8 +147,14 @@ def sealed_link(kind: str, path: Path) -> Link:
     except RigError as error:
         return broken(kind, path, error)
     if not seal.is_whole:
-        return Link(kind, path, "warning", "is not sealed: its note is missing", seal.sha256)
-    return Link(kind, path, "ok", "ok", seal.sha256)
+        return Link(
+            kind,
+            Severity.WARNS,
+            "is not sealed: its note is missing",
+            where=str(path),
+            sha256=seal.sha256,
+        )
+    return Link(kind, Severity.PASSED, "ok", where=str(path), sha256=seal.sha256)
 
 
 def _card(path: Path) -> Link:
@@ -144,8 +162,8 @@ def _card(path: Path) -> Link:
         card = cards.load_card(path)
     except RigError as error:
         return broken("gear card", path, error)
-    level = "warning" if card.warning else "ok"
-    return Link("gear card", path, level, card.warning or "ok, as it was confirmed")
+    severity = Severity.WARNS if card.warning else Severity.PASSED
+    return Link("gear card", severity, card.warning or "ok, as it was confirmed", where=str(path))
 
 
 def _links_of_folder(folder: Path) -> Iterator[Link]:
@@ -154,7 +172,9 @@ def _links_of_folder(folder: Path) -> Iterator[Link]:
         path = note.with_name(note.name.removesuffix(HASH_SUFFIX))
         if _is_run(path):
             if not path.exists() and not path.with_name(f"{path.name}.part").exists():
-                yield Link("run", path, "warning", "is not there, though its note is")
+                yield Link(
+                    "run", Severity.WARNS, "is not there, though its note is", where=str(path)
+                )
         else:
             yield sealed_link("certificate", path)
     for path in sorted((folder / journals.FOLDER).glob("*.jsonl")):

@@ -41,6 +41,7 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
@@ -266,7 +267,7 @@ def judged(victim: Victim, reference: NDArray[Any]) -> tuple[str, list[str], int
             rows = len(counts)
             if not np.array_equal(counts, reference[:rows]):
                 wrong.append("rows differ from those of the run that was not killed")
-            wrong += [f.text for f in verify_run(path) if f.level == "error"]
+            wrong += [f.found for f in verify_run(path) if f.severity is Severity.BLOCKS]
         if rows < victim.flushed:
             wrong.append(f"{victim.flushed - rows} flushed rows lost")
     except RigError as error:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from experiments import catalogue
+from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit_run import fit_files
@@ -46,7 +47,7 @@ def test_a_protocol_ends_safe_and_leaves_a_good_file(protocol: str, tmp_path: Pa
     assert recording.metadata.origin == "simulated"
     assert {"torque-zero-before", "torque-zero-after"} <= {s.label for s in recording.segments}
     assert not recording.flags().any()
-    assert [f for f in verify_run(report.path) if f.level == "error"] == []
+    assert [f for f in verify_run(report.path) if f.severity is Severity.BLOCKS] == []
     (fit,) = fit_files([report.path])
     assert fit.result.kind == protocol
     assert fit.result.as_json()["parameters"] or fit.result.metrics

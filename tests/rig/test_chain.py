@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from experiments import catalogue
+from experiments.finding import Severity, first_blocking
 from rig.analysis.chain import links_of_run
 from rig.analysis.in_force import in_force, keep
 from rig.analysis.recompute import recompute
@@ -28,7 +29,7 @@ from rig.runfile.seal import allowing_unsealed, hash_path
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.campaign.plan import shipped_plan
-from rig.trial.chain import first_broken, links_of
+from rig.trial.chain import links_of
 from tests.rig.library.stored import RUNNING, analyse, estimate, write
 from tests.rig.runfile.making import reseal
 
@@ -66,8 +67,8 @@ def rewritten(path: Path, before: str, after: str) -> None:
 
 def broken(place: Path) -> str:
     """The kind and file of the first link that does not hold; "" where all do."""
-    link = first_broken(links_of(place))
-    return "" if link is None else f"{link.kind} {link.path.name}"
+    link = first_blocking(links_of(place))
+    return "" if link is None else f"{link.what} {Path(link.where).name}"
 
 
 def edit_numbers(run: Path) -> None:
@@ -183,8 +184,8 @@ def test_an_analysis_of_0_2_0_is_read_and_told_as_not_sealed(run: Path) -> None:
     as_of_0_2_0(run)
     (found,) = read_analyses(run)
     assert found.seal_words.endswith(NOT_SEALED_THEN)
-    links = {link.kind: link for link in links_of_run(run)}
-    assert (links["analysis"].level, links["analysis"].text) == ("warning", NOT_SEALED_THEN)
+    links = {link.what: link for link in links_of_run(run)}
+    assert (links["analysis"].severity, links["analysis"].found) == ("warns", NOT_SEALED_THEN)
     assert rig("verify", run)[0] == 0
     # The same result is stored once more, sealed.
     assert analyse(run, estimate(RUNNING, 0.0619)).number == 2
@@ -194,9 +195,9 @@ def test_a_note_without_its_file_is_a_number_that_is_taken(run: Path) -> None:
     """What a kill between note and file leaves."""
     analysis_of(run).unlink()
     assert read_analyses(run) == ()
-    (left,) = [link for link in links_of_run(run) if link.kind == "analysis"]
-    assert (left.level, left.path) == ("warning", analysis_of(run))
-    assert "was cut off, or it was taken away" in left.text
+    (left,) = [link for link in links_of_run(run) if link.what == "analysis"]
+    assert (left.severity, Path(left.where)) == ("warns", analysis_of(run))
+    assert "was cut off, or it was taken away" in left.found
     assert analyse(run, estimate(RUNNING, 0.06)).number == 2
     assert [found.number for found in read_analyses(run)] == [2]
 
@@ -205,8 +206,8 @@ def test_an_analysis_that_is_gone_with_its_note_is_missed_where_a_later_one_is(r
     analyse(run, estimate(RUNNING, 0.05))
     analysis_of(run).unlink()
     hash_path(analysis_of(run)).unlink()
-    (gone,) = [link for link in links_of_run(run) if link.text.startswith("is not there")]
-    assert (gone.level, gone.path) == ("warning", analysis_of(run))
+    (gone,) = [link for link in links_of_run(run) if link.found.startswith("is not there")]
+    assert (gone.severity, Path(gone.where)) == ("warns", analysis_of(run))
 
 
 def test_figures_that_were_changed_are_refused(tmp_path: Path) -> None:
@@ -250,7 +251,7 @@ def test_an_analysis_made_again_is_equal_to_the_digit_and_an_edited_one_is_not(
     (stored,) = read_analyses(run)
     assert stored.tare["analysis_sha256"] == read_analyses(tare)[0].seal.sha256
     made = recompute(run, stored)
-    assert (made.level, made.worst, made.differing) == ("ok", 0.0, ())
+    assert (made.severity, made.worst, made.differing) == ("passed", 0.0, ())
     assert made.numbers >= numbers_in(stored.content["result"])
     code, output, _ = rig("verify", run, "--recompute", "--json")
     assert (code, json.loads(output)["recomputed"][0]["worst"]) == (0, 0.0)
@@ -275,7 +276,7 @@ def test_an_analysis_of_another_version_is_not_made_again_and_says_so(run: Path)
     rewritten(analysis_of(run), f'"analysis_version": {version}', '"analysis_version": 1')
     reseal(analysis_of(run))
     made = recompute(run, read_analyses(run)[0])
-    assert made.level == "warning"
+    assert made.severity is Severity.WARNS
     assert f"version 1 of friction, which is at {version}" in made.words
 
 
@@ -339,7 +340,7 @@ def test_a_journal_of_0_2_0_holds_no_hashes_and_is_read(run: Path) -> None:
     journal = journals.read(path)
     assert journal is not None
     assert not journal.is_chained
-    assert next(link.text for link in links_of(path)) == "not sealed (0.2.0)"
+    assert next(link.found for link in links_of(path)) == "not sealed (0.2.0)"
 
 
 def test_a_choice_by_hand_that_was_changed_is_refused(run: Path) -> None:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.finding import Finding, Severity
 from model.errors import WordedError
 from rig.analysis.judging import GearVerdict, StoredResult, judge
 from rig.analysis.result_data import result_from_mapping
@@ -34,7 +35,6 @@ from rig.present.certificate.record import (
 from rig.present.certificate.rests_on import PROGRAM
 from rig.present.figure import WATERMARKS
 from rig.program import this_program
-from rig.runfile.checks import Finding
 from rig.runfile.manifest import Manifest, manifest_from
 from rig.runfile.read import glance
 from rig.runfile.seal import file_sha256, hash_path
@@ -107,23 +107,23 @@ def verify_certificate(path: str | Path) -> tuple[Finding, ...]:
         listed = _sealed(manifest_path(path), "manifest", findings)
         found = _Certificate(path, record, manifest_from(listed, str(manifest_path(path))))
     except WordedError as error:
-        return (*findings, Finding("readable", "error", str(error)))
+        return (*findings, Finding("readable", Severity.BLOCKS, str(error)))
     for check in CHECKS:
         try:
             findings.extend(check(found))
         except WordedError as error:
-            findings.append(Finding("readable", "error", str(error)))
+            findings.append(Finding("readable", Severity.BLOCKS, str(error)))
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             text = f"the record says not what a record says: {type(error).__name__} {error}"
-            findings.append(Finding("record", "error", text))
+            findings.append(Finding("record", Severity.BLOCKS, text))
     return tuple(findings)
 
 
 def _sealed(path: Path, what: str, findings: list[Finding]) -> bytes:
     data, seal = read_sealed(path)
     words = f"{what} {path.name}: SHA-256 {seal.sha256}"
-    level = "ok" if seal.is_whole else "warning"
-    findings.append(Finding("seal", level, words + ("" if seal.is_whole else ", NOT SEALED")))
+    severity = Severity.PASSED if seal.is_whole else Severity.WARNS
+    findings.append(Finding("seal", severity, words + ("" if seal.is_whole else ", NOT SEALED")))
     return data
 
 
@@ -131,40 +131,43 @@ def _pages(found: _Certificate) -> Iterator[Finding]:
     """The pages are those that the record names, and sealed."""
     if found.path.suffix.lower() in PAGES and found.path.name not in found.record["files"]:
         text = f"{found.path.name} is no page of certificate {found.record['certificate']}"
-        yield Finding("pages", "error", text)
+        yield Finding("pages", Severity.BLOCKS, text)
     for name, sha256 in found.record["files"].items():
         page = found.path.with_name(Path(name).name)
         if not page.is_file():
-            yield Finding("pages", "warning", f"{name} does not lie here")
+            yield Finding("pages", Severity.WARNS, f"{name} does not lie here")
             continue
         sealed: list[Finding] = []
         try:
             _sealed(page, "page", sealed)
         except WordedError as error:
-            sealed.append(Finding("seal", "error", str(error)))
+            sealed.append(Finding("seal", Severity.BLOCKS, str(error)))
         yield from sealed
         if file_sha256(page) != sha256:
-            yield Finding("pages", "error", f"{name} is not the page that the record names")
+            yield Finding("pages", Severity.BLOCKS, f"{name} is not the page that the record names")
 
 
 def _rests_on(found: _Certificate) -> Iterator[Finding]:
     """Everything that the certificate rests on is there as it was."""
     if found.manifest.sha256 != found.record["manifest"]["sha256"]:
         text = "the manifest is not the one that the record names"
-        yield Finding("rests on", "error", text)
+        yield Finding("rests on", Severity.BLOCKS, text)
     files = [entry for entry in found.manifest.entries if entry.kind != PROGRAM]
     kept = 0
     for entry in files:
-        path, level = found.runs / entry.name, "warning" if entry.kind in GOES_ON else "error"
+        path = found.runs / entry.name
+        severity = Severity.WARNS if entry.kind in GOES_ON else Severity.BLOCKS
         if not path.is_file():
-            yield Finding("rests on", level, f"{entry.kind} {path} is missing")
+            yield Finding("rests on", severity, f"{entry.kind} {path} is missing")
         elif (now := file_sha256(path)) != entry.sha256:
             text = f"{entry.kind} {path} was changed: SHA-256 {now}, certified {entry.sha256}"
-            yield Finding("rests on", level, text)
+            yield Finding("rests on", severity, text)
         else:
             kept += 1
     if kept == len(files):
-        yield Finding("rests on", "ok", f"{kept} files, manifest {found.manifest.sha256}")
+        yield Finding(
+            "rests on", Severity.PASSED, f"{kept} files, manifest {found.manifest.sha256}"
+        )
 
 
 def _programs(found: _Certificate) -> Iterator[Finding]:
@@ -172,13 +175,15 @@ def _programs(found: _Certificate) -> Iterator[Finding]:
     made_by = str(found.record.get("program_sha256", ""))
     listed = {e.sha256: e.name for e in found.manifest.entries if e.kind == PROGRAM}
     if made_by not in listed:
-        yield Finding("program", "error", "the manifest does not name the program of the record")
+        yield Finding(
+            "program", Severity.BLOCKS, "the manifest does not name the program of the record"
+        )
     if len(listed) > 1:
         names = "; ".join(f"{name}, files {sha[:12]}" for sha, name in listed.items())
-        yield Finding("program", "warning", f"made by different programs: {names}")
+        yield Finding("program", Severity.WARNS, f"made by different programs: {names}")
     if made_by != this_program().sha256:
         text = f"made by {listed.get(made_by, 'a program without a name')}, not by this program"
-        yield Finding("program", "warning", text)
+        yield Finding("program", Severity.WARNS, text)
 
 
 def _numbers(found: _Certificate) -> Iterator[Finding]:
@@ -189,7 +194,9 @@ def _numbers(found: _Certificate) -> Iterator[Finding]:
         for name in (one["file"], one["run_file"]):
             if name not in listed:
                 wrong += 1
-                yield Finding("numbers", "error", f"{name} stands in no line of the manifest")
+                yield Finding(
+                    "numbers", Severity.BLOCKS, f"{name} stands in no line of the manifest"
+                )
         stored = _object(found.runs / one["file"])["result"]["parameters"]
         for name in dict.fromkeys((*one["numbers"], *stored)):
             compared += 1
@@ -197,9 +204,11 @@ def _numbers(found: _Certificate) -> Iterator[Finding]:
             if any(not _is_same(said.get(key), kept.get(key)) for key in STORED):
                 wrong += 1
                 text = f"{one['kind']} {name}: {_told(said)} in the record, {_told(kept)} in {one['file']}"
-                yield Finding("numbers", "error", text)
+                yield Finding("numbers", Severity.BLOCKS, text)
     if not wrong:
-        yield Finding("numbers", "ok", f"{compared} numbers are those of the stored analyses")
+        yield Finding(
+            "numbers", Severity.PASSED, f"{compared} numbers are those of the stored analyses"
+        )
 
 
 def _told(number: Mapping[str, Any]) -> str:
@@ -224,9 +233,11 @@ def _verdict(found: _Certificate) -> Iterator[Finding]:
             words = f"{said[key]} in the record, {now[key]} by the analyses"
             if key == "limits":
                 words = _limits_apart(said[key], now[key])
-            yield Finding("verdict", "error", words)
+            yield Finding("verdict", Severity.BLOCKS, words)
             return
-    yield Finding("verdict", "ok", f"{said['verdict']}, judged anew from the stored analyses")
+    yield Finding(
+        "verdict", Severity.PASSED, f"{said['verdict']}, judged anew from the stored analyses"
+    )
 
 
 def _limits_apart(said: Sequence[Any], now: Sequence[Any]) -> str:
@@ -265,7 +276,7 @@ def _origin(found: _Certificate) -> Iterator[Finding]:
         origin = glance(found.runs / one["run_file"]).metadata.origin
         if origin != one["origin"]:
             text = f"{one['run']} is {origin}, the record says {one['origin']}"
-            yield Finding("origin", "error", text)
+            yield Finding("origin", Severity.BLOCKS, text)
 
 
 def _printed(found: _Certificate) -> Iterator[Finding]:
@@ -281,13 +292,15 @@ def _printed(found: _Certificate) -> Iterator[Finding]:
         if there != said:
             lacks.append(f"{said} values with their U, where the page has {there}")
         if lacks:
-            yield Finding("printed", "error", f"{name} does not say on page one: {lacks[0]}")
+            yield Finding(
+                "printed", Severity.BLOCKS, f"{name} does not say on page one: {lacks[0]}"
+            )
             continue
         missing = [words for words in _on_any_page(found) if squeezed(words) not in whole]
         if missing:
-            yield Finding("printed", "error", f"{name} says on no page: {missing[0]}")
+            yield Finding("printed", Severity.BLOCKS, f"{name} says on no page: {missing[0]}")
         else:
-            yield Finding("printed", "ok", f"{name} says what the record says")
+            yield Finding("printed", Severity.PASSED, f"{name} says what the record says")
 
 
 def _on_page_one(found: _Certificate) -> Iterator[str]:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from drivers.port import RigPort
-from rig.trial.doctor.finding import Finding
+from experiments.finding import Finding, Severity
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ def inspect_abilities(port: RigPort) -> Iterable[Finding]:
     for line in LINES:
         has = line.has(port)
         yield Finding(
-            group="abilities",
-            name=line.name,
-            result="ok" if has else "skipped",
-            evidence="the rig has it" if has else f"the rig has none: {line.lack}",
+            line.name,
+            Severity.PASSED if has else Severity.NOT_LOOKED_AT,
+            "the rig has it" if has else f"the rig has none: {line.lack}",
+            where="abilities",
         )

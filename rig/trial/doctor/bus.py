@@ -18,8 +18,8 @@ from drivers.bus.network import NodeWatch, PumpedBus
 from drivers.bus.rig_nodes import RigNodes
 from drivers.bus.sdo import SdoAbortError, SdoProtocolError, SdoTimeoutError
 from drivers.port import DeviceEvent
+from experiments.finding import Finding, Severity, passed_if
 from rig.trial.doctor.drive import inspect_drive
-from rig.trial.doctor.finding import Finding, Verdict, judged
 from rig.trial.doctor.reference import inspect_reference
 from rig.trial.doctor.second_client import SecondClient, read_again
 
@@ -37,7 +37,7 @@ SLOW_HEARTBEAT = 1.5
 GRAVE_EVENTS = frozenset({"counts-per-revolution"})
 """What the drivers only warn of, and what makes every angle wrong."""
 _BETWEEN_NS = 1_000_000
-LEVELS: Mapping[str, Verdict] = {"error": "failed", "warning": "warning"}
+LEVELS: Mapping[str, Severity] = {"error": Severity.BLOCKS, "warning": Severity.WARNS}
 
 
 def inspect_bus(nodes: RigNodes, heard: Mapping[int, Sequence[int]]) -> Iterable[Finding]:
@@ -78,14 +78,14 @@ def _identity(group: str, name: str, identity: Identity) -> Finding:
     )
     # A coupler's terminals count under its own profile.
     wanted = {PROFILES[kind] for kind in kinds} or {identity.profile}
-    return judged(
-        group,
+    return passed_if(
         "identity",
         identity.profile in wanted,
         text,
-        limit=f"profile {' or '.join(str(profile) for profile in sorted(wanted))}",
-        otherwise="warning",
-        remedy="Is this the node that the configuration means? Check its node-ID.",
+        "Is this the node that the configuration means? Check its node-ID.",
+        where=group,
+        allowed=f"profile {' or '.join(str(profile) for profile in sorted(wanted))}",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -96,13 +96,13 @@ def _firmware(group: str, identity: Identity) -> Finding:
     )
     text += f", revision 0x{identity.revision:08X}"
     remedy = "The device does not tell its version: note it from the nameplate."
-    return judged(
-        group,
+    return passed_if(
         "firmware",
         bool(versions) or identity.revision != 0,
         text,
-        remedy=remedy,
-        otherwise="warning",
+        remedy,
+        where=group,
+        otherwise=Severity.WARNS,
     )
 
 
@@ -117,32 +117,21 @@ def _state(group: str, device: RemoteDevice) -> Finding:
         text = (
             f"lost: no heartbeat for more than {watch.timeout_ns * 1e-6:.0f} ms; before that {text}"
         )
-        return Finding(group=group, name="state", result="failed", evidence=text, remedy=remedy)
+        return Finding("state", Severity.BLOCKS, text, remedy, where=group)
     if watch.state is NmtState.UNKNOWN:
         return Finding(
-            group=group,
-            name="state",
-            result="warning",
-            evidence="its NMT state was never heard",
-            remedy=remedy,
+            "state", Severity.WARNS, "its NMT state was never heard", remedy, where=group
         )
     if watch.state is not NmtState.OPERATIONAL:
-        return Finding(
-            group=group,
-            name="state",
-            result="failed",
-            evidence=text,
-            limit="OPERATIONAL",
-            remedy=remedy,
-        )
-    return judged(
-        group,
+        return Finding("state", Severity.BLOCKS, text, remedy, where=group, allowed="OPERATIONAL")
+    return passed_if(
         "state",
         not watch.emergencies,
         text,
-        limit="OPERATIONAL, no emergency",
-        otherwise="warning",
-        remedy="Look the emergency code up in the manual.",
+        "Look the emergency code up in the manual.",
+        where=group,
+        allowed="OPERATIONAL, no emergency",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -151,32 +140,30 @@ def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
     remedy = "Does the node have object 0x1017?"
     if not asked:
         text = "none is produced: the loss of this node is only seen by its missing data"
-        return Finding(
-            group=group, name="heartbeat", result="warning", evidence=text, remedy=remedy
-        )
+        return Finding("heartbeat", Severity.WARNS, text, remedy, where=group)
     if len(heard) < 3:
         text = f"{len(heard)} heard where one every {asked:g} ms was asked for"
         return Finding(
-            group=group,
-            name="heartbeat",
-            result="failed",
-            evidence=text,
+            "heartbeat",
+            Severity.BLOCKS,
+            text,
+            remedy,
+            where=group,
+            allowed=f"<= {SLOW_HEARTBEAT * asked:g} ms",
             unit="ms",
-            limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
-            remedy=remedy,
         )
     period = float(np.median(np.diff(np.asarray(heard)))) * 1e-6
     text = f"every {period:.0f} ms over {len(heard)} of them, asked for every {asked:g} ms"
-    return judged(
-        group,
+    return passed_if(
         "heartbeat",
         period <= SLOW_HEARTBEAT * asked,
         text,
+        "The node beats more slowly than it was asked to.",
+        where=group,
+        allowed=f"<= {SLOW_HEARTBEAT * asked:g} ms",
         value=period,
         unit="ms",
-        limit=f"<= {SLOW_HEARTBEAT * asked:g} ms",
-        otherwise="warning",
-        remedy="The node beats more slowly than it was asked to.",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -187,14 +174,14 @@ def _guarding(group: str, device: RemoteDevice) -> Iterable[Finding]:
         return
     beats = bool(device.watch.timeout_ns)
     yield Finding(
-        group=group,
-        name="node guarding",
-        result="warning" if beats else "failed",
-        evidence=f"it waits to be guarded every {period} ms (0x100C), {factor} times (0x100D): nobody does that here",
+        "node guarding",
+        Severity.WARNS if beats else Severity.BLOCKS,
+        f"it waits to be guarded every {period} ms (0x100C), {factor} times (0x100D): nobody does that here",
+        "Set 0x100C to 0; this program watches nodes by their heartbeat (0x1017).",
+        where=group,
+        allowed="0",
         value=float(period),
         unit="ms",
-        limit="0",
-        remedy="Set 0x100C to 0; this program watches nodes by their heartbeat (0x1017).",
     )
 
 
@@ -209,11 +196,7 @@ def _optional(device: RemoteDevice, entry: ObjectRef) -> int:
 def _missing(group: str, missing: Sequence[Missing]) -> Finding:
     if not missing:
         return Finding(
-            group=group,
-            name="objects",
-            result="ok",
-            evidence="every object that is used is there",
-            value=0.0,
+            "objects", Severity.PASSED, "every object that is used is there", where=group, value=0.0
         )
     by_consequence: dict[str, list[str]] = {}
     for entry in missing:
@@ -225,40 +208,37 @@ def _missing(group: str, missing: Sequence[Missing]) -> Finding:
     )
     text = f"{len(missing)} are missing. {consequences}"
     return Finding(
-        group=group,
-        name="objects",
-        result="warning",
-        evidence=text,
+        "objects",
+        Severity.WARNS,
+        text,
+        "Decide whether the rig can do without.",
+        where=group,
         value=float(len(missing)),
-        unit="",
-        limit="",
-        remedy="Decide whether the rig can do without.",
     )
 
 
 def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
     """What the devices and the drivers told while they were brought up and watched; the same words once."""
-    counted: dict[tuple[str, str, str], tuple[Verdict, int]] = {}
+    counted: dict[tuple[str, str, str], tuple[Severity, int]] = {}
     for event in events:
-        verdict = "failed" if event.code in GRAVE_EVENTS else LEVELS.get(event.level)
-        if verdict is not None:
+        severity = LEVELS.get(event.level)
+        if event.code in GRAVE_EVENTS:
+            severity = Severity.BLOCKS
+        if severity is not None:
             key = (event.source, event.code, event.text)
-            counted[key] = (verdict, counted.get(key, (verdict, 0))[1] + 1)
-    for (source, code, text), (verdict, times) in counted.items():
+            counted[key] = (severity, counted.get(key, (severity, 0))[1] + 1)
+    for (source, code, text), (severity, times) in counted.items():
         often = f" ({times} times)" if times > 1 else ""
         yield Finding(
-            group="told by the devices",
-            name=code,
-            result=verdict,
-            evidence=f"{source}: {text}{often}",
+            code,
+            severity,
+            f"{source}: {text}{often}",
+            where="told by the devices",
             value=float(times),
         )
     if not counted:
         yield Finding(
-            group="told by the devices",
-            name="events",
-            result="ok",
-            evidence="no warning and no error",
+            "events", Severity.PASSED, "no warning and no error", where="told by the devices"
         )
 
 

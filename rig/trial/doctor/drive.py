@@ -11,7 +11,7 @@ from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia402.drive import ServoAmplifier
 from drivers.drive_state import POWERED_STATES, DriveState, drive_state
 from drivers.errors import DriverError
-from rig.trial.doctor.finding import Finding, judged
+from experiments.finding import Finding, Severity, passed_if
 
 GROUP = "drive"
 VOLTAGE_BIT = 0x0010
@@ -67,62 +67,52 @@ def _state(drive: ServoAmplifier) -> Finding:
         word = drive.statusword()
     except DriverError as error:
         return Finding(
-            group=GROUP,
-            name="state",
-            result="failed",
-            evidence=str(error),
-            remedy="Check the drive's supply.",
+            "state", Severity.BLOCKS, str(error), "Check the drive's supply.", where=GROUP
         )
     state = drive_state(word)
     text = f"statusword 0x{word:04X}, {state.value}"
     if state in (DriveState.FAULT, DriveState.FAULT_REACTION):
         return Finding(
-            group=GROUP,
-            name="state",
-            result="failed",
-            evidence=f"{text}: {drive.error_text()}",
-            remedy="Remove the cause, reset the fault.",
+            "state",
+            Severity.BLOCKS,
+            f"{text}: {drive.error_text()}",
+            "Remove the cause, reset the fault.",
+            where=GROUP,
         )
     if state in POWERED_STATES or state is DriveState.UNKNOWN:
-        return Finding(
-            group=GROUP,
-            name="state",
-            result="failed",
-            evidence=text,
-            remedy="The servo must be off here.",
-        )
+        return Finding("state", Severity.BLOCKS, text, "The servo must be off here.", where=GROUP)
     if not word & VOLTAGE_BIT:
         text += ", no voltage at the power stage"
         return Finding(
-            group=GROUP,
-            name="state",
-            result="warning",
-            evidence=text,
-            remedy="Main power off, or the emergency stop (STO) is pressed.",
+            "state",
+            Severity.WARNS,
+            text,
+            "Main power off, or the emergency stop (STO) is pressed.",
+            where=GROUP,
         )
     if not word & obj.REMOTE_BIT:
         text += ", does not listen to the bus"
         return Finding(
-            group=GROUP,
-            name="state",
-            result="warning",
-            evidence=text,
-            remedy="Release it from its panel or its tool (statusword bit 9).",
+            "state",
+            Severity.WARNS,
+            text,
+            "Release it from its panel or its tool (statusword bit 9).",
+            where=GROUP,
         )
-    return Finding(group=GROUP, name="state", result="ok", evidence=text)
+    return Finding("state", Severity.PASSED, text, where=GROUP)
 
 
 def _modes(drive: ServoAmplifier) -> Finding:
     chosen = (drive.readings.speed_mode, drive.readings.torque_mode)
     modes = [mode.name.replace("_", " ").lower() for mode in chosen if mode is not None]
-    return judged(
-        GROUP,
+    return passed_if(
         "modes",
         len(modes) == 2,
         ", ".join(modes) or "none",
-        limit="one of speed, one of torque",
-        otherwise="warning",
-        remedy="Protocols that need the missing mode cannot run.",
+        "Protocols that need the missing mode cannot run.",
+        where=GROUP,
+        allowed="one of speed, one of torque",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -135,15 +125,15 @@ def _units(drive: ServoAmplifier) -> Finding:
     )
     text = f"rated torque {readings.rated_torque:g} N m, speed unit {readings.velocity_unit:.4g} rad/s, {counts}"
     answers = [q for q in readings.questions if q.entry != "counts_per_revolution"]
-    return judged(
-        GROUP,
+    return passed_if(
         "units",
         not answers,
         "; ".join([text, *(question.why for question in answers)]),
-        remedy=" ".join(
+        " ".join(
             f"Give `{question.entry}` in [drive] of the configuration. {question.hint}"
             for question in answers
         ),
+        where=GROUP,
     )
 
 
@@ -155,22 +145,22 @@ def _option(
     value = drive.device.read_optional(entry)
     if value is None:
         return Finding(
-            group=GROUP,
-            name=name,
-            result="warning",
-            evidence=f"{entry} is not there: its reaction is its own",
-            remedy="See its manual.",
+            name,
+            Severity.WARNS,
+            f"{entry} is not there: its reaction is its own",
+            "See its manual.",
+            where=GROUP,
         )
     text = f"{value:g}, {meanings.get(int(value), 'its maker knows')}"
-    return judged(
-        GROUP,
+    return passed_if(
         name,
         value != 0,
         text,
+        remedy,
+        where=GROUP,
+        allowed="not 0",
         value=float(value),
-        limit="not 0",
-        remedy=remedy,
-        otherwise="warning",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -185,16 +175,10 @@ def _watches(drive: ServoAmplifier, computer: int) -> Finding:
         if entry >> 16 & 0x7F == computer and entry & 0xFFFF:
             waits = float(entry & 0xFFFF)
             text = f"misses the heartbeat of the computer (node {computer}) after {waits:g} ms"
-            return Finding(
-                group=GROUP, name=name, result="ok", evidence=text, value=waits, unit="ms"
-            )
+            return Finding(name, Severity.PASSED, text, where=GROUP, value=waits, unit="ms")
     remedy = "Only its own limits and the hardwired stop are left then."
     return Finding(
-        group=GROUP,
-        name=name,
-        result="warning",
-        evidence="does not notice when the computer dies (0x1016)",
-        remedy=remedy,
+        name, Severity.WARNS, "does not notice when the computer dies (0x1016)", remedy, where=GROUP
     )
 
 
@@ -206,27 +190,27 @@ def _factor(
     if above is None or below is None:
         return
     value = above / below if below else float("inf")
-    yield judged(
-        GROUP,
+    yield passed_if(
         name,
         above == below,
         f"{above:g} : {below:g}",
+        "0x6064 is not in encoder counts: set it to 1 : 1, or give the counts per revolution that result.",
+        where=GROUP,
+        allowed="1",
         value=value,
         unit="1",
-        limit="1",
-        otherwise="warning",
-        remedy="0x6064 is not in encoder counts: set it to 1 : 1, or give the counts per revolution that result.",
+        otherwise=Severity.WARNS,
     )
 
 
 def _settings(drive: ServoAmplifier) -> Finding:
     settings = drive.readings.settings
     shown = ", ".join(f"{name} {value:g}" for name, value in settings.items())
-    return judged(
-        GROUP,
+    return passed_if(
         "settings",
         bool(settings),
         shown or "none could be read",
-        otherwise="warning",
-        remedy="Electronic gear, option codes and gains are not known: read them with the vendor's tool.",
+        "Electronic gear, option codes and gains are not known: read them with the vendor's tool.",
+        where=GROUP,
+        otherwise=Severity.WARNS,
     )

@@ -17,6 +17,7 @@ from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
 from drivers.readout.nd287 import ReadoutConfig
 from experiments.errors import ExperimentError
+from experiments.finding import Finding, Severity, first_blocking
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.config.load import load_configuration
@@ -30,7 +31,6 @@ from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
 from rig.trial.doctor.abilities import inspect_abilities
 from rig.trial.doctor.bus import heartbeat_period_ns, inspect_bus, inspect_events, scan
-from rig.trial.doctor.finding import Finding
 from rig.trial.doctor.standing import Stand, inspect_stand
 from rig.trial.doctor.surroundings import (
     armed,
@@ -49,6 +49,14 @@ HEARTBEATS = 4
 """Periods of the slowest heartbeat that are waited for."""
 BLOCK_TIME = 0.02
 """s of cycles per exchange: how finely heartbeats are timed."""
+RESULTS = {
+    Severity.PASSED: "ok",
+    Severity.NOTES: "ok",
+    Severity.WARNS: "warning",
+    Severity.BLOCKS: "failed",
+    Severity.NOT_LOOKED_AT: "skipped",
+}
+"""The words of `--json` for how a line came out."""
 HARMLESS = frozenset({"calibration", "readout"})
 """Groups whose failed lines do not make motion unsafe."""
 
@@ -64,15 +72,26 @@ class Examination:
     @property
     def is_fine(self) -> bool:
         """Whether it is complete and nothing failed; warnings and what was skipped are the reader's to judge."""
-        return not self.was_stopped and all(finding.result != "failed" for finding in self.findings)
+        return not self.was_stopped and first_blocking(self.findings) is None
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig doctor --json` prints."""
         return {
             "backend": self.backend,
             "ok": self.is_fine,
-            "checks": [finding.as_json() for finding in self.findings],
+            "checks": [_as_json(finding) for finding in self.findings],
         }
+
+
+def _as_json(finding: Finding) -> dict[str, Any]:
+    """A line of the checklist: the form of every finding, and the keys of 0.2.0 beside it."""
+    return finding.as_json() | {
+        "group": finding.where,
+        "name": finding.what,
+        "result": RESULTS[finding.severity],
+        "evidence": finding.found,
+        "limit": finding.allowed,
+    }
 
 
 def examine(
@@ -97,13 +116,14 @@ def examine(
     findings += examine_standing(rig, planned)
     findings.append(readout(serial_line, rig.clock))
     refused = any(
-        finding.result == "failed" and finding.group not in HARMLESS for finding in findings
+        finding.severity is Severity.BLOCKS and finding.where not in HARMLESS
+        for finding in findings
     )
     if stop.level or refused or not moves:
         reason = why_not if not moves else "not before the lines that failed are in order"
         reason = "stopped by the operator" if stop.level else reason
         findings.append(
-            Finding(group="motion", name="direction and ratio", result="skipped", evidence=reason)
+            Finding("direction and ratio", Severity.NOT_LOOKED_AT, reason, where="motion")
         )
     else:
         on_stage("motion")
@@ -200,10 +220,10 @@ def _guard(looked: Looked) -> Iterable[Finding]:
         return found
     return (
         Finding(
-            group="safety",
-            name="guard",
-            result="skipped",
-            evidence=f"the rig '{looked.rig.name}' has no guard",
+            "guard",
+            Severity.NOT_LOOKED_AT,
+            f"the rig '{looked.rig.name}' has no guard",
+            where="safety",
         ),
     )
 
@@ -213,10 +233,7 @@ def _nodes(looked: Looked) -> Iterable[Finding]:
         return inspect_bus(looked.rig.nodes(), looked.heard)
     return (
         Finding(
-            group="nodes",
-            name="bus",
-            result="skipped",
-            evidence=f"the rig '{looked.rig.name}' has no bus",
+            "bus", Severity.NOT_LOOKED_AT, f"the rig '{looked.rig.name}' has no bus", where="nodes"
         ),
     )
 
@@ -261,10 +278,10 @@ def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
         description = port.open()
         findings.append(
             Finding(
-                group="rig",
-                name="connection",
-                result="ok",
-                evidence=f"{description.title} ({description.origin})",
+                "connection",
+                Severity.PASSED,
+                f"{description.title} ({description.origin})",
+                where="rig",
             )
         )
         for part in PARTS:
@@ -275,21 +292,21 @@ def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
             except (DriverError, RigError) as error:
                 findings.append(
                     Finding(
-                        group=part.group,
-                        name=part.name,
-                        result="failed",
-                        evidence=str(error),
-                        remedy="Supply, cables, termination.",
+                        part.name,
+                        Severity.BLOCKS,
+                        str(error),
+                        "Supply, cables, termination.",
+                        where=part.group,
                     )
                 )
     except (DriverError, RigError) as error:
         findings.append(
             Finding(
-                group="rig",
-                name="connection",
-                result="failed",
-                evidence=str(error),
-                remedy="Supply, cables, node-IDs, bit rate.",
+                "connection",
+                Severity.BLOCKS,
+                str(error),
+                "Supply, cables, node-IDs, bit rate.",
+                where="rig",
             )
         )
         findings += [*_answering(rig), *_events(looked)]
@@ -309,16 +326,16 @@ def _answering(rig: AssembledRig) -> Iterable[Finding]:
         finally:
             bus.close()
     except DriverError as error:
-        yield Finding(group="nodes", name="scan", result="failed", evidence=str(error))
+        yield Finding("scan", Severity.BLOCKS, str(error), where="nodes")
         return
     answers = ", ".join(
         f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items()
     )
     yield Finding(
-        group="nodes",
-        name="scan",
-        result="ok" if nodes else "failed",
-        evidence=answers or "nobody answers",
+        "scan",
+        Severity.PASSED if nodes else Severity.BLOCKS,
+        answers or "nobody answers",
+        where="nodes",
         value=float(len(nodes)),
     )
 
@@ -338,7 +355,7 @@ def examine_motion(
             report = run_on(rig, thrown_away, planned, stop, bench=bench_for(request))
             findings = [_ending(report), *_inspected(report, planned)]
         except (DriverError, RigError, ExperimentError) as error:
-            return [Finding(group="motion", name="run", result="failed", evidence=str(error))]
+            return [Finding("run", Severity.BLOCKS, str(error), where="motion")]
     return findings
 
 
@@ -350,22 +367,22 @@ def _ending(report: RunReport) -> Finding:
     text = f"{report.outcome}, {stands}" + (f": {report.message}" if report.message else "")
     if report.outcome == "ABORTED" and report.safe:
         return Finding(
-            group="motion",
-            name="run",
-            result="warning",
-            evidence=text,
-            remedy="Stopped by the operator: look the rig over again.",
+            "run",
+            Severity.WARNS,
+            text,
+            "Stopped by the operator: look the rig over again.",
+            where="motion",
         )
     fine = report.outcome == "COMPLETED" and report.safe
     remedy = (
         "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
     )
     return Finding(
-        group="motion",
-        name="run",
-        result="ok" if fine else "failed",
-        evidence=text,
-        remedy="" if fine else remedy,
+        "run",
+        Severity.PASSED if fine else Severity.BLOCKS,
+        text,
+        "" if fine else remedy,
+        where="motion",
     )
 
 
@@ -373,10 +390,7 @@ def _inspected(report: RunReport, planned: PlannedRun) -> Iterable[Finding]:
     if not report.readable:
         return [
             Finding(
-                group="motion",
-                name="recording",
-                result="failed",
-                evidence="the recorded motion cannot be read",
+                "recording", Severity.BLOCKS, "the recorded motion cannot be read", where="motion"
             )
         ]
     recording = open_run(report.path)

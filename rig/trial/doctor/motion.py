@@ -22,13 +22,13 @@ from experiments.contract import Evidence, Experiment
 from experiments.evidence import BAD_CYCLE, usable
 from experiments.evidence.motion import LARGEST_SKEW
 from experiments.evidence.skew import skew_of_encoders
+from experiments.finding import Finding, Severity, passed_if
 from experiments.recording import Recording, Segment
 from experiments.result import Result
 from experiments.steps import vocabulary as s
 from model.gear import HarmonicDrive
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.bench.limits import kinematic_error_margin, torsion_stiffness
-from rig.trial.doctor.finding import Finding, judged
 from rig.trial.doctor.standing import LARGEST_MISSED
 
 CREEP = DEGREE
@@ -113,9 +113,7 @@ def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Findin
         yield _skew(recording, gear)
     else:
         text = "no output encoder: which way the output turns and the ratio cannot be told"
-        yield Finding(
-            group="motion", name="output direction and ratio", result="skipped", evidence=text
-        )
+        yield Finding("output direction and ratio", Severity.NOT_LOOKED_AT, text, where="motion")
     yield from _torque(recording, turn or outward)
     yield _missed(recording)
     yield _index(recording)
@@ -134,9 +132,7 @@ def _outward(recording: Recording) -> Segment:
 
 
 def _not_reached(name: str) -> Finding:
-    return Finding(
-        group="motion", name=name, result="skipped", evidence="the motion ended before it"
-    )
+    return Finding(name, Severity.NOT_LOOKED_AT, "the motion ended before it", where="motion")
 
 
 def _moved(recording: Recording, segment: Segment, output: bool) -> float:
@@ -155,15 +151,15 @@ def _creep(recording: Recording, segment: Segment | None) -> Finding:
     remedy = "Turn `direction` of the motor encoder, or the drive's own sense, until a positive speed counts up."
     if moved > 0.0 and not abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP:
         remedy = "Lines and multiplication of the motor encoder do not fit the way it went."
-    return judged(
-        "motion",
+    return passed_if(
         "input direction",
         abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP,
         text,
+        remedy,
+        where="motion",
+        allowed=f"1 +- {CREEP_TOLERANCE:g} deg",
         value=moved / DEGREE,
         unit="deg",
-        limit=f"1 +- {CREEP_TOLERANCE:g} deg",
-        remedy=remedy,
     )
 
 
@@ -174,31 +170,30 @@ def _output_sense(recording: Recording, segment: Segment, gear: HarmonicDrive) -
     text = f"{outer / DEGREE:+.3f} deg at the output for {inner / DEGREE:+.1f} deg at the input, {mounting}"
     if abs(inner) / gear.mounted_ratio(mounting) < least:
         return Finding(
-            group="motion",
-            name="output direction",
-            result="skipped",
-            evidence=f"the motion was too short to tell it: {text}",
+            "output direction",
+            Severity.NOT_LOOKED_AT,
+            f"the motion was too short to tell it: {text}",
+            where="motion",
         )
     if abs(outer) < 0.5 * least:
         remedy = "Is the output encoder coupled, and its signal there?"
         return Finding(
-            group="motion",
-            name="output direction",
-            result="failed",
-            evidence=f"{text}: it does not move",
+            "output direction",
+            Severity.BLOCKS,
+            f"{text}: it does not move",
+            remedy,
+            where="motion",
             value=outer / DEGREE,
             unit="deg",
-            limit="",
-            remedy=remedy,
         )
-    return judged(
-        "motion",
+    return passed_if(
         "output direction",
         outer * inner > 0.0,
         text,
+        "Turn `direction` of the output counter; check --mounting: it sets the sense in which the output turns.",
+        where="motion",
         value=outer / DEGREE,
         unit="deg",
-        remedy="Turn `direction` of the output counter; check --mounting: it sets the sense in which the output turns.",
     )
 
 
@@ -208,18 +203,18 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     least = LEAST_COUNTS * recording.signals["output_angle"].quantum
     if abs(inner) / expected < least:
         return Finding(
-            group="motion",
-            name="ratio",
-            result="skipped",
-            evidence=f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg",
+            "ratio",
+            Severity.NOT_LOOKED_AT,
+            f"the motion was too short to tell it: {inner / DEGREE:+.1f} deg",
+            where="motion",
         )
     if abs(outer) < 0.5 * least:
         return Finding(
-            group="motion",
-            name="ratio",
-            result="failed",
-            evidence="the output does not move",
-            remedy="Is the output encoder coupled?",
+            "ratio",
+            Severity.BLOCKS,
+            "the output does not move",
+            "Is the output encoder coupled?",
+            where="motion",
         )
     ratio = abs(inner / outer)
     doubt = ratio * angle_doubt(recording, gear) / abs(outer)
@@ -227,10 +222,10 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     text = f"{ratio:.4f} +- {doubt:.4f} over {turns:.3f} turns of the output, described as {expected:g}"
     if doubt > LARGEST_DOUBT * expected and abs(ratio - expected) <= doubt:
         return Finding(
-            group="motion",
-            name="ratio",
-            result="skipped",
-            evidence=f"the motion was too short to tell it: {text}",
+            "ratio",
+            Severity.NOT_LOOKED_AT,
+            f"the motion was too short to tell it: {text}",
+            where="motion",
         )
     remedy = "Check ratio and mounting, and lines x multiplication of both encoders."
     other = (
@@ -238,15 +233,15 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     )
     if abs(ratio - other) <= doubt:
         remedy = f"{other:g} is the ratio of the other mounting: check --mounting."
-    return judged(
-        "motion",
+    return passed_if(
         "ratio",
         abs(ratio - expected) <= doubt,
         text,
+        remedy,
+        where="motion",
+        allowed=f"{expected:g} +- {doubt:.4f}",
         value=ratio,
         unit="1",
-        limit=f"{expected:g} +- {doubt:.4f}",
-        remedy=remedy,
     )
 
 
@@ -269,21 +264,21 @@ def _skew(recording: Recording, gear: HarmonicDrive) -> Finding:
     name, rate = "skew of the encoders", recording.metadata.sample_rate
     if estimate is None or not math.isfinite(estimate.value):
         why = estimate.note if estimate is not None else "there is no stamp of each cycle"
-        return Finding(group="motion", name=name, result="skipped", evidence=why)
+        return Finding(name, Severity.NOT_LOOKED_AT, why, where="motion")
     certain = max(abs(estimate.value) - estimate.expanded_uncertainty, 0.0) * rate
     text = (
         f"{1e6 * estimate.value:+.0f} +- {1e6 * estimate.expanded_uncertainty:.0f} us, "
         f"output after input; a cycle has {1e6 / rate:.0f} us"
     )
-    return judged(
-        "motion",
+    return passed_if(
         name,
         certain <= LARGEST_SKEW,
         text,
+        "Both angles must be latched by the same SYNC: look at the transmission types of their PDOs.",
+        where="motion",
+        allowed=f"{LARGEST_SKEW:g} cycles",
         value=1e6 * estimate.value,
         unit="us",
-        limit=f"{LARGEST_SKEW:g} cycles",
-        remedy="Both angles must be latched by the same SYNC: look at the transmission types of their PDOs.",
     )
 
 
@@ -291,7 +286,7 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
     """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
     if not recording.has("torque"):
         text = "there is no torque port"
-        yield Finding(group="motion", name="torque direction", result="skipped", evidence=text)
+        yield Finding("torque direction", Severity.NOT_LOOKED_AT, text, where="motion")
         return
     port = _cost(recording, segment, "torque")
     if not recording.has("drive_torque"):
@@ -303,45 +298,45 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
     )
     if abs(drive) < LEAST_TORQUE:
         yield Finding(
-            group="motion",
-            name="torque direction",
-            result="skipped",
-            evidence=f"too little to tell it: {text}",
+            "torque direction",
+            Severity.NOT_LOOKED_AT,
+            f"too little to tell it: {text}",
+            where="motion",
         )
         return
     scale = port / drive
     if scale < 0.5:
         remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
         yield Finding(
-            group="motion",
-            name="torque direction",
-            result="failed",
-            evidence=text,
+            "torque direction",
+            Severity.BLOCKS,
+            text,
+            remedy,
+            where="motion",
+            allowed="the same sense",
             value=scale,
             unit="1",
-            limit="the same sense",
-            remedy=remedy,
         )
         return
     yield Finding(
-        group="motion",
-        name="torque direction",
-        result="ok",
-        evidence=text,
+        "torque direction",
+        Severity.PASSED,
+        text,
+        where="motion",
+        allowed="the same sense",
         value=scale,
         unit="1",
-        limit="the same sense",
     )
-    yield judged(
-        "motion",
+    yield passed_if(
         "torque scale",
         abs(scale - 1.0) <= TORQUE_SCALE,
         f"{scale:.3f} by the port for 1 by the drive",
+        "Check volts per rated torque of the port and the rated torque (0x6076).",
+        where="motion",
+        allowed=f"1 +- {TORQUE_SCALE:g}",
         value=scale,
         unit="1",
-        limit=f"1 +- {TORQUE_SCALE:g}",
-        otherwise="warning",
-        remedy="Check volts per rated torque of the port and the rated torque (0x6076).",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -361,32 +356,32 @@ def _against_friction(recording: Recording, segment: Segment, port: float) -> Fi
     text = f"the motion of {moved / DEGREE:+.0f} deg costs {1e3 * port:+.1f} mN m by the port; the drive tells none"
     if abs(port) < LEAST_TORQUE:
         text = f"too little to tell it: {text}"
-        return Finding(group="motion", name="torque direction", result="skipped", evidence=text)
-    return judged(
-        "motion",
+        return Finding("torque direction", Severity.NOT_LOOKED_AT, text, where="motion")
+    return passed_if(
         "torque direction",
         port * moved > 0.0,
         text,
+        "Turn `direction` of the torque input or of the motor encoder; check that the port is connected.",
+        where="motion",
+        allowed="the sense of the motion",
         value=port,
         unit="N m",
-        limit="the sense of the motion",
-        remedy="Turn `direction` of the torque input or of the motor encoder; check that the port is connected.",
     )
 
 
 def _missed(recording: Recording) -> Finding:
     share = float(np.mean((recording.flags() & BAD_CYCLE) != 0)) if recording.rows else 1.0
     text = f"{100.0 * share:.2f} % of {recording.rows} cycles cannot be used"
-    return judged(
-        "motion",
+    return passed_if(
         "cycles",
         share <= LARGEST_MISSED,
         text,
+        "Look at the bus load, the cable and the termination, and what disturbs them in motion.",
+        where="motion",
+        allowed=f"<= {LARGEST_MISSED:g}",
         value=share,
         unit="1",
-        limit=f"<= {LARGEST_MISSED:g}",
-        otherwise="warning",
-        remedy="Look at the bus load, the cable and the termination, and what disturbs them in motion.",
+        otherwise=Severity.WARNS,
     )
 
 
@@ -394,21 +389,21 @@ def _index(recording: Recording) -> Finding:
     if not recording.has(OUTPUT_INDEX, INDEX_SEEN):
         text = "no latch of index marks: phases are not carried from run to run"
         return Finding(
-            group="motion",
-            name="index marks",
-            result="warning",
-            evidence=text,
-            remedy="Map the objects of the latch, where there are any.",
+            "index marks",
+            Severity.WARNS,
+            text,
+            "Map the objects of the latch, where there are any.",
+            where="motion",
         )
     seen = int(recording.si(INDEX_SEEN)[-1])
     text = (
         f"input {'seen' if seen & 1 else 'not seen'}, output {'seen' if seen & 2 else 'not seen'}"
     )
-    return judged(
-        "motion",
+    return passed_if(
         "index marks",
         seen & 3 == 3,
         text,
-        otherwise="warning",
-        remedy="The output may not have passed its mark: turn it further, or look at the cable.",
+        "The output may not have passed its mark: turn it further, or look at the cable.",
+        where="motion",
+        otherwise=Severity.WARNS,
     )

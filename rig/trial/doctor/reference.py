@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 from drivers.bus.analog.amplifier import ReferenceAmplifier
 from drivers.drive_state import POWERED_STATES, DriveState
+from experiments.finding import Finding, Severity, passed_if
 from model.units import RPM
-from rig.trial.doctor.finding import Finding, judged
 
 
 def inspect_reference(amplifier: ReferenceAmplifier) -> Iterable[Finding]:
@@ -19,29 +19,29 @@ def inspect_reference(amplifier: ReferenceAmplifier) -> Iterable[Finding]:
     text = ", ".join(
         f"{name} {'yes' if line.is_active(word) else 'no'}" for name, line in said.items()
     )
-    yield judged(
-        group,
+    yield passed_if(
         "contacts",
         state not in (*POWERED_STATES, DriveState.FAULT) and lines.ready.is_active(word),
         f"0x{word:02X}: {text}",
-        limit="ready, no alarm, no power",
-        remedy="Look at the amplifier's panel, at the sense of each contact in [drive.lines], and at its wiring.",
+        "Look at the amplifier's panel, at the sense of each contact in [drive.lines], and at its wiring.",
+        where=group,
+        allowed="ready, no alarm, no power",
     )
     config = amplifier.config
     step = config.volts_per_count * config.speed_per_volt / RPM
     yield Finding(
-        group=group,
-        name="reference",
-        result="ok",
-        evidence=f"1 V is {config.speed_per_volt / RPM:g} r/min, one count {step:.3g} r/min; stands at "
+        "reference",
+        Severity.PASSED,
+        f"1 V is {config.speed_per_volt / RPM:g} r/min, one count {step:.3g} r/min; stands at "
         f"{config.zero_volts:g} V; at most {config.largest_volts:g} V",
+        where=group,
     )
     covered = tuple(amplifier.unwatched)
-    yield judged(
-        group,
+    yield passed_if(
         "loss of the computer",
         not covered,
         "; ".join(covered) or "the coupler takes servo-on and reference away by itself",
-        otherwise="warning",
-        remedy="Cover it by hardware, and say it as `computer_loss_covered_by` in [drive].",
+        "Cover it by hardware, and say it as `computer_loss_covered_by` in [drive].",
+        where=group,
+        otherwise=Severity.WARNS,
     )

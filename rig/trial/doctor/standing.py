@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Channel
 from drivers.samples import CycleFlag
+from experiments.finding import Finding, Severity, passed_if
 from model.units import ARCSEC
 from rig.run.preflight import LARGEST_ZERO, MISSED_SHARE, STANDING_COUNTS
-from rig.trial.doctor.finding import Finding, judged
 
 SOUGHT_ZERO = 0.02
 """Share of the rated torque that the torque port should not exceed with the servo off: 20 mV of a monitor of 1 V."""
@@ -69,68 +69,66 @@ def inspect_stand(stand: Stand) -> Iterable[Finding]:
 def _complete(stand: Stand) -> Finding:
     wrong = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
     missed = float(np.mean((stand.flags & wrong) != 0)) if len(stand.flags) else 1.0
-    return judged(
-        "acquisition",
+    return passed_if(
         "cycles",
         missed <= LARGEST_MISSED,
         f"{100.0 * missed:.2f} % of {len(stand.flags)} cycles incomplete, late or doubled",
+        "Lower the SYNC rate, look at the bus load, the cable and the termination.",
+        where="acquisition",
+        allowed=f"<= {LARGEST_MISSED:g}",
         value=missed,
         unit="1",
-        limit=f"<= {LARGEST_MISSED:g}",
-        otherwise="warning" if missed <= MISSED_SHARE else "failed",
-        remedy="Lower the SYNC rate, look at the bus load, the cable and the termination.",
+        otherwise=Severity.WARNS if missed <= MISSED_SHARE else Severity.BLOCKS,
     )
 
 
 def _time(stand: Stand) -> Iterable[Finding]:
     steps = np.diff(stand.time_ns).astype(np.float64)
     if not len(steps):
-        yield Finding(
-            group="acquisition", name="rate", result="failed", evidence="no cycle came back"
-        )
+        yield Finding("rate", Severity.BLOCKS, "no cycle came back", where="acquisition")
         return
     rate, nominal = 1e9 / steps.mean(), 1e9 / stand.cycle_ns
-    yield judged(
-        "acquisition",
+    yield passed_if(
         "rate",
         rate >= SLOW_RATE * nominal,
         f"{rate:.1f} Hz of {nominal:g} Hz",
+        "A lower SYNC rate, a quieter computer.",
+        where="acquisition",
+        allowed=f">= {SLOW_RATE * nominal:g} Hz",
         value=rate,
         unit="Hz",
-        limit=f">= {SLOW_RATE * nominal:g} Hz",
-        otherwise="warning" if rate >= SLOWEST_RATE * nominal else "failed",
-        remedy="A lower SYNC rate, a quieter computer.",
+        otherwise=Severity.WARNS if rate >= SLOWEST_RATE * nominal else Severity.BLOCKS,
     )
     jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
     allowed = LARGEST_JITTER * stand.cycle_ns * 1e-3
-    yield judged(
-        "acquisition",
+    yield passed_if(
         "jitter",
         jitter <= allowed,
         f"{jitter:.0f} us r.m.s., {largest:.0f} us at most",
+        "An adapter with time stamps of its own, a lower SYNC rate, a quieter computer.",
+        where="acquisition",
+        allowed=f"<= {allowed:g} us r.m.s.",
         value=jitter,
         unit="us",
-        limit=f"<= {allowed:g} us r.m.s.",
-        otherwise="warning",
-        remedy="An adapter with time stamps of its own, a lower SYNC rate, a quieter computer.",
+        otherwise=Severity.WARNS,
     )
-    yield judged(
-        "acquisition",
+    yield passed_if(
         "time base",
         stand.time_base != "host",
         f"time stamps are those of: {stand.time_base}",
-        otherwise="warning",
-        remedy="Analyses of speed need stamps of the adapter or the devices: pcan, kvaser, gs_usb.",
+        "Analyses of speed need stamps of the adapter or the devices: pcan, kvaser, gs_usb.",
+        where="acquisition",
+        otherwise=Severity.WARNS,
     )
     wrong = int(np.sum((steps <= 0.0) | (steps > LARGEST_STEP)))
-    yield judged(
-        "acquisition",
+    yield passed_if(
         "clock",
         not wrong,
         f"{wrong} of {len(steps)} steps of the time stamps go backwards or jump",
+        "The adapter's clock jumps: another driver of it, or stamps of the host.",
+        where="acquisition",
+        allowed="0",
         value=float(wrong),
-        limit="0",
-        remedy="The adapter's clock jumps: another driver of it, or stamps of the host.",
     )
 
 
@@ -138,47 +136,47 @@ def _torque(stand: Stand) -> Iterable[Finding]:
     port, drive = stand.si(names.TORQUE), stand.si(names.DRIVE_TORQUE)
     if port is None or not len(port):
         yield Finding(
-            group="torque",
-            name="port",
-            result="warning",
-            evidence="no torque port: 0x6077 is all there is",
-            remedy="Map the analogue input.",
+            "port",
+            Severity.WARNS,
+            "no torque port: 0x6077 is all there is",
+            "Map the analogue input.",
+            where="torque",
         )
     else:
         zero, noise, rated = float(port.mean()), float(port.std()), stand.rated_torque
-        yield judged(
-            "torque",
+        yield passed_if(
             "zero",
             abs(zero) <= SOUGHT_ZERO * rated,
             f"{1e3 * zero:.2f} mN m with the servo off",
+            "Trim the monitor's offset, check its cable.",
+            where="torque",
+            allowed=f"+-{SOUGHT_ZERO * rated:.3g} N m",
             value=zero,
             unit="N m",
-            limit=f"+-{SOUGHT_ZERO * rated:.3g} N m",
-            otherwise="warning" if abs(zero) <= LARGEST_ZERO * rated else "failed",
-            remedy="Trim the monitor's offset, check its cable.",
+            otherwise=Severity.WARNS if abs(zero) <= LARGEST_ZERO * rated else Severity.BLOCKS,
         )
-        yield judged(
-            "torque",
+        yield passed_if(
             "noise",
             noise <= LARGEST_TORQUE_NOISE * rated,
             f"{1e3 * noise:.3f} mN m r.m.s.",
+            "Check shield and ground.",
+            where="torque",
+            allowed=f"<= {LARGEST_TORQUE_NOISE * rated:.3g} N m",
             value=noise,
             unit="N m",
-            limit=f"<= {LARGEST_TORQUE_NOISE * rated:.3g} N m",
-            otherwise="warning",
-            remedy="Check shield and ground.",
+            otherwise=Severity.WARNS,
         )
     if port is not None and drive is not None and len(port):
         differs = float(abs(port.mean() - drive.mean()))
-        yield judged(
-            "torque",
+        yield passed_if(
             "cross-check",
             differs <= DISAGREEMENT * stand.rated_torque,
             f"port and drive differ by {1e3 * differs:.2f} mN m at rest",
+            "Check scale, direction and zero of the port.",
+            where="torque",
+            allowed=f"<= {DISAGREEMENT * stand.rated_torque:.3g} N m",
             value=differs,
             unit="N m",
-            limit=f"<= {DISAGREEMENT * stand.rated_torque:.3g} N m",
-            remedy="Check scale, direction and zero of the port.",
         )
 
 
@@ -195,22 +193,18 @@ def _encoder(stand: Stand, name: str) -> Finding:
                 f"cycles; a count is {size:.3g} arcsec"
             )
             remedy = "Something turns, or the signal is disturbed."
-            return judged(
-                "encoders",
+            return passed_if(
                 title,
                 flicker <= STANDING_COUNTS and bool(len(counts)),
                 text,
+                remedy,
+                where="encoders",
+                allowed=f"<= {STANDING_COUNTS}",
                 value=float(flicker),
                 unit="counts",
-                limit=f"<= {STANDING_COUNTS}",
-                remedy=remedy,
             )
     return Finding(
-        group="encoders",
-        name=title,
-        result="warning",
-        evidence="there is none",
-        remedy="Map it in the configuration.",
+        title, Severity.WARNS, "there is none", "Map it in the configuration.", where="encoders"
     )
 
 
@@ -220,14 +214,14 @@ def _temperatures(stand: Stand) -> Iterable[Finding]:
         values = stand.si(name)
         if values is not None and len(values):
             mean = float(values.mean())
-            yield judged(
-                "temperature",
+            yield passed_if(
                 name.replace("_", " "),
                 low <= mean <= high,
                 f"{mean:.1f} degC",
+                "Is a sensor connected to this input?",
+                where="temperature",
+                allowed=f"{low:g} to {high:g} degC",
                 value=mean,
                 unit="degC",
-                limit=f"{low:g} to {high:g} degC",
-                otherwise="warning",
-                remedy="Is a sensor connected to this input?",
+                otherwise=Severity.WARNS,
             )

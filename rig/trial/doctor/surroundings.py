@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 
@@ -23,13 +24,13 @@ from drivers.errors import DriverError
 from drivers.port import RigPort
 from drivers.readout.nd287 import Readout, ReadoutConfig, open_port
 from experiments.assumed import ENCODERS, TEMPERATURE, THERMOMETER, TORQUE_SCALE
+from experiments.finding import Finding, Severity, passed_if
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
 from rig.run.latch import latch_of
-from rig.run.preflight import Check, drive_limits_check
+from rig.run.preflight import drive_limits_check
 from rig.run.start import RunRequest, bench_for
-from rig.trial.doctor.finding import Finding, judged
 
 ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
 """Bytes that an hour at 1 kHz and a margin take; bytes below which no run should be begun."""
@@ -55,32 +56,32 @@ def bench_lines(request: RunRequest) -> Iterable[Finding]:
         bench = bench_for(request)
     except ConfigurationError as error:
         yield Finding(
-            group="bench",
-            name="identity and state folder",
-            result="failed",
-            evidence=f"{error.what} ({error.value})",
-            remedy=error.remedy,
+            "identity and state folder",
+            Severity.BLOCKS,
+            f"{error.what} ({error.value})",
+            error.remedy,
+            where="bench",
         )
         return
     text = bench.id if bench.scope != "runs" else f"seed {bench.id} of a simulated rig"
-    yield Finding(group="bench", name="identity", result="ok", evidence=text)
-    yield judged(
-        "bench",
+    yield Finding("identity", Severity.PASSED, text, where="bench")
+    yield passed_if(
         "state folder",
         bench.scope != "user",
         f"{bench.state}, {'' if bench.scope == 'runs' else 'writable, '}{SCOPES[bench.scope]}",
-        otherwise="warning",
-        remedy="Another user would not meet its latch: make the site's writable for all who run it"
+        "Another user would not meet its latch: make the site's writable for all who run it"
         f" ({', '.join(str(place) for place in bench.elsewhere[:1])}).",
+        where="bench",
+        otherwise=Severity.WARNS,
     )
     trip = latch_of(bench).read()
     if trip is not None:
         yield Finding(
-            group="bench",
-            name="latch",
-            result="failed",
-            evidence=f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}: {trip.message}",
-            remedy=f"Find and remove the cause, then: rig acknowledge --operator NAME {bench.option}",
+            "latch",
+            Severity.BLOCKS,
+            f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}: {trip.message}",
+            f"Find and remove the cause, then: rig acknowledge --operator NAME {bench.option}",
+            where="bench",
         )
 
 
@@ -92,32 +93,28 @@ def disk(folder: Path) -> Finding:
     if not place.is_dir() or not os.access(place, os.W_OK):
         what = f"{place} is no folder that can be written"
         return Finding(
-            group="computer",
-            name="disk",
-            result="failed",
-            evidence=what,
-            remedy="Name another folder with --runs.",
+            "disk", Severity.BLOCKS, what, "Name another folder with --runs.", where="computer"
         )
     try:
         free = shutil.disk_usage(place).free
     except OSError as error:
         return Finding(
-            group="computer",
-            name="disk",
-            result="failed",
-            evidence=f"{place}: {error.strerror or error}",
-            remedy="Name another folder.",
+            "disk",
+            Severity.BLOCKS,
+            f"{place}: {error.strerror or error}",
+            "Name another folder.",
+            where="computer",
         )
-    return judged(
-        "computer",
+    return passed_if(
         "disk",
         free >= ENOUGH_SPACE,
         f"{free / 1e9:.1f} GB free for {folder}",
+        "Free space: a run stops when the disk is full.",
+        where="computer",
+        allowed=f">= {ENOUGH_SPACE / 1e9:g} GB",
         value=free / 1e9,
         unit="GB",
-        limit=f">= {ENOUGH_SPACE / 1e9:g} GB",
-        otherwise="warning" if free >= LEAST_SPACE else "failed",
-        remedy="Free space: a run stops when the disk is full.",
+        otherwise=Severity.WARNS if free >= LEAST_SPACE else Severity.BLOCKS,
     )
 
 
@@ -125,12 +122,12 @@ def calendar(clock: Clock) -> Finding:
     """Whether the computer's calendar can be the right one."""
     now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
     low, high = PLAUSIBLE_YEARS
-    return judged(
-        "computer",
+    return passed_if(
         "calendar",
         low <= now.year < high,
         f"{now.isoformat(timespec='seconds')}",
-        remedy="Set the clock: start times and due dates rest on it.",
+        "Set the clock: start times and due dates rest on it.",
+        where="computer",
     )
 
 
@@ -152,29 +149,23 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
         due = _date(certificate.due)
         if due is not None and due < today:
             yield Finding(
-                group="calibration",
-                name=title,
-                result="failed",
-                evidence=f"{text}: overdue",
-                remedy="Have it calibrated; reports will say so.",
+                title,
+                Severity.BLOCKS,
+                f"{text}: overdue",
+                "Have it calibrated; reports will say so.",
+                where="calibration",
             )
         elif due is not None and due - today <= SOON:
             text += f": in {(due - today).days} days"
-            yield Finding(
-                group="calibration",
-                name=title,
-                result="warning",
-                evidence=text,
-                remedy="Plan its calibration.",
-            )
+            yield Finding(title, Severity.WARNS, text, "Plan its calibration.", where="calibration")
         else:
-            yield judged(
-                "calibration",
+            yield passed_if(
                 title,
                 bool(certificate.certificate) and (due is not None or not certificate.due),
                 text,
-                otherwise="warning",
-                remedy="Results rest on a tolerance that nobody has checked.",
+                "Results rest on a tolerance that nobody has checked.",
+                where="calibration",
+                otherwise=Severity.WARNS,
             )
 
 
@@ -196,11 +187,11 @@ def assumptions(channels: Sequence[Channel]) -> Iterable[Finding]:
         unsaid.append(TEMPERATURE)
     for row in unsaid:
         yield Finding(
-            group="calibration",
-            name=f"{row.kind}, not stated",
-            result="warning",
-            evidence=f"assumed: {row.bounds}",
-            remedy=f"Give it: {row.replaced_by}.",
+            f"{row.kind}, not stated",
+            Severity.WARNS,
+            f"assumed: {row.bounds}",
+            f"Give it: {row.replaced_by}.",
+            where="calibration",
         )
 
 
@@ -216,63 +207,47 @@ def _date(text: str) -> date | None:
         return None
 
 
-def armed(check: Check) -> Finding:
-    """A check as arming makes it."""
-    return Finding(
-        group="safety",
-        name=check.name,
-        result=check.result,
-        evidence=check.evidence,
-        remedy=check.remedy,
-    )
+def armed(check: Finding) -> Finding:
+    """A finding as arming makes it, among the lines of the checklist."""
+    return replace(check, where="safety")
 
 
 def drive_limits(port: RigPort, limits: Limits) -> Finding:
     """Write the limits that a run would write, and compare what reads back."""
     try:
-        check = drive_limits_check(port, limits)
-        return Finding(
-            group="safety", name="drive limits", result=check.result, evidence=check.evidence
-        )
+        return armed(drive_limits_check(port, limits))
     except (LimitError, DriverError) as error:
-        return Finding(
-            group="safety",
-            name="drive limits",
-            result="failed",
-            evidence=str(error),
-            remedy="A drive that holds other limits is not armed.",
-        )
+        remedy = "A drive that holds other limits is not armed."
+        return Finding("drive limits", Severity.BLOCKS, str(error), remedy, where="safety")
 
 
 def readout(config: ReadoutConfig | None, clock: Clock) -> Finding:
     """One measured value of the readout on the serial line, where one is configured."""
     if config is None:
-        return Finding(
-            group="readout", name="ND 287", result="skipped", evidence="none is configured"
-        )
+        return Finding("ND 287", Severity.NOT_LOOKED_AT, "none is configured", where="readout")
     try:
         port = open_port(config)
     except DriverError as error:
-        return Finding(group="readout", name="ND 287", result="failed", evidence=str(error))
+        return Finding("ND 287", Severity.BLOCKS, str(error), where="readout")
     try:
         reading = Readout(port, clock, config).read()
     except DriverError as error:
         return Finding(
-            group="readout",
-            name="ND 287",
-            result="failed",
-            evidence=str(error),
-            remedy="Check baud rate, data bits and parity on both sides.",
+            "ND 287",
+            Severity.BLOCKS,
+            str(error),
+            "Check baud rate, data bits and parity on both sides.",
+            where="readout",
         )
     finally:
         port.close()
     text = f"{reading.value:.6g} {reading.unit}, last place {reading.quantum:.2g} {reading.unit}"
-    return judged(
-        "readout",
+    return passed_if(
         "ND 287",
         not reading.is_fault,
         text,
+        "The readout itself says that its value is none: look at its display.",
+        where="readout",
         value=reading.value,
         unit=reading.unit,
-        remedy="The readout itself says that its value is none: look at its display.",
     )

@@ -11,11 +11,12 @@ from pathlib import Path
 
 from experiments import catalogue
 from experiments.errors import ExperimentError
+from experiments.finding import Finding, Severity
 from model.errors import ModelError
 from rig.errors import RigError
 from rig.present.preview.plan import preview_plan
 from rig.run.gear import card_checks
-from rig.run.preflight import Check, static_checks
+from rig.run.preflight import static_checks
 from rig.run.progress import in_words
 from rig.run.start import RunRequest
 from rig.trial.campaign import journal as journals
@@ -32,7 +33,7 @@ from rig.window.prepare.request import (
     rig_flags,
 )
 
-WORST_FIRST = ("failed", "warning", "ok")
+WORST_FIRST = tuple(reversed(Severity))
 
 
 def plan_named(campaign: str) -> CampaignPlan:
@@ -51,7 +52,7 @@ def look_ahead_campaign(intent: Intent) -> Outlook:
     problem: Exception | None = None
     request: RunRequest | None = None
     walked: Walk | None = None
-    checks: list[Check] = []
+    checks: list[Finding] = []
     done: tuple[str, ...] = ()
     try:
         plan = plan_named(intent.campaign)
@@ -70,7 +71,7 @@ def look_ahead_campaign(intent: Intent) -> Outlook:
     )
 
 
-def _walk_checks(walked: Walk, intent: Intent) -> list[Check]:
+def _walk_checks(walked: Walk, intent: Intent) -> list[Finding]:
     """What is known of all the runs: parameters, plan, every prediction that touches a limit, disk and ratings."""
     steps = sum(len(one.planned.plan) for one in walked.stages)
     evidence = (
@@ -81,7 +82,7 @@ def _walk_checks(walked: Walk, intent: Intent) -> list[Check]:
         (one.planned for one in walked.stages if one.planned.experiment.gear_mounted),
         walked.stages[0].planned,
     )
-    checks = [parameters_check(mounted, intent.rig), Check("plan", "ok", evidence)]
+    checks = [parameters_check(mounted, intent.rig), Finding("plan", Severity.PASSED, evidence)]
     of_runs = [
         (one.stage.protocol, check)
         for one in walked.stages
@@ -93,17 +94,17 @@ def _walk_checks(walked: Walk, intent: Intent) -> list[Check]:
     return checks + joined(of_runs)
 
 
-def joined(of_runs: Sequence[tuple[str, Check]]) -> list[Check]:
+def joined(of_runs: Sequence[tuple[str, Finding]]) -> list[Finding]:
     """The checks of all runs: what is not good once, with the runs that it holds for; what is good in one line."""
-    runs: dict[Check, list[str]] = {}
+    runs: dict[Finding, list[str]] = {}
     for protocol, check in of_runs:
         runs.setdefault(check, []).append(protocol)
-    bad = [check for check in runs if check.result != "ok"]
-    named = {check.name for check in bad}
-    told = [replace(c, evidence=f"{', '.join(runs[c])}: {c.evidence}") for c in bad]
-    good = dict.fromkeys(check.name for check in runs if check.name not in named)
-    told += [Check(name, "ok", "good for every run") for name in good]
-    return sorted(told, key=lambda check: WORST_FIRST.index(check.result))
+    bad = [check for check in runs if check.severity is not Severity.PASSED]
+    named = {check.what for check in bad}
+    told = [replace(c, found=f"{', '.join(runs[c])}: {c.found}") for c in bad]
+    good = dict.fromkeys(check.what for check in runs if check.what not in named)
+    told += [Finding(name, Severity.PASSED, "good for every run") for name in good]
+    return sorted(told, key=lambda check: WORST_FIRST.index(check.severity))
 
 
 def runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str, ...]:

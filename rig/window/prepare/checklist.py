@@ -10,14 +10,20 @@ from collections.abc import Sequence
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QSizePolicy, QWidget
 
-from rig.run.preflight import Check
+from experiments.finding import Finding, Severity
 from rig.window.shell.stack import (
     set_tip,
     text_label,
 )
 
-SIGNS = {"ok": ("✓ ok", "good"), "warning": ("! warning", "warning"), "failed": ("✗ failed", "bad")}
-"""Result of a check: how it is shown, and the part of the style sheet that colours it."""
+SIGNS = {
+    Severity.PASSED: ("✓ ok", "good"),
+    Severity.NOTES: ("✓ note", "good"),
+    Severity.WARNS: ("! warning", "warning"),
+    Severity.BLOCKS: ("✗ failed", "bad"),
+    Severity.NOT_LOOKED_AT: ("- not looked at", "muted"),
+}
+"""Severity of a finding: how it is shown, and the part of the style sheet that colours it."""
 
 
 class Checklist(QWidget):
@@ -27,8 +33,8 @@ class Checklist(QWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self._checks: tuple[Check, ...] = ()
-        self._ticked: set[Check] = set()
+        self._checks: tuple[Finding, ...] = ()
+        self._ticked: set[Finding] = set()
         self.boxes: list[QCheckBox] = []
         self._grid = QGridLayout(self)
         self._grid.setContentsMargins(0, 0, 0, 0)
@@ -37,26 +43,28 @@ class Checklist(QWidget):
         self._grid.setColumnStretch(3, 1)
 
     @property
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Finding, ...]:
         """The items."""
         return self._checks
 
     @property
-    def failed(self) -> tuple[Check, ...]:
+    def failed(self) -> tuple[Finding, ...]:
         """Items that have to be put right."""
-        return tuple(check for check in self._checks if check.result == "failed")
+        return tuple(check for check in self._checks if check.severity is Severity.BLOCKS)
 
     @property
-    def open(self) -> tuple[Check, ...]:
+    def open(self) -> tuple[Finding, ...]:
         """Items that are neither failed nor ticked."""
-        return tuple(c for c in self._checks if c.result != "failed" and c not in self._ticked)
+        return tuple(
+            c for c in self._checks if c.severity is not Severity.BLOCKS and c not in self._ticked
+        )
 
     @property
     def is_signed(self) -> bool:
         """Whether there are items, none failed, all ticked."""
         return bool(self._checks) and not self.failed and not self.open
 
-    def set_checks(self, checks: Sequence[Check]) -> None:
+    def set_checks(self, checks: Sequence[Finding]) -> None:
         """Show other items; ticks stay on those whose result and evidence are the same."""
         fresh = tuple(dict.fromkeys(checks))
         if fresh == self._checks:
@@ -87,28 +95,32 @@ class Checklist(QWidget):
         for box in self.boxes:
             box.setChecked(False)
 
-    def _add(self, row: int, check: Check) -> QCheckBox:
+    def _add(self, row: int, check: Finding) -> QCheckBox:
         box = QCheckBox()
-        box.setEnabled(check.result != "failed")
+        box.setEnabled(check.severity is not Severity.BLOCKS)
         box.setChecked(check in self._ticked)
-        box.setAccessibleName(f"{check.name}: {check.evidence}")
+        box.setAccessibleName(f"{check.what}: {check.found}")
         set_tip(box, "Seen and accepted" if box.isEnabled() else "Has to be put right first")
         box.toggled.connect(lambda on, check=check: self._tick(check, on))
-        words, part = SIGNS[check.result]
+        words, part = SIGNS[check.severity]
         sign = text_label(words, part)
         text = text_label(
-            check.evidence
-            + (f"\n→ {check.remedy}" if check.remedy and check.result != "ok" else ""),
+            check.found
+            + (
+                f"\n→ {check.remedy}"
+                if check.remedy and check.severity is not Severity.PASSED
+                else ""
+            ),
             wraps=True,
             selectable=True,
         )
         text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         text.setMinimumSize(1, 1)
-        for column, widget in enumerate((box, sign, text_label(check.name))):
+        for column, widget in enumerate((box, sign, text_label(check.what))):
             self._grid.addWidget(widget, row, column, Qt.AlignmentFlag.AlignTop)
         self._grid.addWidget(text, row, 3, Qt.AlignmentFlag.AlignTop)
         return box
 
-    def _tick(self, check: Check, on: bool) -> None:
+    def _tick(self, check: Finding, on: bool) -> None:
         (self._ticked.add if on else self._ticked.discard)(check)
         self.changed.emit()

@@ -22,9 +22,9 @@ from PySide6.QtWidgets import (
 )
 
 from experiments.errors import ExperimentError
+from experiments.finding import Finding, Severity
 from model.errors import ModelError
 from rig.errors import RigError
-from rig.run.preflight import Check
 from rig.window.prepare.campaign import look_ahead_campaign
 from rig.window.prepare.checklist import Checklist
 from rig.window.prepare.checklist_doctor import checks_from
@@ -87,7 +87,7 @@ class PreparePage(QWidget):
         self.outlook: Outlook | None = None
         self.looking_ahead = LatestTask(self, self._take_outlook, session.message.emit)
         """Works out what a run as the page says it would do."""
-        self.doctor_checks: tuple[Check, ...] = ()
+        self.doctor_checks: tuple[Finding, ...] = ()
         """What the rig answered for this run."""
         self._timer = single_shot(self, TYPING_PAUSE, self._look_ahead)
         self.operator = self._operator_field()
@@ -225,9 +225,9 @@ class PreparePage(QWidget):
         if self._session.is_hardware and not self.doctor_checks:
             reasons.append("the rig has not been asked")
         reasons += [
-            f"{check.name}: {check.evidence}"
+            f"{check.what}: {check.found}"
             for check in self.doctor_checks
-            if check.result == "failed"
+            if check.severity is Severity.BLOCKS
         ]
         left = len(self.checklist.open)
         if left:
@@ -415,7 +415,7 @@ class PreparePage(QWidget):
         self.sign_button.setText(f"Sign &all as {short_name(name)}" if name else "Sign &all")
         self.sign_button.setEnabled(bool(name) and bool(self.checklist.open))
         self.acknowledge_button.setVisible(
-            any(check.name == "trip latch" for check in self.checklist.failed)
+            any(check.what == "trip latch" for check in self.checklist.failed)
         )
         self.acknowledge_button.setEnabled(bool(name))
         set_tip(self.acknowledge_button, "" if name else "The operator has to be named first")

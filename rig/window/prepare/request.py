@@ -12,6 +12,7 @@ from typing import Any, cast
 
 from experiments import catalogue
 from experiments.errors import ExperimentError
+from experiments.finding import Finding, Severity, passed_if
 from model.errors import ModelError
 from model.gear import HarmonicDrive, Mounting
 from model.gear_file import save_gear, shipped_gear
@@ -32,7 +33,7 @@ from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
 from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun
 from rig.run.gear import card_checks
 from rig.run.latch import TripLatch, latch_of
-from rig.run.preflight import Check, static_checks
+from rig.run.preflight import static_checks
 from rig.run.progress import in_words as time_in_words
 from rig.run.start import RunRequest, plan_request
 from rig.trial.campaign.walk import Walk
@@ -84,7 +85,7 @@ class Outlook:
     request: RunRequest | None = None
     planned: PlannedRun | None = None
     preview: PlanPreview | None = None
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     problem: Exception | None = None
     walk: Walk | None = None
     """Of a campaign: all its runs."""
@@ -157,7 +158,7 @@ def look_ahead(intent: Intent) -> Outlook:
     """Plan, preview and check an intent; what refuses it is part of the answer."""
     problem: Exception | None = None
     request, planned, preview = None, None, None
-    checks: list[Check] = []
+    checks: list[Finding] = []
     try:
         request = request_for(intent)
         planned = plan_request(request)
@@ -178,17 +179,17 @@ def look_ahead(intent: Intent) -> Outlook:
     return Outlook(intent, request, planned, preview, tuple(checks), problem)
 
 
-def for_this_rig(check: Check, rig: RigChoice) -> Check:
+def for_this_rig(check: Finding, rig: RigChoice) -> Finding:
     """What is merely unknown matters on hardware; of a simulated gear nobody can know it."""
-    if check.result == "warning" and not rig.is_hardware:
-        return replace(check, result="ok", evidence=f"{check.evidence} (a simulated gear)")
+    if check.severity is Severity.WARNS and not rig.is_hardware:
+        return replace(check, severity=Severity.PASSED, found=f"{check.found} (a simulated gear)")
     return check
 
 
-def parameters_check(planned: PlannedRun, rig: RigChoice) -> Check:
+def parameters_check(planned: PlannedRun, rig: RigChoice) -> Finding:
     """What plan and prediction rest on: parameter set, mounting, load inertia and where that is from."""
     if not planned.experiment.gear_mounted:
-        return Check("parameters", "ok", f"{planned.motor.name} without a gear")
+        return Finding("parameters", Severity.PASSED, f"{planned.motor.name} without a gear")
     inertia = planned.gear.value("inertia.output")
     uncertainty = inertia.origin.standard_uncertainty
     doubt = f" ± {uncertainty:g}" if uncertainty is not None else ""
@@ -199,10 +200,10 @@ def parameters_check(planned: PlannedRun, rig: RigChoice) -> Check:
     )
     doubtful = rig.is_hardware and inertia.origin.provenance not in ("measured", "identified")
     remedy = "Limits of ramps and torque rest on it: measure it and write it into the gear card."
-    return Check("parameters", "warning" if doubtful else "ok", evidence, remedy)
+    return passed_if("parameters", not doubtful, evidence, remedy, otherwise=Severity.WARNS)
 
 
-def plan_check(planned: PlannedRun) -> Check:
+def plan_check(planned: PlannedRun) -> Finding:
     """The plan in one line."""
     turns = planned.input_revolutions
     evidence = (
@@ -211,15 +212,16 @@ def plan_check(planned: PlannedRun) -> Check:
         f"{turns:.0f} input revolutions; smallest margin "
         f"{percent(min((m.margin for m in planned.margins), default=1.0))}"
     )
-    return Check("plan", "ok", evidence)
+    return Finding("plan", Severity.PASSED, evidence)
 
 
-def prediction_checks(preview: PlanPreview) -> tuple[Check, ...]:
+def prediction_checks(preview: PlanPreview) -> tuple[Finding, ...]:
     """Every prediction that touches a limit; one good line where none does."""
     if preview.warnings:
         remedy = "Lower speed or acceleration, or know the parameter better."
         return tuple(
-            Check("prediction", "warning", warning.text, remedy) for warning in preview.warnings
+            Finding("prediction", Severity.WARNS, warning.text, remedy)
+            for warning in preview.warnings
         )
     least = min(preview.margins, key=lambda margin: margin.least_margin, default=None)
     if least is None:
@@ -229,22 +231,22 @@ def prediction_checks(preview: PlanPreview) -> tuple[Check, ...]:
         f"{percent(least.least_margin)} left at the upper "
         f"end of its uncertainty ({least.where})"
     )
-    return (Check("prediction", "ok", evidence),)
+    return (Finding("prediction", Severity.PASSED, evidence),)
 
 
-def latch_checks(rig: RigChoice) -> tuple[Check, ...]:
+def latch_checks(rig: RigChoice) -> tuple[Finding, ...]:
     """Whether an earlier trip is still latched."""
     try:
         trip = rig.latch().read()
     except ConfigurationError as error:
-        return (Check("bench", "failed", short(error), error.remedy),)
+        return (Finding("bench", Severity.BLOCKS, short(error), error.remedy),)
     if trip is None:
-        return (Check("trip latch", "ok", "no trip is latched"),)
+        return (Finding("trip latch", Severity.PASSED, "no trip is latched"),)
     unsafe = "" if trip.standstill_verified else "; standstill was NOT verified"
     return (
-        Check(
+        Finding(
             "trip latch",
-            "failed",
+            Severity.BLOCKS,
             f"{trip.cause.replace('_', ' ')} in run {trip.run}, {trip.time}{unsafe}",
             "Find and remove the cause, then press Acknowledge the trip.",
         ),
@@ -259,7 +261,9 @@ def obstacles(intent: Intent, outlook: Outlook | None) -> list[str]:
     if outlook.problem is not None:
         reasons.append(short(outlook.problem))
     reasons += [
-        f"{check.name}: {check.evidence}" for check in outlook.checks if check.result == "failed"
+        f"{check.what}: {check.found}"
+        for check in outlook.checks
+        if check.severity is Severity.BLOCKS
     ]
     if not intent.operator.strip():
         reasons.append("no operator is named")
@@ -402,15 +406,21 @@ def _as_text(value: Any) -> str:
     return str(value)
 
 
-def sign_off_notes(checks: Sequence[Check], name: str) -> tuple[str, ...]:
+def sign_off_notes(checks: Sequence[Finding], name: str) -> tuple[str, ...]:
     """What a run keeps of its signed checklist: the good items in one line, every accepted warning
     with its evidence.
     """
-    good = ", ".join(dict.fromkeys(check.name for check in checks if check.result == "ok"))
+    good = ", ".join(
+        dict.fromkeys(check.what for check in checks if check.severity is Severity.PASSED)
+    )
     notes = [f"checklist signed by {name}: {good}"] if good else []
     return (
         *notes,
-        *(f"accepted by {name}: {c.name}: {c.evidence}" for c in checks if c.result == "warning"),
+        *(
+            f"accepted by {name}: {c.what}: {c.found}"
+            for c in checks
+            if c.severity is Severity.WARNS
+        ),
     )
 
 

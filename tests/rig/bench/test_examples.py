@@ -23,6 +23,7 @@ from drivers.clock import VirtualClock
 from drivers.drive_state import DriveState, drive_state
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.samples import CycleFlag
+from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig, RigRequest
@@ -207,21 +208,21 @@ def test_the_papers_rig_is_looked_over_and_walked_as_its_page_says(
     _, request = papers_rig(name)
     request = replace(request, output=tmp_path, gear_serial="SN-1", operator="A. Example")
     found = examine(lambda: papers_rig(name)[0], request, moves=True)
-    lines = {(f.group, f.name): f for f in found.findings}
-    assert [key for key, f in lines.items() if f.result == "failed"] == []
-    motion = {name: f.result for (group, name), f in lines.items() if group == "motion"}
+    lines = {(f.where, f.what): f for f in found.findings}
+    assert [key for key, f in lines.items() if f.severity is Severity.BLOCKS] == []
+    motion = {name: f.severity for (group, name), f in lines.items() if group == "motion"}
     for walked in ("input direction", "output direction", "ratio", "torque direction"):
-        assert motion[walked] == "ok", lines["motion", walked].evidence
+        assert motion[walked] == "passed", lines["motion", walked].found
     skew = lines["motion", "skew of the encoders"]
-    assert skew.result == "ok", skew.evidence
-    assert motion["index marks"] == "warning", "CiA 406 has no object for them"
-    assert lines["safety", "guard"].result == "ok"
+    assert skew.severity == "passed", skew.found
+    assert motion["index marks"] == "warns", "CiA 406 has no object for them"
+    assert lines["safety", "guard"].severity is Severity.PASSED
     zero = lines["torque", "zero"]
-    assert 0.0 < abs(zero.value) < 25.4, zero.evidence
+    assert 0.0 < abs(zero.value) < 25.4, zero.found
     limits = lines["safety", "drive limits"]
     by_hand = name.endswith("vref")
-    assert limits.result == ("warning" if by_hand else "ok"), limits.evidence
-    assert ("set by hand" in limits.evidence) is by_hand
+    assert limits.severity == ("warns" if by_hand else "passed"), limits.found
+    assert ("set by hand" in limits.found) is by_hand
 
 
 @pytest.mark.parametrize("name", ["paper-sgdv", "paper-sgdv-vref"])
@@ -323,7 +324,7 @@ def test_a_device_of_those_objects_is_brought_up_limited_and_turned(name: str, r
     port, drive = rig_of(name)
     port.open()
     assert servo(port.nodes).readings.questions == ()
-    assert "read back" in limits_check(LIMITS, port.write_limits(LIMITS)).evidence
+    assert "read back" in limits_check(LIMITS, port.write_limits(LIMITS)).found
     assert port.nodes.drive.unwatched == ()
     block = port.exchange(Command(Mode.SPEED, np.full(5, 100.0 * RPM)), 5, Guard())
     assert block.broken is None

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import OtherMasterError
+from experiments.finding import Severity
 from experiments.recording import Event, Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -65,9 +66,9 @@ def test_what_is_armed_is_not_refused() -> None:
 
 
 def test_the_guard_closed_open_and_not_there() -> None:
-    assert guard_check(lambda: (8, True)).result == "ok"
-    assert guard_check(lambda: (0, False)).result == "failed"
-    assert guard_check(None).result == "warning"
+    assert guard_check(lambda: (8, True)).severity is Severity.PASSED
+    assert guard_check(lambda: (0, False)).severity is Severity.BLOCKS
+    assert guard_check(None).severity is Severity.WARNS
 
 
 def test_an_unarmed_run_connects_to_nothing(tmp_path: Path) -> None:

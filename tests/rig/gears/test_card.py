@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.errors import PlanError
+from experiments.finding import Severity
 from experiments.parameters import parameter_fields
 from model.gear_file import save_gear, shipped_gear
 from model.motor import shipped_motor
@@ -115,7 +116,7 @@ def test_a_change_of_the_mounting_takes_the_confirmation_away(name: str) -> None
     assert not changed.is_confirmed
     assert name in changed.warning
     assert "C. Third" in changed.warning
-    assert card_checks(changed, changed.serial)[0].result == "failed"
+    assert card_checks(changed, changed.serial)[0].severity is Severity.BLOCKS
     assert with_confirmation(changed, "C. Third", "2026-02-05").is_confirmed
 
 
@@ -137,8 +138,8 @@ def test_the_history_tells_who_and_forgetting_is_a_change() -> None:
     assert card.history[-1].values == {"lubricant": ""}
     assert card.facts.lubricant == ""
     checks = card_checks(with_confirmation(card, "C. Third", "2026-03-02"), "SN-0815")
-    assert [check.result for check in checks] == ["ok", "warning"]
-    assert "lubricant" in checks[1].evidence
+    assert [check.severity for check in checks] == ["passed", "warns"]
+    assert "lubricant" in checks[1].found
 
 
 @pytest.mark.parametrize(
@@ -336,7 +337,7 @@ def test_a_card_that_was_edited_by_hand_is_not_confirmed(
     assert not card.is_confirmed
     assert words in card.warning
     assert "edited by hand" in card.warning
-    assert [check.result for check in card_checks(card, card.serial)] == ["failed"]
+    assert [check.severity for check in card_checks(card, card.serial)] == ["blocks"]
     assert "gear_card_confirmed" not in conditions_of(card)
     assert card.as_json()["confirmed"] is False
     assert with_confirmation(card, "C. Third", "2026-03-01").is_confirmed

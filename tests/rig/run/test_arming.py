@@ -14,6 +14,7 @@ from drivers.clock import VirtualClock
 from drivers.errors import BusLostError
 from drivers.port import Abilities, DriveLimits
 from drivers.python_can import can
+from experiments.finding import Severity
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -34,15 +35,15 @@ REASONS = ("it does not hear the computer's heartbeat (0x1016)",)
 def test_a_drive_that_would_not_stop_without_the_computer_is_armed_only_where_it_is_covered() -> (
     None
 ):
-    assert loss_check(lambda: (), "").result == "ok"
-    assert loss_check(None, "").result == "failed"
+    assert loss_check(lambda: (), "").severity is Severity.PASSED
+    assert loss_check(None, "").severity is Severity.BLOCKS
     refused = loss_check(lambda: REASONS, " ")
-    assert refused.result == "failed"
-    assert "0x1016" in refused.evidence
+    assert refused.severity is Severity.BLOCKS
+    assert "0x1016" in refused.found
     assert "computer_loss_covered_by" in refused.remedy
     covered = loss_check(lambda: REASONS, "watchdog relay K3 in the STO line")
-    assert covered.result == "warning"
-    assert "watchdog relay K3" in covered.evidence
+    assert covered.severity is Severity.WARNS
+    assert "watchdog relay K3" in covered.found
 
 
 def test_it_is_asked_when_a_rig_in_real_time_is_armed() -> None:
@@ -55,8 +56,8 @@ def test_it_is_asked_when_a_rig_in_real_time_is_armed() -> None:
         real_time=True,
         guard=lambda: (1, True),
     )
-    assert [c.name for c in arm(rig) if c.result == "failed"] == ["loss of the computer"]
-    assert "failed" not in {c.result for c in arm(replace(rig, loss_covered_by="K3"))}
+    assert [c.what for c in arm(rig) if c.severity is Severity.BLOCKS] == ["loss of the computer"]
+    assert "blocks" not in {c.severity for c in arm(replace(rig, loss_covered_by="K3"))}
 
 
 @pytest.mark.parametrize(
@@ -83,21 +84,21 @@ def refuses() -> Any:
 @pytest.mark.parametrize(
     ("unwatched", "covered_by", "result", "words"),
     [
-        ((), "", "warning", "covered by: the drive watches"),
-        (REASONS, "watchdog relay K3", "warning", "covered by: watchdog relay K3"),
-        (REASONS, "", "failed", "nothing else stops the motor"),
+        ((), "", "warns", "covered by: the drive watches"),
+        (REASONS, "watchdog relay K3", "warns", "covered by: watchdog relay K3"),
+        (REASONS, "", "blocks", "nothing else stops the motor"),
     ],
 )
 def test_without_a_second_handle_the_loss_of_the_computer_must_be_covered(
     unwatched: tuple[str, ...], covered_by: str, result: str, words: str
 ) -> None:
     check = handle_check(refuses, "pcan: not tried", lambda: unwatched, covered_by)
-    assert check.result == result
+    assert check.severity == result
     for part in ("cannot be opened twice", "channel 1 is in use", "pcan: not tried", words):
-        assert part in check.evidence
+        assert part in check.found
     assert check.remedy
-    assert handle_check(lambda: None, "", lambda: unwatched, covered_by).result == "ok"
-    assert handle_check(refuses, "", None, "").result == "failed"
+    assert handle_check(lambda: None, "", lambda: unwatched, covered_by).severity is Severity.PASSED
+    assert handle_check(refuses, "", None, "").severity is Severity.BLOCKS
 
 
 def test_a_rig_whose_adapter_allows_one_handle_runs_and_says_that_its_watchdog_has_none(

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from experiments.finding import first_blocking
 from rig.analysis.chain import links_of_run
 from rig.bench.config.used import UsedFile, files_used
 from rig.errors import ChangedRunError
 from rig.run.keeping import FOLDER, keep_files
 from rig.runfile.seal import hash_path
-from rig.trial.chain import first_broken
 from tests.rig.bench.test_certificate_file import HEADER, POINTS, WITH_CURVE
 from tests.rig.library.stored import write
 from tests.rig.runfile.making import header
@@ -66,11 +66,11 @@ def test_the_chain_of_a_run_holds_the_calibrations_that_it_used(tmp_path: Path) 
     files = keep_files([CALIBRATION], tmp_path)
     process = {**header("x").metadata.process, "files": files}
     run = write(tmp_path, 1, process=process)
-    assert [link.kind for link in links_of_run(run)] == ["run", "calibration"]
-    assert first_broken(links_of_run(run)) is None
+    assert [link.what for link in links_of_run(run)] == ["run", "calibration"]
+    assert first_blocking(links_of_run(run)) is None
     kept = tmp_path / files[0]["copy"]
     kept.chmod(0o644)
     kept.write_bytes(b"another")
-    broken = first_broken(links_of_run(run))
+    broken = first_blocking(links_of_run(run))
     assert broken is not None
-    assert (broken.kind, broken.path) == ("calibration", kept)
+    assert (broken.what, Path(broken.where)) == ("calibration", kept)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.run.dry_run import PlannedRun
@@ -27,10 +28,10 @@ def test_a_folder_that_cannot_be_written_fails_and_says_nothing_of_space(
         raise OSError(30, "Read-only file system")
 
     run = planned(tmp_path)
-    before = {check.name: check.result for check in static_checks(run, tmp_path)}
-    assert before["disk space"] == "ok"
+    before = {check.what: check.severity for check in static_checks(run, tmp_path)}
+    assert before["disk space"] == "passed"
     monkeypatch.setattr("rig.run.preflight.tempfile.TemporaryFile", refuse)
-    checks = {check.name: check for check in static_checks(run, tmp_path / "new" / "runs")}
-    assert checks["folder"].result == "failed"
-    assert f"{tmp_path} cannot be written (Read-only file system)" in checks["folder"].evidence
+    checks = {check.what: check for check in static_checks(run, tmp_path / "new" / "runs")}
+    assert checks["folder"].severity is Severity.BLOCKS
+    assert f"{tmp_path} cannot be written (Read-only file system)" in checks["folder"].found
     assert "disk space" not in checks

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import VirtualClock
+from experiments.finding import Severity
 from experiments.recording import Event, Segment
 from rig.errors import RecorderOverflowError, RunFileError
 from rig.run import recorder as module
@@ -119,10 +120,10 @@ def test_every_row_arrives_value_by_value(tmp_path: Path, size: int, threaded: b
     assert path == tmp_path / RUN
     assert_holds(path, np.arange(rows))
     assert {
-        finding.level
+        finding.severity
         for finding in verify_run(path)
-        if finding.check in ("hash", "rows", "sequence", "time")
-    } == {"ok"}
+        if finding.what in ("hash", "rows", "sequence", "time")
+    } == {"passed"}
 
 
 def test_a_ring_that_wraps_keeps_the_order(tmp_path: Path) -> None:
@@ -286,9 +287,9 @@ def test_missing_cycles_are_counted_and_noted(tmp_path: Path, threaded: bool) ->
         "4 cycles are missing before cycle 20 (row 11)",
         "7 cycles are missing before cycle 57 (row 41)",
     ]
-    found = {finding.check: finding for finding in verify_run(path)}
-    assert found["sequence"].level == found["rows"].level == "warning"
-    assert "2 gaps in the cycle index, 11 cycles missing" in found["sequence"].text
+    found = {finding.what: finding for finding in verify_run(path)}
+    assert found["sequence"].severity == found["rows"].severity is Severity.WARNS
+    assert "2 gaps in the cycle index, 11 cycles missing" in found["sequence"].found
 
 
 def test_a_block_out_of_order_ends_the_run(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import pytest
 
 from drivers.drive_state import DriveState
 from drivers.port import DriveLimits, Mode
+from experiments.finding import Severity
 from experiments.recording import Event
 from experiments.steps.vocabulary import (
     FindIndex,
@@ -184,8 +185,8 @@ def _offset(rig: FakeRig) -> None:
 
 def test_a_missing_channel_is_refused_by_name() -> None:
     checks = channel_checks(FakeRig().channels[:1], ("input_angle", "torque"), _today())
-    failed = [check for check in checks if check.result == "failed"]
-    assert "torque" in failed[0].evidence
+    failed = [check for check in checks if check.severity is Severity.BLOCKS]
+    assert "torque" in failed[0].found
     checks = channel_checks(FakeRig().channels[:1], ("input_angle",), _today())
     assert "not watched" in str(checks[1])
 
@@ -195,17 +196,17 @@ def test_a_plan_whose_set_points_the_rig_does_not_take_is_refused_before_anythin
     plan = (Ramp(10.0, 100.0), TorqueRamp(0.2, 0.02, 0.05))
     assert set_point_checks(channels, plan) == ()
     (check,) = set_point_checks([c for c in channels if c.name != "target_torque"], plan)
-    assert check.result == "failed"
-    assert "target_torque" in check.evidence
+    assert check.severity is Severity.BLOCKS
+    assert "target_torque" in check.found
     assert set_point_checks([c for c in channels if c.name != "target_torque"], plan[:1]) == ()
 
 
 def test_a_calibration_that_is_overdue_is_a_warning() -> None:
     channel = FakeRig().channels[0]
-    for due, result in (("2020-01-01", "warning"), ("2030-01-01", "ok"), ("soon", "warning")):
+    for due, result in (("2020-01-01", "warns"), ("2030-01-01", "passed"), ("soon", "warns")):
         aged = replace(channel, calibration=replace(channel.calibration, due=due))
-        checks = {check.name: check for check in channel_checks([aged], ("input_angle",), _today())}
-        assert checks["calibration"].result == result
+        checks = {check.what: check for check in channel_checks([aged], ("input_angle",), _today())}
+        assert checks["calibration"].severity == result
 
 
 def test_a_folder_that_is_none_is_refused_before_the_rig_is_opened(tmp_path: Path) -> None:
@@ -216,8 +217,8 @@ def test_a_folder_that_is_none_is_refused_before_the_rig_is_opened(tmp_path: Pat
         execute(order_of(planned_of(*SHORT), rig, file / "runs"), begin_inline_run)
     assert rig.exchanged == []
     checks = static_checks(planned_of(*SHORT), tmp_path)
-    assert [check.result for check in checks] == ["ok", "warning"]
-    assert "computed" in checks[1].evidence
+    assert [check.severity for check in checks] == ["passed", "warns"]
+    assert "computed" in checks[1].found
 
 
 def test_a_recorder_that_fails_ends_the_run_but_not_the_making_safe() -> None:

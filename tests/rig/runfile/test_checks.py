@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.channel import Calibration
+from experiments.finding import Severity
 from rig.errors import RunFileError
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
@@ -91,8 +92,8 @@ def test_verify_and_every_reader_say_so(tmp_path: Path, name: str) -> None:
         damage(file)
     reseal(path)
     findings = verify_run(path)
-    assert findings[0].level == "ok", findings[0].text
-    assert any(words in f.text and f.level == "error" for f in findings)
+    assert findings[0].severity is Severity.PASSED, findings[0].found
+    assert any(words in f.found and f.severity is Severity.BLOCKS for f in findings)
     with pytest.raises(RunFileError, match=words):
         open_run(path)
 
@@ -145,9 +146,9 @@ def test_a_simulation_relabelled_as_hardware_is_refused(
     tmp_path: Path, changes: dict[str, object], words: str
 ) -> None:
     path = written(tmp_path, hardware(**changes))
-    (finding,) = [f for f in verify_run(path) if f.check == "origin"]
-    assert finding.level == "error"
-    assert words in finding.text
+    (finding,) = [f for f in verify_run(path) if f.what == "origin"]
+    assert finding.severity is Severity.BLOCKS
+    assert words in finding.found
     with pytest.raises(RunFileError, match=words):
         open_run(path)
 

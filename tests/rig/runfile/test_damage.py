@@ -10,6 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from experiments.finding import Severity
 from experiments.recording import Recording
 from rig.errors import RigError, RunFileError
 from rig.runfile.read import close_recording, open_run
@@ -92,7 +93,7 @@ def test_cut_files_are_refused(tmp_path: Path, share: float) -> None:
     path = tmp_path / "00001-friction-A1.h5"
     path.write_bytes(raw[: int(len(raw) * share)])
     refused_or_the_same(path, seen)
-    assert any(finding.level == "error" for finding in verify_run(path))
+    assert any(finding.severity is Severity.BLOCKS for finding in verify_run(path))
 
 
 @settings(FUZZ, max_examples=60)

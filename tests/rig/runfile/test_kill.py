@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 
+from experiments.finding import Severity
 from rig.errors import RunFileError
 from rig.runfile import layout, write
 from rig.runfile.empty import BEING_WRITTEN, SIGNATURE, VERSION_AND_SIZES
@@ -107,7 +108,7 @@ def test_acknowledged_rows_survive_a_kill(tmp_path: Path, moment: int, letters: 
     assert recording.metadata.outcome == "INTERRUPTED"
     assert all(0 <= s.start < s.stop <= recovered.rows for s in recording.segments)
     assert recording.events[-1].code == "RECOVERED"
-    assert not [f for f in verify_run(recovered.path) if f.level == "error"]
+    assert not [f for f in verify_run(recovered.path) if f.severity is Severity.BLOCKS]
 
 
 @pytest.mark.parametrize(

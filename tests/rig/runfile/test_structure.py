@@ -175,7 +175,7 @@ def test_what_no_run_is_built_of_is_refused_before_it_is_read(
     for digest in (True, False):
         with pytest.raises(RunFileError, match=HOSTILE[build]):
             open_run(path, digest=digest)
-    assert HOSTILE[build] in next(f.text for f in verify_run(path) if f.check == "readable")
+    assert HOSTILE[build] in next(f.found for f in verify_run(path) if f.what == "readable")
     # As a file whose writer was killed: its columns may be a little ahead of what is stored, no more.
     if build is not a_few_rows_never_stored:
         part = path.rename(part_path(tmp_path / "00002-friction-A1.h5"))

@@ -8,6 +8,7 @@ import pytest
 
 from drivers.channel import Calibration
 from drivers.samples import SampleBlock
+from experiments.finding import Severity
 from experiments.recording import Segment
 from rig.runfile.layout import Column
 from rig.runfile.seal import allowing_unsealed, hash_path
@@ -17,25 +18,25 @@ from tests.rig.runfile.making import block, edit, header, reseal, write_run
 
 
 def levels(path: Path) -> dict[str, str]:
-    return {finding.check: finding.level for finding in verify_run(path)}
+    return {finding.what: finding.severity for finding in verify_run(path)}
 
 
 def test_a_good_run(tmp_path: Path) -> None:
     found = levels(write_run(tmp_path))
     assert found == {
-        "hash": "ok",
-        "readable": "ok",
-        "rows": "ok",
-        "sequence": "ok",
-        "time": "ok",
-        "flags": "warning",
-        "segments": "ok",
-        "calibration": "ok",
-        "numbers": "ok",
-        "origin": "ok",
-        "channels": "ok",
+        "hash": "passed",
+        "readable": "passed",
+        "rows": "passed",
+        "sequence": "passed",
+        "time": "passed",
+        "flags": "warns",
+        "segments": "passed",
+        "calibration": "passed",
+        "numbers": "passed",
+        "origin": "passed",
+        "channels": "passed",
     }
-    (flags,) = [f.text for f in verify_run(tmp_path / "00001-friction-A1.h5") if f.check == "flags"]
+    (flags,) = [f.found for f in verify_run(tmp_path / "00001-friction-A1.h5") if f.what == "flags"]
     assert flags == "26 of 2500 cycles flagged (incomplete 26)"
 
 
@@ -43,11 +44,11 @@ def test_a_changed_file(tmp_path: Path) -> None:
     path = write_run(tmp_path)
     with edit(path) as file:
         file["entry/outcome"][()] = b"ABORTED"
-    assert levels(path)["hash"] == "error"
+    assert levels(path)["hash"] == "blocks"
     hash_path(path).unlink()
-    assert levels(path)["hash"] == "error"
+    assert levels(path)["hash"] == "blocks"
     with allowing_unsealed():
-        assert levels(path)["hash"] == "warning"
+        assert levels(path)["hash"] == "warns"
 
 
 def test_rows_that_the_writer_did_not_count(tmp_path: Path) -> None:
@@ -57,7 +58,7 @@ def test_rows_that_the_writer_did_not_count(tmp_path: Path) -> None:
             dataset.resize((2400,))
     reseal(path)
     found = levels(path)
-    assert (found["hash"], found["rows"], found["segments"]) == ("ok", "error", "error")
+    assert (found["hash"], found["rows"], found["segments"]) == ("passed", "blocks", "blocks")
 
 
 @pytest.mark.parametrize("row", [1, 777, 2499])
@@ -66,9 +67,9 @@ def test_time_that_stands_still(tmp_path: Path, row: int) -> None:
     with edit(path) as file:
         times = file["entry/data/time"]
         times[row] = times[row - 1]
-    (finding,) = [f for f in verify_run(path) if f.check == "time"]
-    assert (finding.level, finding.text) == (
-        "error",
+    (finding,) = [f for f in verify_run(path) if f.what == "time"]
+    assert (finding.severity, finding.found) == (
+        "blocks",
         f"time does not increase at 1 rows, first at row {row}",
     )
 
@@ -77,12 +78,12 @@ def test_gaps_between_cycles(tmp_path: Path) -> None:
     writer = RunWriter(tmp_path / "1-x-y.h5", header())
     for first, rows in ((3, 50), (60, 40), (100, 10)):
         writer.append(block(first, rows))
-    findings = {f.check: f for f in verify_run(writer.seal("COMPLETED"))}
-    assert (findings["sequence"].level, findings["sequence"].text) == (
-        "warning",
+    findings = {f.what: f for f in verify_run(writer.seal("COMPLETED"))}
+    assert (findings["sequence"].severity, findings["sequence"].found) == (
+        "warns",
         "1 gaps in the cycle index, 7 cycles missing",
     )
-    assert findings["rows"].level == "warning"
+    assert findings["rows"].severity is Severity.WARNS
 
 
 def test_a_gap_at_the_edge_of_a_block_of_the_check(tmp_path: Path) -> None:
@@ -92,14 +93,14 @@ def test_a_gap_at_the_edge_of_a_block_of_the_check(tmp_path: Path) -> None:
         writer.append(
             SampleBlock(first, cycles, np.zeros((rows, 4), np.int64), np.zeros(rows, np.uint16))
         )
-    findings = {f.check: f for f in verify_run(writer.seal("COMPLETED"))}
-    assert findings["sequence"].text == "1 gaps in the cycle index, 4 cycles missing"
-    assert findings["time"].level == "ok"
+    findings = {f.what: f for f in verify_run(writer.seal("COMPLETED"))}
+    assert findings["sequence"].found == "1 gaps in the cycle index, 4 cycles missing"
+    assert findings["time"].severity is Severity.PASSED
 
 
 @pytest.mark.parametrize(
     ("due", "level"),
-    [("2025-11-20", "warning"), ("2025-11-21", "ok"), ("soon", "warning"), ("", "ok")],
+    [("2025-11-20", "warns"), ("2025-11-21", "passed"), ("soon", "warns"), ("", "passed")],
 )
 def test_calibrations_that_were_overdue(tmp_path: Path, due: str, level: str) -> None:
     made = header()
@@ -121,10 +122,10 @@ def test_an_unfinished_run(tmp_path: Path) -> None:
     writer.flush()
     found = levels(writer.part)
     writer.abandon()
-    assert found["hash"] == "warning"
-    assert "error" not in found.values()
+    assert found["hash"] == "warns"
+    assert "blocks" not in found.values()
 
 
 def test_an_unreadable_file(tmp_path: Path) -> None:
     (tmp_path / "x.h5").write_text("no")
-    assert levels(tmp_path / "x.h5")["readable"] == "error"
+    assert levels(tmp_path / "x.h5")["readable"] == "blocks"

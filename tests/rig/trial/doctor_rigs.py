@@ -8,13 +8,13 @@ from pathlib import Path
 
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.clock import VirtualClock
+from experiments.finding import Finding, Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.simulated import wire_config
 from rig.run.start import RunRequest
 from rig.trial.doctor.examine import Examination, examine
-from rig.trial.doctor.finding import Finding
 from sim_backend.faults import Fault
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
@@ -78,10 +78,10 @@ def look(
 
 def line(found: Examination, group: str, name: str) -> Finding:
     """The line under a heading that begins with `group`."""
-    fitting = [f for f in found.findings if f.group.startswith(group) and f.name == name]
-    assert len(fitting) == 1, [(f.group, f.name) for f in found.findings]
+    fitting = [f for f in found.findings if f.where.startswith(group) and f.what == name]
+    assert len(fitting) == 1, [(f.where, f.what) for f in found.findings]
     return fitting[0]
 
 
 def failed(found: Examination) -> list[tuple[str, str]]:
-    return [(f.group, f.name) for f in found.findings if f.result == "failed"]
+    return [(f.where, f.what) for f in found.findings if f.severity is Severity.BLOCKS]

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from experiments.finding import Finding, Severity
 from rig import main
 from rig.commands.doctoring import _print
 from rig.run.remote import RemoteOperator
 from rig.trial.doctor.examine import Examination
-from rig.trial.doctor.finding import Finding
 
 
 def code_of(*words: str) -> int:
@@ -31,7 +31,9 @@ def test_it_prints_one_object_and_its_code_means_something(
     assert code == (0 if found["ok"] else 6)
     assert set(found) == {"backend", "ok", "checks"}
     assert all(
-        set(check) == {"group", "name", "result", "evidence", "value", "unit", "limit", "remedy"}
+        set(check)
+        == {"group", "name", "result", "evidence", "limit"}
+        | {"what", "severity", "where", "found", "allowed", "remedy", "value", "unit"}
         for check in found["checks"]
     )
 
@@ -105,15 +107,9 @@ def test_the_table_shows_what_it_was_told_and_every_heading_once(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     findings = (
-        Finding(group="computer", name="disk", result="ok", evidence="in [/tmp] or [bold]"),
-        Finding(
-            group="rig",
-            name="connection",
-            result="failed",
-            evidence="no [drive] there",
-            remedy="See [drive].",
-        ),
-        Finding(group="computer", name="calendar", result="skipped", evidence="not today"),
+        Finding("disk", Severity.PASSED, "in [/tmp] or [bold]", where="computer"),
+        Finding("connection", Severity.BLOCKS, "no [drive] there", "See [drive].", where="rig"),
+        Finding("calendar", Severity.NOT_LOOKED_AT, "not today", where="computer"),
     )
     _print(Examination("sim", findings))
     shown = capsys.readouterr().out

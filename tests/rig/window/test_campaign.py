@@ -12,10 +12,10 @@ import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
+from experiments.finding import Finding, Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
-from rig.run.preflight import Check
 from rig.run.start import RunRequest
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.journal import DoneStage
@@ -156,9 +156,12 @@ def test_an_unfinished_campaign_goes_on_or_begins_anew(
 
 
 def test_checks_of_many_runs_are_said_once_with_the_runs_that_they_hold_for() -> None:
-    warning, good = Check("ratings", "warning", "recalled"), Check("disk space", "ok", "82 GB")
+    warning, good = (
+        Finding("ratings", Severity.WARNS, "recalled"),
+        Finding("disk space", Severity.PASSED, "82 GB"),
+    )
     told = joined([("home", warning), ("home", good), ("friction", good), ("friction", warning)])
-    assert [(check.name, check.evidence) for check in told] == [
+    assert [(check.what, check.found) for check in told] == [
         ("ratings", "home, friction: recalled"),
         ("disk space", "good for every run"),
     ]

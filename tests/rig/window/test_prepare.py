@@ -23,12 +23,12 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
+from experiments.finding import Finding, Severity
 from rig.commands.ordering import request_of
 from rig.commands.running import read_protocol
 from rig.gears.card import card_for, now_text, save_card, with_changes, with_confirmation
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, TripLatch
-from rig.run.preflight import Check
 from rig.run.start import plan_request
 from rig.window.prepare.checklist import Checklist
 from rig.window.prepare.checklist_doctor import checks_from
@@ -142,7 +142,7 @@ def test_a_gear_is_told_confirmed_and_remembered(
     assert card.confirmation is not None
     assert card.confirmation.by == "A. Example"
     assert "Confirmed by A. Example" in page.gear.status.text()
-    assert [check.name for check in page.checklist.failed] == []
+    assert [check.what for check in page.checklist.failed] == []
     assert not page.gear.form.isVisible()
     assert "0.08 ± 0.002 kg m²" in page.gear.digest.text()
     click(qtbot, page.gear.details_button)
@@ -150,7 +150,7 @@ def test_a_gear_is_told_confirmed_and_remembered(
     # What is changed afterwards waits for its confirmation; undone, it is as it was.
     type_into(qtbot, page.gear.form.rows["load_inertia_kg_m2"].editor, "0.2")
     settle(page)
-    assert [check.name for check in page.checklist.failed] == ["gear card"]
+    assert [check.what for check in page.checklist.failed] == ["gear card"]
     click(qtbot, page.gear.revert_button)
     settle(page)
     assert page.gear.is_confirmed
@@ -306,7 +306,7 @@ def test_a_latched_trip_and_unsigned_items_stand_in_the_way(
     box = next(
         b
         for b, c in zip(page.checklist.boxes, page.checklist.checks, strict=True)
-        if c.name == "trip latch"
+        if c.what == "trip latch"
     )
     assert not box.isEnabled()
     assert page.acknowledge_button.isVisible()
@@ -347,7 +347,7 @@ def test_without_a_gear_no_card_is_asked_for(
     assert page.outlook is not None
     assert page.outlook.request is not None
     assert page.outlook.request.gear_serial == "unknown"
-    assert "gear card" not in [check.name for check in page.checklist.checks]
+    assert "gear card" not in [check.what for check in page.checklist.checks]
     assert "mounting" not in page.protocol.form.rows
     click(qtbot, page.sign_button)
     assert page.start_button.isEnabled()
@@ -382,11 +382,11 @@ def test_hardware_asks_for_the_rig_s_answer_and_a_typed_confirmation(
     type_into(qtbot, page.confirmation, "SN-0815")
     settle(page)
     assert "it will turn" in page.doctor_button.text()
-    page.show_doctor(
-        {"checks": [{"name": "nodes", "result": "failed", "evidence": "node 1 is silent"}]}, 6, ""
-    )
+    silent = Finding("nodes", Severity.BLOCKS, "node 1 is silent")
+    page.show_doctor({"checks": [silent.as_json()]}, 6, "")
     assert page.obstacles[0] == "nodes: node 1 is silent"
-    page.show_doctor({"checks": [{"name": "nodes", "result": "ok", "evidence": "3 of 3"}]}, 0, "")
+    all_there = Finding("nodes", Severity.PASSED, "3 of 3")
+    page.show_doctor({"checks": [all_there.as_json()]}, 0, "")
     click(qtbot, page.sign_button)
     with qtbot.waitSignal(page.start_requested, timeout=LONGEST) as caught:
         click(qtbot, page.start_button)
@@ -431,16 +431,16 @@ def test_a_tick_belongs_to_its_evidence(qtbot: QtBot) -> None:
     items = Checklist()
     qtbot.addWidget(items)
     one, two = (
-        Check("zero", "ok", "1.2 mN m"),
-        Check("disk", "warning", "little left", "Free some."),
+        Finding("zero", Severity.PASSED, "1.2 mN m"),
+        Finding("disk", Severity.WARNS, "little left", "Free some."),
     )
     items.set_checks([one, two])
     assert not items.is_signed
     items.tick_all()
     assert items.is_signed
-    items.set_checks([one, Check("disk", "warning", "less left")])
-    assert [check.evidence for check in items.open] == ["less left"]
-    items.set_checks([one, Check("disk", "failed", "full")])
+    items.set_checks([one, Finding("disk", Severity.WARNS, "less left")])
+    assert [check.found for check in items.open] == ["less left"]
+    items.set_checks([one, Finding("disk", Severity.BLOCKS, "full")])
     items.tick_all()
     assert not items.is_signed
     assert not items.boxes[1].isEnabled()
@@ -448,19 +448,21 @@ def test_a_tick_belongs_to_its_evidence(qtbot: QtBot) -> None:
 
 def test_what_the_doctor_says_or_does_not_say() -> None:
     rows = [
-        {"group": "a", "name": "bus", "result": "skipped", "evidence": "none"},
-        {"name": "zero", "result": "warning", "evidence": "9 mN m", "remedy": "Trim it."},
+        Finding("bus", Severity.NOT_LOOKED_AT, "none").as_json(),
+        Finding("zero", Severity.WARNS, "9 mN m", "Trim it.").as_json(),
     ]
     assert checks_from({"ok": True, "checks": rows}, 0, "") == (
-        Check("zero", "warning", "9 mN m", "Trim it."),
+        Finding("zero", Severity.WARNS, "9 mN m", "Trim it."),
     )
     stopped = checks_from({"ok": True, "checks": rows}, 4, "")
-    assert [check.result for check in stopped] == ["failed", "warning"]
-    assert checks_from(None, 2, "Error: No such command 'doctor'.")[0].result == "warning"
+    assert [check.severity for check in stopped] == ["blocks", "warns"]
+    assert checks_from(None, 2, "Error: No such command 'doctor'.")[0].severity is Severity.WARNS
     assert checks_from(None, 6, "first\nthe bus is gone") == (
-        Check("rig doctor", "failed", "the bus is gone", "Run `rig doctor` in a terminal."),
+        Finding(
+            "rig doctor", Severity.BLOCKS, "the bus is gone", "Run `rig doctor` in a terminal."
+        ),
     )
-    assert checks_from({"checks": []}, 1, "")[0].result == "failed"
+    assert checks_from({"checks": []}, 1, "")[0].severity is Severity.BLOCKS
 
 
 def test_a_background_command_gives_what_it_printed_and_is_ended_with_its_window(

@@ -20,6 +20,7 @@ from drivers.drive_state import DriveState, drive_state
 from drivers.errors import BusLostError, DriverError
 from drivers.port import Ask, Command, DriveLimits, Guard, Mode, Request
 from drivers.samples import SampleBlock
+from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
@@ -211,7 +212,7 @@ def test_a_coupler_that_loses_the_computer_takes_servo_on_and_reference_away() -
     made = bench()
     port = port_of(made)
     turned(port, [200])
-    assert loss_check(port.abilities.unwatched, "").result == "ok"
+    assert loss_check(port.abilities.unwatched, "").severity is Severity.PASSED
     for _ in range(600):
         made.clock.wait_until_ns(made.clock.monotonic_ns() + 1_000_000)
         made.elapse()
@@ -226,8 +227,8 @@ def test_a_coupler_without_error_modes_is_not_armed(missing: int) -> None:
     port = port_of(made)
     port.open()
     check = loss_check(port.abilities.unwatched, "")
-    assert check.result == "failed"
-    assert f"0x{missing:04X}" in check.evidence
+    assert check.severity is Severity.BLOCKS
+    assert f"0x{missing:04X}" in check.found
 
 
 def test_the_watchdogs_frames_stop_it_past_the_loop() -> None:
@@ -292,8 +293,8 @@ def test_limits_by_hand_are_said_and_no_wider_than_the_gear_bears() -> None:
     port = port_of(made)
     port.open()
     check = drive_limits_check(port, limits)
-    assert check.result == "warning"
-    assert "not read back" in check.evidence
+    assert check.severity is Severity.WARNS
+    assert "not read back" in check.found
     held = reference(made).limits_by_hand
     for name in ("torque", "speed"):
         wide = replace(held, **{name: 1.05 * getattr(limits.drive_limits(), name)})
@@ -309,7 +310,7 @@ def test_the_protocols_own_speed_is_no_business_of_a_limit_by_hand() -> None:
     made = bench()
     port = port_of(made)
     port.open()
-    assert drive_limits_check(port, limits).result == "warning"
+    assert drive_limits_check(port, limits).severity is Severity.WARNS
 
 
 def port_with(limits: DriveLimits) -> CanRig:

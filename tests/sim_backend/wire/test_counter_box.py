@@ -146,7 +146,7 @@ def test_asked_without_a_trigger_line_it_is_polled_with_stamps_of_its_own() -> N
     with pytest.raises(DriverError, match="polled channel stands in a trip"):
         port.exchange(Command(Mode.OFF), 1, Guard((bound,)))
     checks = standing_checks(port.channels, block.counts, block.flags, 1.0)
-    assert [check.result for check in checks if check.name == "pairs"] == ["failed"]
+    assert [check.severity for check in checks if check.what == "pairs"] == ["blocks"]
 
 
 def test_two_devices_for_one_channel_are_refused() -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 from PySide6.QtCore import QUrl, Signal
 from PySide6.QtWidgets import QWidget
 
+from experiments.finding import Finding
 from rig.analysis.store import Analysis, analysis_folder
-from rig.runfile.verify import Finding, verify_run
+from rig.runfile.verify import verify_run
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
@@ -94,10 +95,7 @@ class RunFilesView(QWidget):
             self._verifying.start(lambda: verify_run(path))
 
     def _show_findings(self, findings: Sequence[Finding]) -> None:
-        lines = [
-            f"{'ok' if f.level == 'ok' else f.level.upper()}   {f.check}: {f.text}"
-            for f in findings
-        ]
+        lines = [f"{one.severity.mark}   {one.sentence}" for one in findings]
         self.findings.setText("\n".join(lines))
 
     def _open_folder(self) -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from experiments.finding import Severity
 from rig.analysis import store
 from rig.errors import RigError
 from rig.main import app
@@ -63,7 +64,9 @@ def edit_record(folder: Path, edit: Callable[[dict[str, Any]], None]) -> None:
 
 def errors(folder: Path, name: str = "c.html") -> dict[str, str]:
     """The checks that found something wrong, with what they say."""
-    return {f.check: f.text for f in verify_certificate(folder / name) if f.level == "error"}
+    return {
+        f.what: f.found for f in verify_certificate(folder / name) if f.severity is Severity.BLOCKS
+    }
 
 
 @pytest.mark.parametrize("name", ["c.html", "c.json"])
@@ -71,7 +74,7 @@ def test_a_certificate_that_nobody_touched_is_believed_wherever_it_lies(
     folder: Path, name: str
 ) -> None:
     assert errors(folder, name) == {}
-    checks = {f.check for f in verify_certificate(folder / name) if f.level == "ok"}
+    checks = {f.what for f in verify_certificate(folder / name) if f.severity is Severity.PASSED}
     assert checks == {"seal", "rests on", "numbers", "verdict", "printed"}
 
 
@@ -151,7 +154,7 @@ def test_a_card_that_was_written_on_since_is_told_and_contradicts_nothing(folder
     now = Manifest.made_of(listed.of, [*listed.entries, card])
     overwrite(path, now.as_bytes())
     edit_record(folder, lambda r: r["manifest"].update({"sha256": now.sha256}))
-    told = [f.text for f in verify_certificate(folder / "c.html") if f.level == "warning"]
+    told = [f.found for f in verify_certificate(folder / "c.html") if f.severity is Severity.WARNS]
     assert any("gear card" in text for text in told)
     assert "rests on" not in errors(folder)
 

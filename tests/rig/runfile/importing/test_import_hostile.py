@@ -8,6 +8,7 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from experiments.finding import Severity
 from rig.errors import RigError, RunFileError
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.verify import verify_run
@@ -57,7 +58,7 @@ def try_import(folder: Path, content: bytes, fmt: str, drop: bool) -> None:
     assert np.isfinite(recording.si("torque")).all()
     assert (np.diff(recording.time()) >= 0).all()
     close_recording(recording)
-    assert not any(finding.level == "error" for finding in verify_run(made.path))
+    assert not any(finding.severity is Severity.BLOCKS for finding in verify_run(made.path))
 
 
 CELLS = st.one_of(

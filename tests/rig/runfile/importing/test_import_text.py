@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments.finding import Severity
 from experiments.recording import Recording, Segment
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -160,7 +161,9 @@ def test_the_run_says_what_it_is(tmp_path: Path) -> None:
     assert [entry["column"] for entry in m.process["channel_map"]] == ["t", "angle", "M"]
     assert {event.code for event in recording.events} == {"IMPORT"}
     assert m.process["source_file"] == "foreign.csv"
-    assert not any(finding.level == "error" for finding in verify_run(recording.source.path))  # type: ignore[attr-defined]
+    assert not any(
+        finding.severity is Severity.BLOCKS for finding in verify_run(recording.source.path)
+    )  # type: ignore[attr-defined]
     with pytest.raises(ConfigurationError, match="can be replayed"):
         replayed(recording.source.path, RigRequest(gear=shipped_gear(), motor=shipped_motor()))  # type: ignore[attr-defined]
 
@@ -292,7 +295,7 @@ def test_bad_rows_are_left_out_counted_and_listed(tmp_path: Path, rows: str, mes
     assert isinstance(recording.source, FileSource)
     assert np.diff(recording.source.cycles(0, 9)).max() == 2
     assert any(
-        f.check == "rows" and "1 cycles never became a row" in f.text for f in verify_run(done.path)
+        f.what == "rows" and "1 cycles never became a row" in f.found for f in verify_run(done.path)
     )
 
 
