@@ -86,9 +86,9 @@ def _apart(result: Result, name: str, value: float, other: float) -> float:
     return math.remainder(change, math.tau) if result.quantity(name).is_circular else change
 
 
-def is_covered(estimate: Estimate, doubt: Doubt) -> bool:
-    """Whether the analysis itself says in its budget what this doubt does to the number."""
-    return any(_speaks_of(line, doubt) for line in estimate.budget)
+def lines_that_speak_of(estimate: Estimate, doubt: Doubt) -> list[BudgetLine]:
+    """What the analysis itself has in its budget of what this doubt does to the number."""
+    return [line for line in estimate.budget if _speaks_of(line, doubt)]
 
 
 def _speaks_of(line: BudgetLine, doubt: Doubt) -> bool:
@@ -122,7 +122,7 @@ def _declared(result: Result, name: str, recorded: Recorded) -> Estimate:
     for channel, how in channels_of(result, name, recorded.recording):
         is_alike = recorded.recording.signals[channel].unit == estimate.unit
         for doubt in doubts_of(recorded, channel):
-            if not is_covered(estimate, doubt):
+            if not lines_that_speak_of(estimate, doubt):
                 lines.append(
                     doubt.of(declared_change(how, estimate.value, doubt, is_alike=is_alike))
                 )
@@ -176,7 +176,7 @@ class _FoundOut:
         lines: list[BudgetLine] = []
         unknown = "" if self.channels else "its analysis reads no channel"
         for doubt in self.doubts:
-            if is_covered(estimate, doubt):
+            if lines_that_speak_of(estimate, doubt):
                 continue
             change = self._change(doubt).get(estimate.name, math.nan)
             if math.isfinite(change):

@@ -32,6 +32,8 @@ from model.units import DEGREE
 PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
 ALIKE = 0.5
 """Half difference of the directions over their mean up to which an order that nobody expects is the gear's."""
+LAG_LINE = BudgetLine("lag of the torque port", "B", 0.0, "filters and settling, taken as none")
+"""Of amplitudes and phases of a torque over the angle."""
 IN_PHASE = 30.0 * DEGREE
 """Largest phase difference [rad] at which two extremes are still called the same place."""
 
@@ -244,50 +246,33 @@ def phase_relation(
     e_block = error.covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
     freedom = min(torque_forward.freedom, torque_reverse.freedom, error.freedom)
     label = error.labels[at]
-    block = 0.25 * (block_a + block_b) + 0.5 * (
-        order * lag_error * abs(conservative)
-    ) ** 2 * np.eye(2)
+    block = 0.25 * (block_a + block_b)
+    # A lag that is not known turns each direction its own way: it mixes friction and what is conservative.
+    turn = 1j * order * lag_error
     of_friction = polar.polar(
-        label, np.array([friction.real, -friction.imag]), block, freedom, "N m"
+        label, _vector(friction), block, freedom, "N m", ((LAG_LINE, _vector(turn * conservative)),)
+    )
+    of_wedge = polar.polar(
+        label, _vector(conservative), block, freedom, "N m", ((LAG_LINE, _vector(turn * friction)),)
     )
     of_error = polar.polar(
         label, np.array([error.cosine[at], error.sine[at]]), e_block, freedom, "rad"
     )
-    of_wedge = polar.polar(
-        label, np.array([conservative.real, -conservative.imag]), block, freedom, "N m"
+    difference = _phase_difference(
+        of_friction.phase, error.estimates.get(f"phase_{label}", of_error.phase)
     )
-    difference = math.remainder(of_friction.phase.value - of_error.phase.value, 2.0 * math.pi)
-    turns = [0.5 * (one.phase.high - one.phase.low) for one in (of_friction, of_error)]
-    half = min(math.hypot(*turns), math.pi)
-    verdict = _phase_verdict(difference, half)
+    value = difference.value
+    half = min(difference.expanded_uncertainty, math.pi)
+    verdict = _phase_verdict(value, half)
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     basis = torque_forward.basis
     curves = [_whole_orders(basis, fit.values, angle) for fit in (torque_forward, torque_reverse)]
-    identifiable = "yes" if half < 0.5 * math.pi else "no"
     return PhaseRelation(
         order=order,
         verdict=verdict,
-        sentence=_phase_sentence(label, difference, half, verdict),
+        sentence=_phase_sentence(label, value, half, verdict),
         estimates={
-            "phase_difference": Estimate(
-                name="phase_difference",
-                value=difference,
-                unit="rad",
-                low=difference - half,
-                high=difference + half,
-                identifiable=identifiable,
-                note=""
-                if identifiable == "yes"
-                else "the friction torque at this order is not above the noise",
-                budget=(
-                    BudgetLine(
-                        polar.RESIDUAL,
-                        "A",
-                        half / student_quantile(freedom),
-                        degrees_of_freedom=freedom,
-                    ),
-                ),
-            ),
+            "phase_difference": difference,
             "friction_amplitude": of_friction.amplitude,
             "conservative_amplitude": of_wedge.amplitude,
             # The very number that stands among the orders, with all that the bench may add.
@@ -298,6 +283,36 @@ def phase_relation(
         conservative_torque=0.5 * (curves[0] + curves[1]),
         kinematic_error=error.mean,
     )
+
+
+def _vector(amplitude: complex) -> Array:
+    """Cosine and sine of a complex amplitude."""
+    return np.array([amplitude.real, -amplitude.imag])
+
+
+def _phase_difference(torque: Estimate, error: Estimate) -> Estimate:
+    """The phase of the friction torque less that of the error [rad], with all that either is uncertain by."""
+    value = math.remainder(torque.value - error.value, 2.0 * math.pi)
+    half = min(math.hypot(*(0.5 * (one.high - one.low) for one in (torque, error))), math.pi)
+    lines = [
+        replace(
+            line, source=f"{line.source} ({what})" if line.source == polar.RESIDUAL else line.source
+        )
+        for what, one in (("torque", torque), ("error", error))
+        for line in one.budget
+    ]
+    found = Estimate(
+        name="phase_difference",
+        value=value,
+        unit="rad",
+        low=value - half,
+        high=value + half,
+        budget=tuple(lines),
+    )
+    if found.expanded_uncertainty < 0.5 * math.pi:
+        return found
+    note = "the friction torque or the error at this order is not above what is uncertain of it"
+    return replace(found, identifiable="no", note=note)
 
 
 def _phase_verdict(difference: float, half: float) -> PhaseVerdict:

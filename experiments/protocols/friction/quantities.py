@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from experiments.quantity import (
     ANGLES_IN_ITS_BUDGET,
     OF_CHANNEL_DIFFERENCES,
     Counterpart,
+    Dependence,
     Quantity,
 )
 from experiments.shape import Shape
 
 CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
 """Input speeds at which catalogues give the no-load running torque."""
+
+OF_THE_READING: Mapping[str, Dependence] = {"channel": "proportional", **ANGLES_IN_ITS_BUDGET}
+"""Half-sums of the directions: what is not known of the zero is in them in full."""
 
 _AT_REFERENCE = "_at_20_degrees"
 
@@ -112,34 +118,12 @@ ESTIMATES = (
         )
     ),
     Quantity(
-        name=at_reference("running_torque_{speed}_rpm"),
-        title="running torque {speed} r/min at 20 °C",
-        unit="N m",
-        shown="mN m",
-        definition="the same brought to 20 °C, with the uncertainty of the temperature coefficients",
-        rests_on=OF_CHANNEL_DIFFERENCES,
-    ),
-    *(
-        Quantity(
-            name=at_reference(name),
-            title=f"{title} at 20 °C",
-            unit=unit,
-            definition="brought to 20 °C, with the uncertainty of the temperature coefficient",
-            rests_on=OF_CHANNEL_DIFFERENCES,
-        )
-        for name, title, unit in (
-            ("coulomb", "Coulomb friction", "N"),
-            ("static", "static friction", "N"),
-            ("viscous", "viscous friction", "N s/rad"),
-        )
-    ),
-    Quantity(
         name="offset",
         title="offset",
         unit="N m",
         definition="half-sum of the directions, extrapolated to standstill: rest of the torque zero",
         is_signed=True,
-        rests_on=OF_CHANNEL_DIFFERENCES,
+        rests_on=OF_THE_READING,
     ),
     Quantity(
         name="asymmetry",

@@ -70,7 +70,7 @@ EXPERIMENT = Experiment(
     compare=Deferred("experiments.protocols.kinematic_error.analysis:compare"),
     identified=Deferred("experiments.protocols.kinematic_error.analysis:identified"),
     quantities=QUANTITIES,
-    version=6,
+    version=7,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,

@@ -82,6 +82,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         tare = tare_from(averages)
     warnings += points.warnings
     estimates, covariance = _straight_line(recording, averages, points, heat)
+    estimates |= _offset(points, zero)
     slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
     plots = [_plot(holds, estimates)]
@@ -185,22 +186,27 @@ def _straight_line(
             )
             others.append(BudgetLine("temperature of the motor", "B", cold * abs(warm * value)))
             estimates[found] = _tare_estimate(found, warm * value, unit, moved, others, freedom)
-    offset = points.offset[points.paired]
-    if len(offset) > 1:
-        spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
-        mean, half = float(offset.mean()), student_quantile(len(offset) - 1) * spread
-        note = "half-sum of the directions: rest of the zero and asymmetry"
-        estimates["offset"] = Estimate(
-            name="offset",
-            value=mean,
-            unit="N m",
-            low=mean - half,
-            high=mean + half,
-            identifiable="yes",
-            note=note,
-            budget=(BudgetLine(HALF_SUMS, "A", spread, degrees_of_freedom=len(offset) - 1.0),),
-        )
     return estimates, covariance
+
+
+def _offset(points: FrictionPoints, zero: TorqueZero) -> dict[str, Estimate]:
+    """The half-sum of the directions: whatever is not known of the zero is in it in full."""
+    offset = points.offset[points.paired]
+    if len(offset) < 2:
+        return {}
+    spread = float(offset.std(ddof=1)) / math.sqrt(len(offset))
+    mean, half = float(offset.mean()), student_quantile(len(offset) - 1) * spread
+    scatter = BudgetLine(HALF_SUMS, "A", spread, degrees_of_freedom=len(offset) - 1.0)
+    estimate = Estimate(
+        name="offset",
+        value=mean,
+        unit="N m",
+        low=mean - half,
+        high=mean + half,
+        note="half-sum of the directions: rest of the zero and asymmetry",
+        budget=(scatter, zero.budget()),
+    )
+    return {"offset": estimate}
 
 
 def _warming(averages: Sequence[RunningTorque]) -> FloatArray:

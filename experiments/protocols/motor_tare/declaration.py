@@ -13,6 +13,7 @@ from experiments.parameters import Help, Unit
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.protocols.friction.quantities import at_reference
 from experiments.quantity import (
+    ANGLES_IN_ITS_BUDGET,
     OF_TORQUE_DIFFERENCES,
     Quantity,
 )
@@ -57,7 +58,7 @@ QUANTITIES = (
         unit="N m",
         definition="half-sum of the directions: rest of the zero and asymmetry",
         is_signed=True,
-        rests_on=OF_TORQUE_DIFFERENCES,
+        rests_on={"torque": "proportional", **ANGLES_IN_ITS_BUDGET},
     ),
     Quantity(
         name="torque_scale",
@@ -154,7 +155,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=7,
+    version=8,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
     shapes=(LINE,),

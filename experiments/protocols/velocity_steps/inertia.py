@@ -22,6 +22,7 @@ from model.units import RPM
 INERTIA_ABOVE = 250.0 * RPM
 """Input speed from which the torque of a step is asked for the inertia of the output."""
 SCATTER, SMOOTHING = "scatter between the steps, and what they share", "smoothing of the rise"
+SKEW = "torque delay"
 TWICE = "all sides smoothed twice as wide"
 RUNG = "choice of the rung"
 """The line of the mode's budget that is computed anew for what torque tells."""
@@ -56,6 +57,12 @@ def output_inertia(
         lines = [
             BudgetLine(SCATTER, "A", error, degrees_of_freedom=found.freedom[name]),
             BudgetLine(SMOOTHING, "B", found.smoothing[name] / math.sqrt(3.0), TWICE),
+            BudgetLine(
+                SKEW,
+                "B",
+                found.skew[name] / math.sqrt(3.0),
+                "latched within half a cycle of the angles",
+            ),
         ]
         if beside is not None and other is not None:
             away = abs(other.values[name] - value)
