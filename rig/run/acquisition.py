@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from drivers.acquisition_statistics import AcquisitionStatistics
 from drivers.errors import DriverError
@@ -20,6 +20,9 @@ from experiments.errors import ExperimentError
 from model.errors import ModelError
 from rig.errors import RigError
 from rig.run.logbook import Logbook
+
+if TYPE_CHECKING:
+    from rig.runfile.header import RunHeader
 
 READ_IN = {
     "duration": (1.0, "s"),
@@ -88,7 +91,7 @@ class AcquisitionLog:
             return {}
         logbook.flush()
         try:
-            skews, remarks = skews_of(logbook.run.part)
+            skews, remarks = skews_of(logbook.run.part, logbook.run.header)
             for text in remarks:
                 logbook.event("warning", "skew", "acquisition", text)
             return skews
@@ -97,18 +100,18 @@ class AcquisitionLog:
             return {}
 
 
-def skews_of(part: Path) -> tuple[dict[str, Any], list[str]]:
+def skews_of(part: Path, header: RunHeader) -> tuple[dict[str, Any], list[str]]:
     """Skew between the channels of a run file that is still open, as the file keeps it, and what
     has to be said of it.
     """
     from experiments.evidence import skew_remark
     from experiments.evidence.skew import skews
-    from rig.runfile.read import close_recording, open_run
+    from rig.runfile.read import close_recording, open_own_run
 
-    recording = open_run(part, digest=False)
+    recording = open_own_run(part, header)
     try:
         estimates = {name: estimate.as_json() for name, estimate in skews(recording).items()}
-        process = {**recording.metadata.process, "acquisition": {"skew": estimates}}
+        process = {**header.metadata.process, "acquisition": {"skew": estimates}}
         described = replace(recording, metadata=replace(recording.metadata, process=process))
         return estimates, skew_remark(described)
     finally:

@@ -37,6 +37,11 @@ class BegunRun:
         """The file while it is written."""
         return self.writer.part
 
+    @property
+    def header(self) -> RunHeader:
+        """What the file was begun with."""
+        return self.writer.header
+
     def flush(self) -> None:
         """Bring everything so far into the file."""
         self.recorder.flush()

@@ -26,6 +26,7 @@ from rig.run.watchdog import Watchdog
 
 if TYPE_CHECKING:
     from rig.bench.config.used import UsedFile
+    from rig.runfile.header import RunHeader
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,6 +82,9 @@ class OpenRun(Protocol):
 
     @property
     def part(self) -> Path: ...
+
+    @property
+    def header(self) -> RunHeader: ...
 
     @property
     def recorder(self) -> Recorder: ...

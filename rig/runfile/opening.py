@@ -107,16 +107,17 @@ class OpenFile:
         self.close()
 
 
-def open_for_reading(path: Path, *, leave_out: str = "") -> OpenFile:
+def open_for_reading(path: Path, *, leave_out: str = "", is_ours: bool = False) -> OpenFile:
     """A run file opened as a SWMR reader where a writer is at work or was killed, plainly otherwise.
 
     Raises `RunFileError` for a file that is built as no run is; `leave_out` is the path of a group
-    that will not be looked into, so that it need not be examined.
+    that will not be looked into, so that it need not be examined. Nor need a growing file that is
+    `ours`: the one that asks is writing it.
     """
     with refusing_damage(path):
         require_hdf5(path)
         if path.name.endswith(PART_SUFFIX):
-            return _open_growing(path)
+            return _open_growing(path, is_ours=is_ours)
         # Another driver than that of a growing file: where one process holds a run open as growing
         # and opens it again sealed, the library would take both for one file.
         file = h5py.File(path, "r", driver="stdio")
@@ -148,7 +149,7 @@ def require_hdf5(path: Path) -> None:
         )
 
 
-def _open_growing(path: Path) -> OpenFile:
+def _open_growing(path: Path, *, is_ours: bool) -> OpenFile:
     with _registry:
         status = path.stat()
         number = (status.st_dev, status.st_ino)
@@ -158,7 +159,8 @@ def _open_growing(path: Path) -> OpenFile:
             if shared.file:
                 return OpenFile(shared)
         file = _open_as_swmr_reader(path)
-        _examine(file, grows=True)
+        if not is_ours:
+            _examine(file, grows=True)
         shared = _Shared(file, number)
         _growing[number] = shared
         return OpenFile(shared)

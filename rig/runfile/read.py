@@ -55,6 +55,21 @@ def open_run(
     return recording
 
 
+def open_own_run(part: Path, header: RunHeader) -> Recording:
+    """The rows of a run that the caller itself is writing, with what it was begun with.
+
+    Nothing of that is read again, and no check is made: of a file that somebody else wrote `open_run` is the reader.
+    """
+    source = FileSource(part, header.columns)
+    try:
+        segments, events = source.tables()
+    except BaseException:
+        source.close()
+        raise
+    signals = {column.name: column.channel for column in header.columns}
+    return Recording(header.metadata, signals, segments, events, source)
+
+
 def _seal_of(path: Path, *, anew: bool) -> Seal:
     """The seal of a run; of a file without a note that is no run at all, that is the thing to say."""
     try:

@@ -17,7 +17,7 @@ from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.damage import refusing_damage
 from rig.runfile.header import check_format, read_columns, rows_flushed
-from rig.runfile.layout import BOOKKEEPING, FLAGS, TIME
+from rig.runfile.layout import BOOKKEEPING, FLAGS, TIME, Column
 from rig.runfile.opening import OpenFile, open_for_reading
 
 
@@ -27,14 +27,16 @@ class FileSource:
     `rows` stands still until `refresh` looks for rows that a writer has added.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, columns: tuple[Column, ...] = ()) -> None:
+        """`columns` of a file that this very program is writing: it is not asked what it is."""
         self.path = path
-        self._open = open_for_reading(path)
+        self._open = open_for_reading(path, is_ours=bool(columns))
         self._closer = weakref.finalize(self, self._open.close)
         self._rows = 0
         with self.file() as file:
-            check_format(file)
-            self.columns = read_columns(file)
+            if not columns:
+                check_format(file)
+            self.columns = columns or read_columns(file)
             self._names = (*BOOKKEEPING, *(column.name for column in self.columns))
             for name in self._names:
                 require_column(self._open, name)

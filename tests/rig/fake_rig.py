@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -246,6 +247,7 @@ class ListRun:
 
     run_id: str = "00001-fake-G1"
     part: Path = Path("nowhere.h5.part")
+    header: Any = field(default_factory=lambda: SimpleNamespace(columns=("not read",)))
     blocks: list[SampleBlock] = field(default_factory=list)
     segments: list[Segment] = field(default_factory=list)
     events: list[Event] = field(default_factory=list)
