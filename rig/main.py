@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import sys
 import traceback
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, cast
 
 import typer
+from typer.core import TyperGroup
 
 from rig import exits
 from rig.commands import (
@@ -34,18 +36,6 @@ from rig.commands import (
 )
 from rig.commands.earlier_names import Command
 from rig.commands.terminal import outliving_the_terminal
-
-app = typer.Typer(
-    name="rig",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Run a harmonic-drive test rig, record it, fit a physical model to it, and say how good model and gear are. "
-    "With no hardware at all it runs on a simulated rig: try [bold]rig demo[/bold].",
-    epilog="Exit codes: 0 done, PASS or NOT JUDGED, 1 FAIL, 2 usage, 3 MARGINAL, 4 ABORTED, 5 TRIPPED, "
-    "6 ERROR, 7 NOT JUDGED under --require-verdict, 8 BUSY.",
-)
 
 JSON_FLAGS = frozenset({"--json", "--events"})
 """Flags of a caller that is a program and reads standard output."""
@@ -85,18 +75,69 @@ PANELS = {
 }
 """The commands in the order and under the headings of `rig --help`."""
 
-for _panel, _commands in PANELS.items():
-    for _command in _commands:
-        if isinstance(_command, typer.Typer):
-            for _part in _command.registered_commands:
-                _part.cls = Command
-            app.add_typer(_command, rich_help_panel=_panel)
-            continue
-        _name = _command.__name__.rstrip("_")
-        _settings = getattr(_command, "context_settings", None)
-        app.command(_name, cls=Command, rich_help_panel=_panel, context_settings=_settings)(
-            _command
-        )
+
+def _name_of(part: Any) -> str:
+    """What is typed for a command or a group of commands."""
+    return str(part.info.name) if isinstance(part, typer.Typer) else part.__name__.rstrip("_")
+
+
+class _Commands(Mapping[str, Any]):
+    """The commands by name, each built when it is asked for: to read the options of all takes longer than many run."""
+
+    def __init__(self) -> None:
+        self._parts = {
+            _name_of(part): (part, panel) for panel, parts in PANELS.items() for part in parts
+        }
+        self._built: dict[str, Any] = {}
+
+    def __getitem__(self, name: str) -> Any:
+        if name not in self._built:
+            self._built[name] = _built(name, *self._parts[name])
+        return self._built[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._parts
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+
+def _built(name: str, part: Any, panel: str) -> Any:
+    """A command or a group of commands, as the library makes it of a function's parameters."""
+    alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
+    if isinstance(part, typer.Typer):
+        for inner in part.registered_commands:
+            inner.cls = Command
+        alone.add_typer(part, rich_help_panel=panel)
+        return cast(TyperGroup, typer.main.get_command(alone)).commands[name]
+    settings = getattr(part, "context_settings", None)
+    alone.command(name, cls=Command, rich_help_panel=panel, context_settings=settings)(part)
+    return typer.main.get_command(alone)
+
+
+class _Table(TyperGroup):
+    """The command `rig`, whose commands are built when they are asked for."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        self.commands = _Commands()  # pyright: ignore[reportAttributeAccessIssue]  nothing is added later
+
+
+app = typer.Typer(
+    name="rig",
+    cls=_Table,
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Run a harmonic-drive test rig, record it, fit a physical model to it, and say how good model and gear are. "
+    "With no hardware at all it runs on a simulated rig: try [bold]rig demo[/bold].",
+    epilog="Exit codes: 0 done, PASS or NOT JUDGED, 1 FAIL, 2 usage, 3 MARGINAL, 4 ABORTED, 5 TRIPPED, "
+    "6 ERROR, 7 NOT JUDGED under --require-verdict, 8 BUSY.",
+)
 
 
 def _print_version(wanted: bool) -> None:

@@ -4,13 +4,15 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from drivers.errors import BusLostError, DriverError
 from experiments.errors import AnalysisError, PlanError
 from model.errors import ModelError, ParameterError
-from rig import exits
+from rig import exits, main
 from rig.errors import LimitError, RigError, RunFileError
 
 HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "pydantic")
@@ -41,6 +43,20 @@ def test_help_loads_nothing_heavy() -> None:
 
 def test_a_list_of_runs_loads_no_bus(tmp_path: Path) -> None:
     assert loaded_by(["runs", str(tmp_path)], ("can", "asyncio", "scipy", "numba")) == []
+
+
+def test_a_command_is_built_without_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To read the options of all takes longer than many a command."""
+    asked: list[str] = []
+    built = main._built
+
+    def told(name: str, *more: Any) -> Any:
+        asked.append(name)
+        return built(name, *more)
+
+    monkeypatch.setattr(main, "_built", told)
+    assert CliRunner().invoke(main.app, ["runs", "--help"]).exit_code == 0
+    assert asked == ["runs"]
 
 
 def test_help_names_every_command() -> None:
