@@ -17,35 +17,20 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.quantity import Quantity, bare_quantity
-from experiments.recording import Recording, RunMetadata
-from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Ground
+from experiments.quantity import Quantity
+from model.identify.estimate import Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
-from rig.analysis.change_words import acquisition_unit, read_in, words_of
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.store import Analysis
-from rig.content.wording import laboratory_unit, number, show
+from rig.content.grid import Fact
+from rig.content.wording import laboratory_unit, number, value_text
 from rig.program import PROGRAM_KEYS
-from rig.runfile.header import read_header
+from rig.runfile.facts import GROUPS as RUN_GROUPS
+from rig.runfile.facts import flat, run_facts
 from rig.runfile.read import close_recording, open_run
-from rig.runfile.source import FileSource
 
-GROUPS = (
-    "run",
-    "parameters",
-    "limits",
-    "gear",
-    "conditions",
-    "calibrations",
-    "versions",
-    "acquisition",
-    "results",
-)
+GROUPS = (*RUN_GROUPS, "results")
 """What is compared, in this order."""
-RUN_CHANGES = frozenset({"truth", "acquisition", "planned_duration"})
-"""What the file keeps of the process that is compared elsewhere, or is the truth of a simulation,
-which no rig tells.
-"""
 PROGRAM_FACTS = dict(
     zip(("program version", "program commit", "program files"), PROGRAM_KEYS, strict=True)
 )
@@ -59,7 +44,6 @@ SUBJECT = (
     "kinematic_error",
 )
 """Options of an analysis that change what its numbers mean."""
-TEMPERATURES = ("housing_temperature", "ambient_temperature")
 SAME_NUMBER = 1e-12
 """Relative; numbers nearer than this are one number."""
 
@@ -141,18 +125,18 @@ def difference(first: str | Path, second: str | Path) -> Difference:
     same: list[Change] = []
     compared: dict[str, int] = {}
     for group in GROUPS[:-1]:
-        left, right = a.groups[group], b.groups[group]
+        left, right = a.of(group), b.of(group)
         names = list(dict.fromkeys((*left, *right)))
         compared[group] = len(names)
         for name in names:
-            title, unit = words_of(group, name, _protocol(a), _protocol(b))
+            facts = [one[name] for one in (left, right) if name in one]
             change = Change(
                 group=group,
                 name=name,
-                first=left.get(name, ""),
-                second=right.get(name, ""),
-                title=title,
-                unit=unit,
+                first=left[name].value if name in left else "",
+                second=right[name].value if name in right else "",
+                title=facts[0].title,
+                unit=next((fact.unit for fact in facts if fact.unit), ""),
             )
             (same if change.first == change.second else changes).append(change)
     results = list(_results(a, b))
@@ -160,10 +144,6 @@ def difference(first: str | Path, second: str | Path) -> Difference:
     for change in results:
         (same if _is_same(change) else changes).append(change)
     return Difference(a.run_id, b.run_id, tuple(changes), compared, tuple(same))
-
-
-def _protocol(facts: _Facts) -> str:
-    return facts.groups["parameters"].get("protocol", "")
 
 
 def _is_same(change: Change) -> bool:
@@ -174,12 +154,16 @@ def _is_same(change: Change) -> bool:
 
 @dataclass(frozen=True)
 class _Facts:
-    """What a run says, flattened to text by group, its newest analysis per kind, and what each of them rests on."""
+    """What a run says, its newest analysis per kind, and what each of them rests on."""
 
     run_id: str
-    groups: Mapping[str, Mapping[str, str]]
+    facts: tuple[Fact, ...]
     analyses: Mapping[str, Analysis]
     grounds: Mapping[str, Grounds]
+
+    def of(self, group: str) -> dict[str, Fact]:
+        """The facts of one group by their names."""
+        return {fact.name: fact for fact in self.facts if fact.group == group}
 
 
 def _facts(path: Path) -> _Facts:
@@ -190,133 +174,11 @@ def _facts(path: Path) -> _Facts:
     }
     recording = open_run(path)
     try:
-        groups = _groups(recording)
+        facts = run_facts(recording)
         grounds = {kind: grounds_of(recording, analysis) for kind, analysis in newest.items()}
-        return _Facts(recording.metadata.run_id or path.name, groups, newest, grounds)
+        return _Facts(recording.metadata.run_id or path.name, facts, newest, grounds)
     finally:
         close_recording(recording)
-
-
-def _groups(recording: Recording) -> dict[str, dict[str, str]]:
-    m = recording.metadata
-    process = {name: value for name, value in m.process.items() if name not in RUN_CHANGES}
-    rig = {name: process.pop(name) for name in list(process) if name not in PROGRAM_KEYS}
-    return {
-        "run": {
-            "run": m.run_id,
-            "start": m.start_time,
-            "outcome": m.outcome,
-            "rows": str(recording.rows),
-            "file": m.seal,
-        },
-        "parameters": _flat({"protocol": m.experiment, **m.parameters}),
-        "limits": _flat(_limits(recording)),
-        "gear": _gear(m),
-        "conditions": _flat({"operator": m.operator, **m.conditions, **_temperatures(recording)}),
-        "calibrations": dict(_calibrations(recording)),
-        "versions": _flat(process),
-        "acquisition": _acquisition(
-            {
-                "origin": m.origin,
-                "time base": m.time_base,
-                "sample rate": m.sample_rate,
-                **rig,
-                **_mapping(m.process.get("acquisition")),
-            }
-        ),
-    }
-
-
-def _acquisition(figures: Mapping[str, Any]) -> dict[str, str]:
-    """Figures of the acquisition, each with its unit."""
-    flat: dict[str, str] = {}
-    for name, text in _flat(figures).items():
-        unit = acquisition_unit(name)
-        try:
-            flat[name] = _quantity_text(float(text), unit) if unit else text
-        except ValueError:
-            flat[name] = text
-    return flat
-
-
-def _temperatures(recording: Recording) -> dict[str, str]:
-    """Mean of every temperature that was recorded, to a tenth of a kelvin."""
-    means: dict[str, str] = {}
-    for name in TEMPERATURES:
-        if recording.has(name) and recording.rows:
-            total = sum(float(recording.si(name, rows).sum()) for rows in recording.blocks())
-            means[f"mean {name.replace('_', ' ')}"] = f"{total / recording.rows:.1f} °C"
-    return means
-
-
-def _limits(recording: Recording) -> dict[str, Any]:
-    """Value, unit and tier of every limit that held."""
-    source = recording.source
-    if not isinstance(source, FileSource):
-        return {}
-    with source.file() as file:
-        return {name: _limit(entry) for name, entry in read_header(file).limits.items()}
-
-
-def _limit(entry: Any) -> Any:
-    if not isinstance(entry, Mapping) or not isinstance(entry.get("value"), (int, float)):
-        return entry
-    tier = f" ({entry['tier']})" if entry.get("tier") else ""
-    return f"{_quantity_text(entry['value'], str(entry.get('unit', '')))}{tier}"
-
-
-def _quantity_text(value: float, unit: str) -> str:
-    """A number in SI with its unit as it is read in a laboratory, all its digits kept."""
-    shown, words = read_in(unit, value)
-    return f"{_number(shown)} {'' if words == '1' else words}".rstrip()
-
-
-def _gear(m: RunMetadata) -> dict[str, str]:
-    facts = {
-        "serial number": m.gear_serial,
-        "mounted": "yes" if m.gear_mounted else "no",
-        "mounting": m.mounting,
-        "ratio": _number(m.ratio),
-    }
-    if m.gear is not None:
-        facts["part"] = m.gear.name
-        facts |= {
-            value.path: f"{_quantity_text(value.value, value.unit)} ({value.origin.provenance})"
-            for value in m.gear.values()
-        }
-        facts |= {f"option {name}": str(value) for name, value in vars(m.gear.options).items()}
-    return facts
-
-
-def _calibrations(recording: Recording) -> Iterable[tuple[str, str]]:
-    source = recording.source
-    columns = source.columns if isinstance(source, FileSource) else ()
-    for column in (column.channel for column in columns):
-        c = column.calibration
-        yield (
-            f"{column.name} instrument",
-            " ".join(part for part in (column.model, column.serial_number) if part),
-        )
-        yield f"{column.name} scale", f"{_number(column.gain)} {column.unit}"
-        yield f"{column.name} offset", f"{_number(column.offset)} {column.unit}"
-        yield (
-            f"{column.name} certificate",
-            ", ".join(part for part in (c.certificate, c.date, c.due) if part),
-        )
-        yield (
-            f"{column.name} relative uncertainty of the scale",
-            _said(c.scale_relative_uncertainty, ""),
-        )
-        yield (
-            f"{column.name} uncertainty of the offset",
-            _said(c.offset_uncertainty, column.unit),
-        )
-        yield f"{column.name} accuracy", _said(c.accuracy, column.unit)
-
-
-def _said(value: float | None, unit: str) -> str:
-    """A value of a calibration with its unit, or that nobody stated it."""
-    return "not said" if value is None else f"{_number(value)} {unit}".rstrip()
 
 
 def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
@@ -372,7 +234,7 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
         }
         for a in (left, right)
     ]
-    first, second = (_flat(table) for table in tables)
+    first, second = ({fact.name: fact.value for fact in flat(kind, table)} for table in tables)
     for name in dict.fromkeys((*first, *second)):
         yield Change(
             group="results",
@@ -404,7 +266,7 @@ def _compared(
     combined = combined_uncertainty(first, second, common)
     if combined is None:
         return replace(shown, note="no uncertainty is known")
-    text = _in_laboratory_units(quantity, change, combined.independent, unit)
+    text = value_text(change, combined.independent, unit, quantity)
     shown = replace(shown, uncertainty=combined.independent, shown=text)
     unknown = [e for e in (first, second) if e.get("identifiability") == "no"]
     if unknown or other_subject:
@@ -444,52 +306,5 @@ def _shown(estimate: Mapping[str, Any] | None, quantity: Quantity | None = None)
     value = None if estimate is None else estimate.get("value")
     if estimate is None or value is None:
         return "-"
-    return _in_laboratory_units(
-        quantity, float(value), estimate.get("expanded_uncertainty"), str(estimate.get("unit", "1"))
-    )
-
-
-def _in_laboratory_units(
-    quantity: Quantity | None, value: float, doubt: float | None, unit: str
-) -> str:
-    """`value ± doubt unit` of a quantity in SI as it is read in a laboratory."""
-    budget = () if doubt is None else (BudgetLine("", "A", float(doubt) / NORMAL_COVERAGE_FACTOR),)
-    estimate = Estimate(
-        name="",
-        value=value,
-        unit=unit,
-        low=math.nan,
-        high=math.nan,
-        budget=budget,
-    )
-    return show(estimate, quantity or bare_quantity("", unit)).with_uncertainty
-
-
-def _flat(nested: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """A mapping of mappings as one of dotted names and text."""
-    flat: dict[str, str] = {}
-    for name, value in nested.items():
-        path = f"{prefix}{name}"
-        if isinstance(value, Mapping) and {"value", "expanded_uncertainty"} <= value.keys():
-            flat[path] = _shown(value)
-        elif isinstance(value, Mapping):
-            flat |= _flat(value, f"{path}.")
-        else:
-            flat[path] = _text(value)
-    return flat
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, float):
-        return _number(value)
-    if isinstance(value, (list, tuple)):
-        return " ".join(_text(part) for part in value)
-    return str(value)
-
-
-def _number(value: float) -> str:
-    return f"{value:.9g}"
-
-
-def _mapping(value: Any) -> Mapping[str, Any]:
-    return value if isinstance(value, Mapping) else {}
+    unit = str(estimate.get("unit", "1"))
+    return value_text(float(value), estimate.get("expanded_uncertainty"), unit, quantity)

@@ -19,9 +19,10 @@ from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
+from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
-from rig.present.run_words import acquisition_facts, duration_text, world_facts
 from rig.runfile.header import ORIGIN_WORDS
+from rig.runfile.prevailing import acquisition_facts, world_facts
 
 SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
@@ -256,6 +257,10 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         else 0.0
     )
     missed = f", {flagged} cycles flagged" if flagged else ""
+    made = (
+        *world_facts(m.process.get("world")),
+        *acquisition_facts(m.process.get("acquisition")),
+    )
     facts = [
         ("file", str(path)),
         ("title", m.title),
@@ -283,8 +288,7 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
                 if k in m.process
             ),
         ),
-        *world_facts(m.process.get("world")),
-        *acquisition_facts(m.process.get("acquisition")),
+        *((fact.title, fact.text) for fact in made),
         ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
         ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),
         ("SHA-256", m.seal),

@@ -185,7 +185,8 @@ def _print(card: GearCard) -> None:
     import dataclasses
 
     from experiments.parameters import parameter_fields
-    from rig.gears.card import GearFacts, in_words, stated_facts
+    from rig.content.wording import named
+    from rig.gears.card import GearFacts, stated_facts
 
     out = console()
     facts = stated_facts(card.facts)
@@ -200,10 +201,10 @@ def _print(card: GearCard) -> None:
             if isinstance(value, float)
             else str(value)
         )
-        card_table.add_row(in_words(field.name), text, style="dim" if value is None else None)
+        card_table.add_row(named(field.name)[0], text, style="dim" if value is None else None)
     out.print(card_table)
     for event in card.history:
-        names = ", ".join(in_words(name) for name in event.values)
+        names = ", ".join(named(name)[0] for name in event.values)
         out.print(
             f"{event.at}  {event.what} by {event.by}" + (f": {names}" if names else ""),
         )

@@ -7,9 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-Kind = Literal["text", "number", "unit", "word", "quantity", "symbol", "hash"]
-"""What stands in a column: text that may be broken into lines; numbers, to the right; units; words of a verdict, which
-have a tone; names of quantities, in which symbols may stand; symbols alone; hashes, compared letter by letter.
+Kind = Literal["text", "name", "number", "unit", "word", "quantity", "symbol", "hash"]
+"""What stands in a column: text that may be broken into lines; what names its row; numbers, to the right; units; words
+of a verdict, which have a tone; names of quantities, in which symbols may stand; symbols alone; hashes, compared letter
+by letter.
 """
 Tone = Literal["good", "warning", "bad", "muted"]
 
@@ -62,6 +63,11 @@ class Grid:
     def headings(self) -> tuple[str, ...]:
         """The headings of the columns."""
         return tuple(column.heading for column in self.columns)
+
+    @property
+    def names_rows(self) -> bool:
+        """Whether the first column names what stands in the row: facts of several runs side by side."""
+        return self.columns[0].kind == "name"
 
     def texts(self, heading: str) -> list[str]:
         """What stands in a column. Raises `ValueError` for one that is not there."""

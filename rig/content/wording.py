@@ -8,8 +8,8 @@ import math
 import re
 from dataclasses import dataclass
 
-from experiments.quantity import Quantity
-from model.identify.estimate import Estimate
+from experiments.quantity import Quantity, bare_quantity
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.unit_text import scale_in
 from model.units import by_size, printed
 
@@ -106,6 +106,26 @@ def show(estimate: Estimate, quantity: Quantity) -> Shown:
     )
 
 
+def value_text(
+    value: float, expanded: float | None, unit: str, quantity: Quantity | None = None
+) -> str:
+    """`value ± U unit` of a number in SI as it is read in a laboratory; without an uncertainty the value alone."""
+    budget = (
+        () if expanded is None else (BudgetLine("", "A", float(expanded) / NORMAL_COVERAGE_FACTOR),)
+    )
+    estimate = Estimate(name="", value=value, unit=unit, low=math.nan, high=math.nan, budget=budget)
+    return show(estimate, quantity or bare_quantity("", unit)).with_uncertainty
+
+
+def quantity_text(value: float, unit: str) -> str:
+    """A number in SI with its unit as it is read in a laboratory, all its digits kept as they are typed."""
+    if unit == "s" and abs(value) < 1e-3:
+        return f"{value * 1e6:.9g} µs"
+    factor, shown = laboratory_unit(unit, value, "r/min" if unit == "rad/s" else "")
+    words = "" if shown == "1" else shown.replace("degC", "°C")
+    return f"{value / factor:.9g} {words}".rstrip()
+
+
 def decimals_of(expanded: float) -> int | None:
     """Decimals that show two digits of an uncertainty; None where there is none to go by."""
     if not math.isfinite(expanded) or expanded <= 0:
@@ -143,6 +163,17 @@ def _trim(text: str) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def duration_text(seconds: float) -> str:
+    """A duration as people say it."""
+    if not math.isfinite(seconds):
+        return "-"
+    if seconds < 60.0:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
 def superscript(power: int) -> str:
     """An exponent as raised digits."""
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
@@ -153,6 +184,17 @@ def readable(key: str) -> str:
     if len(key) <= 6 or " " in key or any(c.isupper() for c in key):
         return key
     return key.replace("_", " ").replace("-", " ")
+
+
+ENDINGS = {"_kg_m2": "kg m2", "_um": "um", "_rpm": "r/min", "_deg": "deg", "hours": "h"}
+"""Units with which the names of fields and parameters end."""
+
+
+def named(key: str) -> tuple[str, str]:
+    """A key of a file in words, and the unit that it ends with: "load_inertia_kg_m2" is "load inertia" in kg m2."""
+    ending = next((one for one in ENDINGS if key.endswith(one)), "")
+    words = readable(key.removesuffix(ending) or key).replace("runout", "run-out")
+    return words.replace("_", " ") if words.islower() else words, ENDINGS.get(ending, "")
 
 
 GREEK = {

@@ -27,6 +27,7 @@ from annotated_types import Ge, Gt, Le
 
 from experiments.errors import PlanError
 from experiments.parameters import Help, Unit, make_parameters, parameter_fields
+from rig.content.wording import named
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card_history import (
     CardEvent,
@@ -159,7 +160,7 @@ class GearCard:
         since = {name for event in changes if event.what == "changed" for name in event.values}
         now = stated_facts(self.facts)
         return ", ".join(
-            f"{in_words(name)} {now.get(name, 'unknown')}, confirmed was {before.get(name, 'unknown')}"
+            f"{named(name)[0]} {now.get(name, 'unknown')}, confirmed was {before.get(name, 'unknown')}"
             for name in CONFIRMED_FIELDS
             if name not in since and _differ(now.get(name), before.get(name))
         )
@@ -358,13 +359,6 @@ def conditions_of(card: GearCard) -> dict[str, Any]:
     else:
         conditions["gear_card_warning"] = card.warning
     return conditions
-
-
-def in_words(name: str) -> str:
-    """The name of a field as people read it: "load_inertia_kg_m2" is "load inertia"."""
-    for ending in ("_kg_m2", "_um", "_rpm", "_deg"):
-        name = name.removesuffix(ending)
-    return name.replace("runout", "run-out").replace("_", " ")
 
 
 def card_for(folder: str | Path, serial: str) -> GearCard | None:

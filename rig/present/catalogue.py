@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rig.analysis.tare import takes_tare
-from rig.content.grid import Grid, columns
+from rig.content.grid import Fact, Grid, columns
 from rig.content.wording import laboratory_unit, number, show, source_text
 from rig.present.provenance import tare_of
 
@@ -53,9 +53,7 @@ NOTE = (
 Row = tuple[str, ...]
 
 
-def catalogue_grid(
-    fits: Sequence[Fit], conditions: Sequence[Sequence[tuple[str, str]]]
-) -> Grid | None:
+def catalogue_grid(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) -> Grid | None:
     """The table beside the catalogue, from the fits and the conditions of each; None where there is
     nothing to compare.
     """
@@ -63,9 +61,7 @@ def catalogue_grid(
     return Grid(TITLE, COLUMNS, rows, NOTE) if rows else None
 
 
-def catalogue_rows(
-    fits: Sequence[Fit], conditions: Sequence[Sequence[tuple[str, str]]]
-) -> tuple[Row, ...]:
+def catalogue_rows(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) -> tuple[Row, ...]:
     """A row per measured quantity that the catalogue of its gear states; what this rig cannot
     measure closes the table.
     """
@@ -74,7 +70,7 @@ def catalogue_rows(
     for fit, prevailing in zip(fits, conditions, strict=True):
         if not fit.gear_known:
             continue
-        measured = tuple(_measured(fit, dict(prevailing)))
+        measured = tuple(_measured(fit, {one.title: one.text for one in prevailing}))
         rows += measured
         if measured and all(fit.gear.ratings != gear.ratings for gear in gears):
             gears.append(fit.gear)
@@ -111,17 +107,14 @@ def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
 def _here(fit: Fit, quantity: Quantity, conditions: Mapping[str, str]) -> str:
     """What prevailed when this quantity was measured."""
     subject = fit.result.options.get("torque_is_of", "")
-    positions = conditions.get("Wave-generator positions", "")
+    positions = conditions.get("wave-generator positions", "")
+    housing = conditions.get("housing temperature", "")
     lacks_tare = takes_tare(fit.result.kind) and tare_of(fit) == "none"
     parts = [
-        "" if quantity.placeholder == "speed" else conditions.get("Input speeds", ""),
+        "" if quantity.placeholder == "speed" else conditions.get("input speeds", ""),
         f"wave-generator positions {positions}" if positions else "",
-        f"housing {conditions['Housing temperature']}"
-        if "Housing temperature" in conditions
-        else "",
-        f"lubricant {conditions['Lubricant']}"
-        if "Lubricant" in conditions
-        else "lubricant not noted",
+        f"housing {housing}" if housing else "",
+        f"lubricant {conditions.get('lubricant', 'not noted')}",
         f"torque of {subject}" if subject else "",
         "no tare" if subject and lacks_tare else "",
     ]

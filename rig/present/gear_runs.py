@@ -13,7 +13,7 @@ from rig.analysis.passport.content import Passport
 from rig.analysis.stored_fit import fit_in_force
 from rig.content.grid import Grid
 from rig.present.content import run_files, seal_words
-from rig.present.provenance import alarms_of
+from rig.present.provenance import doubts_about
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 
@@ -54,7 +54,7 @@ def gear_alarms(passport: Passport) -> tuple[str, ...]:
     for run in passport.runs:
         recording = open_run(run.path)
         try:
-            for alarm in alarms_of(recording):
+            for alarm in doubts_about(recording):
                 alarms.setdefault(alarm, []).append(run.run_id)
         finally:
             close_recording(recording)

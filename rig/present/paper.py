@@ -88,8 +88,10 @@ def paper_content(context: Mapping[str, Any]) -> dict[str, Any]:
         "sections": [
             {
                 "title": title,
-                "grids": _grids(context["files"]) if "identities" in keys else [],
-                "matrices": [asdict(m) for key in keys for m in context[key]],
+                "grids": _grids(
+                    context["files"] if "identities" in keys else None,
+                    *(grid for key in keys for grid in context[key]),
+                ),
             }
             for title, keys in SECTIONS
             if any(context[key] for key in keys) or ("identities" in keys and context["files"])
@@ -134,12 +136,16 @@ def _grids(*grids: Grid | None, size: float = TEXT_SIZE) -> list[dict[str, Any]]
             "note": grid.note,
             "columns": [capital(unbroken(heading)) for heading in grid.headings],
             "kinds": [column.kind for column in grid.columns],
-            "rows": grid.rows,
+            "rows": [_named(row) if grid.names_rows else row for row in grid.rows],
             "largest": size,
         }
         for grid in grids
         if grid is not None
     ]
+
+
+def _named(row: Sequence[str]) -> tuple[str, ...]:
+    return (capital(row[0]), *row[1:])
 
 
 def verdict_grid(lines: Sequence[VerdictLine]) -> Grid:

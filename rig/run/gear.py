@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 
 from experiments.finding import Finding, Severity
-from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, in_words, stated_facts
+from rig.content.wording import named
+from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, stated_facts
 from rig.run.start import RunRequest
 
 
@@ -46,7 +47,7 @@ def card_checks(card: GearCard | None, serial: str) -> tuple[Finding, ...]:
     ]
     unknown = [name for name in EXPECTED if name not in stated_facts(card.facts)]
     if unknown:
-        words = ", ".join(in_words(name) for name in unknown)
+        words = ", ".join(named(name)[0] for name in unknown)
         checks.append(
             Finding(
                 "gear card",

@@ -28,6 +28,7 @@ from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.laboratory import LaboratoryWords
 from rig.program import Program, this_program
 from rig.runfile.manifest import Manifest
+from rig.runfile.prevailing import conditions_of
 
 VALUES = 5
 """Lines of page one: every judged one, and until there are so many the first key quantity of every kind in turn."""
@@ -72,7 +73,7 @@ def front_page(
         "rule": DECISION_RULE,
         "values": value_grid(gathered),
         "curves": [asdict(curve) for curve in _curves(gathered.fits)],
-        "conditions": conditions_of(gathered),
+        "conditions": prevailed(gathered),
         "hashes": hash_grid(gathered, manifest),
         "remarks": _remarks(gathered),
     }
@@ -225,13 +226,13 @@ def _said_once(series: Sequence[Series]) -> Iterator[Series]:
         said.add(word)
 
 
-def conditions_of(gathered: Certified) -> list[tuple[str, str]]:
+def prevailed(gathered: Certified) -> list[tuple[str, str]]:
     """What prevailed, kind by kind in one line, and what was subtracted."""
     lines = []
     for fit in gathered.fits:
-        facts = dict(provenance.conditions_of(fit.recording, None))
-        names = ("Input speeds", "Wave-generator positions", "Housing temperature", "Lubricant")
-        words = [f"{name.lower()} {facts[name]}" for name in names if facts.get(name)]
+        facts = {one.title: one.text for one in conditions_of(fit.recording, None)}
+        names = ("input speeds", "wave-generator positions", "housing temperature", "lubricant")
+        words = [f"{name} {facts[name]}" for name in names if facts.get(name)]
         tare = provenance.tare_of(fit)
         subject = str(fit.result.options.get("torque_is_of", ""))
         words += [f"torque of {subject}"] if subject else []

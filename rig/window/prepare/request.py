@@ -19,6 +19,7 @@ from model.gear_file import save_gear, shipped_gear
 from model.motor import ServoMotor, shipped_motor
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.identity import bench_of
+from rig.content.wording import named
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card import (
     GearCard,
@@ -26,7 +27,6 @@ from rig.gears.card import (
     card_path,
     conditions_of,
     gear_of,
-    in_words,
 )
 from rig.present.preview.plan import PlanPreview, percent, preview_plan
 from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
@@ -432,5 +432,5 @@ def title_of(request: RunRequest, planned: PlannedRun) -> str:
 
 def heading(name: str) -> str:
     """A field's name as a label."""
-    words = in_words(name)
+    words = named(name)[0]
     return words[:1].upper() + words[1:]

@@ -21,8 +21,8 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QColor, QFont
 
 from experiments import catalogue
+from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
-from rig.present.run_words import duration_text
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.shell.palette import Palette
 from rig.window.shell.stack import plain_tip

@@ -9,7 +9,7 @@ from experiments.result import Result
 from rig.analysis.judging import GearVerdict, held_against
 from rig.analysis.rows import limit_words, metric_grid
 from rig.content.data import data_grid
-from rig.content.grid import Grid
+from rig.content.grid import Grid, capital
 from rig.content.wording import readable
 from rig.window.shell.palette import Palette
 
@@ -64,7 +64,8 @@ def grid_html(grid: Grid, palette: Palette) -> str:
 def facts_html(title: str, pairs: Iterable[Sequence[str]], palette: Palette) -> str:
     """Names and texts, one pair per line; nothing for none."""
     rows = "".join(
-        f'<tr><td style="color:{palette.muted}">{html.escape(name)}&nbsp;&nbsp;</td><td>{html.escape(text)}</td></tr>'
+        f'<tr><td style="color:{palette.muted}">{html.escape(capital(name))}&nbsp;&nbsp;</td>'
+        f"<td>{html.escape(text)}</td></tr>"
         for name, text in pairs
         if text
     )

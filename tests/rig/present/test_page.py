@@ -31,8 +31,8 @@ from rig.present.page import (
     run_line,
     write_report,
 )
-from rig.present.provenance import conditions_of
 from rig.runfile.layout import Column
+from rig.runfile.prevailing import conditions_of
 from tests.rig import handmade
 
 CREATED = "2024-03-02 09:00+01:00"
@@ -319,12 +319,13 @@ def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None
         )
         for k in range(8)
     )
-    conditions = dict(conditions_of(replace(made, segments=ramps), None))
-    assert conditions["Wave-generator positions"] == "8 from 0 to 315°, both directions"
-    assert "Input speeds" not in conditions
-    assert (
-        dict(conditions_of(handmade.recording(), None))["Input speeds"]
-        == "60 to 3\u202f000 r/min, both directions"
+    conditions = {one.title: one.text for one in conditions_of(replace(made, segments=ramps), None)}
+    assert conditions["wave-generator positions"] == "8 from 0 to 315°, both directions"
+    assert "input speeds" not in conditions
+    (speeds, *_) = conditions_of(handmade.recording(), None)
+    assert (speeds.title, speeds.text) == (
+        "input speeds",
+        "60 to 3\u202f000 r/min, both directions",
     )
 
 

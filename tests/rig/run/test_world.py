@@ -18,10 +18,10 @@ from rig.bench.backends.assembly import StartState, WorldChoice
 from rig.bench.backends.registry import HARDWARE
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import NUMBERS_FOLDER
-from rig.present.run_words import world_facts
 from rig.run.repeat import repetition
 from rig.run.start import RunRequest, plan_request, rig_for, run_request
 from rig.run.world import start_state
+from rig.runfile.prevailing import world_facts
 from rig.runfile.read import close_recording, open_run
 
 SHORT = {"positions": 2, "zero_time": 0.5}
@@ -201,8 +201,8 @@ def test_a_run_of_0_2_0_is_made_again_in_its_world_as_it_was(
         request_of(tmp_path, "motor-tare", world=dataclasses.replace(older, version=2, number=1))
     )
     assert counts(newer) != counts(original)
-    ((_, told),) = world_facts(world(original))
-    assert "mounting 2 turned by 17.1887 deg, day 1, number 1, wide population" in told
+    (told,) = world_facts(world(original))
+    assert "mounting 2 turned by 17.1887 deg, day 1, number 1, wide population" in told.text
     # Nothing of its warmth is there for a bench of the newer draws.
     assert world(newer)["start"] == {"run": ""}
 

@@ -8,8 +8,7 @@ from pathlib import Path
 from PySide6.QtWidgets import QFrame, QSizePolicy
 
 from experiments.recording import Recording, RunMetadata
-from rig.content.wording import fixed
-from rig.present.run_words import duration_text
+from rig.content.wording import duration_text, fixed
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.review.signals.data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign

@@ -378,7 +378,7 @@ class RunDetails(QWidget):
         """What the page in front shows is read when it is looked at."""
         if self.recording is None or self.path is None:
             return
-        page, path, recording = self.tabs.currentWidget(), self.path, self.recording
+        page, recording = self.tabs.currentWidget(), self.recording
         if page is self.figures and not self.gallery.plots:
             self._ask_figures()
         elif page is self.signals:
@@ -387,7 +387,7 @@ class RunDetails(QWidget):
             self.events.show_recording(recording)
         elif page is self.conditions and self._facts is None:
             self.conditions.setPlainText("Reading …")
-            self._reader.start(lambda: facts_of(recording, path))
+            self._reader.start(lambda: facts_of(recording))
 
     @property
     def _mark(self) -> str:
