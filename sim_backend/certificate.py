@@ -14,7 +14,8 @@ import numpy as np
 from model.angle_certificate import AngleCertificate
 from model.kinematic_error import series_value
 from model.units import ARCSEC, REVOLUTION
-from sim_backend.imperfections import Imperfections, bench_encoder
+from sim_backend.drawing import bench_encoder
+from sim_backend.imperfections import Imperfections
 from sim_backend.streams import stream
 from sim_backend.world import World
 

@@ -33,8 +33,9 @@ from model.kinematic_error import output_sign
 from model.motor import ServoMotor
 from model.units import REVOLUTION
 from sim_backend.clock import SyncTimer
+from sim_backend.drawing import draw
 from sim_backend.faults import DeviceFault, Devices, Fault, PortFault, Sensed, SignalFault
-from sim_backend.imperfections import Imperfections, draw
+from sim_backend.imperfections import Imperfections
 from sim_backend.plant import Plant
 from sim_backend.position_loop import PositionLead
 from sim_backend.sensors import Instruments, Latches

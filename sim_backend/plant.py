@@ -12,7 +12,7 @@ from model.closed_loop import ClosedLoop, LoopSettings, ServoLimits
 from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
 from model.motor import ServoMotor
-from sim_backend.imperfections import Condition
+from sim_backend.condition import Condition
 from sim_backend.world import ThermalState
 
 SUBSTEP = 125e-6

@@ -5,7 +5,7 @@ and analysis get, and what the bench has. Everything is drawn independently, eac
 stream of its own, named as in `_Draw`; uniform where no law is said.
 
 narrow      parts of one series: `individual_gear` and `individual_motor` about the card, the rotor's inertia
-            within 10 % of it; the bench as `sim_backend.imperfections` draws it about its sizes. The card is the
+            within 10 % of it; the bench as `sim_backend.drawing` draws it about its sizes. The card is the
             nominal one.
 
 wide        gear, from the gear's seed
@@ -60,17 +60,11 @@ from model.kinematic_error import series_value
 from model.motor import ServoMotor
 from model.stiffness import drive_stiffness
 from model.units import ARCMIN, ARCSEC, REVOLUTION
+from sim_backend.condition import EncoderErrors, Sideband, Stated, TorquePort
 from sim_backend.days import Days
-from sim_backend.imperfections import (
-    EncoderErrors,
-    Sideband,
-    Sizes,
-    Stated,
-    TorquePort,
-    half_width,
-    individual_gear,
-    individual_motor,
-)
+from sim_backend.drawing import half_width
+from sim_backend.imperfections import Sizes
+from sim_backend.individuals import individual_gear, individual_motor
 from sim_backend.streams import stream
 from sim_backend.world import World
 

@@ -9,6 +9,7 @@ latches, which are carried.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ from model.loop_tables import error_table
 from model.motor import ServoMotor
 from model.units import REVOLUTION
 from sim_backend.clock import NANOSECOND
-from sim_backend.imperfections import Condition, EncoderErrors, Imperfections
+from sim_backend.condition import Condition, EncoderErrors
+from sim_backend.imperfections import Imperfections
 from sim_backend.servo_drive import SPEED_COUNT, TORQUE_COUNT_OF_RATED
 from sim_backend.streams import CycleNoise
 
@@ -242,73 +244,32 @@ def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
         scale_relative_uncertainty=sizes.torque_constant,
     )
     thermometer = Calibration(certificate=certificate, offset_uncertainty=sizes.temperature_offset)
-    fine = 1 if on.drive_torque_steps else FINE
+    drive_step = reported / (1 if on.drive_torque_steps else FINE)
+    housing, room = "temperature of the gear housing", "temperature of the room"
     return (
         _encoder_channel(on, names.INPUT_ANGLE, "motor encoder"),
         _encoder_channel(on, names.OUTPUT_ANGLE, "output encoder"),
-        Channel(
-            name=names.TORQUE,
-            unit="N m",
-            scale=adc,
-            long_name="torque monitor port",
-            model="simulated",
-            calibration=torque,
+        _channel(names.TORQUE, "N m", adc, "torque monitor port", torque),
+        _channel(
+            names.DRIVE_TORQUE, "N m", drive_step, "torque reported by the drive (0x6077)", drive
         ),
-        Channel(
-            name=names.DRIVE_TORQUE,
-            unit="N m",
-            scale=reported / fine,
-            long_name="torque reported by the drive (0x6077)",
-            model="simulated",
-            calibration=drive,
-        ),
-        Channel(
-            name=names.TARGET_SPEED,
-            unit="rad/s",
-            scale=SPEED_COUNT,
-            long_name="speed set-point (0x60FF)",
-            model="simulated",
-        ),
-        Channel(
-            name=names.TARGET_TORQUE,
-            unit="N m",
-            scale=reported,
-            long_name="torque set-point (0x6071)",
-            model="simulated",
-        ),
+        _channel(names.TARGET_SPEED, "rad/s", SPEED_COUNT, "speed set-point (0x60FF)"),
+        _channel(names.TARGET_TORQUE, "N m", reported, "torque set-point (0x6071)"),
         _encoder_channel(on, names.INPUT_INDEX, "input angle at its index mark"),
         _encoder_channel(on, names.OUTPUT_INDEX, "output angle at its index mark"),
-        Channel(
-            name=names.INDEX_SEEN,
-            unit="1",
-            scale=1.0,
-            long_name="index marks seen (bit 0 input, bit 1 output)",
-            model="simulated",
-        ),
-        Channel(
-            name=names.STATUSWORD,
-            unit="1",
-            scale=1.0,
-            long_name="statusword (0x6041)",
-            model="simulated",
-        ),
-        Channel(
-            name=names.HOUSING_TEMPERATURE,
-            unit="degC",
-            scale=TEMPERATURE_COUNT,
-            long_name="temperature of the gear housing",
-            model="simulated",
-            calibration=thermometer,
-        ),
-        Channel(
-            name=names.AMBIENT_TEMPERATURE,
-            unit="degC",
-            scale=TEMPERATURE_COUNT,
-            long_name="temperature of the room",
-            model="simulated",
-            calibration=thermometer,
-        ),
+        _channel(names.INDEX_SEEN, "1", 1.0, "index marks seen (bit 0 input, bit 1 output)"),
+        _channel(names.STATUSWORD, "1", 1.0, "statusword (0x6041)"),
+        _channel(names.HOUSING_TEMPERATURE, "degC", TEMPERATURE_COUNT, housing, thermometer),
+        _channel(names.AMBIENT_TEMPERATURE, "degC", TEMPERATURE_COUNT, room, thermometer),
     )
+
+
+def _channel(
+    name: str, unit: str, scale: float, long_name: str, calibration: Calibration | None = None
+) -> Channel:
+    """A channel of a simulated instrument; without a calibration it has none of its own to state."""
+    channel = Channel(name=name, unit=unit, scale=scale, long_name=long_name, model="simulated")
+    return channel if calibration is None else replace(channel, calibration=calibration)
 
 
 def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:

@@ -23,6 +23,14 @@ def stream(seed: int, name: str) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(key=key))
 
 
+def bounded(random: np.random.Generator) -> float:
+    """A standard normal number, drawn again beyond three sigma."""
+    while True:
+        drawn = float(random.standard_normal())
+        if abs(drawn) <= 3.0:
+            return drawn
+
+
 class CycleNoise:
     """Standard normal noise of one channel, one number per SYNC cycle."""
 

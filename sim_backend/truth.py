@@ -35,7 +35,8 @@ from model.gear import Harmonic, HarmonicDrive
 from model.kinematic_error import peak_to_peak, series_value
 from model.motor import ServoMotor
 from model.units import REVOLUTION
-from sim_backend.imperfections import Condition, EncoderErrors, Imperfections
+from sim_backend.condition import Condition, EncoderErrors
+from sim_backend.imperfections import Imperfections
 from sim_backend.sensors import SLOW, Instruments
 from sim_backend.world import World
 
@@ -54,7 +55,7 @@ def tell(
 ) -> dict[str, object]:
     """The truth of one simulated rig in one world."""
     mounted = loop.settings.gear_mounted
-    later = condition.output_encoder.skew + condition.deviations.output_latch
+    thermal = condition.deviations.thermal
     truth: dict[str, object] = {
         "imperfections": {name: bool(getattr(on, name)) for name in on.names()},
         "sizes": dataclasses.asdict(dataclasses.replace(on.sizes, stated=None)),
@@ -62,17 +63,9 @@ def tell(
         "motor": _motor(motor, condition),
         "torque_port": _torque_port(condition),
         "encoders": _encoders(instruments, condition, output_sense),
-        "thermal": dataclasses.asdict(condition.deviations.thermal)
-        if condition.deviations.thermal
-        else {},
+        "thermal": dataclasses.asdict(thermal) if thermal else {},
         "thermometer": {"housing_offset": condition.housing_offset},
-        "timing": {
-            "sync_jitter": condition.sync_jitter,
-            "input_skew": condition.input_encoder.skew,
-            "output_skew": later,
-            "skew": later - condition.input_encoder.skew,
-            "clock_error": condition.clock_error,
-        },
+        "timing": _timing(condition),
         "mounting": {
             "turn": world.mount_turn,
             "input_phase": condition.seating.input_phase,
@@ -94,6 +87,19 @@ def tell(
         truth["kinematic_error"] = _kinematic_error(loop, condition, instruments, output_sense)
         truth["dynamics"] = _dynamics(loop)
     return truth
+
+
+def _timing(condition: Condition) -> dict[str, float]:
+    """When each encoder is latched after its SYNC [s], and how wrong the clock is."""
+    early = condition.input_encoder.skew
+    late = condition.output_encoder.skew + condition.deviations.output_latch
+    return {
+        "sync_jitter": condition.sync_jitter,
+        "input_skew": early,
+        "output_skew": late,
+        "skew": late - early,
+        "clock_error": condition.clock_error,
+    }
 
 
 def _wear(condition: Condition) -> dict[str, float]:

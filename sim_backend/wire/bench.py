@@ -31,6 +31,7 @@ from model.kinematic_error import output_sign
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from sim_backend.clock import SyncTimer
+from sim_backend.drawing import draw
 from sim_backend.faults import (
     BusLost,
     DeviceFault,
@@ -42,7 +43,7 @@ from sim_backend.faults import (
     SignalFault,
     Stall,
 )
-from sim_backend.imperfections import Imperfections, draw
+from sim_backend.imperfections import Imperfections
 from sim_backend.plant import Plant
 from sim_backend.sensors import TEMPERATURE_COUNT, Instruments
 from sim_backend.servo_drive import ServoDrive

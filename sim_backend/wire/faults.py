@@ -39,6 +39,12 @@ from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, 
 from sim_backend.wire.dictionary import Abort
 from sim_backend.wire.drive import Drive
 from sim_backend.wire.line import Frame, WireFault
+from sim_backend.wire.readout_faults import (
+    ReadoutEncoderFault,
+    ReadoutGarbage,
+    ReadoutHalfLine,
+    ReadoutSilent,
+)
 
 NO_FRAME: tuple[Frame, ...] = ()
 _UPLOAD_ANSWER, _UPLOAD_REQUEST, _DOWNLOAD_REQUEST = 0x40, 0x40, 0x20
@@ -370,49 +376,6 @@ class ReadsBackDifferently(WireFault):
         size = 4 - (data[0] >> 2 & 3)
         value = round(int.from_bytes(data[4 : 4 + size], "little") * self.factor) % (1 << 8 * size)
         return ((cob_id, data[:4] + value.to_bytes(size, "little").ljust(4, b"\0")),)
-
-
-# The readout's line -------------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class ReadoutGarbage(WireFault):
-    """The readout's line brings garbage of the right length: wrong parity, another rate."""
-
-    seed: int = 1
-
-    def from_readout(self, answer: bytes) -> bytes:
-        generator = np.random.default_rng(self.seed)
-        return generator.integers(0x80, 0x100, len(answer), dtype=np.uint8).tobytes()
-
-
-@dataclass(frozen=True)
-class ReadoutHalfLine(WireFault):
-    """The readout's answers stop after `characters`."""
-
-    characters: int = 9
-
-    def from_readout(self, answer: bytes) -> bytes:
-        return answer[: self.characters]
-
-
-@dataclass(frozen=True)
-class ReadoutSilent(WireFault):
-    """The readout does not answer."""
-
-    def from_readout(self, answer: bytes) -> bytes:
-        return b""
-
-
-@dataclass(frozen=True)
-class ReadoutEncoderFault(WireFault):
-    """The readout shows an encoder fault: the unit character is "?"."""
-
-    def act(self, bench: WireBench, cycle: int) -> None:
-        bench.readout.has_fault = True
-
-    def end_of(self, bench: WireBench) -> None:
-        bench.readout.has_fault = False
 
 
 # Another master, and the SYNC ---------------------------------------------------------------------------------------

@@ -69,54 +69,19 @@ def communication_entries(
     base, kind = (0x1800, "TPDO") if transmit else (0x1400, "RPDO")
     index, mapped = base + number - 1, base + 0x200 + number - 1
     name = f"{kind} {number} communication"
+    words = [*mapping, *[0] * (MAPPING_SLOTS - len(mapping))]
+    objects = f"{kind} {number} mapping"
     entries = [
-        entry(
-            index,
-            0,
-            f"{name}: highest sub-index",
-            U8,
-            "const",
-            5 if transmit else 2,
-        ),
+        entry(index, 0, f"{name}: highest sub-index", U8, "const", 5 if transmit else 2),
         entry(index, 1, f"{name}: COB-ID", U32, "rw", cob_id),
-        entry(
-            index,
-            2,
-            f"{name}: transmission type",
-            U8,
-            "rw",
-            transmission,
-        ),
-    ]
-    if transmit:
-        entries += [
-            entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
-            entry(index, 5, f"{name}: event timer", U16, "rw", 0),
-        ]
-    entries.append(
-        entry(
-            mapped,
-            0,
-            f"{kind} {number} mapping: number of objects",
-            U8,
-            "rw",
-            len(mapping),
-            high=MAPPING_SLOTS,
-        )
-    )
-    for slot in range(MAPPING_SLOTS):
-        word = mapping[slot] if slot < len(mapping) else 0
-        entries.append(
-            entry(
-                mapped,
-                slot + 1,
-                f"{kind} {number} mapping: object {slot + 1}",
-                U32,
-                "rw",
-                word,
-            )
-        )
-    return entries
+        entry(index, 2, f"{name}: transmission type", U8, "rw", transmission),
+        entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
+        entry(index, 5, f"{name}: event timer", U16, "rw", 0),
+        entry(mapped, 0, f"{objects}: number of objects", U8, "rw", len(mapping), high=MAPPING_SLOTS),
+        *(entry(mapped, i, f"{objects}: object {i}", U32, "rw", word) for i, word in enumerate(words, start=1)),
+    ]  # fmt: skip
+    # An RPDO has neither inhibit time nor event timer.
+    return [one for one in entries if transmit or one.index == mapped or one.sub < 3]
 
 
 @dataclass(kw_only=True)

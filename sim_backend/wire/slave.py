@@ -102,77 +102,21 @@ def standard_entries(
     )
     return [
         entry(0x1000, 0, "Device type", U32, "const", device_type),
-        entry(
-            0x1001,
-            0,
-            "Error register",
-            U8,
-            "ro",
-            0,
-            mappable="t",
-        ),
-        entry(
-            0x1003,
-            0,
-            "Pre-defined error field: number of errors",
-            U8,
-            "rw",
-            0,
-        ),
-        *(
-            entry(
-                0x1003,
-                i,
-                f"Pre-defined error field: error {i}",
-                U32,
-                "ro",
-            )
-            for i in range(1, HISTORY + 1)
-        ),
+        entry(0x1001, 0, "Error register", U8, "ro", 0, mappable="t"),
+        entry(0x1003, 0, "Pre-defined error field: number of errors", U8, "rw", 0),
+        *(entry(0x1003, i, f"Pre-defined error field: error {i}", U32, "ro") for i in range(1, HISTORY + 1)),
         entry(0x1005, 0, "COB-ID SYNC message", U32, "rw", 0x80),
         entry(0x1006, 0, "Communication cycle period", U32, "rw", 0),
-        entry(
-            0x1008,
-            0,
-            "Manufacturer device name",
-            TEXT,
-            "const",
-            name,
-        ),
-        entry(
-            0x1009,
-            0,
-            "Manufacturer hardware version",
-            TEXT,
-            "const",
-            "simulated",
-        ),
-        entry(
-            0x100A,
-            0,
-            "Manufacturer software version",
-            TEXT,
-            "const",
-            "1.0",
-        ),
+        entry(0x1008, 0, "Manufacturer device name", TEXT, "const", name),
+        entry(0x1009, 0, "Manufacturer hardware version", TEXT, "const", "simulated"),
+        entry(0x100A, 0, "Manufacturer software version", TEXT, "const", "1.0"),
         entry(0x1014, 0, "COB-ID EMCY", U32, "rw", 0x80 + node_id),
-        *array(
-            0x1016,
-            "Consumer heartbeat time",
-            [(f"consumer {i}", U32, "rw", 0) for i in range(1, CONSUMERS + 1)],
-        ),
+        *array(0x1016, "Consumer heartbeat time", [(f"consumer {i}", U32, "rw", 0) for i in range(1, CONSUMERS + 1)]),
         entry(0x1017, 0, "Producer heartbeat time", U16, "rw", 0),
         *array(0x1018, "Identity object", identity),  # type: ignore[arg-type]
-        entry(
-            0x1019,
-            0,
-            "Synchronous counter overflow value",
-            U8,
-            "rw",
-            0,
-        ),
+        entry(0x1019, 0, "Synchronous counter overflow value", U8, "rw", 0),
         *array(0x1029, "Error behaviour", [("communication error", U8, "rw", 0)], high=2),
-    ]
+    ]  # fmt: skip
 
 
 class Slave:

@@ -34,7 +34,7 @@ from rig.trial.drill.rigs import STANDING_SPEED, START_NS, DrilledRig, Happening
 from rig.trial.drill.staging import Ending, Placed
 from rig.trial.drill.suite import Stage, stage
 from sim_backend.faults import Fault
-from sim_backend.imperfections import individual_gear
+from sim_backend.individuals import individual_gear
 from sim_backend.wire import faults as wire
 from sim_backend.wire.bench import DRIVE_NODE
 from sim_backend.world import World

@@ -15,7 +15,8 @@ from rig.analysis.fit import Fit
 from rig.analysis.fit_run import fit_files
 from rig.bench.backends.assembly import AMBIENT, WorldChoice
 from rig.run.start import RunRequest, run_request
-from sim_backend.imperfections import Imperfections, draw
+from sim_backend.drawing import draw
+from sim_backend.imperfections import Imperfections
 from sim_backend.population import drawn
 from sim_backend.world import World
 

@@ -11,7 +11,8 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
 from sim_backend.direct import SimulatedRig
-from sim_backend.imperfections import Imperfections, individual_gear
+from sim_backend.imperfections import Imperfections
+from sim_backend.individuals import individual_gear
 from sim_backend.world import World
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()

@@ -23,7 +23,8 @@ from rig.bench.backends.simulated import certificate_of
 from rig.run.start import RunRequest, run_request
 from rig.runfile.read import open_run
 from sim_backend.certificate import UNCERTAINTY, encoder_certificate
-from sim_backend.imperfections import Imperfections, bench_encoder
+from sim_backend.drawing import bench_encoder
+from sim_backend.imperfections import Imperfections
 from sim_backend.world import Population, World
 
 WORLDS: tuple[tuple[Population, int], ...] = (("narrow", 9541), ("narrow", 9542), ("wide", 9543))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from sim_backend.days import Days
-from sim_backend.imperfections import Imperfections, draw
+from sim_backend.drawing import draw
+from sim_backend.imperfections import Imperfections
 from sim_backend.population import drawn
 from sim_backend.streams import stream
 from sim_backend.world import World

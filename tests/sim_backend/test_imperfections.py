@@ -12,15 +12,9 @@ from drivers import channel as names
 from drivers.errors import DriverError
 from drivers.port import Command, Mode
 from model.units import ARCSEC, RPM
-from sim_backend.imperfections import (
-    Imperfections,
-    Sizes,
-    bench_encoder,
-    draw,
-    half_width,
-    individual_gear,
-    individual_motor,
-)
+from sim_backend.drawing import bench_encoder, draw, half_width
+from sim_backend.imperfections import Imperfections, Sizes
+from sim_backend.individuals import individual_gear, individual_motor
 from sim_backend.sensors import FINE
 from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, clean, column, off, si, turn

@@ -15,14 +15,10 @@ from model.errors import ModelError
 from model.kinematic_error import series_value
 from model.linear import dynamic_parameters
 from model.units import ARCMIN, ARCSEC
+from sim_backend.condition import Sideband, Stated
 from sim_backend.direct import SimulatedRig
-from sim_backend.imperfections import (
-    Imperfections,
-    Sideband,
-    Stated,
-    individual_gear,
-    individual_motor,
-)
+from sim_backend.imperfections import Imperfections
+from sim_backend.individuals import individual_gear, individual_motor
 from sim_backend.population import Drawn, drawn
 from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD

@@ -20,7 +20,8 @@ from model.stiffness import drive_stiffness
 from model.units import ARCSEC, RPM
 from sim_backend.direct import SimulatedRig
 from sim_backend.faults import OutputLoad
-from sim_backend.imperfections import Imperfections, individual_gear
+from sim_backend.imperfections import Imperfections
+from sim_backend.individuals import individual_gear
 from sim_backend.population import drawn
 from sim_backend.world import World
 from tests.sim_backend.rigs import GEAR, MOTOR, NO_GUARD, off, si, turn, with_only

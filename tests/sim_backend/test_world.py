@@ -14,15 +14,10 @@ from drivers import channel as names
 from drivers.errors import DriverError
 from model.kinematic_error import series_value
 from model.units import ARCSEC
+from sim_backend.condition import Condition, EncoderErrors, Seating
 from sim_backend.direct import SimulatedRig
-from sim_backend.imperfections import (
-    Condition,
-    EncoderErrors,
-    Imperfections,
-    Seating,
-    Sizes,
-    draw,
-)
+from sim_backend.drawing import draw
+from sim_backend.imperfections import Imperfections, Sizes
 from sim_backend.population import drawn
 from sim_backend.world import LARGEST, ThermalState, World
 from tests.sim_backend.rigs import GEAR, MOTOR, column, si, turn

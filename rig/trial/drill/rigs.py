@@ -26,7 +26,7 @@ from rig.errors import ConfigurationError, RigError
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
 from sim_backend.faults import Fault
-from sim_backend.imperfections import individual_gear
+from sim_backend.individuals import individual_gear
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
 

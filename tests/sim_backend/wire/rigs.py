@@ -20,7 +20,8 @@ from drivers.port import Command, Guard, Mode
 from drivers.samples import SampleBlock
 from model.units import RPM
 from sim_backend.faults import Fault
-from sim_backend.imperfections import Imperfections, individual_gear
+from sim_backend.imperfections import Imperfections
+from sim_backend.individuals import individual_gear
 from sim_backend.servo_drive import SPEED_COUNT
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.line import BenchBus

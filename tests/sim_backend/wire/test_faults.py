@@ -18,7 +18,7 @@ from model.units import RPM
 from rig.bench.backends.simulated import wire_config as shipped_config
 from rig.bench.backends.simulated import wire_port
 from sim_backend.faults import Fault, Stall
-from sim_backend.imperfections import individual_gear
+from sim_backend.individuals import individual_gear
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
 from sim_backend.wire.faults import (
     DRILLS,

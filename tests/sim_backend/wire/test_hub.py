@@ -18,7 +18,7 @@ from drivers.errors import DriverError
 from drivers.python_can import can
 from drivers.readout.nd287 import Readout as ReadoutDriver
 from drivers.readout.nd287 import ReadoutConfig, open_port
-from sim_backend.imperfections import individual_gear
+from sim_backend.individuals import individual_gear
 from sim_backend.wire.faults import HubGone
 from sim_backend.wire.hub import LONGEST_LINE, frame_line, parse_send, read_message
 from sim_backend.wire.serve import Addresses, Server, make_bench
