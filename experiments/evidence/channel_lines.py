@@ -31,6 +31,8 @@ Analyse = Callable[[Recording, Evidence], Result]
 
 STATISTICAL = "statistical part"
 """The line of an estimate that came with an interval and no budget."""
+ROUNDING = 1e-12
+"""Share of a number by which it changes where it does not hang on a channel: the digits of the computer."""
 SCATTER_ALONE = "U holds the scatter alone"
 ZERO_LINES = ("torque zero", "zero of the effort")
 """Lines of budgets that say how well a zero is known."""
@@ -141,7 +143,8 @@ def channels_of(
 
 def _with(estimate: Estimate, lines: list[BudgetLine]) -> Estimate:
     """With the lines that say something; the interval of one without a budget becomes its first line."""
-    lines = [line for line in lines if line.standard_uncertainty > 0.0]
+    nothing = ROUNDING * abs(estimate.value)
+    lines = [line for line in lines if line.standard_uncertainty > nothing]
     if lines and not estimate.budget:
         own = 0.5 * (estimate.high - estimate.low) / NORMAL_COVERAGE_FACTOR
         lines.insert(0, BudgetLine(STATISTICAL, "A", own))

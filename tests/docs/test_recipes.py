@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib.util
 import json
 import re
@@ -15,7 +16,11 @@ import numpy as np
 import pytest
 
 from experiments import catalogue
+from experiments.contract import Evidence
+from experiments.recording import Segment
+from model.gear_file import shipped_gear
 from rig import main
+from tests.experiments.test_analyses_without_plan import foreign, stating
 
 HOWTO = Path(__file__).parents[2] / "docs" / "howto"
 _MODULE = re.compile(r"^```python\n# (\S+\.py)\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -86,10 +91,35 @@ def test_the_printed_protocol_is_planned_run_and_reported(
     found = json.loads(rig(capsys, "fit", str(run), "--json"))["parameters"]["noise"]
     assert found["unit"] == "N m"
     assert 0.0 < found["low"] < found["value"] < found["high"] < 0.01
+    scale = [b for b in found["budget"] if b["source"] == "torque scale"]
+    assert scale[0]["standard_uncertainty"] > 0.01 * found["value"]
+    assert found["expanded_uncertainty"] > 2.0 * (found["high"] - found["value"])
     rig(capsys, "report", str(run), "--output", "noise.html")
     page = Path("noise.html").read_text(encoding="utf-8")
     assert "noise of the torque port" in page.lower()
     assert "mN" in page
+
+
+def test_the_scale_of_the_port_is_in_u_though_the_recipe_says_nothing_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The mean where the recipe has the noise: ten pieces agree to 0.03 mN m, and the port shows 1.8 mN m too much."""
+    module = sys.modules["experiments.protocols.torque_noise"]
+    code = (tmp_path / "torque_noise.py").read_text(encoding="utf-8")
+    mean = code.replace(".std(axis=1, ddof=1)", ".mean(axis=1)")
+    assert mean != code
+    exec(compile(mean, "torque_noise.py", "exec"), module.__dict__)
+    true, scale = 0.064665, 1.8e-3 / 0.064665 / 2.0
+    random = np.random.default_rng(1)
+    shown = (1.0 + 2.0 * scale) * true + 5e-4 * random.standard_normal(5000)
+    run = foreign(np.arange(5000) * 1e-3, torque=(shown, "N m"))
+    run = stating(run, "torque", scale_relative_uncertainty=scale, offset_uncertainty=0.0)
+    hold = Segment(index=0, label="hold", start=0, stop=5000, setpoint=0.0, direction=0, repeat=0)
+    run = dataclasses.replace(run, segments=(hold,))
+    found = catalogue.load("torque-noise").analyse(run, Evidence(shipped_gear())).estimates["noise"]
+    assert found.budget[0].standard_uncertainty < 3e-5
+    assert [line.source for line in found.budget[1:]] == ["torque scale"]
+    assert abs(found.value - true) < found.expanded_uncertainty < 2.0e-3
 
 
 def test_the_printed_fit_takes_any_recording(capsys: pytest.CaptureFixture[str]) -> None:
