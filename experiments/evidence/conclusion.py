@@ -22,6 +22,7 @@ from experiments.evidence.holds import Recorded
 from experiments.evidence.orders import sampled, sampled_angle
 from experiments.evidence.table import checks_of
 from experiments.ladder import Sample
+from experiments.load import carrying
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Check, Result, Table
@@ -48,7 +49,7 @@ def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], 
 
     @functools.wraps(analyse)
     def checked(recording: Recording, evidence: Evidence) -> Result:
-        recorded = Recorded(recording, experiment, evidence)
+        recorded = _recorded(experiment, recording, evidence)
         passed = checks_of(recorded)
         result = analysed_with_lines(analyse, recorded, passed)
         return concluded(result, passed.checks, recorded)
@@ -62,9 +63,15 @@ def checked_sample(
     """What a run shows to a ladder of models, after the checks of its protocol."""
 
     def checked(recording: Recording, evidence: Evidence) -> Sample:
-        return sample(recording, checks_of(Recorded(recording, experiment, evidence)))
+        return sample(recording, checks_of(_recorded(experiment, recording, evidence)))
 
     return checked
+
+
+def _recorded(experiment: Experiment, recording: Recording, evidence: Evidence) -> Recorded:
+    """What is to be analysed; its gear carries what was stated with the recording."""
+    gear = carrying(recording, evidence.gear)
+    return Recorded(recording, experiment, replace(evidence, gear=gear))
 
 
 def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> Result:

@@ -122,7 +122,11 @@ Resonance = Annotated[
     float | None, typer.Option("--resonance-hz", help="Known first resonance in Hz.")
 ]
 LoadInertia = Annotated[
-    float | None, typer.Option("--load-inertia", help="Inertia on the output in kg m2.")
+    float | None,
+    typer.Option(
+        "--load-inertia",
+        help="Inertia on the output in kg m2; with --parameters it gives the first mode.",
+    ),
 ]
 Conditions = Annotated[
     list[str] | None,

@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from experiments import catalogue
 from experiments.assumed import (
     CURRENT,
     MOTOR_ENCODER,
@@ -20,6 +21,7 @@ from experiments.assumed import (
 from experiments.budget import scale_line, timed, zero_uncertainty
 from experiments.contract import Evidence
 from experiments.evidence.conclusion import judged
+from experiments.load import carrying, load_of
 from experiments.protocols.kinematic_error import analysis as kinematic_error
 from experiments.quantity import Quantity
 from experiments.recording import Recording
@@ -155,3 +157,30 @@ def test_a_resonance_that_the_import_states_is_used(kinematic_error_run: Recordi
     assert isinstance(mode, StatedMode)
     assert mode.first_mode == pytest.approx(100.0 * np.pi)
     assert kinematic_error.stated_mode(kinematic_error_run) is None
+
+
+def test_an_inertia_that_the_import_states_is_used_and_the_assumed_line_goes(
+    kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
+    def imported(stated: dict[str, float], named: HarmonicDrive | None) -> Recording:
+        metadata = dataclasses.replace(
+            kinematic_error_run.metadata,
+            process={"stated": stated},
+            origin="imported",
+            gear=named,
+        )
+        return dataclasses.replace(kinematic_error_run, metadata=metadata)
+
+    def kinds(recording: Recording) -> set[str]:
+        result = catalogue.load("kinematic-error").analyse(recording, Evidence(gear))
+        return {line.assumed for e in result.estimates.values() for line in e.budget}
+
+    said = imported({"load_inertia_kg_m2": 0.3}, gear)
+    assert "output inertia" in kinds(imported({}, gear))
+    assert "output inertia" not in kinds(said)
+    assert carrying(said, gear).inertia.output == 0.3
+    assert (load_of(said, gear).inertia, load_of(said, gear).is_stated) == (0.3, True)
+    # Of a gear that nobody named, the stiffness is not known: its inertia alone makes no mode.
+    unnamed = imported({"load_inertia_kg_m2": 0.3}, None)
+    assert "output inertia" in kinds(unnamed)
+    assert load_of(unnamed, gear).inertia == 0.3
