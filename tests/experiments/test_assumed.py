@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from importlib import resources
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -29,10 +32,15 @@ from experiments.tares.motor_heat import motor_heat
 from experiments.torque.zero import torque_zero
 from model.channel import Calibration
 from model.gear import HarmonicDrive, Origin
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.torsion import StatedMode, Torsion, UnstatedMode
+from model.motor import shipped_motor
+from model.units import ARCSEC
+from rig.bench.backends.hardware import can_rig_config
+from rig.bench.config.load import load_configuration
 from tests.experiments.test_analyses_without_plan import foreign, stating
 
+TEMPLATE = resources.files("rig.bench.config").joinpath("template.toml")
 TIME = np.arange(0.0, 1.0, 1e-2)
 LENGTH = Quantity(name="length", title="length", unit="m", target_uncertainty=0.5)
 
@@ -184,3 +192,26 @@ def test_an_inertia_that_the_import_states_is_used_and_the_assumed_line_goes(
     unnamed = imported({"load_inertia_kg_m2": 0.3}, None)
     assert "output inertia" in kinds(unnamed)
     assert load_of(unnamed, gear).inertia == 0.3
+
+
+def test_an_accuracy_class_is_divided_once_on_its_way_into_the_budget(
+    tmp_path: Path, kinematic_error_run: Recording, gear: HarmonicDrive
+) -> None:
+    """A class of ± a is a rectangle: u = a/sqrt(3), and rig.toml states a."""
+    path = tmp_path / "rig.toml"
+    path.write_text(TEMPLATE.read_text(encoding="utf-8"), encoding="utf-8")
+    described = load_configuration(path)
+    counter = can_rig_config(described, shipped_motor(), tmp_path, 2_000_000).counters[0]
+    half_width = 5.0 * ARCSEC
+    assert counter.calibration.accuracy == pytest.approx(half_width, rel=0.02)
+    signals = dict(kinematic_error_run.signals)
+    signals["output_angle"] = dataclasses.replace(
+        signals["output_angle"], calibration=counter.calibration
+    )
+    result = catalogue.load("kinematic-error").analyse(
+        dataclasses.replace(kinematic_error_run, signals=signals), Evidence(gear)
+    )
+    lines = result.estimates["transmission_accuracy_forward"].budget
+    (line,) = [line for line in lines if line.cause is Cause.OUTPUT_ENCODER]
+    assert line.standard_uncertainty == pytest.approx(half_width / math.sqrt(3.0), rel=0.02)
+    assert not line.assumed

@@ -80,7 +80,8 @@ class Part(BaseModel):
 class Calibration(Part):
     """Why a channel's scale can be believed: certificate, day, day on which it is due again, standard uncertainties.
 
-    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC). What is left away is not zero:
+    `offset_uncertainty` and `accuracy` are in the channel's SI unit (rad, N m, degC); `accuracy` is no standard
+    uncertainty but half the width of an encoder's whole curve, as data sheets state it. What is left away is not zero:
     `experiments.assumed` says what is taken in its place. `curve` names the file of an
     encoder's certificate, beside this one; what it says of number and days need not be said again. `sensor` names what
     the reading comes from, with its constant: channels of one sensor are one instrument.
