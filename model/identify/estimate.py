@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Literal
 
@@ -172,7 +172,7 @@ class Estimate:
     identifiable: Identifiable = "yes"
     note: str = ""
     budget: tuple[BudgetLine, ...] = ()
-    stated_coverage_factor: float | None = None
+    stated_coverage_factor: float | None = field(default=None, compare=False)
 
     @property
     def standard_uncertainty(self) -> float:
@@ -199,8 +199,8 @@ class Estimate:
         return self.coverage_factor * self.standard_uncertainty
 
     def with_budget(self, lines: Iterable[BudgetLine]) -> Estimate:
-        """The same estimate with further budget lines."""
-        return replace(self, budget=(*self.budget, *lines))
+        """The same estimate with further budget lines, which decide on k anew."""
+        return replace(self, budget=(*self.budget, *lines), stated_coverage_factor=None)
 
     def as_json(self) -> dict[str, object]:
         """value, unit, low, high, identifiable: the form of `--json`; plus expanded uncertainty, note and budget."""

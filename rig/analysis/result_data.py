@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -74,7 +73,9 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
         )
         for b in mapping.get("budget", ())
     )
-    estimate = Estimate(
+    # A stored result keeps the U that it was stated with, by whatever rule for k; a list of runs doesn't pay for SciPy.
+    stated = mapping.get("coverage_factor", 2.0)
+    return Estimate(
         name=name,
         value=_number(mapping["value"]),
         unit=str(mapping["unit"]),
@@ -83,12 +84,8 @@ def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
         identifiable=mapping.get("identifiability", "yes"),
         note=str(mapping.get("note", "")),
         budget=budget,
+        stated_coverage_factor=None if stated is None else float(stated),
     )
-    # A stored result keeps the U that it was stated with, by whatever rule for k.
-    stated = mapping.get("coverage_factor", 2.0)
-    if stated is None or math.isclose(stated, estimate.coverage_factor, rel_tol=1e-9):
-        return estimate
-    return replace(estimate, stated_coverage_factor=stated)
 
 
 def covariance_from_mapping(mapping: Mapping[str, Any] | None) -> Covariance | None:

@@ -61,7 +61,8 @@ def bench_of(backend: str, runs: Path, description: Path | None = None, seed: in
         identity = "" if backend.startswith(REPLAY) else str(seed)
         return Bench(id=identity, state=runs, scope="runs", option=option)
     # Only hardware is described in text: a simulated run does without pydantic.
-    from rig.bench.config.load import DEFAULT_PATH, load_configuration
+    from rig.bench.config.load import load_configuration
+    from rig.bench.config.place import DEFAULT_PATH
 
     path = description or DEFAULT_PATH
     configuration = load_configuration(path)

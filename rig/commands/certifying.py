@@ -52,7 +52,7 @@ def certificate(
     verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from hardware have room for a
     signature; all others are marked on every page.
     """
-    from rig.bench.config.load import DEFAULT_PATH
+    from rig.bench.config.place import DEFAULT_PATH
     from rig.commands.result_tables import print_verdict
     from rig.exits import code_of_verdict
     from rig.gears.acceptance import acceptance_named

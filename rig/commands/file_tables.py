@@ -6,14 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
-from experiments.recording import Event, Recording, Segment
 from model.units import RPM
-from rig.analysis.judging import GearVerdict
 from rig.analysis.listed_verdicts import told
 from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
@@ -23,6 +21,10 @@ from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.prevailing import acquisition_facts, world_facts
+
+if TYPE_CHECKING:
+    from experiments.recording import Event, Recording, Segment
+    from rig.analysis.judging import GearVerdict
 
 SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20

@@ -52,7 +52,7 @@ def request_of(
     from rig.runfile.read import read_run_header
 
     if config is None and backend == HARDWARE:
-        from rig.bench.config.load import DEFAULT_PATH
+        from rig.bench.config.place import DEFAULT_PATH
 
         config = DEFAULT_PATH
     by_hand = gear if parameters is None else load_gear(parameters)

@@ -1,6 +1,7 @@
 """The command line as a whole: light, complete, and with endings that mean something."""
 
 import json
+import random
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ from experiments.errors import AnalysisError, PlanError
 from model.errors import ModelError, ParameterError
 from rig import exits, main
 from rig.errors import LimitError, RigError, RunFileError
+from tests.rig.test_one_verdict import judged, random_store
 
 HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "pydantic")
 
@@ -57,6 +59,18 @@ def test_a_command_is_built_without_the_others(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(main, "_built", told)
     assert CliRunner().invoke(main.app, ["runs", "--help"]).exit_code == 0
     assert asked == ["runs"]
+
+
+def test_a_list_of_judged_runs_imports_no_kernels(tmp_path: Path) -> None:
+    """The titles of the limits are read from what the protocol declares; stored numbers keep the k they have."""
+    run = random_store(tmp_path, random.Random(0))
+    assert judged(run).verdict in ("PASS", "MARGINAL", "FAIL")
+    assert loaded_by(["runs", str(tmp_path)], ("scipy", "numba")) == []
+
+
+def test_protocols_and_their_flags_are_listed_without_kernels() -> None:
+    for words in (["plan", "--help"], ["plan", "friction", "--help"]):
+        assert loaded_by(words, ("scipy", "numba")) == [], words
 
 
 def test_help_names_every_command() -> None:

@@ -29,7 +29,8 @@ from rig.bench.backends.assembly import AssembledRig, RigRequest
 from rig.bench.backends.sources import Shafts, sources_of
 from rig.bench.config import schema as described
 from rig.bench.config.drives import Drive, ReferenceDrive
-from rig.bench.config.load import DEFAULT_PATH, load_configuration
+from rig.bench.config.load import load_configuration
+from rig.bench.config.place import DEFAULT_PATH
 from rig.bench.config.schema import RigConfiguration
 from rig.errors import ConfigurationError
 

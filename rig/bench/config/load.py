@@ -20,10 +20,6 @@ from rig.bench.config.parts import FOLDER
 from rig.bench.config.schema import FORMAT, Laboratory, RigConfiguration
 from rig.errors import ConfigurationError
 
-DEFAULT_PATH = Path("rig.toml")
-"""Where a configuration is looked for when none is named."""
-
-
 TO_BE_SAID = "SAY: "
 """What a word begins with that a person must still say; what is asked stands behind it."""
 

@@ -130,7 +130,7 @@ def described_by(rig: RigChoice) -> Path | None:
     """The file that describes a rig, where one does."""
     if rig.configuration is not None or not rig.is_hardware:
         return rig.configuration
-    from rig.bench.config.load import DEFAULT_PATH
+    from rig.bench.config.place import DEFAULT_PATH
 
     return DEFAULT_PATH
 
