@@ -88,22 +88,23 @@ class Stage:
         from experiments.parameters import parameter_fields
         from model.gear_file import shipped_gear
         from model.motor import shipped_motor
+        from rig.bench.backends.order import Order
         from rig.commands.running import read_flags
         from rig.present.preview.plan import preview_plan
-        from rig.run.start import RunRequest, plan_request
+        from rig.run.start import plan_order
         from rig.window.work.prepared import PreparedRun
 
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
-        request = RunRequest(
+        request = Order(
             protocol=protocol,
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=self.folder,
+            folder=self.folder,
             values=values,
-            gear_serial="SN-0815",
+            serial="SN-0815",
             operator="A. Example",
         )
-        planned = plan_request(request)
+        planned = plan_order(request)
         arguments = [
             "run",
             protocol,
@@ -426,9 +427,10 @@ def _some_runs() -> Path:
     from model.motor import shipped_motor
     from rig.analysis.fit import store
     from rig.analysis.fit_run import Choices, fit_run
+    from rig.bench.backends.order import Order
     from rig.commands.running import read_flags
     from rig.gears.card import save_card, with_changes
-    from rig.run.start import RunRequest, run_request
+    from rig.run.start import run_order
 
     folder = Path(tempfile.mkdtemp())
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
@@ -437,14 +439,14 @@ def _some_runs() -> Path:
         flags = SHORT_FRICTION if protocol == "friction" else ()
         values = read_flags(protocol, parameter_fields(catalogue.load(protocol).parameters), flags)
         serial = "" if protocol == "motor-tare" else "SN-0815"
-        run_request(
-            RunRequest(
+        run_order(
+            Order(
                 protocol=protocol,
                 gear=shipped_gear(),
                 motor=shipped_motor(),
-                output=folder,
+                folder=folder,
                 values=values,
-                gear_serial=serial,
+                serial=serial,
                 operator="A. Example",
             )
         )

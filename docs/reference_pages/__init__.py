@@ -1,4 +1,4 @@
-"""The reference pages that are made from the program: protocols, measurands, commands, files, exit codes, limits.
+"""The reference pages that are made from the program: protocols, commands, orders, measurands, files, limits.
 
 Nothing here is written twice: protocols come from their parameter models, commands from the command
 line's own tables, words of files from their schemas.
@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reference_pages import assumed, channel_map, files, fleet_results, measurands, program
+from reference_pages import assumed, channel_map, files, fleet_results, measurands, order, program
 
 PAGES = {
     "protocols": program.protocols,
     "commands": program.commands,
+    "order": order.order,
     "configuration": files.configuration,
     "exit-codes": program.exit_codes,
     "limits": program.limits,

@@ -59,7 +59,9 @@ def _command(path: str, command: Any) -> Iterable[str]:
         yield from _command(f"{path} {name}", sub)
     if inner:
         return
-    shown = [p for p in command.params if "--help" not in p.opts]
+    shown = [
+        p for p in command.params if "--help" not in p.opts and not getattr(p, "hidden", False)
+    ]
     if shown:
         yield "\n| option | default | what |\n|---|---|---|"
     for parameter in shown:

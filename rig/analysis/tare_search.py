@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 from experiments.tares import same_rig
 from model.errors import WordedError
 from rig.analysis.tare import takes_tare, tare_kind
-from rig.bench.config.place import DEFAULT_PATH
 from rig.errors import ChangedRunError
 
 if TYPE_CHECKING:
@@ -139,10 +138,10 @@ def tare_days_of(folder: Path) -> float:
     The description (`rig.toml`) is looked for in the present folder and beside the folder of runs, and
     counts where it names that folder. Raises `ConfigurationError` for one that cannot be accepted.
     """
+    from rig.bench.config.load import DEFAULT_PATH, load_configuration
+
     for path in dict.fromkeys((DEFAULT_PATH.resolve(), (folder.parent / DEFAULT_PATH).resolve())):
         if path.is_file():
-            from rig.bench.config.load import load_configuration
-
             rig = load_configuration(path).rig
             if (path.parent / rig.output).resolve() == folder.resolve():
                 return rig.tare_days

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.api.reading import load
 from rig.api.runs import Run
-from rig.bench.backends.assembly import WorldChoice
+from rig.bench.backends.order import WorldChoice, world_of
 from rig.bench.backends.registry import HARDWARE
-from rig.commands.ordering import request_of
+from rig.commands.ordering import order_of
 from rig.commands.prompting import terminal_ask
 from rig.errors import ConfigurationError, RigError
-from rig.run.start import plan_request, run_request
+from rig.run.start import plan_order, run_order
 from rig.run.stop import StopRequest, pressed_by_signals
 
 if TYPE_CHECKING:
@@ -59,28 +59,30 @@ def execute(
 
     Raises `PlanError`, `LimitError`, `ConfigurationError` before anything moves; `RigError` where nothing was recorded.
     """
-    request = request_of(
-        protocol,
-        parameters,
-        backend=backend,
-        config=None if config is None else Path(config),
-        gear=gear,
-        mounting=mounting,
-        sample_rate=sample_rate,
-        output=None if folder is None else Path(folder),
-        gear_serial=serial,
-        operator=operator,
-        seed=seed,
-        confirmation=confirm,
-        world=_chosen(world or {}),
-    )
-    planned = plan_request(request)
+    said = {
+        "backend": backend,
+        "gear": gear,
+        "serial": serial,
+        "folder": None if folder is None else Path(folder),
+        "operator": operator,
+        "seed": seed,
+        "world": _chosen(world or {}),
+        "config": None if config is None else Path(config),
+        "mounting": mounting,
+        "sample_rate": sample_rate,
+    }
+    order = order_of(protocol, parameters, {k: v for k, v in said.items() if v is not None})
+    planned = plan_order(order)
     stop = StopRequest()
     # Signals reach the main thread alone: from another one a run cannot be stopped by Ctrl-C.
     in_main = threading.current_thread() is threading.main_thread()
     with pressed_by_signals(stop) if in_main else nullcontext():
-        report = run_request(
-            request, planned, stop=stop, ask=ask or _answers(request.backend, stop)
+        report = run_order(
+            order,
+            planned,
+            confirmation=confirm,
+            stop=stop,
+            ask=ask or _answers(order.backend, stop),
         )
     if not report.readable:
         raise RigError("the run left no file", where=str(report.path), value=report.message)
@@ -90,7 +92,7 @@ def execute(
 def _chosen(world: Mapping[str, Any]) -> WorldChoice:
     """The choice of a world by what a caller names. Raises `ConfigurationError` for a turn in two units."""
     named = dict(world)
-    if "mount_turn" in named:
+    if (turn := named.pop("mount_turn", None)) is not None:
         if "mount_turn_deg" in named:
             raise ConfigurationError(
                 "one turn of the gear is stated twice",
@@ -103,9 +105,8 @@ def _chosen(world: Mapping[str, Any]) -> WorldChoice:
             DeprecationWarning,
             stacklevel=3,
         )
-    elif (turned := named.pop("mount_turn_deg", None)) is not None:
-        named["mount_turn"] = math.radians(turned)
-    return WorldChoice(**named)
+        return replace(world_of(named), mount_turn=turn)
+    return world_of(named)
 
 
 def _answers(backend: str, stop: StopRequest) -> Callable[[Prompt], str | None]:

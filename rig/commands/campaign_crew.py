@@ -5,17 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from experiments.steps.note import Prompt
 from rig.commands.terminal import echo
 
 if TYPE_CHECKING:
+    from rig.bench.backends.order import Order
     from rig.run.dry_run import PlannedRun
-    from rig.run.order import RunReport
+    from rig.run.parts import RunReport
     from rig.run.remote import RemoteOperator
-    from rig.run.start import RunRequest
     from rig.run.stop import StopRequest
     from rig.trial.campaign.conduct import Crew
     from rig.trial.campaign.journal import DoneStage
@@ -36,14 +35,14 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
 
     def begun(index: int, one: WalkedStage) -> None:
         if not quiet:
-            echo(f"[{index + 1}/{number}] {one.stage.protocol}", errors=True)
+            echo(f"[{index + 1}/{number}] {one.order.protocol}", errors=True)
 
     def ended(done: DoneStage, _: RunReport) -> None:
         if not quiet:
             echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), errors=True)
 
-    def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
-        return confirmed(request, planned, asks=not quiet)
+    def confirm(order: Order, planned: PlannedRun) -> str:
+        return confirmed(order, planned, "", not quiet)
 
     with (
         pressed_by_signals(stop),
@@ -52,7 +51,7 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
         yield Crew(
             stop=stop,
             ask=terminal_ask(stop),
-            prepare=prepare,
+            confirm=confirm,
             begun=begun,
             ended=ended,
             on_progress=progress,
@@ -69,11 +68,11 @@ def program_crew(
     from rig.run.stop import pressed_by_signals
     from rig.trial.campaign.conduct import Crew
 
-    def prepare(request: RunRequest, planned: PlannedRun) -> RunRequest:
-        return armed_by(remote, stop, request, planned) if listens else request
+    def confirm(order: Order, planned: PlannedRun) -> str:
+        return typed_by(remote, stop, order, planned) if listens else ""
 
     def begun(index: int, one: WalkedStage) -> None:
-        remote.tell("stage", {"index": index, "protocol": one.stage.protocol, "state": "begun"})
+        remote.tell("stage", {"index": index, "protocol": one.order.protocol, "state": "begun"})
 
     def ended(done: DoneStage, report: RunReport) -> None:
         remote.tell("stage", {**_told(done), "state": "ended", "report": report.as_json()})
@@ -86,10 +85,10 @@ def program_crew(
         {
             "campaign": walked.plan.name,
             "title": walked.plan.title,
-            "gear": walked.stages[0].request.gear_serial,
+            "gear": walked.stages[0].order.serial,
             "stages": [
                 {
-                    "protocol": one.stage.protocol,
+                    "protocol": one.order.protocol,
                     "nominal": one.planned.nominal,
                     "longest": one.planned.longest,
                 }
@@ -103,7 +102,7 @@ def program_crew(
         yield Crew(
             stop=stop,
             ask=remote.ask if listens else terminal_ask(stop),
-            prepare=prepare,
+            confirm=confirm,
             begun=begun,
             ended=ended,
             standing=standing,
@@ -112,10 +111,8 @@ def program_crew(
         )
 
 
-def armed_by(
-    remote: RemoteOperator, stop: StopRequest, request: RunRequest, planned: PlannedRun
-) -> RunRequest:
-    """The request of a run on hardware with what the operator of another program typed; every other as it is.
+def typed_by(remote: RemoteOperator, stop: StopRequest, order: Order, planned: PlannedRun) -> str:
+    """What the operator of another program typed to arm a run on hardware; "" for every other rig.
 
     Every run of a campaign is armed anew: between two of them somebody had hands on the rig. A STOP
     leaves it unconfirmed, and arming refuses it.
@@ -123,9 +120,9 @@ def armed_by(
     from rig.bench.backends.registry import HARDWARE
     from rig.run.start import arming_of
 
-    if request.backend != HARDWARE:
-        return request
-    expected = arming_of(request, planned).expected
+    if order.backend != HARDWARE:
+        return ""
+    expected = arming_of(order, planned).expected
     prompt = Prompt(
         f"{planned.experiment.title} moves the rig. Guard closed, hands away, emergency stop within "
         f"reach? Type {expected} to arm.",
@@ -134,7 +131,7 @@ def armed_by(
     answer = remote.ask(prompt)
     while answer is None and not stop.level:
         answer = remote.ask(prompt)
-    return replace(request, confirmation=answer or "")
+    return answer or ""
 
 
 def _told(done: DoneStage) -> dict[str, object]:

@@ -9,43 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.running import (
-    Config,
-    Events,
-    Json,
-    MountedHow,
-    Parameters,
-    SampleRate,
-    StdinControl,
-)
+from rig.commands.judgement import RequireVerdict
+from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
+from rig.commands.running import ORDERED, Events, Json, StdinControl
 from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
-from rig.commands.worlds import (
-    BenchSeed,
-    Day,
-    DayCorrelation,
-    GearSeed,
-    Hours,
-    Mount,
-    MountTurn,
-    PopulationName,
-    world_choice,
-)
 
 if TYPE_CHECKING:
+    from rig.bench.backends.order import Order
     from rig.gears.acceptance import Acceptance
-    from rig.run.start import RunRequest
     from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew
     from rig.trial.campaign.plan import CampaignPlan
     from rig.trial.campaign.walk import Walk
 
 
 @outliving_the_terminal()
+@with_order(*(name for name in ORDERED if name != "block_cycles"), world=OF_MANY_RUNS)
 def campaign(
+    said: Said,
     name: Annotated[
         str, typer.Argument(metavar="[CAMPAIGN]", help="A campaign that ships; or give --plan.")
-    ] = "",
-    gear_serial: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
     ] = "",
     plan: Annotated[
         Path | None,
@@ -58,51 +40,11 @@ def campaign(
     anew: Annotated[
         bool, typer.Option("--anew", help="Begin again where an unfinished one could go on.")
     ] = False,
-    acceptance: Annotated[
-        str,
-        typer.Option(
-            metavar="FILE",
-            help="What the gear must show, instead of what its card names: TOML, or a shipped name.",
-        ),
-    ] = "",
-    backend: Annotated[
-        str,
-        typer.Option(
-            help="Which rig: sim, wire (drivers and simulated devices), or hardware (see --config)."
-        ),
-    ] = "sim",
-    operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--runs",
-            metavar="DIR",
-            help="Folder of the run files; runs, or that of the configuration.",
-        ),
-    ] = None,
     junit: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI."),
     ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of a simulated rig: another one is another bench.")
-    ] = 0,
-    gear_seed: GearSeed = None,
-    bench_seed: BenchSeed = None,
-    mount: Mount = 1,
-    mount_turn: MountTurn = None,
-    hours: Hours = 0.0,
-    day: Day = 1,
-    day_correlation: DayCorrelation = None,
-    population: PopulationName = "narrow",
-    parameters: Parameters = None,
-    mounting: MountedHow = None,
-    sample_rate: SampleRate = None,
-    config: Config = None,
-    require_verdict: Annotated[
-        bool,
-        typer.Option("--require-verdict", help="Exit with 7 where the gear was NOT JUDGED."),
-    ] = False,
+    require_verdict: RequireVerdict = False,
     json: Json = False,
     events: Events = False,
     stdin_control: StdinControl = False,
@@ -113,40 +55,18 @@ def campaign(
     the same command goes on from there, and does again what went out of date. A quantity that breaks its
     limit ends nothing: FAIL is the verdict of the whole.
     """
-    from rig.commands.ordering import request_of
+    from rig.commands.ordering import order_of
     from rig.trial.campaign.walk import walk
 
     chosen = _plan_of(name, plan)
-    if not gear_serial and not dry_run:
+    if not said.get("serial") and not dry_run:
         raise typer.BadParameter("name the gear by its serial number", param_hint="--gear")
-    pattern = request_of(
-        chosen.stages[0].protocol,
-        {},
-        backend=backend,
-        config=config,
-        parameters=parameters,
-        mounting=mounting,
-        sample_rate=sample_rate,
-        output=output,
-        gear_serial=gear_serial or "unknown",
-        operator=operator,
-        seed=seed,
-        world=world_choice(
-            mount_turn,
-            gear_seed=gear_seed,
-            bench_seed=bench_seed,
-            mount=mount,
-            hours=hours,
-            day=day,
-            day_correlation=day_correlation,
-            population=population,
-        ),
-    )
+    pattern = order_of(chosen.stages[0].protocol, {}, said)
     walked = walk(chosen, pattern)
     if dry_run:
         print_json(walked.as_json()) if json else _print_walk(walked)
         return
-    order = _order_of(walked, pattern, acceptance, anew=anew)
+    order = _order_of(walked, pattern, anew=anew)
     if events or stdin_control:
         report = _conducted_for_a_program(order, pattern, events, stdin_control)
     else:
@@ -199,13 +119,15 @@ def _plan_of(name: str, path: Path | None) -> CampaignPlan:
     return load_plan(path) if path is not None else shipped_plan(name)
 
 
-def _acceptance_of(pattern: RunRequest, named: str) -> Acceptance | None:
+def _acceptance_of(pattern: Order) -> Acceptance | None:
     from rig.gears.acceptance import acceptance_for, acceptance_named
 
-    return acceptance_named(named) if named else acceptance_for(pattern.output, pattern.gear_serial)
+    if pattern.acceptance:
+        return acceptance_named(pattern.acceptance)
+    return acceptance_for(pattern.folder, pattern.serial)
 
 
-def _order_of(walked: Walk, pattern: RunRequest, acceptance: str, *, anew: bool) -> CampaignOrder:
+def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
     from rig.bench.backends.registry import is_simulated
     from rig.gears.card import now_text
     from rig.run.start import bench_for
@@ -213,18 +135,18 @@ def _order_of(walked: Walk, pattern: RunRequest, acceptance: str, *, anew: bool)
 
     return CampaignOrder(
         walk=walked,
-        serial=pattern.gear_serial,
-        folder=pattern.output,
+        serial=pattern.serial,
+        folder=pattern.folder,
         bench=bench_for(pattern).id,
         created=now_text(),
         now=now_text,
-        acceptance=_acceptance_of(pattern, acceptance),
+        acceptance=_acceptance_of(pattern),
         beside=is_simulated(pattern.backend),
         anew=anew,
     )
 
 
-def _conducted(order: CampaignOrder, crew: Crew, pattern: RunRequest) -> Conducted:
+def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> Conducted:
     from rig.trial.campaign.conduct import conduct
 
     report = conduct(order, crew)
@@ -254,7 +176,7 @@ def _rests_on(report: CampaignReport, certificate: list[str]) -> dict[str, Any]:
 
 
 def _conducted_for_a_program(
-    order: CampaignOrder, pattern: RunRequest, events: bool, stdin_control: bool
+    order: CampaignOrder, pattern: Order, events: bool, stdin_control: bool
 ) -> Conducted:
     """A campaign whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
@@ -276,7 +198,7 @@ def _conducted_for_a_program(
     return conducted
 
 
-def _certificate(report: CampaignReport, order: CampaignOrder, pattern: RunRequest) -> list[str]:
+def _certificate(report: CampaignReport, order: CampaignOrder, pattern: Order) -> list[str]:
     """Write the certificate of a campaign beside its runs, HTML and PDF; the paths, none where nothing is analysed."""
     from rig.present.certificate.laboratory import laboratory_of
     from rig.present.certificate.write import write_certificate
@@ -284,14 +206,14 @@ def _certificate(report: CampaignReport, order: CampaignOrder, pattern: RunReque
     if not report.verdict_rests_on:
         return []
     stem = report.journal.path.stem
-    outputs = [pattern.output / f"certificate-{stem}{suffix}" for suffix in (".html", ".pdf")]
+    outputs = [pattern.folder / f"certificate-{stem}{suffix}" for suffix in (".html", ".pdf")]
     certificate = write_certificate(
-        pattern.output,
-        pattern.gear_serial,
+        pattern.folder,
+        pattern.serial,
         outputs,
         acceptance=order.acceptance,
-        protocols=[one.stage.protocol for one in report.walk.stages],
-        laboratory=laboratory_of(pattern.configuration) if pattern.configuration else None,
+        protocols=[one.order.protocol for one in report.walk.stages],
+        laboratory=laboratory_of(pattern.config) if pattern.config else None,
     )
     return [str(path) for path in certificate.paths]
 
@@ -304,7 +226,7 @@ def _print_walk(walked: Walk) -> None:
     for one in walked.stages:
         nearest = min(one.planned.margins, key=lambda margin: margin.margin, default=None)
         rows.add_row(
-            one.stage.protocol,
+            one.order.protocol,
             in_words(one.planned.nominal),
             in_words(one.planned.longest),
             nearest.quantity.replace("_", " ") if nearest else "-",
@@ -328,7 +250,7 @@ def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     done: dict[int, Any] = {run.index: run for run in report.journal.stages}
     for index, one in enumerate(report.walk.stages):
         run = done.get(index)
-        rows.add_row(one.stage.protocol, run.run if run else "not run", run.outcome if run else "-")
+        rows.add_row(one.order.protocol, run.run if run else "not run", run.outcome if run else "-")
     out.print(rows)
     for problem in report.problems:
         out.print(f"analysis: {problem}", style="red", soft_wrap=True)

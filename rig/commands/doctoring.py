@@ -7,49 +7,34 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.running import MountedHow, StdinControl
+from rig.commands.ordering import Said, with_order
+from rig.commands.running import StdinControl
 from rig.commands.terminal import echo, outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
-    from rig.run.start import RunRequest
+    from rig.bench.backends.order import Order
     from rig.trial.doctor.examine import Examination
 
 
 @outliving_the_terminal()
+@with_order(
+    "backend",
+    "config",
+    "serial",
+    "mounting",
+    "gear",
+    "sample_rate",
+    "folder",
+    "operator",
+    "seed",
+)
 def doctor(
-    backend: Annotated[
-        str, typer.Option(help="Which rig: sim, wire, or hardware (see --config).")
-    ] = "sim",
-    config: Annotated[
-        Path | None,
-        typer.Option("--config", metavar="FILE", help="The rig's configuration (rig.toml)."),
-    ] = None,
-    gear_serial: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
-    ] = "unknown",
-    mounting: MountedHow = None,
-    parameters: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")
-    ] = None,
-    sample_rate: Annotated[
-        float | None,
-        typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz]."),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--runs", metavar="DIR", help="Folder of the runs: where the disk is looked at."
-        ),
-    ] = None,
-    operator: Annotated[
-        str, typer.Option(metavar="NAME", help="Who does it; needed where hardware is to move.")
-    ] = "",
+    said: Said,
     confirm: Annotated[
         str,
         typer.Option(
@@ -64,7 +49,6 @@ def doctor(
             help="Whether the rig may turn; without it only a simulated one does.",
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of a simulated rig.")] = 0,
     stdin_control: StdinControl = False,
     json: Annotated[
         bool,
@@ -82,46 +66,33 @@ def doctor(
     from rig import exits
     from rig.analysis.store import json_ready
     from rig.bench.backends.registry import HARDWARE
-    from rig.commands.ordering import confirmed, request_of
+    from rig.commands.ordering import confirmed, order_of
     from rig.run.arming import refuse_unarmed
     from rig.run.remote import RemoteOperator, lines_of
-    from rig.run.start import arming_of, plan_request, rig_for
+    from rig.run.start import arming_of, plan_order, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.doctor.examine import examine, readout_of
     from rig.trial.doctor.motion import EXPERIMENT
 
-    _refuse_a_replay(backend)
-    request = request_of(
-        "doctor",
-        {},
-        backend=backend,
-        config=config,
-        parameters=parameters,
-        mounting=mounting,
-        sample_rate=sample_rate,
-        output=output,
-        gear_serial=gear_serial,
-        operator=operator,
-        seed=seed,
-        confirmation=confirm,
-    )
-    planned = plan_request(request, EXPERIMENT)
-    moves = move if move is not None else backend != HARDWARE
+    _refuse_a_replay(said.get("backend", ""))
+    order = order_of("doctor", {}, said)
+    planned = plan_order(order, EXPERIMENT)
+    moves = move if move is not None else order.backend != HARDWARE
     if moves:
-        request = confirmed(request, planned, asks=not (json or stdin_control))
-        if backend == HARDWARE:
-            refuse_unarmed(arming_of(request, planned))
+        confirmation = confirmed(order, planned, confirm, not (json or stdin_control))
+        if order.backend == HARDWARE:
+            refuse_unarmed(arming_of(order, planned, confirmation))
     stop = StopRequest()
     remote = RemoteOperator(stop, partial(print, flush=True), WallClock())
     if stdin_control:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
-    with _bench_of_its_own(request, moves), pressed_by_signals(stop):
+    with _bench_of_its_own(order, moves), pressed_by_signals(stop):
         examination = examine(
-            lambda: rig_for(request, planned),
-            request,
+            lambda: rig_for(order, planned),
+            order,
             moves=moves,
             why_not="asked not to move; --move lets it",
-            serial_line=readout_of(request),
+            serial_line=readout_of(order),
             stop=stop,
             on_stage=lambda stage: (
                 None if json or stdin_control else echo(f"{stage} ...", errors=True)
@@ -143,7 +114,7 @@ def doctor(
 
 
 @contextmanager
-def _bench_of_its_own(request: RunRequest, moves: bool) -> Iterator[None]:
+def _bench_of_its_own(order: Order, moves: bool) -> Iterator[None]:
     """The bench for the time of the examination: connecting alone takes the nodes from whoever runs there."""
     from rig.errors import ConfigurationError
     from rig.run.bench_lock import bench_lock
@@ -151,7 +122,7 @@ def _bench_of_its_own(request: RunRequest, moves: bool) -> Iterator[None]:
     from rig.run.start import bench_for
 
     try:
-        bench = bench_for(request)
+        bench = bench_for(order)
     except ConfigurationError:
         # A bench that cannot be told from others is a line of the checklist, and must not move.
         if moves:

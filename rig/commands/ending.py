@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from rig.analysis.digest import Digest
     from rig.analysis.judging import GearVerdict
-    from rig.run.order import RunReport
-    from rig.run.start import RunRequest
+    from rig.bench.backends.order import Order
+    from rig.run.parts import RunReport
 
 MOST_LINES = 5
 """Values that are told without --all."""
@@ -37,7 +37,7 @@ class Ending:
         return {**self.verdict.as_json(), **told, "analysis_error": self.crash}
 
 
-def ending_of(report: RunReport, request: RunRequest, acceptance: str) -> Ending:
+def ending_of(report: RunReport, order: Order) -> Ending:
     """What a run says of its gear. One that was not brought to its end says nothing, and is not analysed.
 
     Whatever goes wrong with the analysis costs neither the run nor its outcome: it is told.
@@ -47,14 +47,14 @@ def ending_of(report: RunReport, request: RunRequest, acceptance: str) -> Ending
 
     if report.outcome != "COMPLETED":
         return Ending(not_judged(f"the run ended as {report.outcome}"))
-    if not report.readable or request.protocol not in catalogue.kinds():
+    if not report.readable or order.protocol not in catalogue.kinds():
         return Ending(not_judged("the run cannot be analysed"))
     now = datetime.now().astimezone().isoformat(timespec="seconds")
     try:
         made = digest(report.path, now)
         if made.fit is None:
             return Ending(not_judged(*made.because), made)
-        asked = acceptance_of(acceptance, request.output, request.gear_serial)
+        asked = acceptance_of(order.acceptance, order.folder, order.serial)
         return Ending(judge_run(made.fit, asked), made)
     except Exception as error:  # noqa: BLE001  the run is sealed: it is told whatever its analysis meets
         crash = f"{type(error).__name__}: {error}"

@@ -10,8 +10,8 @@ import typer
 from rig.commands.analysis import Json, NoTare, Settings, settings_of
 from rig.commands.fleet_report import report
 from rig.commands.judgement import AcceptanceFile
+from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import echo, print_json
-from rig.commands.worlds import PopulationName
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -133,22 +133,25 @@ def _print_failures(failed: Sequence[tuple[str, str]]) -> None:
 
 
 @fleet.command("simulate")
+@with_order(
+    "seed",
+    "sample_rate",
+    "world",
+    world=("population",),
+    seed="Other gears and benches for another one; 0.",
+    sample_rate="SYNC rate [Hz]; 250.",
+)
 def simulate(
+    said: Said,
     gears: Annotated[int, typer.Option(min=1, help="How many gears are made.")],
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the production.")],
     benches: Annotated[int, typer.Option(min=1, help="On how many benches, in turn.")] = 1,
     protocols: Annotated[
         str, typer.Option(metavar="NAME,...", help="By which protocols each gear is measured.")
     ] = "home,friction",
-    population: PopulationName = "narrow",
-    seed: Annotated[int, typer.Option(min=0, help="Other gears and benches for another one.")] = 0,
     per_day: Annotated[
         int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")
     ] = 20,
-    sample_rate: Annotated[
-        float,
-        typer.Option("--sample-rate", metavar="HZ", min=50.0, max=20000.0, help="SYNC rate [Hz]."),
-    ] = 250.0,
     short: Annotated[
         bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
     ] = False,
@@ -178,17 +181,18 @@ def simulate(
 
     crew = Crew(workers=workers, scheduler=scheduler)
     require("a fleet of runs", "fleet", *crew.packages)
+    asked: dict[str, Any] = dict(said)
+    if (world := asked.pop("world", None)) is not None:
+        asked["population"] = world.population
     production = Production(
         folder=output,
         gears=gears,
         benches=benches,
         protocols=tuple(name.strip() for name in protocols.split(",") if name.strip()),
-        population=population,  # type: ignore[arg-type]
-        seed=seed,
         per_day=per_day,
-        sample_rate=sample_rate,
         short=short,
         values=_by_protocol(setting),
+        **asked,
     )
     with telling() as tell:
         report = simulate_fleet(production, crew, on_progress=tell)

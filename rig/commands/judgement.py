@@ -7,18 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.bench.backends.order import WORDS
+
 if TYPE_CHECKING:
     from experiments.result import Verdict
     from rig.analysis.judging import Analysed, GearVerdict
     from rig.gears.acceptance import Acceptance
 
+_WORDS = WORDS["acceptance"]
 AcceptanceFile = Annotated[
-    str,
-    typer.Option(
-        "--acceptance",
-        metavar="FILE",
-        help="What the gear must show (TOML, or the name of a shipped file) instead of what its card names.",
-    ),
+    str, typer.Option(_WORDS.option, metavar=_WORDS.metavar, help=_WORDS.help)
 ]
 RequireVerdict = Annotated[
     bool,

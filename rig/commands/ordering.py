@@ -1,144 +1,150 @@
-"""From what was typed to what is to be run: gear, motor, limits and rates by flag, by the rig's
-configuration, or by default.
-"""
+"""The options of an order, made from its fields; and the confirmation of a run on hardware, which is none of them."""
 
 from __future__ import annotations
 
+import functools
+import inspect
 import sys
-from collections.abc import Mapping
-from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
+import typer
+
+from rig.bench.backends.order import (
+    WORDS,
+    WORLD_WORDS,
+    Spoken,
+    key_of,
+    world_of,
+    world_said,
+)
 from rig.commands.terminal import echo
 
 if TYPE_CHECKING:
-    from model.gear import HarmonicDrive
-    from rig.bench.backends.assembly import WorldChoice
+    from rig.bench.backends.order import Order, WorldChoice
     from rig.run.dry_run import PlannedRun
-    from rig.run.start import RunRequest
+
+Command = TypeVar("Command", bound=Callable[..., None])
+Said = Mapping[str, Any]
+"""What was said of an order: values by field; what was not said is not in it."""
+SAID = "said"
+"""The parameter of a command in whose place the options of an order stand."""
+EARLIER = "earlier_"
+"""What stands before the names of the world's words as flags of their own, as version 0.2.0 had them."""
+OF_MANY_RUNS = tuple(name for name in WORLD_WORDS if name not in ("number", "start_state"))
+"""The words of a world in which several runs are made one after the other: each has a number and a start of its own."""
+_PANELS = {"world": "Simulated world"}
 
 
-def request_of(
-    protocol: str,
-    values: Mapping[str, Any],
-    *,
-    backend: str = "sim",
-    config: Path | None = None,
-    parameters: Path | None = None,
-    gear: HarmonicDrive | None = None,
-    mounting: str | None = None,
-    sample_rate: float | None = None,
-    output: Path | None = None,
-    gear_serial: str = "unknown",
-    operator: str = "",
-    seed: int = 0,
-    block: int = 2000,
-    confirmation: str = "",
-    world: WorldChoice | None = None,
-) -> RunRequest:
-    """The request that flags make. What they leave open comes from the gear's card in the folder of the runs, from the
-    configuration that is named (or that a rig of hardware needs), and by default. `gear` is a parameter set at hand
-    in the place of the file `parameters`.
+def with_order(
+    *names: str, world: Sequence[str] = tuple(WORLD_WORDS), **helps: str
+) -> Callable[[Command], Command]:
+    """Give a command the options of these fields of an order, in the place of its parameter `said`.
 
-    Raises `ConfigurationError`, `ParameterError`; nothing is connected.
+    `world` are the words that its simulated world may have; `helps` says otherwise what a field is.
     """
-    from model.gear_file import load_gear, shipped_gear
-    from model.motor import shipped_motor
-    from rig.bench.backends.assembly import WorldChoice
-    from rig.bench.backends.registry import HARDWARE, REPLAY
-    from rig.run.dry_run import DEFAULT_SAMPLE_RATE
-    from rig.run.start import MOUNTINGS, RunRequest
-    from rig.runfile.read import read_run_header
 
-    if config is None and backend == HARDWARE:
-        from rig.bench.config.place import DEFAULT_PATH
-
-        config = DEFAULT_PATH
-    by_hand = gear if parameters is None else load_gear(parameters)
-    gear, motor = shipped_gear(), shipped_motor()
-    limits: Mapping[str, float] = {}
-    output_bearing: Mapping[str, Any] = {}
-    rate, folder = DEFAULT_SAMPLE_RATE, Path("runs")
-    if config is not None:
-        from rig.bench.config.apply import configured_rig
-
-        configured = configured_rig(config)
-        gear, motor, limits = configured.gear, configured.motor, configured.limits
-        output_bearing = configured.output_bearing
-        rate, folder = (
-            configured.configuration.rig.sample_rate_hz,
-            config.parent / configured.configuration.rig.output,
+    if "world" in names:
+        helps.setdefault(
+            "world", f"{WORDS['world'].help} Its words: {', '.join(map(key_of, world))}."
         )
-    # A replay plans anew for the gear that was turned: for another one the plan would not be the recorded one.
-    recorded = Path(backend.removeprefix(REPLAY)) if backend.startswith(REPLAY) else None
-    if by_hand is not None:
-        gear = by_hand
-    elif recorded is not None and recorded.is_file():
-        gear = read_run_header(recorded).metadata.gear or gear
-    request = RunRequest(
-        protocol=protocol,
-        gear=gear,
-        motor=motor,
-        output=output or folder,
-        values=values,
-        backend=backend,
-        mounting=mounting or MOUNTINGS[0],  # type: ignore[arg-type]
-        gear_serial=gear_serial,
-        operator=operator,
-        seed=seed,
-        sample_rate=sample_rate or rate,
-        block_cycles=block,
-        configuration=config,
-        limits=limits,
-        output_bearing=output_bearing,
-        confirmation=confirmation,
-        world=world or WorldChoice(),
+
+    def decorated(command: Command) -> Command:
+        own = inspect.signature(command)
+        hints = typing.get_type_hints(command, include_extras=True)
+        rows: list[inspect.Parameter] = []
+        for parameter in own.parameters.values():
+            if parameter.name == SAID:
+                rows += [
+                    _option(name, WORDS[name], helps.get(name, WORDS[name].help)) for name in names
+                ]
+                rows += [_earlier(name) for name in world if "world" in names]
+            else:
+                rows.append(parameter.replace(annotation=hints[parameter.name]))
+        rows = [row.replace(kind=inspect.Parameter.KEYWORD_ONLY) for row in rows]
+
+        @functools.wraps(command)
+        def called(**given: Any) -> None:
+            said = {name: given.pop(name) for name in names}
+            if "world" in said:
+                earlier = {name: given.pop(f"{EARLIER}{name}") for name in world}
+                said["world"] = _world(said["world"], earlier, world)
+            command(said={k: v for k, v in said.items() if v is not None}, **given)
+
+        called.__dict__["__signature__"] = own.replace(parameters=rows)
+        called.__annotations__ = {row.name: row.annotation for row in rows}
+        return typing.cast("Command", called)
+
+    return decorated
+
+
+def _option(name: str, words: Spoken, help_text: str) -> inspect.Parameter:
+    option = typer.Option(
+        words.option,
+        metavar=words.metavar,
+        min=words.least,
+        max=words.most,
+        help=help_text,
+        rich_help_panel=_PANELS.get(words.group),
     )
-    return carded(request, mounting, by_hand is not None or recorded is not None)
+    return inspect.Parameter(
+        name,
+        inspect.Parameter.KEYWORD_ONLY,
+        default=None,
+        annotation=Annotated[words.kind | None, option],
+    )
 
 
-def carded(request: RunRequest, mounting: str | None, parameters_given: bool) -> RunRequest:
-    """The request with what is known of its gear; a card that was not confirmed is said on standard error.
+def _earlier(name: str) -> inspect.Parameter:
+    """A word of the world as a flag of its own, as version 0.2.0 had it: read for one version more, and not shown."""
+    option = typer.Option("--" + name.replace("_", "-"), hidden=True)
+    return inspect.Parameter(
+        f"{EARLIER}{name}",
+        inspect.Parameter.KEYWORD_ONLY,
+        default=None,
+        annotation=Annotated[str | None, option],
+    )
 
-    Raises `ConfigurationError` where the flags and the card contradict each other about the mounting.
-    """
-    from rig.errors import ConfigurationError
-    from rig.gears.card import card_for
-    from rig.run.gear import with_card
 
-    card = card_for(request.output, request.gear_serial)
-    if card is None:
-        return request
-    noted = card.facts.mounting
-    if mounting and noted and mounting != noted:
-        raise ConfigurationError(
-            "the gear's card says otherwise",
-            where="--mounting",
-            value=mounting,
-            limit=noted,
-            remedy=f"If it was mounted anew: rig gear set {card.serial} --mounting {mounting}.",
+def _world(text: str | None, earlier: Said, taken: Sequence[str]) -> WorldChoice | None:
+    """The world that `--world` names, and earlier flags: those are said to go."""
+    said: dict[str, Any] = world_said(text or "")
+    flags = {key_of(name): value for name, value in earlier.items() if value is not None}
+    if flags:
+        words = ",".join(f"{key}={value}" for key, value in {**said, **flags}.items())
+        echo(
+            f"warning: the world's own flags end with the next version; write --world {words}",
+            errors=True,
         )
-    if card.warning:
-        echo(f"warning: {card.warning}", errors=True)
-    return with_card(request, card, parameters_given=parameters_given)
+    said |= flags
+    return world_of(said, taken) if said else None
 
 
-def confirmed(request: RunRequest, planned: PlannedRun, asks: bool) -> RunRequest:
-    """The request of a run on hardware with what the operator typed; every other request as it is.
+def order_of(protocol: str, values: Mapping[str, Any], said: Said) -> Order:
+    """The order that was said; a gear's card that was not confirmed is told on standard error."""
+    from rig.run import ordering
+
+    return ordering.order_of(
+        protocol, values, said, lambda text: echo(f"warning: {text}", errors=True)
+    )
+
+
+def confirmed(order: Order, planned: PlannedRun, given: str, asks: bool) -> str:
+    """What the operator typed to arm a run on hardware: `given`, or asked for now; "" for every other rig.
 
     Asked is whoever sits at the terminal, once the plan and its margins have been shown; without a
     terminal the run stays unconfirmed, and arming refuses it.
     """
     from rig.bench.backends.registry import HARDWARE
 
-    if request.backend != HARDWARE or request.confirmation or not asks or not sys.stdin.isatty():
-        return request
+    if order.backend != HARDWARE or given or not asks or not sys.stdin.isatty():
+        return given
     from rig.commands.run_tables import print_plan
     from rig.run.start import arming_of
 
     print_plan(planned)
-    expected = arming_of(request, planned).expected
+    expected = arming_of(order, planned).expected
     question = "This moves the rig. Guard closed, hands away, emergency stop within reach?"
     echo(f"\n{question} Type {expected} to arm: ", errors=True, is_line=False)
-    return replace(request, confirmation=sys.stdin.readline().strip())
+    return sys.stdin.readline().strip()

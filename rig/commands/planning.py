@@ -7,53 +7,34 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.running import (
-    Config,
-    Help,
-    Json,
-    MountedHow,
-    Parameters,
-    SampleRate,
-    read_protocol,
-    with_protocol_flags,
-)
+from rig.commands.ordering import Said, with_order
+from rig.commands.running import Help, Json, read_protocol, with_protocol_flags
 from rig.commands.terminal import console, print_json, table
-from rig.commands.worlds import GearSeed, PopulationName, world_choice
 
 if TYPE_CHECKING:
     from rig.present.preview.plan import PlanPreview
 
 
 @with_protocol_flags
+@with_order(
+    "gear",
+    "mounting",
+    "sample_rate",
+    "config",
+    "serial",
+    "folder",
+    "world",
+    world=("gear_seed", "population"),
+)
 def plan(
     context: typer.Context,
-    parameters: Parameters = None,
-    mounting: MountedHow = None,
-    sample_rate: SampleRate = None,
-    config: Config = None,
-    gear_serial: Annotated[
-        str,
-        typer.Option(
-            "--gear",
-            metavar="SERIAL",
-            help="Gear whose card tells part, mounting and load inertia.",
-        ),
-    ] = "",
-    runs: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Folder of the run files, with the gear cards; runs, or that of the configuration.",
-        ),
-    ] = None,
+    said: Said,
     figures: Annotated[
         Path | None,
         typer.Option(
             "--figures", metavar="DIR", help="Write speed, torque, output and friction as PNG here."
         ),
     ] = None,
-    gear_seed: GearSeed = None,
-    population: PopulationName = "narrow",
     json: Json = False,
     show_help: Help = False,
 ) -> None:
@@ -70,28 +51,18 @@ def plan(
         print_help(context)
         raise typer.Exit
     from rig.analysis.tare_search import tares_wanted
-    from rig.commands.ordering import request_of
+    from rig.commands.ordering import order_of
     from rig.commands.run_tables import print_plan
     from rig.present.preview.plan import preview_plan
-    from rig.run.start import plan_request
+    from rig.run.start import plan_order
 
     protocol, values = read_protocol(context.args)
-    request = request_of(
-        protocol,
-        values,
-        config=config,
-        parameters=parameters,
-        mounting=mounting,
-        sample_rate=sample_rate,
-        output=runs,
-        gear_serial=gear_serial or "unknown",
-        world=world_choice(gear_seed=gear_seed, population=population),
-    )
-    _require_card(request.output, gear_serial)
-    planned = plan_request(request)
+    order = order_of(protocol, values, said)
+    _require_card(order.folder, said.get("serial", ""))
+    planned = plan_order(order)
     prediction = preview_plan(planned)
     written = _write_figures(prediction, figures) if figures is not None else []
-    wanted = tares_wanted(protocol, request.output)
+    wanted = tares_wanted(protocol, order.folder)
     if json:
         told = prediction.as_json()
         told["warnings"] += [wanted] if wanted else []

@@ -14,7 +14,7 @@ from rig.run.progress import in_words
 
 if TYPE_CHECKING:
     from experiments.recording import Event
-    from rig.run.order import Progress
+    from rig.run.parts import Progress
 
     Listeners = tuple[Callable[[Progress], None], Callable[[Event], None]]
     """What to call with progress, and with events."""

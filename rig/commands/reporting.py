@@ -13,25 +13,17 @@ import typer
 
 from rig.commands.analysis import Json, Parameters
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, print_json
-from rig.commands.worlds import (
-    BenchSeed,
-    Day,
-    DayCorrelation,
-    GearSeed,
-    Hours,
-    Mount,
-    MountTurn,
-    PopulationName,
-    world_choice,
-)
 
 if TYPE_CHECKING:
     from rig.present.build import Reports
 
 
 SUFFIXES = (".html", ".htm", ".pdf")
+DEMONSTRATION = Path("rig-demo")
+"""Where a demonstration goes, unless somebody says otherwise."""
 
 
 class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -228,22 +220,16 @@ def suffixes_of(output: Path, format_: ReportFormat | None) -> tuple[str, ...]:
     return (output.suffix,)
 
 
+@with_order(
+    "folder",
+    "seed",
+    "world",
+    world=OF_MANY_RUNS,
+    folder=f"Folder for runs, report and parameter set; {DEMONSTRATION}.",
+    seed="Seed of the simulated bench, and serial number of the gear; 0.",
+)
 def demo(
-    output: Annotated[
-        Path,
-        typer.Option("--runs", metavar="DIR", help="Folder for runs, report and parameter set."),
-    ] = Path("rig-demo"),
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the simulated bench, and serial number of the gear.")
-    ] = 0,
-    gear_seed: GearSeed = None,
-    bench_seed: BenchSeed = None,
-    mount: Mount = 1,
-    mount_turn: MountTurn = None,
-    hours: Hours = 0.0,
-    day: Day = 1,
-    day_correlation: DayCorrelation = None,
-    population: PopulationName = "narrow",
+    said: Said,
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
     ] = False,
@@ -259,18 +245,8 @@ def demo(
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.demo.chain import DemoOrder, demonstrate
 
-    world = world_choice(
-        mount_turn,
-        gear_seed=gear_seed,
-        bench_seed=bench_seed,
-        mount=mount,
-        hours=hours,
-        day=day,
-        day_correlation=day_correlation,
-        population=population,
-    )
     created = datetime.now().astimezone().isoformat(timespec="seconds")
-    order = DemoOrder(output, seed, created, world=world)
+    order = DemoOrder(**{"folder": DEMONSTRATION, "seed": 0, **said}, created=created)
     try:
         stop = StopRequest()
         with pressed_by_signals(stop), progress(quiet=json) as show:

@@ -18,7 +18,7 @@ from rig.run.progress import in_words
 if TYPE_CHECKING:
     from rig.commands.ending import Ending
     from rig.run.dry_run import PlannedRun
-    from rig.run.order import RunReport
+    from rig.run.parts import RunReport
 
 
 def print_help(context: typer.Context) -> None:

@@ -7,33 +7,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.judgement import RequireVerdict
+from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import echo, nearest, outliving_the_terminal, print_json
-from rig.commands.worlds import (
-    BenchSeed,
-    Day,
-    DayCorrelation,
-    GearSeed,
-    Hours,
-    Mount,
-    MountTurn,
-    Number,
-    PopulationName,
-    StartStateName,
-    world_choice,
-)
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
+    from rig.bench.backends.order import Order
     from rig.commands.ending import Ending
     from rig.run.dry_run import PlannedRun
-    from rig.run.order import RunReport
-    from rig.run.start import RunRequest
+    from rig.run.parts import RunReport
 
 
 Command = TypeVar("Command", bound=Callable[..., None])
@@ -49,41 +36,27 @@ def with_protocol_flags(command: Command) -> Command:
     return command
 
 
+ORDERED = (
+    "backend",
+    "serial",
+    "operator",
+    "folder",
+    "seed",
+    "world",
+    "gear",
+    "mounting",
+    "sample_rate",
+    "config",
+    "block_cycles",
+    "acceptance",
+)
+"""The fields of an order that `rig run` takes, in the order of its help."""
 Help = Annotated[
     bool,
     typer.Option("--help", "-h", help="Show this, and with a PROTOCOL its own flags, and exit."),
 ]
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
-]
-Parameters = Annotated[
-    Path | None,
-    typer.Option("--parameters", metavar="FILE", help="Parameter set of the gear (TOML)."),
-]
-MountedHow = Annotated[
-    str | None,
-    typer.Option(
-        "--mounting",
-        help="circular-spline-fixed (ratio N, the default) or flexspline-fixed (ratio N + 1); known gears: by card.",
-    ),
-]
-SampleRate = Annotated[
-    float | None,
-    typer.Option(
-        "--sample-rate",
-        metavar="HZ",
-        min=50.0,
-        max=20000.0,
-        help="SYNC rate [Hz]; 1000, or that of the configuration.",
-    ),
-]
-Config = Annotated[
-    Path | None,
-    typer.Option(
-        "--config",
-        metavar="FILE",
-        help="The rig's configuration (rig.toml): gear, motor, limits, rate, folder.",
-    ),
 ]
 Events = Annotated[
     bool,
@@ -103,39 +76,10 @@ StdinControl = Annotated[
 
 @with_protocol_flags
 @outliving_the_terminal()
+@with_order(*ORDERED)
 def run(
     context: typer.Context,
-    backend: Annotated[
-        str,
-        typer.Option(
-            help="Which rig: sim, wire (drivers and simulated devices), replay:RUN.h5, or hardware (see --config)."
-        ),
-    ] = "sim",
-    gear_serial: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
-    ] = "unknown",
-    operator: Annotated[str, typer.Option(metavar="NAME", help="Who runs it.")] = "",
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--runs",
-            metavar="DIR",
-            help="Folder of the run files; runs, or that of the configuration.",
-        ),
-    ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of a simulated rig: another one is another bench.")
-    ] = 0,
-    gear_seed: GearSeed = None,
-    bench_seed: BenchSeed = None,
-    mount: Mount = 1,
-    mount_turn: MountTurn = None,
-    hours: Hours = 0.0,
-    day: Day = 1,
-    day_correlation: DayCorrelation = None,
-    number: Number = None,
-    population: PopulationName = "narrow",
-    start_state: StartStateName = "auto",
+    said: Said,
     repeat: Annotated[
         str | None,
         typer.Option(
@@ -144,10 +88,6 @@ def run(
             help="Make a simulated run again, count by count: its number or its file says the protocol and all else.",
         ),
     ] = None,
-    parameters: Parameters = None,
-    mounting: MountedHow = None,
-    sample_rate: SampleRate = None,
-    config: Config = None,
     confirm: Annotated[
         str,
         typer.Option(
@@ -155,10 +95,6 @@ def run(
             help="Arms a run on hardware: the gear's serial number, letter for letter, once more.",
         ),
     ] = "",
-    block: Annotated[
-        int, typer.Option(min=1, max=100_000, help="Cycles per exchange; changes no count.")
-    ] = 2000,
-    acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
     everything: Annotated[
         bool,
@@ -183,58 +119,34 @@ def run(
     if show_help:
         print_help(context)
         raise typer.Exit
-    from rig.commands.ordering import confirmed, request_of
-    from rig.run.start import plan_request
+    from rig.commands.ordering import confirmed, order_of
+    from rig.run.start import plan_order
 
     protocol, values = read_protocol(context.args) if repeat is None else ("", {})
-    request = request_of(
-        protocol,
-        values,
-        backend=backend,
-        config=config,
-        parameters=parameters,
-        mounting=mounting,
-        sample_rate=sample_rate,
-        output=output,
-        gear_serial=gear_serial,
-        operator=operator,
-        seed=seed,
-        block=block,
-        confirmation=confirm,
-        world=world_choice(
-            mount_turn,
-            gear_seed=gear_seed,
-            bench_seed=bench_seed,
-            mount=mount,
-            hours=hours,
-            day=day,
-            day_correlation=day_correlation,
-            number=number,
-            population=population,
-            start_state=start_state,
-        ),
-    )
+    order = order_of(protocol, values, said)
     if repeat is not None:
-        request = _repeated(context, repeat, request)
-    planned = plan_request(request)
-    request = confirmed(request, planned, asks=not (json or events or stdin_control))
+        order = _repeated(context, repeat, order)
+    planned = plan_order(order)
+    confirmation = confirmed(order, planned, confirm, not (json or events or stdin_control))
     from rig.commands.ending import ending_of
     from rig.exits import ERROR, code_of_run
 
     def ended(report: RunReport) -> Ending:
-        return ending_of(report, request, acceptance)
+        return ending_of(report, order)
 
     if events or stdin_control:
-        report, ending = _run_for_a_program(request, planned, ended, events, stdin_control)
+        report, ending = _run_for_a_program(
+            order, planned, confirmation, ended=ended, tells=events, listens=stdin_control
+        )
     else:
-        report = _run_with_signals(request, planned, quiet=json)
+        report = _run_with_signals(order, planned, confirmation, quiet=json)
         ending = ended(report)
     if events:
         pass
     elif json:
         print_json({**report.as_json(), **ending.as_json()})
     else:
-        bench = option_of(request.backend, request.output, request.configuration)
+        bench = option_of(order.backend, order.folder, order.config)
         print_report(report, bench, ending, everything=everything)
     if ending.crash:
         raise typer.Exit(ERROR)
@@ -242,10 +154,10 @@ def run(
 
 
 REPEATABLE = (
-    "output",
+    "folder",
     "operator",
     "config",
-    "block",
+    "block_cycles",
     "acceptance",
     "require_verdict",
     "everything",
@@ -257,8 +169,8 @@ REPEATABLE = (
 """Flags that a repeated run takes; everything else is said by its file."""
 
 
-def _repeated(context: typer.Context, run: str, request: RunRequest) -> RunRequest:
-    """The request that makes a run again. Raises `BadParameter` for flags that the run's file answers."""
+def _repeated(context: typer.Context, run: str, order: Order) -> Order:
+    """The order that makes a run again. Raises `BadParameter` for flags that the run's file answers."""
     from rig.library.folder import run_named
     from rig.run.repeat import repetition
 
@@ -275,7 +187,7 @@ def _repeated(context: typer.Context, run: str, request: RunRequest) -> RunReque
             f"{' '.join([*given, *context.args])}: the run that is repeated says this. Leave it away.",
             param_hint="--repeat",
         )
-    repeated, warning = repetition(run_named(request.output, run), request)
+    repeated, warning = repetition(run_named(order.folder, run), order)
     if warning:
         echo(f"warning: {warning}", errors=True)
     return repeated
@@ -347,21 +259,24 @@ def _values_after(rest: list[str], field: ParameterField) -> list[str]:
     return taken
 
 
-def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> RunReport:
+def _run_with_signals(
+    order: Order, planned: PlannedRun, confirmation: str, *, quiet: bool
+) -> RunReport:
     from rig.commands.progress import progress_line
     from rig.commands.prompting import terminal_ask
-    from rig.run.start import run_request
+    from rig.run.start import run_order
     from rig.run.stop import StopRequest, pressed_by_signals
 
     stop = StopRequest()
-    title = f"{request.protocol} {request.gear_serial}"
+    title = f"{order.protocol} {order.serial}"
     with (
         pressed_by_signals(stop),
         progress_line(title, planned.nominal, quiet) as (on_progress, on_event),
     ):
-        return run_request(
-            request,
+        return run_order(
+            order,
             planned,
+            confirmation=confirmation,
             stop=stop,
             ask=terminal_ask(stop),
             on_progress=on_progress,
@@ -370,35 +285,38 @@ def _run_with_signals(request: RunRequest, planned: PlannedRun, quiet: bool) -> 
 
 
 def _run_for_a_program(
-    request: RunRequest,
+    order: Order,
     planned: PlannedRun,
+    confirmation: str,
+    *,
     ended: Callable[[RunReport], Ending],
-    events: bool,
-    stdin_control: bool,
+    tells: bool,
+    listens: bool,
 ) -> tuple[RunReport, Ending]:
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.analysis.store import json_ready
     from rig.commands.prompting import terminal_ask
     from rig.run.remote import RemoteOperator, lines_of
-    from rig.run.start import run_request
+    from rig.run.start import run_order
     from rig.run.stop import StopRequest, pressed_by_signals
 
     def write(line: str) -> None:
-        if events:
+        if tells:
             sys.stdout.write(line + "\n")
             sys.stdout.flush()
 
     stop = StopRequest()
     remote = RemoteOperator(stop, write, WallClock())
-    if stdin_control:
+    if listens:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
     with pressed_by_signals(stop):
-        report = run_request(
-            request,
+        report = run_order(
+            order,
             planned,
+            confirmation=confirmation,
             stop=stop,
-            ask=remote.ask if stdin_control else terminal_ask(stop),
+            ask=remote.ask if listens else terminal_ask(stop),
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )

@@ -7,19 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from rig.bench.backends.order import MOUNTINGS, WORLD_WORDS, Order, Setup
+from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import echo
-from rig.commands.worlds import (
-    BenchSeed,
-    Day,
-    DayCorrelation,
-    GearSeed,
-    Hours,
-    Mount,
-    MountTurn,
-    Number,
-    PopulationName,
-    world_choice,
-)
 
 if TYPE_CHECKING:
     from rig.bench.backends.serving import Served
@@ -37,7 +27,16 @@ def _group() -> None:
 
 
 @sim.command("serve")
+@with_order(
+    "serial",
+    "seed",
+    "world",
+    "mounting",
+    "gear",
+    world=tuple(name for name in WORLD_WORDS if name != "start_state"),
+)
 def serve(
+    said: Said,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
     port: Annotated[
         int,
@@ -56,23 +55,7 @@ def serve(
             help="wall: the motor turns on while no SYNC comes; sync: it waits, and counts do not depend on speed."
         ),
     ] = "wall",
-    gear_serial: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Which individual gear is mounted.")
-    ] = "unknown",
     without_gear: Annotated[bool, typer.Option("--no-gear", help="The bare motor.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the bench: motor and instruments.")] = 0,
-    gear_seed: GearSeed = None,
-    bench_seed: BenchSeed = None,
-    mount: Mount = 1,
-    mount_turn: MountTurn = None,
-    hours: Hours = 0.0,
-    day: Day = 1,
-    day_correlation: DayCorrelation = None,
-    number: Number = None,
-    population: PopulationName = "narrow",
-    mounting: Annotated[
-        str, typer.Option(help="circular-spline-fixed (ratio N) or flexspline-fixed (ratio N + 1).")
-    ] = "circular-spline-fixed",
     sample_rate: Annotated[
         float,
         typer.Option(
@@ -83,9 +66,6 @@ def serve(
             help="SYNC rate that it expects [Hz].",
         ),
     ] = 250.0,
-    parameters: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Parameter set of the gear (TOML).")
-    ] = None,
     lifetime: Annotated[
         float | None,
         typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C."),
@@ -119,44 +99,26 @@ def serve(
     Any CANopen tool that speaks socketcand can join, this program's own drivers included (`--backend hardware` with the
     description that --config-out writes). Ctrl-C or a termination request ends it.
     """
-    from model.gear_file import load_gear, shipped_gear
-    from model.motor import shipped_motor
-    from rig.bench.backends.assembly import RigRequest
+    from model.gear_file import load_gear
     from rig.bench.backends.serving import serve_rig
     from rig.errors import ConfigurationError
-    from rig.run.start import MOUNTINGS
 
-    if mounting not in MOUNTINGS:
+    asked = {**said, "gear": load_gear(said["gear"])} if "gear" in said else said
+    order = Order(protocol="serve", sample_rate=sample_rate, **asked)
+    if order.mounting not in MOUNTINGS:
         raise ConfigurationError(
-            "no such mounting", where="--mounting", value=repr(mounting), limit=", ".join(MOUNTINGS)
+            "no such mounting",
+            where="--mounting",
+            value=repr(order.mounting),
+            limit=", ".join(MOUNTINGS),
         )
-    request = RigRequest(
-        gear=shipped_gear() if parameters is None else load_gear(parameters),
-        motor=shipped_motor(),
-        mounting=mounting,  # type: ignore[arg-type]
-        gear_mounted=not without_gear,
-        serial=gear_serial,
-        protocol="serve",
-        seed=seed,
-        world=world_choice(
-            mount_turn,
-            gear_seed=gear_seed,
-            bench_seed=bench_seed,
-            mount=mount,
-            hours=hours,
-            day=day,
-            day_correlation=day_correlation,
-            number=number,
-            population=population,
-        ),
-        sample_rate=sample_rate,
-    )
 
     def announce(served: Served) -> None:
         echo(served.as_json() if json else _sentence(served, config_out))
 
     serve_rig(
-        request,
+        order,
+        Setup(gear_mounted=not without_gear),
         host=host,
         port=port,
         channel=channel,
@@ -172,16 +134,13 @@ def serve(
 
 
 @sim.command("certificate")
+@with_order("world", world=("bench_seed", "population"))
 def certificate(
-    bench_seed: Annotated[
-        int,
-        typer.Option("--bench-seed", metavar="B", min=0, help="Which bench: its encoders."),
-    ],
+    said: Said,
     output: Annotated[Path, typer.Option(metavar="FILE", help="Where to write it; a new file.")],
     channel: Annotated[
         Literal["input", "output"], typer.Option(help="The motor's encoder, or that of the output.")
     ] = "output",
-    population: PopulationName = "narrow",
 ) -> None:
     """Write the certificate of a simulated bench's encoder, as a laboratory would have measured it: with errors
     of its own, within the uncertainty that it states.
@@ -190,22 +149,18 @@ def certificate(
     """
     from datetime import UTC, datetime
 
-    from model.gear_file import shipped_gear
-    from model.motor import shipped_motor
-    from rig.bench.backends.assembly import RigRequest
     from rig.bench.backends.simulated import certificate_of
     from rig.bench.config.certificate_file import FORMAT, Header, certificate_text
     from rig.errors import ConfigurationError
 
-    request = RigRequest(
-        gear=shipped_gear(),
-        motor=shipped_motor(),
-        world=world_choice(bench_seed=bench_seed, population=population),
-    )
-    curve = certificate_of(request, channel)
+    # A bench's encoders are its own, whichever gear is mounted.
+    order = Order(protocol="", serial="", **said)
+    if order.world.bench_seed is None:
+        raise typer.BadParameter("name the bench: --world bench-seed=7", param_hint="--world")
+    curve = certificate_of(order, channel)
     header = Header(
         format=FORMAT,
-        certificate=f"simulated: {channel} encoder of bench {bench_seed}",
+        certificate=f"simulated: {channel} encoder of bench {order.world.bench_seed}",
         date=datetime.now(UTC).date(),
         coverage_factor=curve.coverage_factor,
         zero="index mark",

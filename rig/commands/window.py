@@ -9,23 +9,18 @@ from typing import Annotated
 
 import typer
 
+from rig.bench.backends.order import Order
+from rig.commands.ordering import Said, with_order
+
 THEMES = ("system", "light", "dark")
 PAGES = ("prepare", "run", "review", "fleet")
 SCREENS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")
 """Environment variables of which one names where Qt may draw."""
 
 
+@with_order("folder", "backend", "config")
 def live(
-    folder: Annotated[
-        Path, typer.Option("--runs", metavar="DIR", help="Folder of the run files.")
-    ] = Path("runs"),
-    backend: Annotated[
-        str, typer.Option(help="Which rig: sim, wire, hardware or replay:RUN.h5, as for rig run.")
-    ] = "sim",
-    config: Annotated[
-        Path | None,
-        typer.Option("--config", metavar="FILE", help="The file that describes the rig (TOML)."),
-    ] = None,
+    said: Said,
     theme: Annotated[str, typer.Option(help=f"Colours: {', '.join(THEMES)}.")] = "system",
     page: Annotated[
         str, typer.Option(help=f"The page to begin with: {', '.join(PAGES)}.")
@@ -57,11 +52,12 @@ def live(
             value="none is set",
             remedy="Open it on a desktop. Every part also works on the command line.",
         )
-    if config is not None and not config.is_file():
-        raise ConfigurationError("there is no such file", where="--config", value=str(config))
-    refuse_wrong_rig(backend)
-    refuse_wrong_folder(folder)
-    raise typer.Exit(open_window(folder, backend, config, theme, page))
+    order = Order(protocol="", **said)
+    if order.config is not None and not order.config.is_file():
+        raise ConfigurationError("there is no such file", where="--config", value=str(order.config))
+    refuse_wrong_rig(order.backend)
+    refuse_wrong_folder(order.folder)
+    raise typer.Exit(open_window(order.folder, order.backend, order.config, theme, page))
 
 
 def refuse_wrong_rig(backend: str) -> None:

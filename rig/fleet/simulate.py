@@ -26,7 +26,7 @@ from model.errors import WordedError
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.tare import takes_tare, tare_kind
-from rig.bench.backends.assembly import WorldChoice
+from rig.bench.backends.order import Order, WorldChoice
 from rig.errors import ConfigurationError
 from rig.fleet.day_journal import DayJournal, DayRun, runs_made
 from rig.fleet.engine import Crew, Errand, at_work
@@ -36,10 +36,10 @@ from rig.fleet.questions import TRUTH_NAME
 from rig.fleet.truth import gather_truth, keep_truth
 from rig.program import version as program_version
 from rig.run.latch import TripLatch
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 
 if TYPE_CHECKING:
-    from rig.run.order import RunReport
+    from rig.run.parts import RunReport
 
 OPERATOR = "rig fleet simulate"
 MAKING = ".making"
@@ -246,8 +246,8 @@ def _make_day(production: Production, day: BenchDay) -> Made:
         moment = datetime.combine(production.first_day, FIRST_HOUR) + timedelta(days=day.day - 1)
         for place, turned in enumerate(_runs_of(production, day)):
             if place >= len(before):
-                request = _request(production, day, making=making, moment=moment, turned=turned)
-                runs.append(_make_run(request, moment))
+                order = _request(production, day, making=making, moment=moment, turned=turned)
+                runs.append(_make_run(order, moment))
                 journal.add(runs[-1])
             moment += timedelta(seconds=runs[place].seconds)
         keep_truth(making, day.name)
@@ -276,17 +276,17 @@ def _order_of(production: Production, day: BenchDay) -> str:
     return digest(asked)
 
 
-def _make_run(request: RunRequest, moment: datetime) -> DayRun:
+def _make_run(order: Order, moment: datetime) -> DayRun:
     """One run, which begins at a moment of the bench's calendar; a trip is acknowledged after it."""
-    name = f"{request.gear_serial} {request.protocol}"
+    name = f"{order.serial} {order.protocol}"
     try:
-        report = run_request(request, ask=lambda prompt: "simulated")
+        report = run_order(order, ask=lambda prompt: "simulated")
     except WordedError as error:
         return DayRun(name=name, reason=str(error))
-    seconds = report.rows / request.sample_rate + BETWEEN_RUNS
+    seconds = report.rows / order.sample_rate + BETWEEN_RUNS
     reason = "" if report.outcome == "COMPLETED" else f"{report.outcome}: {report.message}"
     if reason:
-        _acknowledge(report, request.output, moment + timedelta(seconds=seconds))
+        _acknowledge(report, order.folder, moment + timedelta(seconds=seconds))
     return DayRun(name=name, file=report.path.name, seconds=seconds, reason=reason)
 
 
@@ -303,7 +303,7 @@ def _request(
     making: Path,
     moment: datetime,
     turned: tuple[str, str, int],
-) -> RunRequest:
+) -> Order:
     protocol, serial, gear = turned
     first = production.seed * SEEDS_PER_ORDER
     world: dict[str, Any] = {
@@ -312,13 +312,13 @@ def _request(
         "day": day.day,
         "population": production.population,
     }
-    return RunRequest(
+    return Order(
         protocol=protocol,
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=making,
+        folder=making,
         values=production.parameters(protocol),
-        gear_serial=serial,
+        serial=serial,
         operator=OPERATOR,
         seed=first + day.bench,
         world=WorldChoice(**world),

@@ -20,7 +20,7 @@ from rig.run.stop import StopRequest
 if TYPE_CHECKING:
     from experiments.recording import Event
     from experiments.steps.note import Prompt
-    from rig.run.order import Progress, RunReport
+    from rig.run.parts import Progress, RunReport
 
 ASK: Final = "ask"
 ON_PROGRESS: Final = "on_progress"

@@ -1,24 +1,24 @@
-"""What a run takes from the card of its gear: the request completed by it, and the preflight's view of it."""
+"""What a run takes from the card of its gear: the order completed by it, and the preflight's view of it."""
 
 from __future__ import annotations
 
 import dataclasses
 
 from experiments.finding import Finding, Severity
+from rig.bench.backends.order import Order
 from rig.content.wording import named
 from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, stated_facts
-from rig.run.start import RunRequest
 
 
-def with_card(request: RunRequest, card: GearCard, *, parameters_given: bool = False) -> RunRequest:
-    """A run request with what the gear's card says: part (unless a parameter file was named), load inertia, mounting,
+def with_card(order: Order, card: GearCard, *, parameters_given: bool = False) -> Order:
+    """An order with what the gear's card says: part (unless a parameter file was named), load inertia, mounting,
     conditions. Done twice it changes nothing more. Raises `ParameterError` for a part that cannot be read."""
     facts = dataclasses.replace(card.facts, part="") if parameters_given else card.facts
     return dataclasses.replace(
-        request,
-        gear=gear_of(facts, request.gear),
-        mounting=card.facts.mounting or request.mounting,
-        conditions={**conditions_of(card), **request.conditions},
+        order,
+        gear=gear_of(facts, order.gear),
+        mounting=card.facts.mounting or order.mounting,
+        conditions={**conditions_of(card), **order.conditions},
     )
 
 

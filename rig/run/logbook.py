@@ -15,7 +15,7 @@ from drivers.samples import SampleBlock
 from experiments.recording import Event, Segment
 from experiments.steps.vocabulary import SegmentLabel
 from rig.errors import RigError
-from rig.run.order import OpenRun
+from rig.run.parts import OpenRun
 
 
 class Logbook:

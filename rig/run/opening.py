@@ -14,7 +14,7 @@ from rig.library.folder import RunPlace, claim_run
 from rig.program import this_program
 from rig.run.dry_run import vars_of
 from rig.run.keeping import keep_files
-from rig.run.order import RunOrder
+from rig.run.parts import SessionParts
 from rig.run.recorder import InlineRecorder, Recorder, ThreadedRecorder
 from rig.run.session import output_sense
 from rig.run.world import OUTPUT_BEARINGS
@@ -48,56 +48,58 @@ class BegunRun:
 
 
 def begin_inline_run(
-    order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+    parts: SessionParts, description: RigDescription, epoch_ns: int, start_time: str
 ) -> BegunRun:
     """Claim the next number in the order's folder and begin the file, written in the loop's own thread.
 
     Raises `RunFileError`.
     """
-    with claimed(order, start_time) as place:
-        header = header_of(order, description, place.run_id, epoch_ns, start_time)
+    with claimed(parts, start_time) as place:
+        header = header_of(parts, description, place.run_id, epoch_ns, start_time)
         writer = RunWriter(place.path, header)
         return BegunRun(place.run_id, writer, InlineRecorder(writer))
 
 
 def begin_threaded_run(
-    order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+    parts: SessionParts, description: RigDescription, epoch_ns: int, start_time: str
 ) -> BegunRun:
     """As `begin_inline_run`, for a rig in real time: the disk never makes the loop late. Raises `RunFileError`."""
-    with claimed(order, start_time) as place:
-        header = header_of(order, description, place.run_id, epoch_ns, start_time)
+    with claimed(parts, start_time) as place:
+        header = header_of(parts, description, place.run_id, epoch_ns, start_time)
         # Rows come a few at a time and each flush is short: chunks are compressed when the run is sealed.
         writer = RunWriter(place.path, header, compress=False)
-        return BegunRun(place.run_id, writer, ThreadedRecorder(writer, 1e9 / order.port.cycle_ns))
+        return BegunRun(
+            place.run_id, writer, ThreadedRecorder(writer, 1e9 / parts.rig.port.cycle_ns)
+        )
 
 
 @contextlib.contextmanager
-def claimed(order: RunOrder, start_time: str) -> Iterator[RunPlace]:
+def claimed(parts: SessionParts, start_time: str) -> Iterator[RunPlace]:
     """The next number in the order's folder, marked as running before there is a file.
 
     Raises `RigError`; nothing has moved, and no marker is left.
     """
-    protocol = order.planned.experiment.name
-    place = order.place or claim_run(order.output, protocol, order.gear_serial)
-    if order.marker is None:
+    protocol = parts.planned.experiment.name
+    place = parts.place or claim_run(parts.order.folder, protocol, parts.order.serial)
+    if parts.marker is None:
         yield place
         return
-    order.marker.leave(place.run_id, protocol, start_time, part_path(place.path))
+    parts.marker.leave(place.run_id, protocol, start_time, part_path(place.path))
     try:
         yield place
     except BaseException:
-        order.marker.remove()
+        parts.marker.remove()
         raise
 
 
 def header_of(
-    order: RunOrder, description: RigDescription, run_id: str, epoch_ns: int, start_time: str
+    parts: SessionParts, description: RigDescription, run_id: str, epoch_ns: int, start_time: str
 ) -> RunHeader:
     """Everything of a run that is known before its first row."""
-    planned = order.planned
+    order, planned, world = parts.order, parts.planned, parts.rig.world
     process: dict[str, Any] = {
-        "backend": order.backend,
-        "seed": "" if order.seed is None else order.seed,
+        "backend": parts.rig.name,
+        "seed": order.seed,
         **this_program().as_json(),
         "rig": description.title,
         "motor": planned.motor.name,
@@ -106,15 +108,15 @@ def header_of(
     }
     if mode := description.devices.get("servo amplifier", {}).get("speed_mode", ""):
         process["speed_mode"] = mode.lower().replace("_", " ")
-    if order.bench:
-        process["bench"] = order.bench
+    if parts.bench:
+        process["bench"] = parts.bench
     if order.output_bearing:
         process["output_bearing"] = dict(order.output_bearing)
-    if order.files:
-        process["files"] = keep_files(order.files, order.output)
-    if order.world:
-        process["world"] = order.world
-        process["output_bearing"] = OUTPUT_BEARINGS[order.world["population"]]
+    if parts.files:
+        process["files"] = keep_files(parts.files, order.folder)
+    if world:
+        process["world"] = world
+        process["output_bearing"] = OUTPUT_BEARINGS[world["population"]]
     run = RunMetadata(
         run_id=run_id,
         experiment=planned.experiment.name,
@@ -123,18 +125,18 @@ def header_of(
         start_time=start_time,
         operator=order.operator,
         gear=planned.gear,
-        gear_serial=order.gear_serial,
+        gear_serial=order.serial,
         ratio=planned.gear.mounted_ratio(planned.mounting),
         mounting=planned.mounting,
         output_sense=output_sense(planned.mounting),
         gear_mounted=planned.experiment.gear_mounted,
-        sample_rate=1e9 / order.port.cycle_ns,
-        time_base=order.port.time_base,
+        sample_rate=1e9 / parts.rig.port.cycle_ns,
+        time_base=parts.rig.port.time_base,
         parameters=vars_of(planned.parameters),
-        conditions=order.conditions,
+        conditions=dict(order.conditions),
         process=process,
     )
-    columns = tuple(Column.of(channel) for channel in order.port.channels)
+    columns = tuple(Column.of(channel) for channel in parts.rig.port.channels)
     return RunHeader(
         metadata=run,
         columns=columns,

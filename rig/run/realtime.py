@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from experiments.recording import Event
 from rig.run.callbacks import Callbacks, brought_to_its_end
 from rig.run.engine import Ask
-from rig.run.order import Begin, Progress, RunOrder, RunReport
+from rig.run.parts import Begin, Progress, RunReport, SessionParts
 from rig.run.serving import Relay, serve
 from rig.run.session import execute
 from rig.run.stop import StopRequest
@@ -38,7 +38,7 @@ def watchdog_deadline(
 
 
 def execute_in_real_time(
-    order: RunOrder,
+    parts: SessionParts,
     begin: Begin,
     *,
     stop: StopRequest | None = None,
@@ -55,7 +55,7 @@ def execute_in_real_time(
     def turn(relay: Relay) -> RunReport:
         with collector_off():
             return execute(
-                order,
+                parts,
                 begin,
                 stop=stop,
                 ask=relay.ask,
@@ -63,7 +63,7 @@ def execute_in_real_time(
                 on_event=relay.event,
             )
 
-    return brought_to_its_end(lambda: serve(turn, callbacks, stop, order.watchdog), callbacks, stop)
+    return brought_to_its_end(lambda: serve(turn, callbacks, stop, parts.watchdog), callbacks, stop)
 
 
 @contextlib.contextmanager

@@ -29,7 +29,7 @@ from typing import Any
 from drivers.clock import Clock
 from experiments.recording import Event
 from experiments.steps.vocabulary import Prompt
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.stop import StopRequest
 
 PROGRESS_INTERVAL = 0.1

@@ -8,19 +8,20 @@ from pathlib import Path
 from typing import Any
 
 from model.gear_file import gear_from_mapping
-from rig.bench.backends.assembly import WORLD_OF_0_2_0, StartState, WorldChoice
+from rig.bench.backends.assembly import WORLD_OF_0_2_0
+from rig.bench.backends.order import Order, StartState, WorldChoice
 from rig.errors import ConfigurationError
 from rig.program import version as program_version
-from rig.run.start import RunRequest, plan_request
+from rig.run.start import plan_order
 from rig.runfile.read import close_recording, open_run, read_run_header
 
 
-def repetition(path: Path, request: RunRequest) -> tuple[RunRequest, str]:
-    """The request that gives the counts of a recorded run again, and a warning where another program made it.
+def repetition(path: Path, order: Order) -> tuple[Order, str]:
+    """The order that gives the counts of a recorded run again, and a warning where another program made it.
 
-    Folder, operator, motor, limits and block length are those of `request`. Raises `RunFileError`
+    Folder, operator, motor, limits and block length are those of `order`. Raises `RunFileError`
     for a file that cannot be read or was changed, `ConfigurationError` for a run that was made in no simulated
-    world, or under other limits than those of this request.
+    world, or under other limits than those of this order.
     """
     # Against its seal first: what was changed since is no run to go by.
     close_recording(open_run(path, rows=False))
@@ -36,19 +37,19 @@ def repetition(path: Path, request: RunRequest) -> tuple[RunRequest, str]:
             remedy="Only a simulated rig does the same twice; version 0.1.0 did not say which it was.",
         )
     repeated = replace(
-        request,
+        order,
         protocol=run.experiment,
-        gear=_nominal(world, run.gear, request),
+        gear=_nominal(world, run.gear, order),
         values=run.parameters,
         backend=process["backend"],
         mounting=run.mounting,
-        gear_serial=run.gear_serial,
+        serial=run.gear_serial,
         seed=process["seed"],
         sample_rate=run.sample_rate,
         conditions=run.conditions,
         world=_choice(world, run.run_id),
     )
-    planned = plan_request(repeated)
+    planned = plan_order(repeated)
     for what, then, now in (
         ("limits", dict(header.limits), planned.limits.as_json()),
         ("motor", process["motor"], planned.motor.name),
@@ -69,11 +70,11 @@ def repetition(path: Path, request: RunRequest) -> tuple[RunRequest, str]:
     )
 
 
-def _nominal(world: Mapping[str, Any], gear: Any, request: RunRequest) -> Any:
+def _nominal(world: Mapping[str, Any], gear: Any, order: Order) -> Any:
     """The gear that the world's own was drawn about: the run's own card, but in a population with cards of its own."""
     if "drawn_about" in world:
         return gear_from_mapping(world["drawn_about"], "world.drawn_about")
-    return gear or request.gear
+    return gear or order.gear
 
 
 def _choice(world: Mapping[str, Any], run_id: str) -> WorldChoice:

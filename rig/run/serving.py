@@ -19,7 +19,7 @@ from rig.run.watchdog import Watchdog
 if TYPE_CHECKING:
     from experiments.recording import Event
     from experiments.steps.note import Prompt
-    from rig.run.order import Progress, RunReport
+    from rig.run.parts import Progress, RunReport
 
 SERVE_INTERVAL = 0.05
 """s between two looks of the serving thread at what the turn thread has to tell."""

@@ -41,7 +41,7 @@ from rig.run.latch import LatchedTrip
 from rig.run.logbook import Logbook, iso_time
 from rig.run.make_safe import Action, MakeSafe
 from rig.run.margins import worded
-from rig.run.order import Begin, Progress, RunOrder, RunReport
+from rig.run.parts import Begin, Progress, RunReport, SessionParts
 from rig.run.phases import Journal, Machine, Turn
 from rig.run.preflight import (
     STANDING_TIME,
@@ -75,7 +75,7 @@ EXCHANGE_ATTEMPTS = 3
 
 
 def execute(
-    order: RunOrder,
+    parts: SessionParts,
     begin: Begin,
     *,
     stop: StopRequest | None = None,
@@ -83,7 +83,7 @@ def execute(
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
 ) -> RunReport:
-    """Run an order from preflight to the sealed file. What callbacks raise is the matter of `rig.run.callbacks`.
+    """Run what was put together, from preflight to the sealed file. What callbacks raise: see `rig.run.callbacks`.
 
     Raises (`RigError`, `LimitError`, `DriverError`) for what is wrong before there is a file and
     before anything moves; afterwards every ending is in the report. A rig that is connected and
@@ -91,33 +91,35 @@ def execute(
     """
     stop = stop or StopRequest()
     callbacks = Callbacks(stop, ask, on_progress, on_event)
-    return brought_to_its_end(lambda: _execute(order, begin, stop, callbacks), callbacks, stop)
+    return brought_to_its_end(lambda: _execute(parts, begin, stop, callbacks), callbacks, stop)
 
 
-def _execute(order: RunOrder, begin: Begin, stop: StopRequest, callbacks: Callbacks) -> RunReport:
-    planned, port = order.planned, order.port
-    if order.latch is not None:
-        order.latch.refuse()
-    checks = static_checks(planned, order.output)
+def _execute(
+    parts: SessionParts, begin: Begin, stop: StopRequest, callbacks: Callbacks
+) -> RunReport:
+    planned, port, clock = parts.planned, parts.rig.port, parts.rig.clock
+    if parts.latch is not None:
+        parts.latch.refuse()
+    checks = static_checks(planned, parts.order.folder)
     refuse_failed(checks)
     try:
         description = port.open()
-        today = datetime.fromtimestamp(order.clock.calendar_ns() * 1e-9, UTC).date()
+        today = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC).date()
         checks = (*checks, *channel_checks(port.channels, planned.experiment.needs, today))
         checks = (*checks, *set_point_checks(port.channels, planned.plan))
         refuse_failed(checks)
-        checks = (*checks, _write_limits(order), *(order.arm() if order.arm is not None else ()))
+        checks = (*checks, _write_limits(parts), *(parts.arm() if parts.arm is not None else ()))
         # One cycle with the servo off ties the rig's time stamps to the calendar.
-        calendar = order.clock.calendar_ns()
+        calendar = clock.calendar_ns()
         first = port.exchange(Command(Mode.OFF), 1, Guard())
         if not len(first):
             raise StaleDataError(
                 "no cycle came back", where="preflight", remedy="Check the bus and the SYNC."
             )
         epoch = calendar - int(first.time_ns[0])
-        begun = begin(order, description, epoch, iso_time(calendar))
+        begun = begin(parts, description, epoch, iso_time(calendar))
         logbook = Logbook(begun, epoch, callbacks.on_event)
-        session = Session(order, logbook, stop, callbacks)
+        session = Session(parts, logbook, stop, callbacks)
         return session.run(first, checks)
     finally:
         port.close()
@@ -128,22 +130,20 @@ class Session:
 
     def __init__(
         self,
-        order: RunOrder,
+        parts: SessionParts,
         logbook: Logbook,
         stop: StopRequest,
         callbacks: Callbacks,
     ) -> None:
-        port, planned = order.port, order.planned
-        self._order, self._port, self._planned = order, port, planned
+        port, planned = parts.rig.port, parts.planned
+        self._parts, self._port, self._planned = parts, port, planned
         self._logbook, self._stop, self._callbacks = logbook, stop, callbacks
         self._machine = Machine(port.channels, port.cycle_ns)
         geometry = _geometry(planned) if self._machine.has(OUTPUT_ANGLE) else None
         self._supervisor = Supervisor(
-            port.channels, port.cycle_ns, planned.limits, geometry, planned.travel, order.watch
+            port.channels, port.cycle_ns, planned.limits, geometry, planned.travel, parts.watch
         )
-        self._engine = Engine(
-            planned.plan, self._machine, logbook, callbacks.ask, order.block_cycles
-        )
+        self._engine = Engine(planned.plan, self._machine, logbook, callbacks.ask, parts.cycles)
         self._make_safe: MakeSafe | None = None
         self._outcome = self._message = ""
         self._devices = DeviceListener(port, logbook)
@@ -170,8 +170,8 @@ class Session:
                 self._logbook.run.recorder.abandon()
             raise
         finally:
-            if self._order.watchdog is not None:
-                self._order.watchdog.rest()
+            if self._parts.watchdog is not None:
+                self._parts.watchdog.rest()
         self._outcome = self._outcome or "COMPLETED"
         return self._report()
 
@@ -184,7 +184,7 @@ class Session:
         self._keep(first, turn)
         left = cycles_of(STANDING_TIME, self._machine.period)
         while left > 0:
-            turn = Turn(Command(Mode.OFF), min(left, self._order.block_cycles))
+            turn = Turn(Command(Mode.OFF), min(left, self._parts.cycles))
             block = self._port.exchange(turn.command, turn.cycles, Guard())
             if not len(block):
                 raise StaleDataError(
@@ -213,8 +213,8 @@ class Session:
         turn = self._advance(None)
         while turn is not None:
             block = self._exchange(turn)
-            if self._order.watchdog is not None:
-                self._watch_turns(self._order.watchdog)
+            if self._parts.watchdog is not None:
+                self._watch_turns(self._parts.watchdog)
             if block is not None:
                 self._keep(block, turn)
                 self._name_silence()
@@ -256,11 +256,11 @@ class Session:
     def _watch_space(self) -> None:
         if (
             self._machine.rows - self._space_rows < SPACE_CHECK_CYCLES
-            or self._order.free_space is None
+            or self._parts.free_space is None
         ):
             return
         self._space_rows = self._machine.rows
-        free, least = self._order.free_space(), self._supervisor.watch.smallest_free_space
+        free, least = self._parts.free_space(), self._supervisor.watch.smallest_free_space
         if free < least:
             self._supervisor.latch(
                 Trip(DISK_SPACE, self._machine.rows, free / 1e6, least / 1e6, "MB free")
@@ -276,7 +276,7 @@ class Session:
     def _exchange(self, turn: Turn) -> SampleBlock | None:
         """One exchange; None when the rig did not answer (which latches a trip)."""
         row = self._machine.rows
-        mode, watchdog = turn.command.mode, self._order.watchdog
+        mode, watchdog = turn.command.mode, self._parts.watchdog
         if watchdog is not None and mode is not self._machine.mode and mode not in STOP:
             # The drive is switched on or over by SDO within this exchange, which may take its time at standstill.
             watchdog.rest()
@@ -374,7 +374,7 @@ class Session:
         else:
             deceleration = limits.value(lim.QUICK_STOP_DECELERATION)
         ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan
-        cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
+        cycles = min(self._parts.make_safe_cycles, self._parts.cycles)
         return MakeSafe(
             action=action,
             machine=self._machine,
@@ -382,14 +382,14 @@ class Session:
             deceleration=deceleration,
             ratio=ratio,
             block_cycles=cycles,
-            patience=self._order.patience,
+            patience=self._parts.patience,
             line=self._port.line,
             has_quick_stop=self._port.abilities.has_quick_stop,
         )
 
     def _emergency(self, error: BaseException) -> None:
         """Make safe after an exception that nobody expected; nothing that happens here may hide it."""
-        cycles = min(self._order.make_safe_cycles, self._order.block_cycles)
+        cycles = min(self._parts.make_safe_cycles, self._parts.cycles)
 
         def make_safe(journal: Journal) -> MakeSafe:
             self._make_safe = self._make_safe_by(Action.QUICK_STOP, journal)
@@ -443,13 +443,13 @@ class Session:
         metrics = {"missed_share": supervisor.state.missed_share}
         counted, figures = self._acquisition.figures(supervisor.acquisition())
         metrics.update(counted)
-        if self._order.thermal_state is not None:
-            figures["thermal_state"] = dict(self._order.thermal_state())
+        if self._parts.rig.thermal_state is not None:
+            figures["thermal_state"] = dict(self._parts.rig.thermal_state())
         self._hear_operator()
         if trip is not None:
             self._latch_trip(trip)
-        if ending is not None and ending.safe and self._order.marker is not None:
-            self._order.marker.remove()
+        if ending is not None and ending.safe and self._parts.marker is not None:
+            self._parts.marker.remove()
         path, readable = logbook.close(self._outcome, figures)
         if not readable:
             self._outcome = self._outcome if self._outcome in ("TRIPPED", "ABORTED") else "ERROR"
@@ -470,7 +470,7 @@ class Session:
 
     def _latch_trip(self, trip: Trip) -> None:
         """Latch the first cause until it is acknowledged by name."""
-        latch, logbook = self._order.latch, self._logbook
+        latch, logbook = self._parts.latch, self._logbook
         if latch is None:
             return
         verified = self._make_safe is not None and self._make_safe.report.safe
@@ -482,10 +482,10 @@ class Session:
             logbook.event("error", "latch", "session", str(error))
 
 
-def _write_limits(order: RunOrder) -> Finding:
+def _write_limits(parts: SessionParts) -> Finding:
     """What the drive holds of the limits; a drive that holds others is not armed."""
     try:
-        return drive_limits_check(order.port, order.planned.limits)
+        return drive_limits_check(parts.rig.port, parts.planned.limits)
     except (LimitError, DriverError) as error:
         return Finding("drive limits", Severity.BLOCKS, str(error))
 

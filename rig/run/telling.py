@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Engine
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.phases import Machine
 from rig.run.supervisor import Supervisor
 

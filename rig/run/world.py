@@ -14,14 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.recording import RunMetadata
-from rig.bench.backends.assembly import (
-    AMBIENT,
-    AUTO,
-    WORLD_OF_0_2_0,
-    StartState,
-    WorldChoice,
-    flag_of,
-)
+from rig.bench.backends.assembly import WORLD_OF_0_2_0
+from rig.bench.backends.order import AMBIENT, AUTO, StartState, WorldChoice, world_word
 from rig.bench.backends.registry import is_simulated
 from rig.errors import ConfigurationError, RunFileError
 from rig.library.folder import run_named, sealed_runs
@@ -73,7 +67,7 @@ def refuse_world(backend: str, choice: WorldChoice) -> None:
     if chosen:
         raise ConfigurationError(
             "only a simulated rig lives in a world that can be chosen",
-            where=", ".join(map(flag_of, chosen)),
+            where=", ".join(map(world_word, chosen)),
             value=", ".join(map(str, chosen.values())),
             limit="--backend sim or wire",
             remedy=f"Leave it away for {backend}.",
@@ -106,7 +100,7 @@ def _as_named(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
             "has no temperatures to start from"
             if ending is None
             else "ended with the temperatures of another gear or bench",
-            where="--start-state",
+            where="--world start-state",
             value=word,
             limit="a sealed run of this gear on this bench, simulated, that came to its end",
             remedy=f"Name another run, or {AUTO} or {AMBIENT}.",

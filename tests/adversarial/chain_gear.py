@@ -22,7 +22,7 @@ from rig.trial.campaign.journal import DoneStage
 from rig.trial.campaign.plan import shipped_plan
 
 GEAR = "A1"
-WHO = ("--gear", GEAR, "--operator", "A. Example", "--gear-seed", "1")
+WHO = ("--gear", GEAR, "--operator", "A. Example", "--world", "gear-seed=1")
 SHORT = ("--lowest-rpm", "5", "--points", "9", "--measure-time", "0.3", "--settle-time", "0.2")
 CARD = (
     "--part",

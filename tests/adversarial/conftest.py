@@ -16,8 +16,9 @@ from experiments.result import Result
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.judging import GearVerdict, StoredResult, judge_run
+from rig.bench.backends.order import Order
 from rig.gears.acceptance import Acceptance, Limit
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
 from tests.adversarial.acts import Honest, in_memory, tare_reading
 
@@ -68,17 +69,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Recording]:
     folder = tmp_path_factory.mktemp("honest")
 
     def run(protocol: str) -> Recording:
-        request = RunRequest(
+        request = Order(
             protocol=protocol,
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=Path(folder),
+            folder=Path(folder),
             values=SHORT[protocol],
-            gear_serial="A1",
+            serial="A1",
             operator="test",
             seed=5,
         )
-        recording = open_run(run_request(request).path)
+        recording = open_run(run_order(request).path)
         try:
             return in_memory(recording)
         finally:

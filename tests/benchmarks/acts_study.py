@@ -83,7 +83,7 @@ class Rig:
         return self._tares
 
     def _run(self, kind: str) -> Recording:
-        from rig.run.start import run_request
+        from rig.run.start import run_order
         from rig.runfile.read import close_recording, open_run
         from tests.benchmarks.coverage_study import FAILED, Setting, request_of
 
@@ -91,7 +91,7 @@ class Rig:
         # A folder each: a trip is latched in its folder, and the next run is another one.
         folder = self._folder / str(self._number)
         setting = Setting(1000.0, PLANS[kind])
-        report = run_request(request_of(self._seed, kind, self._number, folder, "wide", setting))
+        report = run_order(request_of(self._seed, kind, self._number, folder, "wide", setting))
         if report.outcome in FAILED:
             raise AnalysisError(f"the honest run ended as {report.outcome}: {report.message}")
         recording = open_run(report.path)

@@ -117,21 +117,21 @@ def pairs_of(seed: int, population: Any) -> Line:
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
     from rig.analysis.fit_run import fit_files
-    from rig.bench.backends.assembly import WorldChoice
-    from rig.run.start import RunRequest, run_request
+    from rig.bench.backends.order import Order, WorldChoice
+    from rig.run.start import run_order
 
     wanted = [("motor-tare", {"points": 12}), *(("friction", plan) for plan in PLANS)]
     paths: list[Path] = []
     with tempfile.TemporaryDirectory() as folder:
         for number, (protocol, values) in enumerate(wanted, start=1):
-            report = run_request(
-                RunRequest(
+            report = run_order(
+                Order(
                     protocol=protocol,
                     gear=shipped_gear(),
                     motor=shipped_motor(),
-                    output=Path(folder),
+                    folder=Path(folder),
                     values=values,
-                    gear_serial=f"S{seed}",
+                    serial=f"S{seed}",
                     seed=seed,
                     world=WorldChoice(
                         gear_seed=seed,

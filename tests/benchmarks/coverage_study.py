@@ -139,7 +139,7 @@ def _one_run(
     from experiments.errors import AnalysisError, PlanError
     from model.errors import ModelError
     from rig.errors import RigError
-    from rig.run.start import plan_request, run_request
+    from rig.run.start import plan_order, run_order
 
     run: Line = {"refusals": []}
     settings = settings_of(seed, kind, study.speeds)
@@ -149,12 +149,12 @@ def _one_run(
         run |= {"rate": setting.rate, "values": dict(setting.values)}
         request = request_of(seed, kind, number, folder, study.population, setting)
         try:
-            planned = plan_request(request)
+            planned = plan_order(request)
         except (PlanError, ModelError, RigError) as refusal:
             run["refusals"].append(str(refusal))
     if planned is None or request is None:
         return None, {**run, "outcome": "not planned", "words": run["refusals"][-1]}, []
-    report = run_request(request, planned)
+    report = run_order(request, planned)
     if not report.safe or report.outcome in FAILED:
         return None, {**run, "outcome": "failed", "words": report.message}, []
     path = Path(report.path)
@@ -175,17 +175,16 @@ def request_of(
     """What is asked of the simulated rig: a run of this kind on the gear and the bench of a seed."""
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.bench.backends.assembly import AMBIENT, WorldChoice
-    from rig.run.start import RunRequest
+    from rig.bench.backends.order import AMBIENT, Order, WorldChoice
     from sim_backend.world import LARGEST, mixed
 
-    return RunRequest(
+    return Order(
         protocol=kind,
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values=setting.values,
-        gear_serial=f"S{seed}",
+        serial=f"S{seed}",
         seed=seed,
         sample_rate=setting.rate,
         world=WorldChoice(

@@ -27,9 +27,10 @@ import h5py
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.store import analysis_folder
+from rig.bench.backends.order import Order
 from rig.library.index import LibraryIndex
 from rig.library.place import VARIABLE, index_path
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.runfile.layout import read_text, rewrite_field
 from rig.runfile.seal import file_sha256, hash_path
 
@@ -48,14 +49,14 @@ SAMPLE_RATE = 200.0
 def make(folder: Path, scratch: Path, runs: int) -> None:
     """Copies of two runs, told apart by run id, serial number and day, sealed, each with its analysis."""
     for protocol, values in PROTOCOLS.items():
-        run_request(
-            RunRequest(
+        run_order(
+            Order(
                 protocol=protocol,
                 gear=shipped_gear(),
                 motor=shipped_motor(),
-                output=scratch,
+                folder=scratch,
                 values=values,
-                gear_serial=SERIAL,
+                serial=SERIAL,
                 sample_rate=SAMPLE_RATE,
             )
         )

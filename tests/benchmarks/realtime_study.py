@@ -26,8 +26,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rig.run.order import RunReport
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import Order
+from rig.run.parts import RunReport
+from rig.run.start import run_order
 from tests.benchmarks.long_run import LongRunParameters, load_average, long_run
 
 ROOT = Path(__file__).parents[2]
@@ -77,24 +78,23 @@ def served(folder: Path, rate: float, reaction: float, priority: int) -> Iterato
             process.wait(10.0)
 
 
-def request_for(description: Path, rate: float, folder: Path) -> RunRequest:
-    """The armed request of the study."""
+def request_for(description: Path, rate: float, folder: Path) -> Order:
+    """The order of the study."""
     from rig.bench.backends.registry import HARDWARE
     from rig.bench.config.apply import configured_rig
 
     rig = configured_rig(description)
-    return RunRequest(
+    return Order(
         protocol="long-run",
         gear=rig.gear,
         motor=rig.motor,
-        output=folder,
+        folder=folder,
         backend=HARDWARE,
-        gear_serial=GEAR,
+        serial=GEAR,
         operator="study",
         sample_rate=rate,
-        configuration=description,
+        config=description,
         limits=rig.limits,
-        confirmation=GEAR,
     )
 
 
@@ -113,7 +113,7 @@ def run(duration: float, rate: float, reaction: float, priority: int, folder: Pa
             sample_rate=rate,
             configured=request.limits,
         )
-        return run_request(request, planned)
+        return run_order(request, planned, confirmation=GEAR)
 
 
 def intervals(path: Path) -> np.ndarray:

@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.samples import CycleFlag
-from rig.run.order import Progress, RunReport
+from rig.run.parts import Progress, RunReport
 from tests.benchmarks.long_run import LongRunParameters, load_average, long_run, resident_megabytes
 
 LOST = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
@@ -49,8 +49,9 @@ def soak(duration: float, rate: float, folder: Path, memory: Memory) -> tuple[Ru
     """The run and its wall time [s]."""
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
+    from rig.bench.backends.order import Order
     from rig.run.dry_run import plan_run
-    from rig.run.start import RunRequest, run_request
+    from rig.run.start import run_order
 
     gear, motor = shipped_gear(), shipped_motor()
     planned = plan_run(
@@ -61,17 +62,17 @@ def soak(duration: float, rate: float, folder: Path, memory: Memory) -> tuple[Ru
         "circular-spline-fixed",
         sample_rate=rate,
     )
-    request = RunRequest(
+    request = Order(
         protocol="long-run",
         gear=gear,
         motor=motor,
-        output=folder,
+        folder=folder,
         backend="wire",
-        gear_serial="SOAK",
+        serial="SOAK",
         sample_rate=rate,
     )
     start = time.perf_counter()
-    report = run_request(request, planned, on_progress=memory.look)
+    report = run_order(request, planned, on_progress=memory.look)
     return report, time.perf_counter() - start
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from experiments.errors import AnalysisError
 from model.identify.estimate import BudgetLine, Cause, Estimate
-from rig.run.start import RunRequest
+from rig.bench.backends.order import Order
 from tests.benchmarks.agreement_study import main, normalised_error, pair_line, table
 
 
@@ -67,14 +67,14 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> dict[int, object]:
     """What the second run of a seed comes to; the fits of all others are alike."""
     second: dict[int, object] = {}
 
-    def run(request: RunRequest, *, judged: bool) -> SimpleNamespace:
+    def run(request: Order, *, judged: bool) -> SimpleNamespace:
         found = second.get(request.seed, report("PASS")) if request.world.number == 2 else None
         if isinstance(found, BaseException):
             raise found
         return found or report("PASS")  # type: ignore[return-value]
 
     fit = SimpleNamespace(result=SimpleNamespace(estimates={"coulomb": estimate(70.0, 0.5, 1.0)}))
-    monkeypatch.setattr("rig.run.start.run_request", run)
+    monkeypatch.setattr("rig.run.start.run_order", run)
     monkeypatch.setattr("rig.analysis.fit.fit_files", lambda *a, **k: (fit, fit))
     return second
 

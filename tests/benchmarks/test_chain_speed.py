@@ -14,8 +14,9 @@ from drivers.clock import WallClock
 from drivers.samples import SampleBlock
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.run.recorder import ThreadedRecorder
-from rig.run.start import RunRequest, plan_request, run_request
+from rig.run.start import plan_order, run_order
 from rig.runfile.layout import Column
 from rig.runfile.read import open_run
 from rig.runfile.write import RunWriter
@@ -58,15 +59,15 @@ def test_whole_chain(benchmark: Any, tmp_path: Path, note: Note) -> None:
     durations = []
 
     def chain() -> None:
-        request = RunRequest(
+        request = Order(
             protocol="kinematic-error",
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=tmp_path,
+            folder=tmp_path,
             values={},
             seed=len(durations),
         )
-        report = run_request(request, plan_request(request))
+        report = run_order(request, plan_order(request))
         recording = open_run(Path(report.path))
         durations.append(recording.rows * 1e-3)
 

@@ -21,9 +21,8 @@ from drivers.bus.sdo import SdoClient
 from drivers.clock import VirtualClock
 from drivers.port import Command, DriveLimits, Guard, Mode
 from drivers.python_can import can
-from model.gear_file import shipped_gear
-from model.motor import shipped_motor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.bench.backends.registry import make_port
 from rig.trial.doctor.second_client import SecondClient
 from tests.benchmarks.conftest import Note
@@ -39,12 +38,7 @@ Frames = list[list[bytes]]
 
 def bench(name: str) -> AssembledRig:
     """An opened simulated rig."""
-    made = make_port(
-        name,
-        RigRequest(
-            gear=shipped_gear(), motor=shipped_motor(), serial="SPEED", protocol="benchmark"
-        ),
-    )
+    made = make_port(Order(protocol="benchmark", serial="SPEED", backend=name))
     made.port.open()
     made.port.write_limits(LIMITS)
     return made

@@ -198,7 +198,7 @@ class Watcher:
     def tell(self) -> None:
         """Ten times a second: what a run tells."""
         from experiments.recording import Event
-        from rig.run.order import Progress
+        from rig.run.parts import Progress
 
         if self.plots.live is None:
             if self.path.exists():

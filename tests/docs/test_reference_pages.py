@@ -17,6 +17,7 @@ from experiments.assumed import TABLE
 from experiments.parameters import parameter_fields
 from model.gear_file import SECTIONS
 from model.motor import ServoMotor
+from rig.bench.backends.order import WORDS, WORLD_WORDS, key_of
 from rig.fleet.results import COLUMNS
 from rig.gears.acceptance import Limit
 from rig.trial.campaign import plan
@@ -73,6 +74,15 @@ def test_every_line_of_every_budget_is_told(pages: dict[str, str]) -> None:
                 assert f"| {source} | {kind} |" in part, f"{name}.{q.name}: {source}"
                 told += 1
     assert told > 50
+
+
+def test_every_field_of_an_order_and_every_word_of_a_world_is_told(pages: dict[str, str]) -> None:
+    text = pages["order"]
+    for name, words in WORDS.items():
+        assert f"| `{name}` |" in text, name
+        assert not words.option or f"| `{words.option}` |" in text, name
+    for name in WORLD_WORDS:
+        assert f"| `{key_of(name)}` |" in text, name
 
 
 def test_every_key_of_a_campaign_is_told(pages: dict[str, str]) -> None:

@@ -44,11 +44,12 @@ from numpy.typing import NDArray
 from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.registry import BACKENDS
 from rig.errors import RigError
 from rig.run.latch import CUT_OFF, TripLatch
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.run.stop import StopRequest
 from rig.runfile.empty import part_bytes
 from rig.runfile.read import FileSource, close_recording, open_run
@@ -149,8 +150,8 @@ def run_here(folder: Path, pipe: int, name: str) -> None:
     def tell(line: str) -> None:
         os.write(pipe, f"{line}\n".encode())
 
-    def rig(request: RigRequest) -> AssembledRig:
-        assembled = paced_rig(request, tell) if make is None else make(request)
+    def rig(order: Order, setup: Setup) -> AssembledRig:
+        assembled = paced_rig(order, setup, tell) if make is None else make(order, setup)
         port: Any = assembled.port
         exchange, rows = port.exchange, [0]
 
@@ -166,18 +167,18 @@ def run_here(folder: Path, pipe: int, name: str) -> None:
         port.exchange = stopped
         return assembled
 
-    request = RunRequest(
+    request = Order(
         protocol="warm-up",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values={"zero_time": 0.5, **LONG},
         backend=kind.backend,
-        gear_serial="SN-1",
+        serial="SN-1",
         block_cycles=kind.block_cycles,
     )
     with flushes_told(tell), header_told(tell), patch.dict(BACKENDS, {kind.backend: rig}):
-        run_request(request, stop=stop)
+        run_order(request, stop=stop)
 
 
 def begun(folder: Path, kind: str, moment: float) -> Victim:

@@ -14,7 +14,8 @@ from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit_run import fit_files
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import Order
+from rig.run.start import run_order
 from rig.runfile.read import open_run
 from rig.runfile.verify import verify_run
 
@@ -29,17 +30,17 @@ SHORT: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("protocol", catalogue.names())
 def test_a_protocol_ends_safe_and_leaves_a_good_file(protocol: str, tmp_path: Path) -> None:
     values = SHORT.get(protocol, {})
-    request = RunRequest(
+    request = Order(
         protocol=protocol,
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         values=values,
-        gear_serial="A1",
+        serial="A1",
         operator="test",
         seed=5,
     )
-    report = run_request(request)
+    report = run_order(request)
     assert report.outcome == "COMPLETED"
     assert report.safe
     recording = open_run(report.path)

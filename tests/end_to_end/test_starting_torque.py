@@ -13,8 +13,8 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit import Fit
 from rig.analysis.fit_run import fit_files
-from rig.bench.backends.assembly import AMBIENT, WorldChoice
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import AMBIENT, Order, WorldChoice
+from rig.run.start import run_order
 from sim_backend.drawing import draw
 from sim_backend.imperfections import Imperfections
 from sim_backend.population import drawn
@@ -24,15 +24,15 @@ FEW = {"positions": 11, "rate": 0.04}
 
 
 def fitted(seed: int, folder: Path, gear: HarmonicDrive, **values: object) -> Fit:
-    request = RunRequest(
+    request = Order(
         protocol="starting-torque",
         gear=gear,
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values={**FEW, **values},
         world=WorldChoice(gear_seed=seed, bench_seed=seed, number=1, start_state=AMBIENT),
     )
-    (fit,) = fit_files([run_request(request).path])
+    (fit,) = fit_files([run_order(request).path])
     return fit
 
 

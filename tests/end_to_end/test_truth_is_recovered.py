@@ -12,7 +12,8 @@ from model.identify.kinematic_error import KinematicErrorAccumulator, score_kine
 from model.motor import shipped_motor
 from rig.analysis.fit import Fit
 from rig.analysis.fit_run import fit_files
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import Order
+from rig.run.start import run_order
 
 SEEDS = (11, 12)
 MISSED = {11: ["shape"]}
@@ -22,16 +23,16 @@ MISSED = {11: ["shape"]}
 def fitted(
     protocol: str, seed: int, folder: Path, tare: Path | None = None, **values: object
 ) -> Fit:
-    request = RunRequest(
+    request = Order(
         protocol=protocol,
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values=values,
-        gear_serial=f"S{seed}",
+        serial=f"S{seed}",
         seed=seed,
     )
-    path = run_request(request).path
+    path = run_order(request).path
     (fit,) = fit_files([path], tare=tare)
     return fit
 
@@ -86,16 +87,16 @@ def test_stiffness_over_inertia_within_one_percent(seed: int, tmp_path: Path) ->
 def test_a_fitted_curve_explains_a_run_that_it_was_not_fitted_to(tmp_path: Path) -> None:
     fits = []
     for protocol_seed in (21, 22):
-        request = RunRequest(
+        request = Order(
             protocol="kinematic-error",
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=tmp_path,
+            folder=tmp_path,
             values={"speed_rpm": 61.8 if protocol_seed == 21 else 59.1},
-            gear_serial="S3",
+            serial="S3",
             seed=21,
         )
-        (fit,) = fit_files([run_request(request).path])
+        (fit,) = fit_files([run_order(request).path])
         recording = fit.recording
         # The counters start anywhere: both curves are counted from the index marks.
         mark = truth_of(recording.metadata.process)["kinematic_error"]["reference_angle"]

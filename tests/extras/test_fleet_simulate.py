@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from experiments.errors import PlanError
+from rig.bench.backends.order import Order
 from rig.errors import ConfigurationError
 from rig.fleet import simulate
 from rig.fleet.day_journal import JOURNAL_NAME, DayJournal, DayRun, runs_made
@@ -17,8 +18,8 @@ from rig.fleet.questions import ask
 from rig.fleet.simulate import Production, days_of, make_days, simulate_fleet
 from rig.library.folder import sealed_runs
 from rig.run.latch import LatchedTrip, TripLatch
-from rig.run.order import RunReport
-from rig.run.start import RunRequest, run_request
+from rig.run.parts import RunReport
+from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
 from tests.rig.commands.calling import Rig
 
@@ -108,16 +109,16 @@ def test_a_day_that_was_cut_off_goes_on_behind_its_last_run(
 ) -> None:
     begun: list[str] = []
 
-    def run(request: RunRequest, **more: Any) -> RunReport:
-        begun.append(request.gear_serial)
+    def run(request: Order, **more: Any) -> RunReport:
+        begun.append(request.serial)
         if begun == ["G-00001", "G-00002"]:
-            return run_request(request, **more, on_progress=lambda progress: press_ctrl_c())
-        return run_request(request, **more)
+            return run_order(request, **more, on_progress=lambda progress: press_ctrl_c())
+        return run_order(request, **more)
 
     def press_ctrl_c() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(simulate, "run_request", run)
+    monkeypatch.setattr(simulate, "run_order", run)
     asked = {"gears": 2, "benches": 1, "per_day": 2}
     cut = production(tmp_path / "cut", **asked)
     with pytest.raises(KeyboardInterrupt):
@@ -166,19 +167,19 @@ def test_a_bench_goes_on_after_a_run_that_cannot_be_and_after_a_trip(
 ) -> None:
     asked: list[str] = []
 
-    def run(request: RunRequest, **_: object) -> SimpleNamespace:
-        latch = TripLatch(request.output)
+    def run(request: Order, **_: object) -> SimpleNamespace:
+        latch = TripLatch(request.folder)
         latch.refuse()
-        asked.append(request.gear_serial)
-        if request.gear_serial == "G-00001":
+        asked.append(request.serial)
+        if request.serial == "G-00001":
             raise PlanError("cannot be planned")
         latch.leave(LatchedTrip("torque", "00002", "2026-01-05T08:00+00:00", "too much", True))
-        path = request.output / f"{request.gear_serial}.h5"
+        path = request.folder / f"{request.serial}.h5"
         return SimpleNamespace(
             outcome="TRIPPED", rows=100, message="too much", trip=object(), path=path
         )
 
-    monkeypatch.setattr(simulate, "run_request", run)
+    monkeypatch.setattr(simulate, "run_order", run)
     report = simulate_fleet(production(tmp_path, benches=1, per_day=3))
     assert asked == ["G-00001", "G-00002", "G-00003"]
     assert (report.made, report.failed) == (

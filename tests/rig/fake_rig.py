@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -35,8 +35,10 @@ from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import REVOLUTION
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.order import RunOrder
+from rig.run.parts import SessionParts
 
 RATIO = 120.0
 FRICTION = 0.08
@@ -327,16 +329,29 @@ def planned_of(*steps: Step, gear_mounted: bool = True) -> PlannedRun:
     return plan_run(experiment_of(steps, gear_mounted), NoChoice(), shipped_gear(), shipped_motor())
 
 
-def order_of(
-    planned: PlannedRun, rig: FakeRig, output: Path, block_cycles: int = 100, **more: Any
-) -> RunOrder:
-    return RunOrder(
+def parts_of(
+    planned: PlannedRun,
+    rig: Any,
+    folder: Path,
+    cycles: int = 100,
+    *,
+    name: str = "fake",
+    said: Mapping[str, Any] = MappingProxyType({}),
+    **more: Any,
+) -> SessionParts:
+    """What a session of a planned run needs on a rig that is made for a test; `said` are fields of its order."""
+    order = Order(
+        protocol=planned.experiment.name,
+        gear=planned.gear,
+        motor=planned.motor,
+        folder=folder,
+        **said,
+    )
+    return SessionParts(
+        order=order,
         planned=planned,
-        port=rig,
-        clock=rig.clock,
-        backend="fake",
-        output=output,
-        block_cycles=block_cycles,
+        rig=AssembledRig(name=name, port=rig, clock=rig.clock),
+        cycles=cycles,
         **more,
     )
 

@@ -24,7 +24,8 @@ from unittest.mock import patch
 
 from drivers.clock import VirtualClock
 from drivers.samples import SampleBlock
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.registry import BACKENDS
 from rig.bench.backends.simulated import assembled, parts_of
 from rig.run.stop import ESCALATING, SAID_TWICE
@@ -49,10 +50,10 @@ class PacedClock(VirtualClock):
         super().wait_until_ns(instant_ns)
 
 
-def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
+def paced_rig(order: Order, setup: Setup, tell: Callable[[str], None]) -> AssembledRig:
     """The simulated rig at its own pace; `tell` hears what its plant does."""
     clock = PacedClock(time.time_ns())
-    port: Any = SimulatedRig(**parts_of(request), clock=clock)
+    port: Any = SimulatedRig(**parts_of(order, setup), clock=clock)
     exchange, plant, moving = port.exchange, port._plant, [False]
 
     def told(*arguments: Any) -> SampleBlock:
@@ -63,7 +64,7 @@ def paced_rig(request: RigRequest, tell: Callable[[str], None]) -> AssembledRig:
         return block
 
     port.exchange = told
-    return assembled("sim", port, clock, port, request)
+    return assembled("sim", port, clock, port, order)
 
 
 @contextmanager
@@ -168,7 +169,7 @@ if __name__ == "__main__":
     from rig.main import run
 
     teller = _teller()
-    BACKENDS["paced"] = lambda request: paced_rig(request, teller)
+    BACKENDS["paced"] = lambda order, setup: paced_rig(order, setup, teller)
     if sys.argv[1].startswith("--times="):
         at_once(int(sys.argv.pop(1).removeprefix("--times=")))
     with flushes_told(teller):

@@ -25,9 +25,9 @@ from experiments.steps.note import Mark, Prompt
 from experiments.steps.vocabulary import HoldTime, Ramp, Step
 from model.gear import HarmonicDrive
 from rig import main
-from rig.commands.ordering import request_of
+from rig.run.ordering import order_of
 from rig.run.remote import RemoteOperator
-from rig.run.start import run_request
+from rig.run.start import run_order
 
 SPEED = 30.0
 """rad/s at which everything is raised."""
@@ -123,17 +123,17 @@ def by_api(carrier: Carrier, raiser: Raiser, monkeypatch: pytest.MonkeyPatch) ->
     rig.execute("raising", folder=carrier.folder, ask=raiser.ask, **carrier.asked)
 
 
-def by_request(carrier: Carrier, raiser: Raiser, monkeypatch: pytest.MonkeyPatch) -> None:
+def by_order(carrier: Carrier, raiser: Raiser, monkeypatch: pytest.MonkeyPatch) -> None:
     """What every caller comes to."""
-    asked = dict(carrier.asked)
-    names = {"serial": "gear_serial", "confirm": "confirmation"}
-    request = request_of(
-        "raising",
-        {},
-        output=carrier.folder,
-        **{names.get(name, name): value for name, value in asked.items()},
+    said = {"folder": carrier.folder, **carrier.asked}
+    confirmation = said.pop("confirm", "")
+    run_order(
+        order_of("raising", {}, said),
+        confirmation=confirmation,
+        ask=raiser.ask,
+        on_progress=raiser.on_progress,
+        on_event=raiser.on_event,
     )
-    run_request(request, ask=raiser.ask, on_progress=raiser.on_progress, on_event=raiser.on_event)
 
 
 def by_window(carrier: Carrier, raiser: Raiser, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,7 +177,7 @@ class EndedError(Exception):
     """The command ended with an exit code that is none of success; what it said."""
 
 
-WAYS = {"request": by_request, "api": by_api, "window": by_window, "command": by_command}
+WAYS = {"request": by_order, "api": by_api, "window": by_window, "command": by_command}
 """Every way to a run."""
 CASES = [
     (way, which, error)

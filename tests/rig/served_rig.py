@@ -26,7 +26,8 @@ from drivers.bus.network import BusConfig, open_raw_bus
 from drivers.clock import Clock, VirtualClock, WallClock
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.bench.backends.simulated import (
     position_config,
     reference_config,
@@ -104,7 +105,7 @@ def bench_of(carrier: str, rate: float, clock: Clock) -> WireBench:
     gear, motor = shipped_gear(), shipped_motor()
     reference = None
     if carrier == "wire-analog":
-        reference = reference_device(RigRequest(gear=gear, motor=motor), motor)
+        reference = reference_device(Order(protocol="", gear=gear, motor=motor), motor)
     return WireBench(
         gear,
         motor,

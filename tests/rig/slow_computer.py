@@ -6,7 +6,7 @@ that the program says why it could not.
 
 from __future__ import annotations
 
-from rig.run.order import RunReport
+from rig.run.parts import RunReport
 from rig.run.trips import LATE_TURN, MISSED_CYCLES, TRIPS
 
 CAUSES = (MISSED_CYCLES, LATE_TURN)

@@ -18,9 +18,9 @@ from model.gear_file import shipped_gear
 from model.kinematic_error import series_value
 from model.motor import shipped_motor
 from model.units import ARCSEC
-from rig.bench.backends.assembly import RigRequest, WorldChoice
+from rig.bench.backends.order import Order, WorldChoice
 from rig.bench.backends.simulated import certificate_of
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.runfile.read import open_run
 from sim_backend.certificate import UNCERTAINTY, encoder_certificate
 from sim_backend.drawing import bench_encoder
@@ -56,20 +56,20 @@ def rows(population: Population, seed: int, folder: Path) -> tuple[Result, list[
     world = WorldChoice(
         gear_seed=seed, bench_seed=seed, population=population, start_state="ambient"
     )
-    made = run_request(
-        RunRequest(
+    made = run_order(
+        Order(
             protocol="kinematic-error",
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=folder,
+            folder=folder,
             values={"speed_rpm": 60.0, "zero_time": 0.5},
-            gear_serial="certified",
+            serial="certified",
             seed=seed,
             world=world,
         ),
     )
     run = open_run(made.path)
-    request = RigRequest(gear=shipped_gear(), motor=shipped_motor(), world=world)
+    request = Order(protocol="", world=world)
     signals = dict(run.signals)
     for name, which in (("input_angle", "input"), ("output_angle", "output")):
         calibration = dataclasses.replace(

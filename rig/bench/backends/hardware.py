@@ -25,7 +25,8 @@ from drivers.clock import WallClock
 from drivers.errors import DriverError
 from drivers.readout.nd287 import ReadoutConfig
 from model.motor import ServoMotor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.sources import Shafts, sources_of
 from rig.bench.config import schema as described
 from rig.bench.config.drives import Drive, ReferenceDrive
@@ -45,15 +46,15 @@ _MODES = {
 }
 
 
-def hardware(request: RigRequest) -> AssembledRig:
-    """The rig that the request's configuration describes. Raises `ConfigurationError`; nothing is connected yet."""
-    path = request.configuration or DEFAULT_PATH
+def hardware(order: Order, setup: Setup) -> AssembledRig:
+    """The rig that an order's configuration describes. Raises `ConfigurationError`; nothing is connected yet."""
+    path = order.config or DEFAULT_PATH
     configuration = load_configuration(path)
-    ratio = request.gear.mounted_ratio(request.mounting) if request.gear_mounted else 1.0
-    cycle_ns = round(1e9 / request.sample_rate)
-    config = can_rig_config(configuration, request.motor, path.parent, cycle_ns, ratio)
+    ratio = order.gear.mounted_ratio(order.mounting) if setup.gear_mounted else 1.0
+    cycle_ns = round(1e9 / order.sample_rate)
+    config = can_rig_config(configuration, order.motor, path.parent, cycle_ns, ratio)
     bus, clock = bus_config(configuration), WallClock()
-    fastest = SPEED_ROOM * request.motor.maximum_speed
+    fastest = SPEED_ROOM * order.motor.maximum_speed
     port = CanRig(
         config,
         clock,

@@ -9,21 +9,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rig.bench.backends.order import Order, Setup
 from rig.errors import ConfigurationError
 
 if TYPE_CHECKING:
     # The names of the rigs are asked for where no rig is made: a list of runs needs no bus.
     from model.gear import HarmonicDrive
     from model.motor import ServoMotor
-    from rig.bench.backends.assembly import AssembledRig, RigRequest
+    from rig.bench.backends.assembly import AssembledRig
 
 
-def make_port(name: str, request: RigRequest) -> AssembledRig:
-    """The rig of this name. Raises `ConfigurationError` for one that does not exist, listing those that do."""
+def make_port(order: Order, setup: Setup = Setup()) -> AssembledRig:
+    """The rig that an order names, as its plan needs it. Raises `ConfigurationError` for one that does not exist."""
+    name = order.backend
     if name.startswith(REPLAY):
         from rig.bench.backends.replayed import replayed
 
-        return replayed(Path(name.removeprefix(REPLAY)), request)
+        return replayed(Path(name.removeprefix(REPLAY)), order, setup)
     maker = BACKENDS.get(name)
     if maker is None:
         raise ConfigurationError(
@@ -33,62 +35,62 @@ def make_port(name: str, request: RigRequest) -> AssembledRig:
             limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
             remedy="Choose one of these.",
         )
-    return maker(request)
+    return maker(order, setup)
 
 
-def nameplates(name: str, request: RigRequest) -> tuple[HarmonicDrive, ServoMotor]:
+def nameplates(order: Order) -> tuple[HarmonicDrive, ServoMotor]:
     """Gear and motor of this rig as plan and analysis get them; the truth of a simulated one is not among them.
 
     Gears of one series have the nameplate of the series.
     """
-    if not is_simulated(name) or request.world.population == "narrow":
-        return request.gear, request.motor
+    if not is_simulated(order.backend) or order.world.population == "narrow":
+        return order.gear, order.motor
     from rig.bench.backends import simulated
 
-    return simulated.nameplates(request)
+    return simulated.nameplates(order)
 
 
-def world_record(request: RigRequest) -> dict[str, Any]:
-    """The simulated world of a request, as its run file tells it."""
+def world_record(order: Order) -> dict[str, Any]:
+    """The simulated world of an order, as its run file tells it."""
     from rig.bench.backends import simulated
 
-    return simulated.world_record(request)
+    return simulated.world_record(order)
 
 
-def _simulated(request: RigRequest) -> AssembledRig:
+def _simulated(order: Order, setup: Setup) -> AssembledRig:
     from rig.bench.backends.simulated import simulated
 
-    return simulated(request)
+    return simulated(order, setup)
 
 
-def _on_the_wire(request: RigRequest) -> AssembledRig:
+def _on_the_wire(order: Order, setup: Setup) -> AssembledRig:
     from rig.bench.backends.simulated import on_the_wire
 
-    return on_the_wire(request)
+    return on_the_wire(order, setup)
 
 
-def _on_the_wire_with_box(request: RigRequest) -> AssembledRig:
+def _on_the_wire_with_box(order: Order, setup: Setup) -> AssembledRig:
     from rig.bench.backends.simulated import on_the_wire_with_box
 
-    return on_the_wire_with_box(request)
+    return on_the_wire_with_box(order, setup)
 
 
-def _on_the_wire_by_position(request: RigRequest) -> AssembledRig:
+def _on_the_wire_by_position(order: Order, setup: Setup) -> AssembledRig:
     from rig.bench.backends.simulated import on_the_wire_by_position
 
-    return on_the_wire_by_position(request)
+    return on_the_wire_by_position(order, setup)
 
 
-def _on_the_wire_by_reference(request: RigRequest) -> AssembledRig:
+def _on_the_wire_by_reference(order: Order, setup: Setup) -> AssembledRig:
     from rig.bench.backends.simulated import on_the_wire_by_reference
 
-    return on_the_wire_by_reference(request)
+    return on_the_wire_by_reference(order, setup)
 
 
-def _hardware(request: RigRequest) -> AssembledRig:
+def _hardware(order: Order, setup: Setup) -> AssembledRig:
     from rig.bench.backends.hardware import hardware
 
-    return hardware(request)
+    return hardware(order, setup)
 
 
 def is_simulated(name: str) -> bool:
@@ -100,7 +102,7 @@ REPLAY = "replay:"
 """What stands before the run file in the name of a replay."""
 HARDWARE = "hardware"
 """The rig that the configuration describes."""
-BACKENDS: dict[str, Callable[[RigRequest], AssembledRig]] = {
+BACKENDS: dict[str, Callable[[Order, Setup], AssembledRig]] = {
     "sim": _simulated,
     "wire": _on_the_wire,
     "wire-box": _on_the_wire_with_box,

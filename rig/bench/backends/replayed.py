@@ -14,14 +14,15 @@ import numpy as np
 
 from drivers.clock import VirtualClock
 from experiments.recording import RunMetadata
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order, Setup
 from rig.errors import ConfigurationError
 
 ENDED_EARLY = frozenset({"ABORTED", "ERROR", "INTERRUPTED"})
 """Outcomes of runs whose plan goes on where the recording ends. A trip ends the replay as it ended the run."""
 
 
-def replayed(path: Path, request: RigRequest) -> AssembledRig:
+def replayed(path: Path, order: Order, setup: Setup = Setup()) -> AssembledRig:
     """A run recorded in counts, played back for the same protocol with the same parameters.
 
     Raises `ConfigurationError` for a run that holds no counts, and for one that was recorded otherwise.
@@ -40,7 +41,7 @@ def replayed(path: Path, request: RigRequest) -> AssembledRig:
             where=str(path),
             remedy="Analyse an imported run with `rig fit`.",
         )
-    _refuse_another(path, recording.metadata, request)
+    _refuse_another(path, recording.metadata, order, setup)
     channels = tuple(column.channel for column in source.columns)
     counts = np.column_stack([source.stored(channel.name, 0, source.rows) for channel in channels])
     clock = VirtualClock(time.time_ns())
@@ -57,11 +58,11 @@ def replayed(path: Path, request: RigRequest) -> AssembledRig:
     return AssembledRig(name="replay", port=port, clock=clock)
 
 
-def _refuse_another(path: Path, recorded: RunMetadata, request: RigRequest) -> None:
+def _refuse_another(path: Path, recorded: RunMetadata, order: Order, setup: Setup) -> None:
     """Raise `ConfigurationError` where the run that is asked for is not the one that was recorded."""
     differences = [
         f"{what} {_text(asked)} (recorded: {_text(then)})"
-        for what, asked, then in _compared(recorded, request)
+        for what, asked, then in _compared(recorded, order, setup)
         if _plain(asked) != _plain(then)
     ]
     if differences:
@@ -82,13 +83,15 @@ def _refuse_another(path: Path, recorded: RunMetadata, request: RigRequest) -> N
         )
 
 
-def _compared(recorded: RunMetadata, request: RigRequest) -> Iterable[tuple[str, object, object]]:
+def _compared(
+    recorded: RunMetadata, order: Order, setup: Setup
+) -> Iterable[tuple[str, object, object]]:
     """What is compared: its name, as asked, as recorded. Of another protocol the parameters say nothing."""
-    yield "protocol", request.protocol, recorded.experiment
-    if request.protocol == recorded.experiment:
-        yield "mounting", request.mounting, recorded.mounting
-        yield "ratio", request.gear.mounted_ratio(request.mounting), recorded.ratio
-        for name, asked in request.parameters.items():
+    yield "protocol", order.protocol, recorded.experiment
+    if order.protocol == recorded.experiment:
+        yield "mounting", order.mounting, recorded.mounting
+        yield "ratio", order.gear.mounted_ratio(order.mounting), recorded.ratio
+        for name, asked in setup.parameters.items():
             # A parameter that is younger than the recording is taken as it is.
             yield name, asked, recorded.parameters.get(name, asked)
 

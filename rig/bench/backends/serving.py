@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from model.gear_file import gear_to_toml, shipped_gear
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.simulated import nameplates, parts_of
 from rig.bench.hub import hub_id
 from rig.errors import ConfigurationError
@@ -43,7 +43,8 @@ class Served:
 
 
 def serve_rig(
-    request: RigRequest,
+    order: Order,
+    setup: Setup,
     *,
     host: str = "127.0.0.1",
     port: int = 29536,
@@ -57,9 +58,9 @@ def serve_rig(
     configuration: Path | None = None,
     announce: Callable[[Served], None] = lambda served: None,
 ) -> None:
-    """Serve the simulated rig of a request until the process is interrupted, or for `lifetime` [s].
+    """Serve the simulated rig of an order until the process is interrupted, or for `lifetime` [s].
 
-    The gear, the motor and the noise are those of `--backend wire` with the same request. `faults`
+    The gear, the motor and the noise are those of `--backend wire` with the same order. `faults`
     happen at the SYNC that they name. `sheets` is a folder for the devices' EDS files,
     `configuration` a file for the description that reaches this rig. Raises `ConfigurationError`
     for an address that is not this computer's own, unless `expose` allows it, and `DriverError` for
@@ -73,7 +74,7 @@ def serve_rig(
             limit=", ".join(sorted(LOOPBACK)),
             remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
         )
-    bench = make_bench(**parts_of(request), time=time, faults=faults)
+    bench = make_bench(**parts_of(order, setup), time=time, faults=faults)
     if sheets is not None:
         write_sheets(bench, sheets)
 
@@ -82,8 +83,8 @@ def serve_rig(
             addresses.host, addresses.port, addresses.channel, addresses.readout, NODES, bench.title
         )
         if configuration is not None:
-            gear = _gear_beside(configuration, request)
-            _write(configuration, description_of(served, request, gear))
+            gear = _gear_beside(configuration, order)
+            _write(configuration, description_of(served, order, gear))
         announce(served)
 
     serve(
@@ -116,9 +117,9 @@ def write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
     return tuple(written)
 
 
-def _gear_beside(configuration: Path, request: RigRequest) -> str:
+def _gear_beside(configuration: Path, order: Order) -> str:
     """What a configuration calls the card of the served gear: one that is not shipped gets a file of its own."""
-    card, _ = nameplates(request)
+    card, _ = nameplates(order)
     if card == shipped_gear():
         return SHIPPED
     path = configuration.with_name(f"{configuration.stem}-gear.toml")
@@ -126,7 +127,7 @@ def _gear_beside(configuration: Path, request: RigRequest) -> str:
     return path.name
 
 
-def description_of(served: Served, request: RigRequest, gear: str = SHIPPED) -> str:
+def description_of(served: Served, order: Order, gear: str = SHIPPED) -> str:
     """A `rig.toml` that reaches the served rig; `gear` is the card, as such a file names it."""
     template = (
         resources.files("rig.bench.config").joinpath("served.toml").read_text(encoding="utf-8")
@@ -141,7 +142,7 @@ def description_of(served: Served, request: RigRequest, gear: str = SHIPPED) -> 
         # A hub is the bench at its address: served there again, it is the same one.
         "bench": hub_id(served.host, served.port, served.channel),
         "gear": gear,
-        "rate": f"{request.sample_rate:g}",
+        "rate": f"{order.sample_rate:g}",
         "drive": DRIVE_NODE,
         "counter": COUNTER_NODE,
         "module": ANALOG_INPUT_NODE,

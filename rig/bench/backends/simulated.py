@@ -17,7 +17,8 @@ from model.gear import HarmonicDrive
 from model.gear_file import gear_to_mapping
 from model.motor import ServoMotor
 from model.units import RPM
-from rig.bench.backends.assembly import AssembledRig, RigRequest, StartState
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order, Setup, StartState
 from rig.bench.limits import derive_limits
 from sim_backend.population import drawn
 from sim_backend.world import ThermalState, World
@@ -39,62 +40,62 @@ VOLTS_PER_INCREMENT = 0.3125e-3
 """Volts per increment of the simulated analogue input."""
 
 
-def world_of(request: RigRequest) -> World:
-    """The world of a request: a serial number is a gear, a seed is a bench."""
-    return request.world.world(zlib.crc32(request.serial.encode()), request.seed)
+def world_of(order: Order) -> World:
+    """The world of an order: a serial number is a gear, a seed is a bench."""
+    return order.world.world(zlib.crc32(order.serial.encode()), order.seed)
 
 
-def world_record(request: RigRequest) -> dict[str, Any]:
-    """The world of a request as its run file tells it, and as `WorldChoice` takes it again."""
-    choice = request.world
+def world_record(order: Order) -> dict[str, Any]:
+    """The world of an order as its run file tells it, and as `WorldChoice` takes it again."""
+    choice = order.world
     start = choice.start or StartState()
     record: dict[str, Any] = {
-        **asdict(world_of(request)),
+        **asdict(world_of(order)),
         "start": {"run": start.run, **start.temperatures},
     }
     if choice.repeats:
         record["repeats"] = choice.repeats
     if choice.population != "narrow":
         # The run's own gear is the nameplate of the one that was drawn; this is what it was drawn about.
-        record["drawn_about"] = gear_to_mapping(request.gear)
+        record["drawn_about"] = gear_to_mapping(order.gear)
     return record
 
 
-def nameplates(request: RigRequest) -> tuple[HarmonicDrive, ServoMotor]:
+def nameplates(order: Order) -> tuple[HarmonicDrive, ServoMotor]:
     """Gear and motor as plan and analysis get them."""
-    made = drawn(request.gear, request.motor, world_of(request))
+    made = drawn(order.gear, order.motor, world_of(order))
     return made.card, made.motor_card
 
 
-def parts_of(request: RigRequest) -> dict[str, Any]:
+def parts_of(order: Order, setup: Setup) -> dict[str, Any]:
     """Individual gear and motor, bench and world, as a simulated rig of either kind takes them."""
     from sim_backend.imperfections import Imperfections
 
-    world, start = world_of(request), request.world.start or StartState()
-    made = drawn(request.gear, request.motor, world)
+    world, start = world_of(order), order.world.start or StartState()
+    made = drawn(order.gear, order.motor, world)
     return {
         "gear": made.gear,
         "motor": made.motor,
         "imperfections": Imperfections(sizes=made.sizes),
         "world": world,
         "start": ThermalState(**start.temperatures) if start.temperatures else None,
-        "cycle_ns": round(1e9 / request.sample_rate),
-        "mounting": request.mounting,
-        "gear_mounted": request.gear_mounted,
-        "disc_inertia": request.disc_inertia,
+        "cycle_ns": round(1e9 / order.sample_rate),
+        "mounting": order.mounting,
+        "gear_mounted": setup.gear_mounted,
+        "disc_inertia": setup.disc_inertia,
     }
 
 
-def clock_of(request: RigRequest) -> VirtualClock:
-    """The clock of a simulated rig: it begins now, unless the request says when."""
-    return VirtualClock(time.time_ns() if request.calendar_ns is None else request.calendar_ns)
+def clock_of(order: Order) -> VirtualClock:
+    """The clock of a simulated rig: it begins now, unless the order says when."""
+    return VirtualClock(time.time_ns() if order.calendar_ns is None else order.calendar_ns)
 
 
-def certificate_of(request: RigRequest, which: Literal["input", "output"]) -> AngleCertificate:
-    """The certificate of an encoder of the request's bench, as a laboratory would have written it."""
+def certificate_of(order: Order, which: Literal["input", "output"]) -> AngleCertificate:
+    """The certificate of an encoder of the order's bench, as a laboratory would have written it."""
     from sim_backend.certificate import encoder_certificate
 
-    parts = parts_of(request)
+    parts = parts_of(order, Setup())
     return encoder_certificate(parts["imperfections"], which, parts["world"])
 
 
@@ -103,7 +104,7 @@ def assembled(
     port: RigPort,
     clock: Clock,
     plant: SimulatedRig | WireBench,
-    request: RigRequest,
+    order: Order,
     nodes: Callable[[], RigNodes] | None = None,
 ) -> AssembledRig:
     """A simulated rig as a run takes it; `plant` is what is behind the port."""
@@ -112,7 +113,7 @@ def assembled(
         port=port,
         clock=clock,
         nodes=nodes,
-        world=world_record(request),
+        world=world_record(order),
         thermal_state=lambda: {
             "end": asdict(plant.thermal_state),
             "mean": asdict(plant.mean_temperatures),
@@ -120,33 +121,33 @@ def assembled(
     )
 
 
-def simulated(request: RigRequest) -> AssembledRig:
+def simulated(order: Order, setup: Setup) -> AssembledRig:
     """The plant directly behind the port: the fastest rig there is."""
     from sim_backend.direct import SimulatedRig
 
-    clock = clock_of(request)
-    port = SimulatedRig(**parts_of(request), clock=clock)
-    return assembled("sim", port, clock, port, request)
+    clock = clock_of(order)
+    port = SimulatedRig(**parts_of(order, setup), clock=clock)
+    return assembled("sim", port, clock, port, order)
 
 
-def on_the_wire(request: RigRequest) -> AssembledRig:
+def on_the_wire(order: Order, setup: Setup) -> AssembledRig:
     """The plant behind simulated CANopen devices, on a pumped bus; the drivers are those of a rig of hardware."""
     from sim_backend.wire.bench import WireBench
 
-    parts = parts_of(request)
-    bench = WireBench(**parts, clock=clock_of(request))
+    parts = parts_of(order, setup)
+    bench = WireBench(**parts, clock=clock_of(order))
     port = wire_port(bench, parts["motor"])
-    return assembled("wire", port, bench.clock, bench, request, lambda: port.nodes)
+    return assembled("wire", port, bench.clock, bench, order, lambda: port.nodes)
 
 
-def on_the_wire_by_position(request: RigRequest) -> AssembledRig:
+def on_the_wire_by_position(order: Order, setup: Setup) -> AssembledRig:
     """The same bench whose drive is led by target positions (cyclic synchronous position)."""
     from sim_backend.wire.bench import WireBench
 
-    parts = parts_of(request)
-    bench = WireBench(**parts, clock=clock_of(request))
+    parts = parts_of(order, setup)
+    bench = WireBench(**parts, clock=clock_of(order))
     port = wire_port(bench, parts["motor"], position_config(bench, parts["motor"]))
-    return assembled("wire-csp", port, bench.clock, bench, request, lambda: port.nodes)
+    return assembled("wire-csp", port, bench.clock, bench, order, lambda: port.nodes)
 
 
 def position_config(
@@ -175,40 +176,40 @@ def _in_mode(
     return replace(wire_config(bench, motor, has_guard=has_guard), drive=drive)
 
 
-def on_the_wire_with_box(request: RigRequest) -> AssembledRig:
+def on_the_wire_with_box(order: Order, setup: Setup) -> AssembledRig:
     """The same bench with the output encoder's counter on TCP instead of on the bus."""
     from sim_backend.wire.bench import WireBench
 
-    parts = parts_of(request)
-    bench = WireBench(**parts, clock=clock_of(request))
+    parts = parts_of(order, setup)
+    bench = WireBench(**parts, clock=clock_of(order))
     port = box_port(bench, parts["motor"])
-    return assembled("wire-box", port, bench.clock, bench, request, lambda: port.nodes)
+    return assembled("wire-box", port, bench.clock, bench, order, lambda: port.nodes)
 
 
-def on_the_wire_by_reference(request: RigRequest) -> AssembledRig:
+def on_the_wire_by_reference(order: Order, setup: Setup) -> AssembledRig:
     """The same bench turned by an amplifier by analog reference, with the motor's pulses on a counter."""
     from sim_backend.wire.bench import WireBench
 
-    parts = parts_of(request)
+    parts = parts_of(order, setup)
     bench = WireBench(
-        **parts, clock=clock_of(request), reference=reference_device(request, parts["motor"])
+        **parts, clock=clock_of(order), reference=reference_device(order, parts["motor"], setup)
     )
     port = wire_port(bench, parts["motor"], reference_config(bench, parts["motor"]))
-    return assembled("wire-analog", port, bench.clock, bench, request, lambda: port.nodes)
+    return assembled("wire-analog", port, bench.clock, bench, order, lambda: port.nodes)
 
 
-def reference_device(request: RigRequest, motor: ServoMotor) -> ReferenceDevice:
+def reference_device(order: Order, motor: ServoMotor, setup: Setup = Setup()) -> ReferenceDevice:
     """The simulated amplifier as somebody has set it by its tool for this gear: torque in whole per cent of the rated,
     speed in whole r/min, both rounded down.
     """
     from sim_backend.wire.analog_amplifier import ReferenceDevice
 
     allowed = derive_limits(
-        request.gear,
+        order.gear,
         motor,
-        request.mounting,
-        gear_mounted=request.gear_mounted,
-        disc_inertia=request.disc_inertia,
+        order.mounting,
+        gear_mounted=setup.gear_mounted,
+        disc_inertia=setup.disc_inertia,
     ).drive_limits()
     per_cent = 0.01 * motor.rated_torque
     held = DriveLimits(

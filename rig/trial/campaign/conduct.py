@@ -23,11 +23,11 @@ from rig.trial.campaign.walk import Walk, WalkedStage
 
 if TYPE_CHECKING:
     from experiments.recording import Event
+    from rig.bench.backends.order import Order
     from rig.gears.acceptance import Acceptance
     from rig.run.dry_run import PlannedRun
     from rig.run.engine import Ask
-    from rig.run.order import Progress, RunReport
-    from rig.run.start import RunRequest
+    from rig.run.parts import Progress, RunReport
     from rig.run.stop import StopRequest
 
 
@@ -55,13 +55,13 @@ class CampaignOrder:
 class Crew:
     """Who has a say while a campaign goes on: STOP, prompts, the arming of each run, and what is shown.
 
-    `prepare` gives a stage's request its last words before it runs; `begun` hears of a stage that
+    `confirm` asks for what arms a run on hardware, once for each run and kept nowhere; `begun` hears of a stage that
     begins, `ended` of one that was run, `standing` of one that was run before and still counts.
     """
 
     stop: StopRequest
     ask: Ask
-    prepare: Callable[[RunRequest, PlannedRun], RunRequest] = lambda request, planned: request
+    confirm: Callable[[Order, PlannedRun], str] = lambda order, planned: ""
     begun: Callable[[int, WalkedStage], None] = lambda index, stage: None
     ended: Callable[[DoneStage, RunReport], None] = lambda done, report: None
     standing: Callable[[DoneStage], None] = lambda done: None
@@ -160,7 +160,7 @@ def _opened(order: CampaignOrder) -> tuple[Journal, tuple[str, ...]]:
     refuse_another(found, order.walk.plan, facts)
     words = []
     for index, because in tuple(outdated(found, facts, order.folder, order.now())):
-        words.append(f"{order.walk.stages[index].stage.protocol} is done again: {because}")
+        words.append(f"{order.walk.stages[index].order.protocol} is done again: {because}")
         found = found.with_outdated(index, because, order.now())
     return found, tuple(words)
 
@@ -169,7 +169,7 @@ def _run_missing(
     journal: Journal, order: CampaignOrder, crew: Crew, analyses: Analyst
 ) -> tuple[Journal, RunReport | None]:
     """Run every stage that does not count yet, until one does not come to its end."""
-    from rig.run.start import run_request
+    from rig.run.start import run_order
 
     report = None
     for index, one in enumerate(order.walk.stages):
@@ -177,11 +177,12 @@ def _run_missing(
         if before is not None and before.counts:
             crew.standing(before)
             continue
-        request = crew.prepare(one.request, one.planned)
+        confirmation = crew.confirm(one.order, one.planned)
         crew.begun(index, one)
-        report = run_request(
-            request,
+        report = run_order(
+            one.order,
             one.planned,
+            confirmation=confirmation,
             stop=crew.stop,
             ask=crew.ask,
             on_progress=crew.on_progress,
@@ -189,7 +190,7 @@ def _run_missing(
         )
         done = DoneStage(
             index=index,
-            protocol=one.stage.protocol,
+            protocol=one.order.protocol,
             run=report.path.name,
             outcome=report.outcome,
             message=report.message,
@@ -209,7 +210,7 @@ def _without_tare(
 ) -> tuple[Journal, str]:
     """The journal in which a tare that was refused by all that needs one does not count, and why; else as it was."""
     lacking = next((one for one in analysed if one.without_tare), None)
-    stages = [one.stage.protocol for one in order.walk.stages]
+    stages = [one.order.protocol for one in order.walk.stages]
     if lacking is None or tare_kind() not in stages:
         return journal, ""
     because = "; ".join(lacking.without_tare)

@@ -34,7 +34,7 @@ def _runs(root: xml.Element, report: CampaignReport) -> None:
     crashed = {one.run.name: one.crashed for one in report.analysed if one.crashed}
     missing = 0
     for index, stage in enumerate(report.walk.stages):
-        protocol = stage.stage.protocol
+        protocol = stage.order.protocol
         case = xml.SubElement(suite, "testcase", classname="runs", name=protocol)
         done = report.journal.newest(index)
         if done is None or not done.counts:

@@ -6,19 +6,18 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from rig.errors import RigError
-from rig.trial.campaign.plan import CampaignPlan, Stage
+from rig.trial.campaign.plan import CampaignPlan
 
 if TYPE_CHECKING:
+    from rig.bench.backends.order import Order
     from rig.run.dry_run import PlannedRun
-    from rig.run.start import RunRequest
 
 
 @dataclass(frozen=True)
 class WalkedStage:
     """One stage as it would be run."""
 
-    stage: Stage
-    request: RunRequest
+    order: Order
     planned: PlannedRun
 
 
@@ -49,18 +48,18 @@ class Walk:
         }
 
 
-def walk(plan: CampaignPlan, request: RunRequest) -> Walk:
-    """Plan every stage with `request` as the pattern of its run. Nothing is opened.
+def walk(plan: CampaignPlan, order: Order) -> Walk:
+    """Plan every stage with `order` as the pattern of its run. Nothing is opened.
 
     Raises the first error of any stage as `RigError`s and `PlanError`s say it: a campaign that would
     break a limit in its last protocol does not begin with its first.
     """
-    from rig.run.start import plan_request
+    from rig.run.start import plan_order
 
     stages = []
     for stage in plan.stages:
-        wanted = replace(request, protocol=stage.protocol, values=dict(stage.values))
-        stages.append(WalkedStage(stage, wanted, plan_request(wanted)))
+        wanted = replace(order, protocol=stage.protocol, values=dict(stage.values))
+        stages.append(WalkedStage(wanted, plan_order(wanted)))
     if not stages:
         raise RigError("a campaign needs at least one protocol", where=plan.path)
     return Walk(plan, tuple(stages))

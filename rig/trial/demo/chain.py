@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig.bench.backends.assembly import StartState, WorldChoice
+from rig.bench.backends.order import StartState, WorldChoice
 from rig.errors import RigError
 from rig.gears.acceptance import shipped_acceptance
 from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew, conduct
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
-    from rig.run.order import Progress, RunReport
+    from rig.run.parts import Progress, RunReport
     from rig.run.stop import StopRequest
     from rig.trial.campaign.journal import DoneStage
 
@@ -143,7 +143,7 @@ class _Watcher:
         self.finished: list[Finished] = []
 
     def begun(self, index: int, stage: WalkedStage) -> None:
-        self._protocol, self._begun = stage.stage.protocol, time.monotonic()
+        self._protocol, self._begun = stage.order.protocol, time.monotonic()
         self._show(Step(self._protocol, 0.0, stage.planned.nominal, "running"))
 
     def progress(self, now: Progress) -> None:
@@ -201,21 +201,22 @@ def campaign_order(order: DemoOrder, *, beside: bool) -> CampaignOrder:
     """The campaign of a demonstration: number and start state of every run are named, whatever lies in its folder."""
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.run.start import RunRequest, bench_for
+    from rig.bench.backends.order import Order
+    from rig.run.start import bench_for
 
-    pattern = RunRequest(
+    pattern = Order(
         protocol=ORDER[0],
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=order.folder,
-        gear_serial=order.serial,
+        folder=order.folder,
+        serial=order.serial,
         operator="rig demo",
         seed=order.seed,
         world=order.world,
     )
     walked = walk(order.plan, pattern)
     stages = tuple(
-        replace(one, request=replace(one.request, world=_world(order, number)))
+        replace(one, order=replace(one.order, world=_world(order, number)))
         for number, one in enumerate(walked.stages, 1)
     )
     return CampaignOrder(

@@ -20,12 +20,13 @@ from experiments.errors import ExperimentError
 from experiments.finding import Finding, Severity, first_blocking
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
+from rig.bench.backends.order import Order
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
 from rig.run.arming import guard_check, handle_check, loss_check
 from rig.run.dry_run import PlannedRun
-from rig.run.order import RunReport
-from rig.run.start import RunRequest, bench_for, handle_of, plan_request, run_on
+from rig.run.parts import RunReport
+from rig.run.start import bench_for, handle_of, plan_order, run_on
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor import motion
@@ -96,7 +97,7 @@ def _as_json(finding: Finding) -> dict[str, Any]:
 
 def examine(
     make: Callable[[], AssembledRig],
-    request: RunRequest,
+    order: Order,
     *,
     moves: bool,
     why_not: str = "",
@@ -109,10 +110,10 @@ def examine(
     Whatever goes wrong on the way becomes a line that failed; the rig is left with the servo off.
     Raises only what `make` and the plan raise: a configuration that cannot be used.
     """
-    planned, stop = plan_request(request, motion.EXPERIMENT), stop or StopRequest()
+    planned, stop = plan_order(order, motion.EXPERIMENT), stop or StopRequest()
     on_stage("standing")
     rig = make()
-    findings = [*bench_lines(request), disk(request.output), calendar(rig.clock)]
+    findings = [*bench_lines(order), disk(order.folder), calendar(rig.clock)]
     findings += examine_standing(rig, planned)
     findings.append(readout(serial_line, rig.clock))
     refused = any(
@@ -127,15 +128,15 @@ def examine(
         )
     else:
         on_stage("motion")
-        findings += examine_motion(make(), request, planned, stop)
-    return Examination(request.backend, tuple(findings), stop.level > 0)
+        findings += examine_motion(make(), order, planned, stop)
+    return Examination(order.backend, tuple(findings), stop.level > 0)
 
 
-def readout_of(request: RunRequest) -> ReadoutConfig | None:
-    """The serial line of the readout that the request's configuration describes, where it describes one."""
-    if request.configuration is None:
+def readout_of(order: Order) -> ReadoutConfig | None:
+    """The serial line of the readout that the order's configuration describes, where it describes one."""
+    if order.config is None:
         return None
-    return readout_config(load_configuration(request.configuration))
+    return readout_config(load_configuration(order.config))
 
 
 # --- standing
@@ -344,15 +345,15 @@ def _answering(rig: AssembledRig) -> Iterable[Finding]:
 
 
 def examine_motion(
-    rig: AssembledRig, request: RunRequest, planned: PlannedRun, stop: StopRequest
+    rig: AssembledRig, order: Order, planned: PlannedRun, stop: StopRequest
 ) -> list[Finding]:
     """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is
     latched where that of any run is, at once: a doctor that is killed afterwards leaves it behind.
     """
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-doctor-") as folder:
         try:
-            thrown_away = replace(request, output=Path(folder))
-            report = run_on(rig, thrown_away, planned, stop, bench=bench_for(request))
+            thrown_away = replace(order, folder=Path(folder))
+            report = run_on(rig, thrown_away, planned, stop, bench=bench_for(order))
             findings = [_ending(report), *_inspected(report, planned)]
         except (DriverError, RigError, ExperimentError) as error:
             return [Finding("run", Severity.BLOCKS, str(error), where="motion")]

@@ -25,12 +25,13 @@ from drivers.port import RigPort
 from drivers.readout.nd287 import Readout, ReadoutConfig, open_port
 from experiments.assumed import ENCODERS, TEMPERATURE, THERMOMETER, TORQUE_SCALE
 from experiments.finding import Finding, Severity, passed_if
+from rig.bench.backends.order import Order
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
 from rig.run.latch import latch_of
 from rig.run.preflight import drive_limits_check
-from rig.run.start import RunRequest, bench_for
+from rig.run.start import bench_for
 
 ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
 """Bytes that an hour at 1 kHz and a margin take; bytes below which no run should be begun."""
@@ -50,10 +51,10 @@ SCOPES: dict[Scope, str] = {
 }
 
 
-def bench_lines(request: RunRequest) -> Iterable[Finding]:
+def bench_lines(order: Order) -> Iterable[Finding]:
     """Which bench this is, the folder in which a trip of it would be latched, and what is latched there."""
     try:
-        bench = bench_for(request)
+        bench = bench_for(order)
     except ConfigurationError as error:
         yield Finding(
             "identity and state folder",

@@ -10,7 +10,7 @@ from drivers.port import RigDescription
 from drivers.samples import SampleBlock
 from rig.library.folder import claim_run
 from rig.run.opening import BegunRun, begin_inline_run, header_of
-from rig.run.order import OpenRun, RunOrder
+from rig.run.parts import OpenRun, SessionParts
 from rig.run.recorder import InlineRecorder, ThreadedRecorder
 from rig.runfile.write import RunWriter
 
@@ -83,13 +83,13 @@ class FailingDisk:
         return ", ".join(f"{what}: {count}" for count, what in counted if count)
 
     def begin(
-        self, order: RunOrder, description: RigDescription, epoch_ns: int, start_time: str
+        self, parts: SessionParts, description: RigDescription, epoch_ns: int, start_time: str
     ) -> OpenRun:
         """As `begin_inline_run`, on this disk."""
         if self.how not in ("disk full", "writer stalled"):
-            return begin_inline_run(order, description, epoch_ns, start_time)
-        place = claim_run(order.output, order.planned.experiment.name, order.gear_serial)
-        header = header_of(order, description, place.run_id, epoch_ns, start_time)
+            return begin_inline_run(parts, description, epoch_ns, start_time)
+        place = claim_run(parts.order.folder, parts.planned.experiment.name, parts.order.serial)
+        header = header_of(parts, description, place.run_id, epoch_ns, start_time)
         if self.how == "disk full":
             full = FullDiskWriter(place.path, header, compress=False, chunk_rows=1024)
             full.full_at = self.row
@@ -97,7 +97,7 @@ class FailingDisk:
             return DrilledRun(place.run_id, full, InlineRecorder(full))
         stalled = StalledWriter(place.path, header, compress=False)
         self.writer = stalled
-        rate = 1e9 / order.port.cycle_ns
+        rate = 1e9 / parts.rig.port.cycle_ns
         recorder = ThreadedRecorder(stalled, rate, ring_seconds=self.row / rate, smallest_ring=1)
         return DrilledRun(place.run_id, stalled, recorder)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from drivers.samples import CycleFlag
 from experiments.recording import Recording
 from rig.errors import RigError
-from rig.run.order import RunReport
+from rig.run.parts import RunReport
 from rig.runfile.layout import PART_SUFFIX
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run

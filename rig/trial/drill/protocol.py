@@ -25,7 +25,7 @@ from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
 from rig.errors import RigError
-from rig.run.order import RunReport
+from rig.run.parts import RunReport
 from rig.runfile.read import close_recording, open_run
 
 SPEED = 60.0

@@ -12,7 +12,7 @@ from drivers.port import Abilities, Command, DirectLine, DriveLimits, Guard, Rig
 from drivers.samples import SampleBlock
 from model.gear import HarmonicDrive
 from model.motor import ServoMotor
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.simulated import (
     box_port,
     position_config,
@@ -258,7 +258,7 @@ def drilled_rig(
     if carrier != "sim":
         reference = None
         if carrier == "wire-analog":
-            reference = reference_device(RigRequest(gear=gear, motor=motor), motor)
+            reference = reference_device(Order(protocol="", gear=gear, motor=motor), motor)
         bench = WireBench(individual, motor, world=World.of(seed), clock=clock, reference=reference)
         if carrier == "wire-box":
             port = box_port(bench, motor, has_guard=True)

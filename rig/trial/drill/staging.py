@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,9 +14,11 @@ from numpy.typing import NDArray
 from drivers.errors import DriverError
 from drivers.readout.nd287 import Readout, ReadoutConfig
 from experiments.recording import Event
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.run.dry_run import PlannedRun
 from rig.run.make_safe import Patience
-from rig.run.order import RunOrder, RunReport
+from rig.run.parts import RunReport, SessionParts
 from rig.run.session import GIVEN_UP, execute
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
@@ -54,7 +58,7 @@ class Reference:
 def reference_run(planned: PlannedRun, carrier: Carrier, seed: int, folder: Path) -> Reference:
     """Run with nothing going wrong, and find the rows at which things can happen."""
     rig = drilled_rig(carrier, planned.gear, planned.motor, (), StopRequest(), seed)
-    report = execute(_order(planned, rig, folder, seed), FailingDisk("", 0).begin)
+    report = execute(_parts(planned, rig, folder, seed), FailingDisk("", 0).begin)
     recording = open_run(report.path)
     segments = {}
     for segment in recording.segments:
@@ -73,21 +77,32 @@ def reference_run(planned: PlannedRun, carrier: Carrier, seed: int, folder: Path
     return Reference(rows, report.outcome, counts)
 
 
-def _order(planned: PlannedRun, rig: DrilledRig, folder: Path, seed: int, **more: Any) -> RunOrder:
+def _parts(
+    planned: PlannedRun,
+    rig: DrilledRig,
+    folder: Path,
+    seed: int,
+    free_space: Callable[[], int] | None = None,
+    conditions: Mapping[str, Any] = MappingProxyType({}),
+) -> SessionParts:
     folder.mkdir(parents=True, exist_ok=True)
-    return RunOrder(
+    return SessionParts(
+        order=Order(
+            protocol=planned.experiment.name,
+            gear=planned.gear,
+            motor=planned.motor,
+            folder=folder,
+            operator="drill",
+            serial="drill",
+            seed=seed,
+            conditions=conditions,
+        ),
         planned=planned,
-        port=rig,
-        clock=rig.clock,
-        backend="drill",
-        output=folder,
-        operator="drill",
-        gear_serial="drill",
-        seed=seed,
-        block_cycles=BLOCK_CYCLES,
+        rig=AssembledRig(name="drill", port=rig, clock=rig.clock),
+        cycles=BLOCK_CYCLES,
         make_safe_cycles=BLOCK_CYCLES,
         patience=PATIENCE,
-        **more,
+        free_space=free_space,
     )
 
 
@@ -193,7 +208,7 @@ class Staged:
         failing = next((part for part in self.parts if part.drill.recording), None)
         disk = FailingDisk(*((failing.drill.recording, failing.row) if failing else ("", 0)))
         reading = self._read_out(rig) if any(part.drill.readout for part in self.parts) else ""
-        order = _order(
+        parts = _parts(
             self.planned,
             rig,
             self.folder,
@@ -204,7 +219,7 @@ class Staged:
         report, message = None, ""
         try:
             report = execute(
-                order,
+                parts,
                 disk.begin,
                 stop=stop,
                 on_event=lambda event: self._take(event, rig, disk),

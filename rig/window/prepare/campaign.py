@@ -13,24 +13,24 @@ from experiments import catalogue
 from experiments.errors import ExperimentError
 from experiments.finding import Finding, Severity
 from model.errors import ModelError
+from rig.bench.backends.order import Order, arguments_of
 from rig.errors import RigError
 from rig.present.preview.plan import preview_plan
 from rig.run.gear import card_checks
 from rig.run.preflight import static_checks
 from rig.run.progress import in_words
-from rig.run.start import RunRequest
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.plan import CampaignPlan, load_plan, shipped_names, shipped_plan
 from rig.trial.campaign.walk import Walk, walk
 from rig.window.prepare.request import (
+    SAID_TO_A_CHILD,
     Intent,
     Outlook,
     for_this_rig,
     latch_checks,
+    order_for,
     parameters_check,
     prediction_checks,
-    request_for,
-    rig_flags,
 )
 
 WORST_FIRST = tuple(reversed(Severity))
@@ -50,24 +50,24 @@ def armed_protocol(plan: CampaignPlan) -> str:
 def look_ahead_campaign(intent: Intent) -> Outlook:
     """Walk and check a campaign; what refuses it is part of the answer."""
     problem: Exception | None = None
-    request: RunRequest | None = None
+    order: Order | None = None
     walked: Walk | None = None
     checks: list[Finding] = []
     done: tuple[str, ...] = ()
     try:
         plan = plan_named(intent.campaign)
-        request = request_for(replace(intent, protocol=armed_protocol(plan), values={}))
-        walked = walk(plan, request)
+        order = order_for(replace(intent, protocol=armed_protocol(plan), values={}))
+        walked = walk(plan, order)
         checks += _walk_checks(walked, intent)
         if not intent.anew:
-            done = runs_that_count(intent.rig.folder, plan, request.gear_serial)
+            done = runs_that_count(intent.rig.folder, plan, order.serial)
     except (RigError, ExperimentError, ModelError) as error:
         problem = error
     serial = intent.facts.serial if intent.facts is not None else ""
     checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
     checks += latch_checks(intent.rig)
     return Outlook(
-        intent, request=request, checks=tuple(checks), problem=problem, walk=walked, done=done
+        intent, order=order, checks=tuple(checks), problem=problem, walk=walked, done=done
     )
 
 
@@ -84,7 +84,7 @@ def _walk_checks(walked: Walk, intent: Intent) -> list[Finding]:
     )
     checks = [parameters_check(mounted, intent.rig), Finding("plan", Severity.PASSED, evidence)]
     of_runs = [
-        (one.stage.protocol, check)
+        (one.order.protocol, check)
         for one in walked.stages
         for check in (
             *prediction_checks(preview_plan(one.planned)),
@@ -120,11 +120,11 @@ def runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str,
 
 
 def campaign_arguments(
-    request: RunRequest, campaign: str, parameters: Path | None = None, *, anew: bool = False
+    order: Order, campaign: str, parameters: Path | None = None, *, anew: bool = False
 ) -> list[str]:
     """What follows `python -m rig` to start a campaign as a child that is spoken to in lines."""
     words = ["campaign"]
     words.append(campaign if campaign in shipped_names() else f"--plan={campaign}")
-    words += rig_flags(request, parameters)
+    words += arguments_of(order, SAID_TO_A_CHILD, parameters)
     words += ["--anew"] if anew else []
     return [*words, "--events", "--stdin-control"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rig.run.start import RunRequest
+from rig.bench.backends.order import Order
 from rig.window.prepare.campaign import campaign_arguments
 from rig.window.prepare.preview_plot import summary
 from rig.window.prepare.request import Outlook, arguments_for, title_of
@@ -13,21 +13,21 @@ from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
 
 def handed_over(
-    outlook: Outlook, request: RunRequest, parameters: Path | None, notes: tuple[str, ...]
+    outlook: Outlook, order: Order, parameters: Path | None, notes: tuple[str, ...]
 ) -> PreparedRun | PreparedCampaign:
     """The run, or the campaign, that an outlook planned without a problem; `notes` say who signed what."""
     if outlook.walk is not None:
         intent = outlook.intent
-        words = campaign_arguments(request, intent.campaign, parameters, anew=intent.anew)
-        title = f"{outlook.walk.plan.title} · {request.gear_serial}"
+        words = campaign_arguments(order, intent.campaign, parameters, anew=intent.anew)
+        title = f"{outlook.walk.plan.title} · {order.serial}"
         return PreparedCampaign(outlook.walk, words, title, notes)
     assert outlook.planned is not None
     return PreparedRun(
-        request,
+        order,
         outlook.planned,
-        arguments_for(request, parameters),
+        arguments_for(order, outlook.intent.confirmation.strip(), parameters),
         outlook.preview,
-        title_of(request, outlook.planned),
+        title_of(order, outlook.planned),
         notes,
     )
 

@@ -7,7 +7,6 @@ own, so that typing is never held up. Start is one button that says what it is w
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 from PySide6.QtCore import Qt, QTimer, Signal
@@ -243,18 +242,18 @@ class PreparePage(QWidget):
     def start(self) -> None:
         """Hand the prepared run over, if nothing stands in the way."""
         outlook = self.outlook
-        if self.obstacles or outlook is None or outlook.request is None:
+        if self.obstacles or outlook is None or outlook.order is None:
             self._show_readiness()
             return
         try:
-            parameters = write_parameters(outlook.request)
+            parameters = write_parameters(outlook.order)
         except (RigError, ModelError) as error:
             self._session.message.emit(str(error))
             return
-        request = outlook.request
-        notes = sign_off_notes(self.checklist.checks, request.operator)
-        prepared = handed_over(outlook, request, parameters, notes)
-        self._remember(request.operator, self.protocol.chosen)
+        order = outlook.order
+        notes = sign_off_notes(self.checklist.checks, order.operator)
+        prepared = handed_over(outlook, order, parameters, notes)
+        self._remember(order.operator, self.protocol.chosen)
         # A signature and a confirmation are for one run.
         self.checklist.clear_ticks()
         self.confirmation.clear()
@@ -269,17 +268,16 @@ class PreparePage(QWidget):
         """Run `rig doctor` on the rig of this window. A rig of hardware turns only once it is armed."""
         if self.is_asking:
             return
-        intent, request, parameters = self.intent, None, None
-        if self.outlook is not None and not self.is_stale and self.outlook.request is not None:
-            request = self.outlook.request
+        intent, order, parameters = self.intent, None, None
+        if self.outlook is not None and not self.is_stale and self.outlook.order is not None:
+            order = self.outlook.order
             try:
-                parameters = write_parameters(request)
+                parameters = write_parameters(order)
             except (RigError, ModelError) as error:
                 self._session.message.emit(str(error))
                 return
-            if not is_armed(intent):
-                request = replace(request, confirmation="")
-        words = doctor_arguments(request, intent.rig, parameters)
+        confirmation = intent.confirmation.strip() if is_armed(intent) else ""
+        words = doctor_arguments(order, intent.rig, confirmation, parameters)
         self._examination = None
         self._doctor = self._start_process(words)
         self._doctor.report.connect(self._keep_examination)

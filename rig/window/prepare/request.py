@@ -1,4 +1,4 @@
-"""From what the Prepare page was told to a run: the request, its preview, its checks, and the arguments of `rig run`.
+"""From what the Prepare page was told to a run: the order, its preview, its checks, and the arguments of `rig run`.
 
 No Qt in here: the page calls it from a worker thread, tests call it as it is.
 """
@@ -8,15 +8,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from experiments import catalogue
 from experiments.errors import ExperimentError
 from experiments.finding import Finding, Severity, passed_if
 from model.errors import ModelError
-from model.gear import HarmonicDrive, Mounting
 from model.gear_file import save_gear, shipped_gear
-from model.motor import ServoMotor, shipped_motor
+from rig.bench.backends.order import Order, arguments_of
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.identity import bench_of
 from rig.content.wording import named
@@ -30,16 +29,31 @@ from rig.gears.card import (
 )
 from rig.present.preview.plan import PlanPreview, percent, preview_plan
 from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
-from rig.run.dry_run import DEFAULT_SAMPLE_RATE, PlannedRun
+from rig.run.dry_run import PlannedRun
 from rig.run.gear import card_checks
 from rig.run.latch import TripLatch, latch_of
+from rig.run.ordering import configuration_of, described
 from rig.run.preflight import static_checks
 from rig.run.progress import in_words as time_in_words
-from rig.run.start import RunRequest, plan_request
+from rig.run.start import plan_order
 from rig.trial.campaign.walk import Walk
 
 KNOWN_BY_THE_RIG = ("mounting", "sync_rate")
 """Parameters of protocols that follow from the gear card and the rig: not asked for twice."""
+
+SAID_TO_A_CHILD = (
+    "backend",
+    "folder",
+    "mounting",
+    "serial",
+    "operator",
+    "config",
+    "gear",
+    "sample_rate",
+    "seed",
+    "world",
+)
+"""The fields of an order that a window decides, as the command line of its child has them."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +96,7 @@ class Outlook:
     """What came of an intent: the planned run with its preview and its checks, or why there is none."""
 
     intent: Intent
-    request: RunRequest | None = None
+    order: Order | None = None
     planned: PlannedRun | None = None
     preview: PlanPreview | None = None
     checks: tuple[Finding, ...] = ()
@@ -93,75 +107,41 @@ class Outlook:
     """Of a campaign that goes on: the run that counts for each stage, "" where there is none."""
 
 
-def request_for(intent: Intent) -> RunRequest:
-    """The request of an intent. Raises `ConfigurationError`, `ParameterError`; nothing is connected."""
+def order_for(intent: Intent) -> Order:
+    """The order of an intent. Raises `ConfigurationError`, `ParameterError`; nothing is connected."""
     rig, facts = intent.rig, intent.facts
-    gear, motor, limits, rate, path = _described(rig)
+    config = described_by(rig)
+    known = described(config)
+    gear = known.pop("gear", None) or shipped_gear()
     mounted = catalogue.load(intent.protocol).gear_mounted
-    mounting: Mounting = "circular-spline-fixed"
     if facts is not None:
         gear = gear_of(facts, gear)
-        if facts.mounting:
-            mounting = cast(Mounting, facts.mounting)
-    if path is not None:
+        known |= {"mounting": facts.mounting} if facts.mounting else {}
+        known |= {"serial": facts.serial} if mounted else {}
+    if config is not None:
         from rig.bench.config.apply import with_ratings
         from rig.bench.config.load import load_configuration
 
-        gear = with_ratings(gear, load_configuration(path).ratings)
-    return RunRequest(
-        protocol=intent.protocol,
-        gear=gear,
-        motor=motor,
-        output=rig.folder,
-        values=dict(intent.values),
-        backend=rig.backend,
-        mounting=mounting,
-        gear_serial=facts.serial if facts is not None and mounted else "unknown",
-        operator=intent.operator.strip(),
-        sample_rate=rate,
-        conditions=conditions_of(intent.card) if intent.card is not None and mounted else {},
-        configuration=path,
-        limits=limits,
-        confirmation=intent.confirmation.strip(),
-    )
+        gear = with_ratings(gear, load_configuration(config).ratings)
+    if intent.card is not None and mounted:
+        known["conditions"] = conditions_of(intent.card)
+    known |= {"gear": gear, "folder": rig.folder, "operator": intent.operator.strip()}
+    return Order(protocol=intent.protocol, values=dict(intent.values), backend=rig.backend, **known)
 
 
 def described_by(rig: RigChoice) -> Path | None:
     """The file that describes a rig, where one does."""
-    if rig.configuration is not None or not rig.is_hardware:
-        return rig.configuration
-    from rig.bench.config.place import DEFAULT_PATH
-
-    return DEFAULT_PATH
-
-
-def _described(
-    rig: RigChoice,
-) -> tuple[HarmonicDrive, ServoMotor, Mapping[str, float], float, Path | None]:
-    """Gear, motor, limits, SYNC rate and the file that describes the rig."""
-    path = described_by(rig)
-    if path is None:
-        return shipped_gear(), shipped_motor(), {}, DEFAULT_SAMPLE_RATE, None
-    from rig.bench.config.apply import configured_rig
-
-    configured = configured_rig(path)
-    return (
-        configured.gear,
-        configured.motor,
-        configured.limits,
-        configured.configuration.rig.sample_rate_hz,
-        path,
-    )
+    return configuration_of(rig.backend, rig.configuration)
 
 
 def look_ahead(intent: Intent) -> Outlook:
     """Plan, preview and check an intent; what refuses it is part of the answer."""
     problem: Exception | None = None
-    request, planned, preview = None, None, None
     checks: list[Finding] = []
+    order, planned, preview = None, None, None
     try:
-        request = request_for(intent)
-        planned = plan_request(request)
+        order = order_for(intent)
+        planned = plan_order(order)
         preview = preview_plan(planned)
     except (RigError, ExperimentError, ModelError) as error:
         problem = error
@@ -176,7 +156,7 @@ def look_ahead(intent: Intent) -> Outlook:
         serial = intent.facts.serial if intent.facts is not None else ""
         checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
     checks += latch_checks(intent.rig)
-    return Outlook(intent, request, planned, preview, tuple(checks), problem)
+    return Outlook(intent, order, planned, preview, tuple(checks), problem)
 
 
 def for_this_rig(check: Finding, rig: RigChoice) -> Finding:
@@ -286,15 +266,15 @@ def short(error: Exception) -> str:
     return text + (f"; allowed {limit}" if limit else "")
 
 
-def write_parameters(request: RunRequest) -> Path | None:
-    """The gear of a request as a parameter file beside the cards, so that what is run is what was planned.
+def write_parameters(order: Order) -> Path | None:
+    """The gear of an order as a parameter file beside the cards, so that what is run is what was planned.
 
     None where the rig has this gear anyway. Raises `ParameterError` where it cannot be written.
     """
-    gear, *_ = _described(RigChoice(request.backend, request.output, request.configuration))
-    if request.gear == gear:
+    gear = described(order.config).get("gear") or shipped_gear()
+    if order.gear == gear:
         return None
-    path = card_path(request.output, request.gear_serial)
+    path = card_path(order.folder, order.serial)
     path = path.parent / "parameters" / path.name
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -302,61 +282,41 @@ def write_parameters(request: RunRequest) -> Path | None:
         raise ConfigurationError(
             f"cannot be made: {error.strerror or error}", where=str(path.parent)
         ) from error
-    save_gear(request.gear, path)
+    save_gear(order.gear, path)
     return path
 
 
-def arguments_for(request: RunRequest, parameters: Path | None = None, seed: int = 0) -> list[str]:
-    """What follows `python -m rig` to start this request as a child that is spoken to in lines.
+def arguments_for(
+    order: Order, confirmation: str = "", parameters: Path | None = None
+) -> list[str]:
+    """What follows `python -m rig` to start this order as a child that is spoken to in lines.
 
-    `parameters` is the parameter file of the gear. Every value is tied to its flag by "=": none is
-    taken for another flag.
+    `parameters` is the parameter file of the gear, `confirmation` what was typed to arm this one run.
     """
-    words = ["run", request.protocol, *rig_flags(request, parameters)]
-    if seed:
-        words.append(f"--seed={seed}")
-    if request.confirmation:
-        words.append(f"--confirm={request.confirmation}")
+    words = ["run", order.protocol, *arguments_of(order, SAID_TO_A_CHILD, parameters)]
+    if confirmation:
+        words.append(f"--confirm={confirmation}")
     words += [
-        f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in request.values.items()
+        f"--{name.replace('_', '-')}={_as_text(value)}" for name, value in order.values.items()
     ]
     return [*words, "--events", "--stdin-control"]
 
 
-def rig_flags(request: RunRequest, parameters: Path | None = None) -> list[str]:
-    """Which rig, gear and operator: what a run and a campaign are told alike."""
-    words = [f"--backend={request.backend}", f"--runs={request.output}"]
-    words.append(f"--mounting={request.mounting}")
-    if request.gear_serial != "unknown":
-        words.append(f"--gear={request.gear_serial}")
-    if request.operator:
-        words.append(f"--operator={request.operator}")
-    if request.configuration is not None:
-        words.append(f"--config={request.configuration}")
-    if parameters is not None:
-        words.append(f"--parameters={parameters}")
-    if request.sample_rate != DEFAULT_SAMPLE_RATE:
-        words.append(f"--sample-rate={request.sample_rate:g}")
-    return words
-
-
 def doctor_arguments(
-    request: RunRequest | None, rig: RigChoice, parameters: Path | None = None
+    order: Order | None, rig: RigChoice, confirmation: str = "", parameters: Path | None = None
 ) -> list[str]:
     """What follows `python -m rig` to have this rig looked over; on hardware it moves only if the
     run would be armed.
     """
-    words = ["doctor", "--stdin-control", f"--backend={rig.backend}", f"--runs={rig.folder}"]
-    if rig.configuration is not None:
-        words.append(f"--config={rig.configuration}")
-    if request is None:
-        return words
-    words.append(f"--mounting={request.mounting}")
-    words += [f"--gear={request.gear_serial}"] if request.gear_serial != "unknown" else []
-    words += [f"--parameters={parameters}"] if parameters is not None else []
-    words += [f"--operator={request.operator}"] if request.operator else []
-    if rig.is_hardware and request.confirmation:
-        words += [f"--confirm={request.confirmation}", "--move"]
+    words = ["doctor", "--stdin-control"]
+    if order is None:
+        bare = Order(
+            protocol="doctor", backend=rig.backend, folder=rig.folder, config=rig.configuration
+        )
+        return [*words, *arguments_of(bare, ("backend", "folder", "config"))]
+    words += arguments_of(order, SAID_TO_A_CHILD, parameters)
+    if rig.is_hardware and confirmation:
+        words += [f"--confirm={confirmation}", "--move"]
     return words
 
 
@@ -424,9 +384,9 @@ def sign_off_notes(checks: Sequence[Finding], name: str) -> tuple[str, ...]:
     )
 
 
-def title_of(request: RunRequest, planned: PlannedRun) -> str:
+def title_of(order: Order, planned: PlannedRun) -> str:
     """How the run is called in the window."""
-    gear = request.gear_serial if planned.experiment.gear_mounted else "no gear"
+    gear = order.serial if planned.experiment.gear_mounted else "no gear"
     return f"{planned.experiment.title} · {gear}"
 
 

@@ -33,7 +33,7 @@ def walk_rows(walked: Walk, done: Sequence[str] = ()) -> list[tuple[str, ...]]:
         rows.append(
             (
                 str(index + 1),
-                one.stage.protocol,
+                one.order.protocol,
                 in_words(one.planned.nominal),
                 in_words(one.planned.longest),
                 nearest.quantity.replace("_", " ") if nearest else "–",

@@ -22,7 +22,7 @@ from experiments.recording import Event
 from experiments.steps.note import Prompt
 from rig.present.preview.plan import PlanPreview, preview_plan
 from rig.run.dry_run import PlannedRun
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.progress import in_words
 from rig.trial.campaign.walk import Walk
 from rig.window.run.banner import Banner, StopButtons, look_of
@@ -107,15 +107,11 @@ class RunPage(QWidget):
 
     def start(self, prepared: PreparedRun) -> None:
         """Start a prepared run and watch it."""
-        request = prepared.request
-        gear = (
-            f"gear {request.gear_serial}"
-            if prepared.planned.experiment.gear_mounted
-            else "bare motor"
-        )
+        order = prepared.order
+        gear = f"gear {order.serial}" if prepared.planned.experiment.gear_mounted else "bare motor"
         self._title = (
             prepared.title
-            or f"{prepared.planned.experiment.title}, {gear}, {request.operator or 'no operator'}"
+            or f"{prepared.planned.experiment.title}, {gear}, {order.operator or 'no operator'}"
         )
         seen = prepared.prediction if isinstance(prepared.prediction, PlanPreview) else None
         process = self._start_process(list(prepared.arguments))
@@ -130,7 +126,7 @@ class RunPage(QWidget):
         self._begin(process, None, None)
         self._walk = prepared.walk
         self.stages.expect(
-            [StageRow(one.stage.protocol, one.planned.nominal) for one in prepared.walk.stages]
+            [StageRow(one.order.protocol, one.planned.nominal) for one in prepared.walk.stages]
         )
         for note in prepared.notes:
             process.note(note)

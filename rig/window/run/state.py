@@ -14,7 +14,7 @@ from enum import Enum
 from typing import Any
 
 from experiments.recording import Event
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.trips import SESSION_ERRORS, rule_of
 
 MAKING_SAFE = "making safe"

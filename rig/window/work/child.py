@@ -27,7 +27,7 @@ from PySide6.QtCore import QObject, Signal
 from experiments.recording import Event
 from experiments.steps.note import Prompt
 from model.errors import without_traceback
-from rig.run.order import Progress
+from rig.run.parts import Progress
 
 LONGEST_COMPLAINT = 8000
 """Characters of standard error that are kept: the last ones."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rig.bench.backends.order import Order
 from rig.run.dry_run import PlannedRun
-from rig.run.start import RunRequest
 from rig.trial.campaign.walk import Walk
 
 
@@ -17,7 +17,7 @@ class PreparedRun:
     `prediction` is the `PlanPreview` that the Prepare page drew in advance (None: nothing was predicted).
     """
 
-    request: RunRequest
+    order: Order
     planned: PlannedRun
     arguments: list[str]
     prediction: object | None = None

@@ -35,7 +35,8 @@ from experiments.result import Result
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
 from model.motor import shipped_motor
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import Order
+from rig.run.start import run_order
 from rig.runfile.read import open_run
 from tests.experiments.synthetic import Bench, record
 
@@ -97,16 +98,16 @@ def ringing(gear: HarmonicDrive, folder: Path) -> Recording:
     """Steps of the simulated rig, whose torque port shows what accelerates rotor and output."""
     values = {"speeds_rpm": (600.0, 1800.0), "repeats": 1}
     motor, named = shipped_motor(), "velocity-steps"
-    asked = RunRequest(
+    asked = Order(
         protocol=named,
         gear=gear,
         motor=motor,
-        output=folder,
+        folder=folder,
         values=values,
-        gear_serial="A",
+        serial="A",
         seed=5,
     )
-    return open_run(run_request(asked).path)
+    return open_run(run_order(asked).path)
 
 
 SMALLER: dict[str, dict[str, Any]] = {

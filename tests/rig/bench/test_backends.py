@@ -12,10 +12,10 @@ import pytest
 from experiments.recording import Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.registry import make_port
 from rig.errors import ConfigurationError
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.runfile.read import open_run
 
 SHORT = {
@@ -28,17 +28,17 @@ SHORT = {
 
 
 def recorded(backend: str, folder: Path) -> Recording:
-    request = RunRequest(
+    request = Order(
         protocol="motor-tare",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values=SHORT,
         backend=backend,
-        gear_serial="A1",
+        serial="A1",
         seed=3,
     )
-    report = run_request(request)
+    report = run_order(request)
     assert report.outcome == "COMPLETED", report.message
     assert report.safe
     return open_run(report.path)
@@ -73,4 +73,4 @@ def test_an_unknown_rig_is_refused_with_what_there_is() -> None:
         ConfigurationError,
         match=r"moon.*sim, wire, wire-box, wire-csp, wire-analog, hardware, replay",
     ):
-        make_port("moon", RigRequest(gear=shipped_gear(), motor=shipped_motor()))
+        make_port(Order(protocol="", backend="moon"))

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends import hardware
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.backends.serving import Served, description_of
 from rig.bench.config.load import inspect_configuration, load_configuration
@@ -23,7 +23,7 @@ from rig.bench.state import VARIABLE, state_places
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, LatchedTripError, TripLatch, latch_of
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor.surroundings import bench_lines
 
@@ -47,21 +47,20 @@ def described(folder: Path, identity: str) -> Path:
     return path
 
 
-def armed(folder: Path, description: Path) -> RunRequest:
-    return RunRequest(
+def armed(folder: Path, description: Path) -> Order:
+    return Order(
         protocol="home",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder / "runs",
+        folder=folder / "runs",
         backend=HARDWARE,
         operator="A. Example",
-        gear_serial="SN-1",
-        confirmation="SN-1",
-        configuration=description,
+        serial="SN-1",
+        config=description,
     )
 
 
-def refused(request: RunRequest, monkeypatch: pytest.MonkeyPatch) -> ConfigurationError:
+def refused(request: Order, monkeypatch: pytest.MonkeyPatch) -> ConfigurationError:
     """The refusal of a run on hardware, by which nothing has been opened or written."""
 
     def opened(*_: object) -> None:
@@ -69,8 +68,8 @@ def refused(request: RunRequest, monkeypatch: pytest.MonkeyPatch) -> Configurati
 
     monkeypatch.setattr(hardware, "open_raw_bus", opened)
     with pytest.raises(ConfigurationError) as caught:
-        run_request(request)
-    assert not request.output.exists()
+        run_order(request, confirmation="SN-1")
+    assert not request.folder.exists()
     return caught.value
 
 
@@ -123,7 +122,7 @@ def test_a_check_of_a_description_of_before_says_that_the_identity_is_missing(
 def test_a_hub_is_the_bench_at_its_address_whatever_its_description_calls_it(
     tmp_path: Path, state: Path
 ) -> None:
-    request = RigRequest(gear=shipped_gear(), motor=shipped_motor(), seed=7)
+    request = Order(protocol="", seed=7)
     path, runs = tmp_path / "rig.toml", tmp_path / "runs"
     served = description_of(Served("127.0.0.1", 29536, "can0", "", {}, ""), request)
     for text in (
@@ -145,7 +144,7 @@ def test_the_state_of_a_hub_is_the_user_s(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.delenv(VARIABLE, raising=False)
     monkeypatch.setattr(platformdirs, "site_state_path", lambda *_, **__: tmp_path / "site")
     monkeypatch.setattr(platformdirs, "user_state_path", lambda *_, **__: tmp_path / "user")
-    request = RigRequest(gear=shipped_gear(), motor=shipped_motor())
+    request = Order(protocol="")
     path = tmp_path / "rig.toml"
     path.write_text(description_of(Served("127.0.0.1", 29536, "can0", "", {}, ""), request))
     bench = bench_of(HARDWARE, tmp_path / "runs", path)
@@ -226,7 +225,7 @@ def test_a_trip_of_the_bench_refuses_runs_of_every_folder_until_it_is_acknowledg
     assert latch.path == state / "benches" / "bench-1" / ".tripped.json"
     for folder in ("today", "tomorrow"):
         with pytest.raises(LatchedTripError, match=re.escape(f"--operator NAME --config {path}")):
-            run_request(armed(tmp_path / folder, path))
+            run_order(armed(tmp_path / folder, path), confirmation="SN-1")
     words = ["acknowledge", "--operator", "Ada", "--config", str(path)]
     assert CliRunner().invoke(app, words).exit_code == 0
     assert latch.read() is None
@@ -239,7 +238,7 @@ def test_the_latch_that_version_0_1_0_left_beside_the_runs_still_holds(
     path, runs = described(tmp_path, "bench-1"), tmp_path / "runs"
     TripLatch(runs).leave(TRIP)
     with pytest.raises(LatchedTripError, match=r"over_speed in run 00007-friction-G1"):
-        run_request(armed(tmp_path, path))
+        run_order(armed(tmp_path, path), confirmation="SN-1")
     words = ["acknowledge", "--operator", "Ada", "--config", str(path), "--output", str(runs)]
     assert CliRunner().invoke(app, words).exit_code == 0
     assert not TripLatch(runs).path.exists()
@@ -295,14 +294,14 @@ def test_the_doctor_of_a_simulated_rig_names_seed_and_runs(tmp_path: Path) -> No
 
 
 def test_the_run_file_names_the_bench(tmp_path: Path) -> None:
-    request = RunRequest(
+    request = Order(
         protocol="starting-torque",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         seed=3,
     )
-    report = run_request(request)
+    report = run_order(request)
     recording = open_run(report.path)
     assert recording.metadata.process["bench"] == "3"
     close_recording(recording)

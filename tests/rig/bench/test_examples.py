@@ -26,8 +26,9 @@ from drivers.samples import CycleFlag
 from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.assembly import AssembledRig, RigRequest
+from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import can_rig_config, read_guard
+from rig.bench.backends.order import Order
 from rig.bench.backends.simulated import reference_device
 from rig.bench.config.apply import configured_limits
 from rig.bench.config.load import load_configuration, missing_files
@@ -37,7 +38,7 @@ from rig.errors import ConfigurationError
 from rig.main import app
 from rig.run.dry_run import plan_run
 from rig.run.preflight import limits_check
-from rig.run.start import RunRequest, run_on
+from rig.run.start import run_on
 from rig.runfile.read import close_recording, open_run
 from rig.trial.doctor.examine import examine
 from rig.trial.drill.protocol import EXPERIMENT as DRILL
@@ -160,13 +161,13 @@ SGDV_MONITOR = Sizes(torque_offset=0.0127, torque_lag=0.26e-3, torque_noise=0.00
 """A monitor as the maker states it: 20 mV of 1 V per rated torque, settled to 1 % in 1.2 ms."""
 
 
-def papers_rig(name: str) -> tuple[AssembledRig, RunRequest]:
+def papers_rig(name: str) -> tuple[AssembledRig, Order]:
     """The rig that one of the two descriptions has, in front of simulated devices that behave as the documents say."""
     configuration, gear, motor = example(name), shipped_gear(), shipped_motor()
     assert missing_files(configuration, FOLDER) == ()
     reference = None
     if name.endswith("vref"):
-        reference = reference_device(RigRequest(gear=gear, motor=motor), motor)
+        reference = reference_device(Order(protocol="", gear=gear, motor=motor), motor)
     bench = WireBench(
         gear,
         motor,
@@ -188,11 +189,11 @@ def papers_rig(name: str) -> tuple[AssembledRig, RunRequest]:
         nodes=lambda: port.nodes,
         guard=lambda: read_guard(port, guard),
     )
-    request = RunRequest(
+    request = Order(
         protocol="doctor",
         gear=gear,
         motor=motor,
-        output=Path(),
+        folder=Path(),
         backend="wire",
         sample_rate=configuration.rig.sample_rate_hz,
         limits=configured_limits(configuration),
@@ -206,7 +207,7 @@ def test_the_papers_rig_is_looked_over_and_walked_as_its_page_says(
 ) -> None:
     """`rig doctor --motion` on either form: directions, ratio, index marks, torque, skew, limits, guard."""
     _, request = papers_rig(name)
-    request = replace(request, output=tmp_path, gear_serial="SN-1", operator="A. Example")
+    request = replace(request, folder=tmp_path, serial="SN-1", operator="A. Example")
     found = examine(lambda: papers_rig(name)[0], request, moves=True)
     lines = {(f.where, f.what): f for f in found.findings}
     assert [key for key, f in lines.items() if f.severity is Severity.BLOCKS] == []
@@ -239,7 +240,7 @@ def test_a_run_of_the_papers_rig_is_recorded_with_every_channel_in_si(
         sample_rate=request.sample_rate,
         configured=request.limits,
     )
-    request = replace(request, protocol="drill", output=tmp_path, operator="A. Example")
+    request = replace(request, protocol="drill", folder=tmp_path, operator="A. Example")
     report = run_on(rig, request, planned)
     assert report.outcome == "COMPLETED", report.message
     assert report.make_safe is not None

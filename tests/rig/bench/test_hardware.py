@@ -19,13 +19,14 @@ from experiments.finding import Severity
 from experiments.recording import Event, Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.state import VARIABLE
 from rig.errors import ConfigurationError
 from rig.exits import ERROR, explain
 from rig.run.arming import RULES, WITHOUT_GEAR, Arming, guard_check, refuse_unarmed
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.start import RunRequest, arming_of, plan_request, run_request
+from rig.run.start import arming_of, plan_order, run_order
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
@@ -72,18 +73,18 @@ def test_the_guard_closed_open_and_not_there() -> None:
 
 
 def test_an_unarmed_run_connects_to_nothing(tmp_path: Path) -> None:
-    request = RunRequest(
+    request = Order(
         protocol="home",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         backend=HARDWARE,
         operator="A",
-        gear_serial="SN-1",
-        configuration=tmp_path / "there-is-none.toml",
+        serial="SN-1",
+        config=tmp_path / "there-is-none.toml",
     )
     with pytest.raises(ConfigurationError, match="SN-1 letter for letter"):
-        run_request(request)
+        run_order(request)
     assert not list(tmp_path.glob("*.h5*"))
 
 
@@ -104,18 +105,17 @@ def planned_drill() -> PlannedRun:
     )
 
 
-def armed_request(folder: Path, configuration: Path) -> RunRequest:
-    return RunRequest(
+def armed_request(folder: Path, configuration: Path) -> Order:
+    return Order(
         protocol="drill",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder / "runs",
+        folder=folder / "runs",
         backend=HARDWARE,
         operator="A. Example",
-        gear_serial="SN-1",
-        confirmation="SN-1",
+        serial="SN-1",
         sample_rate=RATE,
-        configuration=configuration,
+        config=configuration,
     )
 
 
@@ -132,7 +132,7 @@ def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
 ) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path))
     events = []
-    report = run_request(request, planned_drill(), on_event=events.append)
+    report = run_order(request, planned_drill(), confirmation="SN-1", on_event=events.append)
     assert report.outcome == "COMPLETED" or was_too_slow(report), report.message
     assert report.safe
     assert report.metrics["missed_share"] < 0.01 or was_too_slow(report)
@@ -146,7 +146,7 @@ def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
 @pytest.mark.realtime
 def test_an_open_guard_keeps_the_rig_still(served: Served, tmp_path: Path) -> None:
     request = armed_request(tmp_path, served.configuration(tmp_path, guard_closed=0))
-    report = run_request(request, planned_drill())
+    report = run_order(request, planned_drill(), confirmation="SN-1")
     assert report.outcome == "ERROR"
     assert "guard" in report.message
     with opened(report.path) as recording:
@@ -164,7 +164,7 @@ def test_a_rig_that_dies_in_motion_trips_and_leaves_a_readable_file(
         if "hold" in str(progress) and served.process.poll() is None:
             served.process.kill()
 
-    report = run_request(request, planned_drill(), on_progress=kill)
+    report = run_order(request, planned_drill(), confirmation="SN-1", on_progress=kill)
     if was_too_slow(report):
         return
     assert report.outcome == "TRIPPED", report.message
@@ -192,11 +192,13 @@ def test_a_second_master_is_refused_and_the_first_goes_on(
             with monkeypatch.context() as computer:
                 computer.setenv(VARIABLE, str(elsewhere / "state"))
                 with pytest.raises(OtherMasterError) as error:
-                    run_request(second, planned_drill())
+                    run_order(second, planned_drill(), confirmation="SN-1")
             refused.append(error.value)
 
     events: list[Event] = []
-    report = run_request(request, planned_drill(), on_progress=join_in, on_event=events.append)
+    report = run_order(
+        request, planned_drill(), confirmation="SN-1", on_progress=join_in, on_event=events.append
+    )
     for words in ("set-points for node 1 (COB-ID 0x201)", "SYNC (COB-ID 0x080)"):
         assert re.search(rf"{re.escape(words)} \d\d+ times", str(refused[0]))
     code, sentence = explain(refused[0]) or (0, "")
@@ -212,9 +214,10 @@ def test_a_second_master_is_refused_and_the_first_goes_on(
 @pytest.mark.realtime
 def test_stop_in_real_time_is_a_controlled_ramp(served: Served, tmp_path: Path) -> None:
     request, stop = armed_request(tmp_path, served.configuration(tmp_path)), StopRequest()
-    report = run_request(
+    report = run_order(
         request,
         planned_drill(),
+        confirmation="SN-1",
         stop=stop,
         on_progress=lambda p: stop.stop() if "hold" in str(p) else None,
     )
@@ -236,14 +239,14 @@ def test_arming_asks_the_rigs_description_for_limits_set_by_hand(tmp_path: Path)
     text = resources.files("rig.bench.config.examples").joinpath("paper-sgdv-vref.toml").read_text()
     path = tmp_path / "rig.toml"
     path.write_text(text, encoding="utf-8")
-    request = RunRequest(
+    request = Order(
         protocol="friction",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         backend="hardware",
-        gear_serial="SN-1",
-        configuration=path,
+        serial="SN-1",
+        config=path,
     )
-    planned = plan_request(request)
+    planned = plan_order(request)
     assert arming_of(request, planned).expected == "SN-1 0.637 N m 3000 r/min"

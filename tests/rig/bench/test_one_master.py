@@ -18,6 +18,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
 from rig import exits
+from rig.bench.backends.order import Order
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.held import HeldFile
 from rig.bench.identity import Bench, bench_of
@@ -25,7 +26,7 @@ from rig.errors import BenchInUseError, RigError
 from rig.main import app
 from rig.run.bench_lock import LOCK_NAME, bench_lock
 from rig.run.latch import CUT_OFF, LatchedTripError, latch_of
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from tests.rig.served_rig import served_rig
 from tests.rig.slow_computer import says_too_slow
 
@@ -112,22 +113,21 @@ def turning_run(description: Path, folder: Path) -> Iterator[subprocess.Popen[st
 def test_a_hub_has_one_master_and_remembers_the_one_that_was_killed(tmp_path: Path) -> None:
     with served_rig(RATE) as served:
         description = served.configuration(tmp_path)
-        request = RunRequest(
+        request = Order(
             protocol="home",
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=tmp_path / "another",
+            folder=tmp_path / "another",
             backend=HARDWARE,
             operator="A. Example",
-            gear_serial="SN-1",
-            confirmation="SN-1",
+            serial="SN-1",
             sample_rate=RATE,
-            configuration=description,
+            config=description,
         )
         try:
             with turning_run(description, tmp_path / "runs") as process:
                 with pytest.raises(BenchInUseError) as busy:
-                    run_request(request)
+                    run_order(request, confirmation="SN-1")
                 holder = str(busy.value.value)
                 assert f"process {process.pid}, rig run warm-up" in holder
                 assert holder.endswith("run 00001-warm_up-SN_1")
@@ -138,13 +138,13 @@ def test_a_hub_has_one_master_and_remembers_the_one_that_was_killed(tmp_path: Pa
                 process.communicate()
         except TooSlowError:
             return
-        latch = latch_of(bench_of(HARDWARE, request.output, description))
+        latch = latch_of(bench_of(HARDWARE, request.folder, description))
         trip = latch.read()
         assert trip is not None
         assert (trip.cause, trip.run) == (CUT_OFF, "00001-warm_up-SN_1")
         with pytest.raises(LatchedTripError, match="NOT verified"):
-            run_request(request)
-        assert not request.output.exists()
+            run_order(request, confirmation="SN-1")
+        assert not request.folder.exists()
         words = ["acknowledge", "--operator", "Ada", "--config", str(description), "--json"]
         acknowledged = CliRunner().invoke(app, words)
         assert json.loads(acknowledged.stdout)["acknowledged"]["part"] == trip.part

@@ -10,24 +10,24 @@ import pytest
 from model.gear_file import save_gear, shipped_gear
 from model.motor import shipped_motor
 from rig import exits
-from rig.bench.backends.assembly import AMBIENT, WorldChoice
+from rig.bench.backends.order import AMBIENT, Order, WorldChoice
 from rig.commands import ordering
 from rig.errors import ConfigurationError
 from rig.main import run as main
-from rig.run.order import Progress
-from rig.run.start import RunRequest, plan_request, run_request
+from rig.run.parts import Progress
+from rig.run.start import plan_order, run_order
 from rig.run.stop import StopRequest
 from rig.runfile.read import read_run_header
 
 VALUES = {"speeds_rpm": (900.0,), "measure_time": 0.2, "settle_time": 0.1, "zero_time": 0.5}
 
 
-def request_of(folder: Path, backend: str = "sim", protocol: str = "motor-tare") -> RunRequest:
-    return RunRequest(
+def request_of(folder: Path, backend: str = "sim", protocol: str = "motor-tare") -> Order:
+    return Order(
         protocol=protocol,
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values=VALUES if protocol == "motor-tare" else {},
         backend=backend,
         seed=3,
@@ -36,16 +36,16 @@ def request_of(folder: Path, backend: str = "sim", protocol: str = "motor-tare")
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    report = run_request(request_of(tmp_path_factory.mktemp("sim")))
+    report = run_order(request_of(tmp_path_factory.mktemp("sim")))
     assert report.outcome == "COMPLETED"
     return report.path
 
 
-def refusal(request: RunRequest) -> ConfigurationError:
+def refusal(request: Order) -> ConfigurationError:
     """What the run is refused with; no file, no latch, nothing else is left in its folder."""
     with pytest.raises(ConfigurationError) as refused:
-        run_request(request)
-    assert not request.output.exists() or not list(request.output.iterdir())
+        run_order(request)
+    assert not request.folder.exists() or not list(request.folder.iterdir())
     assert "emergency" not in str(refused.value).lower()
     assert refused.value.remedy
     return refused.value
@@ -55,18 +55,17 @@ def test_a_replay_is_planned_for_the_gear_of_its_file(recorded: Path, tmp_path: 
     """A gear of a wide population has another ratio than the one that is planned for by default."""
     world = WorldChoice(gear_seed=8052, population="wide", number=1, start_state=AMBIENT)
     of_its_own = replace(request_of(tmp_path), world=world)
-    report = run_request(of_its_own)
+    report = run_order(of_its_own)
     own = read_run_header(report.path).metadata.gear
     assert own is not None
     assert own.ratio != shipped_gear().ratio
-    assert ordering.request_of("motor-tare", {}, backend=f"replay:{report.path}").gear == own
-    replay = ordering.request_of(
-        "motor-tare", VALUES, backend=f"replay:{report.path}", output=tmp_path / "replayed"
-    )
-    assert run_request(replay).outcome == report.outcome
+    assert ordering.order_of("motor-tare", {}, {"backend": f"replay:{report.path}"}).gear == own
+    said = {"backend": f"replay:{report.path}", "folder": tmp_path / "replayed"}
+    replay = ordering.order_of("motor-tare", VALUES, said)
+    assert run_order(replay).outcome == report.outcome
     given = tmp_path / "given.toml"
     save_gear(shipped_gear(), given)
-    named = ordering.request_of("motor-tare", {}, backend=f"replay:{report.path}", parameters=given)
+    named = ordering.order_of("motor-tare", {}, {**said, "gear": given})
     assert named.gear.ratio == shipped_gear().ratio
 
 
@@ -108,7 +107,7 @@ def test_a_run_that_was_stopped(tmp_path: Path) -> None:
         if progress.speed:
             stop.stop()
 
-    stopped = run_request(request_of(tmp_path / "sim"), stop=stop, on_progress=in_motion)
+    stopped = run_order(request_of(tmp_path / "sim"), stop=stop, on_progress=in_motion)
     assert stopped.outcome == "ABORTED"
     refused = refusal(request_of(tmp_path / "again", f"replay:{stopped.path}"))
     assert refused.value == "ABORTED"
@@ -116,7 +115,7 @@ def test_a_run_that_was_stopped(tmp_path: Path) -> None:
 
 def test_the_same_run_is_played(recorded: Path, tmp_path: Path) -> None:
     request = request_of(tmp_path, f"replay:{recorded}")
-    assert run_request(request, plan_request(request)).outcome == "COMPLETED"
+    assert run_order(request, plan_order(request)).outcome == "COMPLETED"
 
 
 def test_as_people_type_it(

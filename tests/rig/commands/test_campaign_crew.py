@@ -12,9 +12,9 @@ import pytest
 from drivers.clock import VirtualClock
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.commands.campaign_crew import armed_by, program_crew
+from rig.bench.backends.order import Order
+from rig.commands.campaign_crew import program_crew, typed_by
 from rig.run.remote import RemoteOperator
-from rig.run.start import RunRequest
 from rig.run.stop import StopRequest
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.campaign.plan import CampaignPlan, Stage
@@ -25,12 +25,12 @@ DONE = DoneStage(index=0, protocol="home", run="00001-home-SN.h5", outcome="COMP
 
 @pytest.fixture
 def walked(tmp_path: Path) -> Walk:
-    request = RunRequest(
+    request = Order(
         protocol="home",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
-        gear_serial="SN-7",
+        folder=tmp_path,
+        serial="SN-7",
     )
     stages = (Stage("home"), Stage("motor-tare"))
     return walk(CampaignPlan(name="two", title="Two", stages=stages, path="two"), request)
@@ -61,16 +61,16 @@ def test_the_stages_are_told_as_they_come_and_go(walked: Walk) -> None:
 
 
 @pytest.mark.parametrize(("index", "expected"), [(0, "SN-7"), (1, "NO GEAR")])
-def test_every_run_on_hardware_is_armed_by_what_is_typed(
+def test_every_run_on_hardware_is_typed_by_what_is_typed(
     walked: Walk, index: int, expected: str
 ) -> None:
     operator, stop, lines = remote()
     one = walked.stages[index]
     operator.take("answer  something ")
-    request = replace(one.request, backend="hardware")
-    armed = armed_by(operator, stop, request, one.planned)
+    order = replace(one.order, backend="hardware")
+    typed = typed_by(operator, stop, order, one.planned)
     # What was typed is taken as it is: whether it arms is decided where the run is armed.
-    assert armed.confirmation == "something"
+    assert typed == "something"
     (prompt,) = lines
     assert f"Type {expected} to arm" in prompt["text"]
     assert prompt["consent"] == ""
@@ -79,8 +79,8 @@ def test_every_run_on_hardware_is_armed_by_what_is_typed(
 def test_a_stop_arms_nothing_and_a_simulated_rig_asks_nothing(walked: Walk) -> None:
     operator, stop, lines = remote()
     one = walked.stages[0]
-    assert armed_by(operator, stop, one.request, one.planned) is one.request
+    assert typed_by(operator, stop, one.order, one.planned) == ""
     assert lines == []
     stop.stop()
-    request = replace(one.request, backend="hardware")
-    assert armed_by(operator, stop, request, one.planned).confirmation == ""
+    order = replace(one.order, backend="hardware")
+    assert typed_by(operator, stop, order, one.planned) == ""

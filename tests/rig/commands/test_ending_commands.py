@@ -17,12 +17,13 @@ from experiments.recording import Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
-from rig.commands.ordering import request_of
+from rig.bench.backends.order import Order
 from rig.errors import RunFileError
 from rig.main import app
 from rig.run.latch import CUT_OFF, HISTORY_NAME, LatchedTripError, TripLatch
 from rig.run.marker import PREFIX
-from rig.run.start import RunRequest, run_request
+from rig.run.ordering import order_of
+from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.trial.doctor.surroundings import bench_lines
@@ -45,12 +46,12 @@ def moving_run(folder: Path, *arguments: str, **options: Any) -> Iterator[PacedP
         yield paced
 
 
-def quick_request(folder: Path) -> RunRequest:
-    return RunRequest(
+def quick_request(folder: Path) -> Order:
+    return Order(
         protocol="starting-torque",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values={"positions": 2, "zero_time": 0.5},
     )
 
@@ -166,7 +167,7 @@ def test_a_run_killed_in_motion_latches_the_folder_until_somebody_acknowledges(
     assert (line.result, line.name) == ("failed", "trip latch")
     assert "was cut off" in trip_in_words(trip)
     (latched,) = [
-        f for f in bench_lines(request_of("home", {}, output=tmp_path)) if f.name == "latch"
+        f for f in bench_lines(order_of("home", {}, {"folder": tmp_path})) if f.name == "latch"
     ]
     assert latched.result == "failed"
     acknowledged = CliRunner().invoke(
@@ -177,7 +178,7 @@ def test_a_run_killed_in_motion_latches_the_folder_until_somebody_acknowledges(
     assert trip.run in (tmp_path / HISTORY_NAME).read_text()
     assert TripLatch(tmp_path).read() is None
     assert recover_run(part).rows > 0
-    assert run_request(quick_request(tmp_path)).outcome == "COMPLETED"
+    assert run_order(quick_request(tmp_path)).outcome == "COMPLETED"
 
 
 def test_three_runs_at_once_in_one_folder_do_not_refuse_each_other(tmp_path: Path) -> None:

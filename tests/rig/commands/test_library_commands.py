@@ -13,9 +13,10 @@ import pytest
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.library.index import LibraryIndex
 from rig.library.place import index_path
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from tests.rig.commands.calling import Rig
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 
@@ -53,16 +54,16 @@ def real(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with one short starting-torque run of the simulated rig."""
     folder = tmp_path_factory.mktemp("real")
     values = {"positions": 2, "zero_time": 0.5, "rate": 0.05}
-    request = RunRequest(
+    request = Order(
         protocol="starting-torque",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
+        folder=folder,
         values=values,
-        gear_serial="G7",
+        serial="G7",
         seed=1,
     )
-    assert run_request(request).outcome == "COMPLETED"
+    assert run_order(request).outcome == "COMPLETED"
     return folder
 
 

@@ -15,15 +15,15 @@ from experiments.recording import Event
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import exits
-from rig.bench.backends.assembly import RigRequest, WorldChoice
+from rig.bench.backends.order import MOUNTINGS, Order, WorldChoice
 from rig.bench.backends.registry import BACKENDS, make_port
 from rig.commands.progress import progress_line
 from rig.commands.running import read_flags, read_protocol
 from rig.errors import ConfigurationError
 from rig.main import run as main
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.progress import in_words
-from rig.run.start import RunRequest, plan_request, run_request
+from rig.run.start import plan_order, run_order
 
 FAST = ("--zero-time", "0.5", "--positions", "2")
 
@@ -116,11 +116,14 @@ def test_a_plan_as_a_table(capsys: pytest.CaptureFixture[str]) -> None:
         (("plan", "friction", "--mounting", "upside-down"), "no such mounting"),
         (("run", "home", "--backend", "dream"), "no such rig"),
         (("plan", "home", "--parameters", "missing.toml"), "cannot be read"),
-        (("run", "home", "--mount", "0"), "--mount: names no simulated world; value 0, allowed 1"),
-        (("run", "home", "--gear-seed", "-1"), "--gear-seed"),
-        (("run", "home", "--number", "0"), "--number"),
+        (
+            ("run", "home", "--mount", "0"),
+            "--world mount: names no simulated world; value 0, allowed 1",
+        ),
+        (("run", "home", "--gear-seed", "-1"), "--world gear-seed"),
+        (("run", "home", "--number", "0"), "--world number"),
         (("run", "home", "--population", "huge"), "allowed narrow, wide"),
-        (("run", "home", "--mount-turn", "nan"), "--mount-turn: is no angle"),
+        (("run", "home", "--mount-turn", "nan"), "--world mount-turn-deg: is no angle"),
         (("run", "home", "--backend", "replay:none.h5", "--day", "2"), "only a simulated rig"),
     ],
 )
@@ -218,13 +221,13 @@ def test_a_run_says_its_world_and_is_made_again(
 
 
 def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
-    request = RunRequest(
+    request = Order(
         protocol="starting-torque",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         values={"positions": 2, "zero_time": 0.5},
-        gear_serial="G1",
+        serial="G1",
         seed=5,
     )
 
@@ -233,7 +236,7 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
 
         from rig.runfile.read import close_recording, open_run
 
-        report = run_request(replace(request, **changes))  # type: ignore[arg-type]
+        report = run_order(replace(request, **changes))  # type: ignore[arg-type]
         assert report.outcome == "COMPLETED", report.message
         recording = open_run(report.path)
         kept = recording.stored("output_angle").tobytes() + recording.stored("torque").tobytes()
@@ -247,22 +250,22 @@ def test_one_seed_is_one_laboratory(tmp_path: Path) -> None:
     # The next number in the folder is another run of the same gear on the same bench.
     assert counts() != first
     assert counts(world=WorldChoice(**again, bench_seed=5)) == first
-    for changes in ({"seed": 6}, {"gear_serial": "G2"}):
+    for changes in ({"seed": 6}, {"serial": "G2"}):
         assert counts(world=WorldChoice(**again), **changes) != first
 
 
 def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
     gear, motor = shipped_gear(), shipped_motor()
-    request = RunRequest(
+    request = Order(
         protocol="kinematic-error",
         gear=gear,
         motor=motor,
-        output=Path(),
+        folder=Path(),
         values={},
         mounting="flexspline-fixed",
         sample_rate=500.0,
     )
-    planned = plan_request(request)
+    planned = plan_order(request)
     assert planned.parameters.mounting == "flexspline-fixed"
     assert planned.parameters.sync_rate == 500.0
     assert planned.load.ratio == 121.0
@@ -270,7 +273,7 @@ def test_what_the_rig_knows_is_not_asked_for_twice() -> None:
 
 def test_an_unknown_rig_lists_those_there_are() -> None:
     with pytest.raises(ConfigurationError, match="no such rig") as refused:
-        make_port("another", RigRequest(gear=shipped_gear(), motor=shipped_motor()))
+        make_port(Order(protocol="", backend="another"))
     assert "sim" in refused.value.limit
     assert "sim" in BACKENDS
 
@@ -303,20 +306,16 @@ def test_the_progress_line_needs_a_terminal(
 def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from rig.commands.ordering import request_of
+    from rig.commands.ordering import order_of
     from rig.gears.card import now_text, save_card, with_changes
 
     values = {"serial": "SN-7", "mounting": "flexspline-fixed", "lubricant": "SK-1A"}
     save_card(tmp_path, with_changes(None, values, "A. Example", now_text()))
-    request = request_of("friction", {}, output=tmp_path, gear_serial="SN-7")
+    request = order_of("friction", {}, {"folder": tmp_path, "serial": "SN-7"})
     assert request.mounting == "flexspline-fixed"
     assert request.conditions["lubricant"] == "SK-1A"
     assert "never been confirmed" in capsys.readouterr().err
     with pytest.raises(ConfigurationError, match="rig gear set"):
-        request_of(
-            "friction", {}, output=tmp_path, gear_serial="SN-7", mounting="circular-spline-fixed"
-        )
-    assert (
-        request_of("friction", {}, output=tmp_path, gear_serial="SN-8").mounting
-        == "circular-spline-fixed"
-    )
+        order_of("friction", {}, {"folder": tmp_path, "serial": "SN-7", "mounting": MOUNTINGS[0]})
+    other = order_of("friction", {}, {"folder": tmp_path, "serial": "SN-8"})
+    assert other.mounting == MOUNTINGS[0]

@@ -24,7 +24,7 @@ from drivers.readout.nd287 import LINE_LENGTH, STX, parse_line
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig import main
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.serving import Served, description_of
 from rig.bench.config.apply import configured_rig
 from rig.bench.config.load import load_configuration
@@ -147,9 +147,7 @@ def test_a_description_without_a_readout_is_one_too(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     served = Served("127.0.0.1", 1, "can0", "", {}, "")
     path.write_text(
-        description_of(
-            served, RigRequest(gear=shipped_gear(), motor=shipped_motor(), sample_rate=250.0)
-        ),
+        description_of(served, Order(protocol="", sample_rate=250.0)),
         encoding="utf-8",
     )
     assert load_configuration(path).rig.sample_rate_hz == 250.0
@@ -171,8 +169,8 @@ def test_a_gear_that_is_not_shipped_gets_a_card_beside_the_description(tmp_path:
     "words",
     [
         ["--host", "0.0.0.0"],
-        ["--mount", "0"],
-        ["--population", "huge"],
+        ["--world", "mount=0"],
+        ["--world", "population=huge"],
         ["--mounting", "upside-down"],
         ["--port", "70000"],
         ["--fault", "EMCY"],

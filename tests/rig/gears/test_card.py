@@ -15,6 +15,7 @@ from experiments.finding import Severity
 from experiments.parameters import parameter_fields
 from model.gear_file import save_gear, shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.errors import ConfigurationError
 from rig.gears.card import (
     CONFIRMED_FIELDS,
@@ -35,7 +36,7 @@ from rig.gears.card import (
 from rig.gears.card_history import CardEvent
 from rig.main import run as main
 from rig.run.gear import card_checks, with_card
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 
 FACTS = {
     "serial": "SN-0815",
@@ -184,11 +185,11 @@ def test_the_load_inertia_of_the_card_is_the_gear_s(tmp_path: Path) -> None:
 
 
 def test_a_request_takes_over_what_the_card_tells_once(tmp_path: Path) -> None:
-    plain = RunRequest(
+    plain = Order(
         protocol="home",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         conditions={"lubricant": "another, as typed"},
     )
     card = confirmed_card(mounting="flexspline-fixed")
@@ -271,16 +272,16 @@ def test_the_commands_tell_set_confirm_and_list(
 
 def test_a_run_file_keeps_the_card_among_its_conditions(tmp_path: Path) -> None:
     card = confirmed_card()
-    request = RunRequest(
+    request = Order(
         protocol="starting-torque",
         gear=gear_of(card.facts, shipped_gear()),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         values={"zero_time": 0.5, "positions": 2},
-        gear_serial=card.serial,
+        serial=card.serial,
         conditions=conditions_of(card),
     )
-    report = run_request(request)
+    report = run_order(request)
     with h5py.File(report.path) as file:
         text = {}
         for name in ("lubricant", "hours", "conditions", "serial_number"):

@@ -33,6 +33,7 @@ from model.linear import dynamic_parameters, torsional_mode
 from model.motor import shipped_motor
 from model.units import REVOLUTION
 from rig.bench import limits as lim
+from rig.bench.backends.order import Order
 from rig.bench.limits import load_of
 from rig.main import run as main
 from rig.present.preview.figures import figures_of
@@ -40,7 +41,7 @@ from rig.present.preview.output import OutputModel
 from rig.present.preview.plan import PlanPreview, preview_plan, torque_model
 from rig.present.preview.torque import COVERAGE, DOUBT, WARMTH, TorqueModel
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.run.start import RunRequest, plan_request, run_request
+from rig.run.start import plan_order, run_order
 from rig.runfile.read import close_recording, open_run
 from tests.rig.fake_rig import NoChoice, experiment_of, planned_of
 
@@ -196,17 +197,17 @@ def measured(recording: Recording) -> list[tuple[float, int, np.ndarray]]:
 def simulated(
     folder: Path, protocol: str, gear: HarmonicDrive, **values: Any
 ) -> tuple[PlannedRun, Any]:
-    request = RunRequest(
+    request = Order(
         protocol=protocol,
         gear=gear,
         motor=MOTOR,
-        output=folder,
+        folder=folder,
         values={"zero_time": 0.5, **values},
-        gear_serial="SN-1",
+        serial="SN-1",
         seed=3,
     )
-    plan = plan_request(request)
-    recording = open_run(run_request(request, plan).path)
+    plan = plan_order(request)
+    recording = open_run(run_order(request, plan).path)
     try:
         return plan, measured(recording)
     finally:

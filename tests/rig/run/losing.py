@@ -17,8 +17,9 @@ from typing import Any
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.run.dry_run import plan_run
-from rig.run.start import RunRequest, run_on
+from rig.run.start import run_on
 from tests.rig.fake_rig import NoChoice, experiment_of
 from tests.rig.served_rig import reached_rig
 
@@ -40,12 +41,12 @@ def main(carrier: str, port: str, folder: str, way: str) -> None:
     """Run, and be lost."""
     gear, motor = shipped_gear(), shipped_motor()
     planned = plan_run(experiment_of(STEPS), NoChoice(), gear, motor, sample_rate=RATE)
-    request = RunRequest(
+    request = Order(
         protocol="literal",
         gear=gear,
         motor=motor,
-        output=Path(folder),
-        gear_serial="SN-1",
+        folder=Path(folder),
+        serial="SN-1",
         sample_rate=RATE,
     )
     told: list[bool] = []

@@ -14,19 +14,20 @@ from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit_run import Choices, fit_files
+from rig.bench.backends.order import Order
 from rig.commands.file_tables import acquisition_facts
 from rig.errors import RunFileError
 from rig.run.dry_run import plan_run
 from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.session import execute
-from rig.run.start import RunRequest, run_request
+from rig.run.start import run_order
 from rig.runfile.closing import LONGEST_ACQUISITION, acquisition_text
 from rig.runfile.read import close_recording, open_run, read_run_header
 from rig.runfile.recover import recover_run
 from rig.runfile.write import RunWriter
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
 from rig.trial.drill.suite import reference_run
-from tests.rig.fake_rig import INCOMPLETE, FakeRig, order_of, planned_of
+from tests.rig.fake_rig import INCOMPLETE, FakeRig, parts_of, planned_of
 from tests.rig.runfile.making import block, header
 
 STEPS = (Ramp(20.0, 500.0), HoldTime(0.4), Ramp(-20.0, 500.0), HoldTime(0.4), Ramp(0.0, 500.0))
@@ -48,7 +49,7 @@ def test_a_run_keeps_the_figures_of_its_acquisition(begin: Any, tmp_path: Path) 
             602: lambda r: setattr(r.physics, "flags", 0),
         }
     )
-    report = execute(order_of(planned_of(*STEPS), rig, tmp_path), begin)
+    report = execute(parts_of(planned_of(*STEPS), rig, tmp_path), begin)
     found = acquisition_of(report.path)
     assert found["cycles"] == report.rows
     assert found["achieved_rate"] == pytest.approx(1000.0)
@@ -65,7 +66,8 @@ def test_a_run_keeps_the_figures_of_its_acquisition(begin: Any, tmp_path: Path) 
 def test_a_run_carries_the_benchs_output_bearing(tmp_path: Path) -> None:
     known = {"coulomb": 0.48, "coulomb_u": 0.04, "source": "spun with a cord"}
     report = execute(
-        order_of(planned_of(*STEPS), FakeRig(), tmp_path, output_bearing=known), begin_inline_run
+        parts_of(planned_of(*STEPS), FakeRig(), tmp_path, said={"output_bearing": known}),
+        begin_inline_run,
     )
     assert read_run_header(report.path).metadata.process["output_bearing"] == known
 
@@ -84,12 +86,12 @@ def test_the_wire_tells_its_own_figures(tmp_path: Path) -> None:
 
 def test_the_share_of_missed_cycles_is_asked_for(tmp_path: Path) -> None:
     values = {"points": 6, "highest_rpm": 1200.0, "lowest_rpm": 5.0, "up_and_down": False}
-    report = run_request(
-        RunRequest(
+    report = run_order(
+        Order(
             protocol="friction",
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=tmp_path,
+            folder=tmp_path,
             values=values,
             seed=5,
         ),

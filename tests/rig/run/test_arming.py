@@ -19,15 +19,16 @@ from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.errors import LimitError
 from rig.run.arming import handle_check, loss_check
 from rig.run.own_handle import OwnHandle
 from rig.run.preflight import limits_check
 from rig.run.session import execute
-from rig.run.start import RunRequest, arm, run_on
+from rig.run.start import arm, run_on
 from rig.run.watchdog import Watchdog
 from rig.runfile.read import close_recording, open_run
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 REASONS = ("it does not hear the computer's heartbeat (0x1016)",)
 
@@ -121,12 +122,12 @@ def test_a_rig_whose_adapter_allows_one_handle_runs_and_says_that_its_watchdog_h
         second_handle="pcan: not tried",
         guard=lambda: (1, True),
     )
-    request = RunRequest(
+    request = Order(
         protocol="literal",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
-        gear_serial="SN-1",
+        folder=tmp_path,
+        serial="SN-1",
     )
     report = run_on(rig, request, planned_of(Ramp(20.0, 500.0), Ramp(0.0, 500.0)))
     assert report.outcome == "COMPLETED"
@@ -155,7 +156,7 @@ def test_a_watchdog_without_a_handle_says_that_it_could_not_stop_the_drive() -> 
 
     rig.script[450] = stall
     run, steps = ListRun(), (Ramp(20.0, 500.0), HoldTime(0.3))
-    report = execute(order_of(planned_of(*steps), rig, Path(), watchdog=watchdog), lambda *_: run)
+    report = execute(parts_of(planned_of(*steps), rig, Path(), watchdog=watchdog), lambda *_: run)
     watchdog.stop()
     assert report.trip is not None
     assert report.trip.cause == "late_turn"

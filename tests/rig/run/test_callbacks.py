@@ -18,7 +18,7 @@ from rig.run.realtime import execute_in_real_time
 from rig.run.serving import Relay, _serve_until_over
 from rig.run.session import execute
 from rig.run.stop import StopRequest
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 from tests.rig.raising import CASES, Carrier, judge
 
 STEPS = (Ramp(20.0, 500.0), HoldTime(0.1), Mark("in-motion", "it turns"), HoldTime(0.3))
@@ -91,7 +91,7 @@ def test_served_by_another_thread_it_is_the_same(
 ) -> None:
     """Real time in all but the rig: a serving thread, a turn thread, a watchdog's place."""
     rig, stop = FakeRig(), StopRequest()
-    order = order_of(planned_of(*STEPS), rig, tmp_path)
+    order = parts_of(planned_of(*STEPS), rig, tmp_path)
 
     def run() -> Any:
         return execute_in_real_time(order, begin_threaded_run, stop=stop, **{name: raises(error)})
@@ -122,7 +122,7 @@ def test_an_error_of_the_run_itself_is_not_lost_behind_that_of_a_callback() -> N
 
     rig = FakeRig(script={400: fail})
     with pytest.raises(SystemExit) as raised:
-        execute(order_of(planned_of(*STEPS), rig, Path()), lambda *_: ListRun(), on_event=on_event)
+        execute(parts_of(planned_of(*STEPS), rig, Path()), lambda *_: ListRun(), on_event=on_event)
     assert len(seen) == 1
     assert raised.value.code == 4
     assert rig.physics.speed == 0.0
@@ -133,7 +133,7 @@ def test_a_stop_says_who_pressed_it() -> None:
     steps = (Ramp(20.0, 500.0), Prompt("warm?", "warm"), HoldTime(0.3))
     with pytest.raises(LookupError) as raised:
         execute(
-            order_of(planned_of(*steps), rig, Path(), 20),
+            parts_of(planned_of(*steps), rig, Path(), 20),
             lambda *_: run,
             ask=raises(LookupError("nobody")),
         )
@@ -182,12 +182,12 @@ from pathlib import Path
 sys.path.insert(0, {root!r})
 from experiments.steps.vocabulary import HoldTime, Ramp
 from rig.run.realtime import execute_in_real_time
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 turns, begun = threading.Event(), threading.Event()
 rig = FakeRig(script={{400: lambda rig: (begun.set(), over.wait(20.0))}})
 over = threading.Event()
-order = order_of(planned_of(Ramp(20.0, 500.0), HoldTime(600.0)), rig, Path({folder!r}))
+order = parts_of(planned_of(Ramp(20.0, 500.0), HoldTime(600.0)), rig, Path({folder!r}))
 
 def work():
     report = execute_in_real_time(order, lambda *_: ListRun())

@@ -30,7 +30,7 @@ from rig.bench import limits as lim
 from rig.errors import LimitError
 from rig.run.dry_run import plan_run
 from rig.run.session import execute
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
 
@@ -62,7 +62,7 @@ def test_the_forecast_is_what_an_ideal_rig_then_does() -> None:
     )  # fmt: skip
     planned = planned_of(*steps)
     run = ListRun()
-    report = execute(order_of(planned, FakeRig(), Path(), 1000), lambda *_: run)
+    report = execute(parts_of(planned, FakeRig(), Path(), 1000), lambda *_: run)
     assert report.outcome == "COMPLETED"
     # Before the plan 201 cycles are spent standing, after it 100 to verify standstill, once more 50 to switch off.
     assert report.rows * 1e-3 - 0.301 == pytest.approx(planned.nominal, abs=0.15)

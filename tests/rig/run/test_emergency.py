@@ -14,7 +14,7 @@ from experiments.steps.vocabulary import HoldTime, Ramp
 from rig.run.make_safe import MakeSafe
 from rig.run.phases import Machine
 from rig.run.session import execute
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 SHORT = (Ramp(20.0, 500.0), HoldTime(0.3), Ramp(0.0, 500.0))
 AT = 400
@@ -46,7 +46,7 @@ def ended(run: ListRun, *more: Callable[[FakeRig], None]) -> tuple[FakeRig, Zero
 
     rig.script[AT] = fail
     with pytest.raises(ZeroDivisionError) as raised:
-        execute(order_of(planned_of(*SHORT), rig, Path(), 20), lambda *_: run)
+        execute(parts_of(planned_of(*SHORT), rig, Path(), 20), lambda *_: run)
     return rig, raised.value
 
 
@@ -130,7 +130,7 @@ def test_a_file_that_cannot_be_closed_hides_nothing(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(ListRun, "close", lambda *_: 1 // 0)
     with pytest.raises(ZeroDivisionError) as raised:
         execute(
-            order_of(planned_of(*SHORT), FakeRig(script={AT: _defect}), Path(), 20), lambda *_: run
+            parts_of(planned_of(*SHORT), FakeRig(script={AT: _defect}), Path(), 20), lambda *_: run
         )
     assert raised.value.args == ("a defect",)
     assert "The run file was not closed" in raised.value.__notes__[-1]

@@ -37,10 +37,10 @@ from experiments.steps.vocabulary import (
 )
 from model.units import REVOLUTION
 from rig.run.engine import Engine
-from rig.run.order import RunReport
+from rig.run.parts import RunReport
 from rig.run.phases import Machine
 from rig.run.session import execute
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 COUNTS = 32768
 LABEL = SegmentLabel("x", 1.0, 1, 0)
@@ -68,7 +68,7 @@ def run_steps(
 ) -> tuple[ListRun, RunReport]:
     run = ListRun()
     rig = rig or FakeRig()
-    report = execute(order_of(planned_of(*steps), rig, Path(), block), lambda *_: run)
+    report = execute(parts_of(planned_of(*steps), rig, Path(), block), lambda *_: run)
     return run, report
 
 
@@ -244,7 +244,7 @@ def test_marks_and_prompts_become_events() -> None:
         Mark("note", "begin"), Prompt("Ambient temperature?", "ambient"), HoldTime(0.05)
     )
     report = execute(
-        order_of(planned, FakeRig(), Path()), lambda *_: run, ask=lambda prompt: next(answers)
+        parts_of(planned, FakeRig(), Path()), lambda *_: run, ask=lambda prompt: next(answers)
     )
     assert report.outcome == "COMPLETED"
     by_code = {event.code: event for event in run.events}

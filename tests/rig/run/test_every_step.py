@@ -37,17 +37,19 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import REVOLUTION
 from rig.bench import limits as lim
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import preview_plan
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import CUT
 from rig.run.make_safe import Action
-from rig.run.order import Progress, RunOrder, RunReport
+from rig.run.parts import Progress, RunReport, SessionParts
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 from sim_backend.direct import SimulatedRig
 from sim_backend.world import World
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 GEAR, MOTOR = shipped_gear(), shipped_motor()
 UP, DOWN = Ramp(20.0, 400.0), Ramp(0.0, 400.0)
@@ -102,15 +104,14 @@ def simulated(
         if stop_at is not None and progress.elapsed >= stop_at:
             (stop.stop if word == "STOP" else stop.abort)()
 
-    order = RunOrder(
+    rig = SimulatedRig(GEAR, MOTOR, world=World.of(5), clock=clock)
+    parts = SessionParts(
+        order=Order(protocol="", gear=GEAR, motor=MOTOR),
         planned=planned,
-        port=SimulatedRig(GEAR, MOTOR, world=World.of(5), clock=clock),
-        clock=clock,
-        backend="sim",
-        output=Path(),
-        block_cycles=block,
+        rig=AssembledRig(name="sim", port=rig, clock=clock),
+        cycles=block,
     )
-    return run, execute(order, lambda *_: run, stop=stop, on_progress=press)
+    return run, execute(parts, lambda *_: run, stop=stop, on_progress=press)
 
 
 def kinds_of(root: type) -> set[type]:
@@ -201,7 +202,7 @@ def test_a_swing_follows_its_equation_and_comes_back(reference: ListRun) -> None
     assert angle[-1] == pytest.approx(angle[0], abs=0.15)
     rig = FakeRig()
     run = ListRun()
-    assert execute(order_of(SWING, rig, Path(), 100), lambda *_: run).outcome == "COMPLETED"
+    assert execute(parts_of(SWING, rig, Path(), 100), lambda *_: run).outcome == "COMPLETED"
     targets = run.counts[:, [c.name for c in rig.channels].index("target_speed")]
     moving = np.flatnonzero(targets)
     assert targets.max() == -targets.min() == round(2.0 * REVOLUTION / 0.8 * 1e4)

@@ -17,7 +17,7 @@ from rig.run.index_review import NO_MARKS, IndexReview
 from rig.run.session import execute
 from rig.run.torque_review import Agreement
 from rig.run.trips import Trip
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 REVOLUTION = 32768
 CHANNELS = (
@@ -139,7 +139,7 @@ def test_a_run_whose_motor_encoder_loses_counts_trips_and_stands() -> None:
     steps = (Ramp(60.0, 500.0), HoldRevolutions(8.0, 3.0), Ramp(0.0, 500.0))
     run = ListRun()
     rig = FakeRig(script={700: lose(25)})
-    report = execute(order_of(planned_of(*steps), rig, Path(), 50), lambda *_: run)
+    report = execute(parts_of(planned_of(*steps), rig, Path(), 50), lambda *_: run)
     assert report.outcome == "TRIPPED", report.message
     assert report.trip is not None
     assert report.trip.cause == "lost_counts"

@@ -13,6 +13,7 @@ from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.bench.held import HeldFile, is_held, read_held
 from rig.errors import RigError, RunFileError
 from rig.run import marker as markers
@@ -20,19 +21,19 @@ from rig.run import opening
 from rig.run.latch import CUT_OFF, HISTORY_NAME, LatchedTrip, LatchedTripError, TripLatch
 from rig.run.marker import PREFIX, RunMarker, live_runs, orphans
 from rig.run.opening import begin_inline_run
-from rig.run.order import RunReport
+from rig.run.parts import RunReport
 from rig.run.session import execute
-from rig.run.start import RunRequest, run_on
+from rig.run.start import run_on
 from rig.run.stop import StopRequest
-from tests.rig.fake_rig import FakeRig, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, parts_of, planned_of
 
 STEPS = (Ramp(20.0, 500.0), HoldTime(0.3), Ramp(0.0, 500.0))
 NOW = "2026-01-02T03:04:05+00:00"
 
 
-def request_in(folder: Path) -> RunRequest:
-    return RunRequest(
-        protocol="fake", gear=shipped_gear(), motor=shipped_motor(), output=folder, block_cycles=20
+def request_in(folder: Path) -> Order:
+    return Order(
+        protocol="fake", gear=shipped_gear(), motor=shipped_motor(), folder=folder, block_cycles=20
     )
 
 
@@ -116,7 +117,7 @@ def test_an_exception_that_ends_in_verified_standstill_leaves_no_marker(tmp_path
         raise ZeroDivisionError("a defect")
 
     marker = RunMarker(tmp_path, "")
-    order = order_of(planned_of(*STEPS), FakeRig(script={500: fail}), tmp_path, marker=marker)
+    order = parts_of(planned_of(*STEPS), FakeRig(script={500: fail}), tmp_path, marker=marker)
     with pytest.raises(ZeroDivisionError):
         execute(order, begin_inline_run)
     assert not list(tmp_path.glob(f"{PREFIX}*"))

@@ -9,16 +9,17 @@ import pytest
 from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.run.dry_run import PlannedRun
 from rig.run.preflight import static_checks
-from rig.run.start import RunRequest, plan_request
+from rig.run.start import plan_order
 
 
 def planned(folder: Path) -> PlannedRun:
     """A short run that would be kept in a folder."""
     gear, motor = shipped_gear(), shipped_motor()
-    request = RunRequest(protocol="starting-torque", gear=gear, motor=motor, output=folder)
-    return plan_request(request)
+    request = Order(protocol="starting-torque", gear=gear, motor=motor, folder=folder)
+    return plan_order(request)
 
 
 def test_a_folder_that_cannot_be_written_fails_and_says_nothing_of_space(

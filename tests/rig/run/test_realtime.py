@@ -16,7 +16,7 @@ from experiments.recording import Event
 from experiments.steps.vocabulary import HoldTime, Prompt, Ramp
 from rig.run.callbacks import Callbacks
 from rig.run.opening import begin_threaded_run
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.realtime import (
     block_cycles,
     collector_off,
@@ -29,7 +29,7 @@ from rig.run.session import execute
 from rig.run.stop import StopRequest
 from rig.run.watchdog import Watchdog
 from rig.runfile.read import close_recording, open_run
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 SHORT = (Ramp(20.0, 500.0), HoldTime(0.3), Ramp(0.0, 500.0))
 
@@ -43,7 +43,7 @@ def test_a_run_in_real_time_keeps_everything_and_ends_with_the_collector_on(tmp_
         collecting.append(gc.isenabled())
 
     events: list[Event] = []
-    order = order_of(planned_of(*SHORT), FakeRig(script={400: look}), tmp_path)
+    order = parts_of(planned_of(*SHORT), FakeRig(script={400: look}), tmp_path)
     report = execute_in_real_time(order, begin_threaded_run, on_event=events.append)
     assert (report.outcome, report.safe) == ("COMPLETED", True)
     assert threads == {"turn"}
@@ -60,7 +60,7 @@ def test_what_a_run_in_real_time_raises_is_raised_here(tmp_path: Path) -> None:
         raise ZeroDivisionError("a defect")
 
     rig = FakeRig(script={400: fail})
-    order = order_of(planned_of(*SHORT), rig, tmp_path)
+    order = parts_of(planned_of(*SHORT), rig, tmp_path)
     rig.script[400] = lambda r: (r.script.clear(), fail(r))  # type: ignore[func-returns-value]
     with pytest.raises(ZeroDivisionError):
         execute_in_real_time(order, begin_threaded_run)
@@ -108,7 +108,7 @@ def test_a_late_turn_trips_the_run() -> None:
         watchdog.check()
 
     rig.script[450] = stall
-    order = order_of(planned_of(*SHORT), rig, Path(), watchdog=watchdog)
+    order = parts_of(planned_of(*SHORT), rig, Path(), watchdog=watchdog)
     run = ListRun()
     report = execute(order, lambda *_: run)
     assert stopped == [True]
@@ -123,7 +123,7 @@ def test_the_watchdog_does_not_bark_at_a_run_that_turns() -> None:
     rig = FakeRig()
     watchdog = Watchdog(rig.clock, 0.25, lambda: None)
     report = execute(
-        replace(order_of(planned_of(*SHORT), rig, Path()), watchdog=watchdog), lambda *_: ListRun()
+        replace(parts_of(planned_of(*SHORT), rig, Path()), watchdog=watchdog), lambda *_: ListRun()
     )
     assert report.outcome == "COMPLETED"
     assert not watchdog.acted
@@ -230,7 +230,7 @@ def test_notes_of_the_operator_become_events() -> None:
     stop = StopRequest()
     rig = FakeRig(script={300: lambda _: stop.note("smells of oil")})
     run = ListRun()
-    report = execute(order_of(planned_of(*SHORT), rig, Path()), lambda *_: run, stop=stop)
+    report = execute(parts_of(planned_of(*SHORT), rig, Path()), lambda *_: run, stop=stop)
     assert report.outcome == "COMPLETED"
     assert [event.text for event in run.events if event.code == "note"] == ["smells of oil"]
     assert (

@@ -26,12 +26,12 @@ from rig.errors import RigError
 from rig.run.engine import CUT
 from rig.run.make_safe import Action
 from rig.run.opening import begin_inline_run
-from rig.run.order import Progress, RunReport
+from rig.run.parts import Progress, RunReport
 from rig.run.preflight import channel_checks, set_point_checks, static_checks
 from rig.run.session import execute, output_sense
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
-from tests.rig.fake_rig import INCOMPLETE, FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import INCOMPLETE, FakeRig, ListRun, parts_of, planned_of
 from tests.rig.run.test_engine import EVERYTHING
 
 SHORT: tuple[Step, ...] = (
@@ -43,7 +43,7 @@ SHORT: tuple[Step, ...] = (
 
 def run_short(rig: FakeRig | None = None, **more: object) -> tuple[ListRun, RunReport]:
     run, rig = ListRun(), rig or FakeRig()
-    order = order_of(planned_of(*SHORT), rig, Path(), more.pop("block", 50))  # type: ignore[arg-type]
+    order = parts_of(planned_of(*SHORT), rig, Path(), more.pop("block", 50))  # type: ignore[arg-type]
     return run, execute(order, lambda *_: run, **more)  # type: ignore[arg-type]
 
 
@@ -51,7 +51,7 @@ def run_short(rig: FakeRig | None = None, **more: object) -> tuple[ListRun, RunR
 def segments() -> dict[str, int]:
     """Row in the middle of every segment of the plan with every kind of step."""
     run = ListRun()
-    execute(order_of(planned_of(*EVERYTHING), FakeRig(), Path()), lambda *_: run)
+    execute(parts_of(planned_of(*EVERYTHING), FakeRig(), Path()), lambda *_: run)
     return {s.label: (s.start + s.stop) // 2 for s in run.segments}
 
 
@@ -67,7 +67,7 @@ def test_stop_and_abort_at_every_kind_of_step(
     row = segments[label]
     rig = FakeRig(script={row: lambda _: stop.stop() if word == "STOP" else stop.abort()})
     report = execute(
-        order_of(planned_of(*EVERYTHING), rig, tmp_path, 20), begin_inline_run, stop=stop
+        parts_of(planned_of(*EVERYTHING), rig, tmp_path, 20), begin_inline_run, stop=stop
     )
     assert report.outcome == "ABORTED"
     assert report.safe, report.message
@@ -117,7 +117,7 @@ def test_a_ramp_that_the_drive_does_not_hear_becomes_a_quick_stop(outcome: str, 
     if outcome == "ABORTED":
         rig.script[450] = lambda _: stop.stop()
     report = execute(
-        order_of(planned_of(*steps), rig, Path(), block),
+        parts_of(planned_of(*steps), rig, Path(), block),
         lambda *_: run,
         stop=stop,
         on_event=lambda event: ramps(event.code, event.text),
@@ -214,7 +214,7 @@ def test_a_folder_that_is_none_is_refused_before_the_rig_is_opened(tmp_path: Pat
     file.write_text("x")
     rig = FakeRig()
     with pytest.raises(RigError, match="not ready, nothing has moved"):
-        execute(order_of(planned_of(*SHORT), rig, file / "runs"), begin_inline_run)
+        execute(parts_of(planned_of(*SHORT), rig, file / "runs"), begin_inline_run)
     assert rig.exchanged == []
     checks = static_checks(planned_of(*SHORT), tmp_path)
     assert [check.severity for check in checks] == ["passed", "warns"]
@@ -223,7 +223,7 @@ def test_a_folder_that_is_none_is_refused_before_the_rig_is_opened(tmp_path: Pat
 
 def test_a_recorder_that_fails_ends_the_run_but_not_the_making_safe() -> None:
     rig, run = FakeRig(), ListRun(fail_after=500)
-    report = execute(order_of(planned_of(*SHORT), rig, Path(), 50), lambda *_: run)
+    report = execute(parts_of(planned_of(*SHORT), rig, Path(), 50), lambda *_: run)
     assert report.outcome == "ERROR"
     assert "the disk is full" in report.message
     assert report.safe
@@ -241,7 +241,7 @@ def test_an_exception_nobody_expected_is_made_safe_and_sealed(error: BaseExcepti
 
     rig, run = FakeRig(script={400: fail}), ListRun()
     with pytest.raises(type(error)):
-        execute(order_of(planned_of(*SHORT), rig, Path(), 50), lambda *_: run)
+        execute(parts_of(planned_of(*SHORT), rig, Path(), 50), lambda *_: run)
     assert run.outcome == ("ABORTED" if isinstance(error, KeyboardInterrupt) else "ERROR")
     assert "made-safe" in run.codes()
     assert "exception" in run.codes()
@@ -270,8 +270,8 @@ def test_a_run_brought_to_its_end_is_completed_whatever_the_gear_is_worth() -> N
 
 
 def test_what_is_kept_is_everything_in_order(tmp_path: Path) -> None:
-    order = order_of(
-        planned_of(*SHORT), FakeRig(), tmp_path, operator="Ada", gear_serial="G7", seed=3
+    order = parts_of(
+        planned_of(*SHORT), FakeRig(), tmp_path, said={"operator": "Ada", "serial": "G7", "seed": 3}
     )
     report = execute(order, begin_inline_run)
     recording = open_run(report.path, verify=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,11 @@ from experiments.steps.vocabulary import HoldTime, Ramp, ServoOff, Step
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
+from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.run import trips
 from rig.run.bounds import Watch
-from rig.run.order import RunOrder, RunReport
+from rig.run.parts import RunReport, SessionParts
 from rig.run.phases import Turn
 from rig.run.session import execute
 from rig.run.supervisor import Supervisor
@@ -57,15 +58,13 @@ def run_with(
     port: Any = SimulatedRig(
         shipped_gear(), shipped_motor(), imperfections, World.of(seed), clock=clock, faults=lies
     )
-    order = RunOrder(
+    parts = SessionParts(
+        order=Order(protocol=""),
         planned=planned_of(*plan),
-        port=port,
-        clock=clock,
-        backend="sim",
-        output=Path(),
-        block_cycles=block,
+        rig=AssembledRig(name="sim", port=port, clock=clock),
+        cycles=block,
     )
-    return run, execute(order, lambda *_: run)
+    return run, execute(parts, lambda *_: run)
 
 
 @pytest.mark.parametrize("block", [20, 250])

@@ -21,11 +21,11 @@ from rig.bench.limits import Limit
 from rig.run import trips
 from rig.run.bounds import Geometry, Watch
 from rig.run.make_safe import STAGES, Action
-from rig.run.order import RunReport
+from rig.run.parts import RunReport
 from rig.run.phases import Turn
 from rig.run.session import execute
 from rig.run.supervisor import Supervisor
-from tests.rig.fake_rig import INCOMPLETE, FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import INCOMPLETE, FakeRig, ListRun, parts_of, planned_of
 
 AT = 1000
 """Cycle at which things go wrong: the input turns at 40 rad/s then."""
@@ -42,7 +42,7 @@ def run_with(
 ) -> tuple[ListRun, RunReport]:
     run = ListRun()
     planned = planned_of(*(steps or PLAN), gear_mounted=gear_mounted)
-    return run, execute(order_of(planned, rig, Path(), block, **more), lambda *_: run)
+    return run, execute(parts_of(planned, rig, Path(), block, **more), lambda *_: run)
 
 
 def at(cycle: int, change: Callable[[FakeRig], object]) -> FakeRig:
@@ -171,7 +171,7 @@ def test_leaving_the_planned_travel_trips() -> None:
     planned = planned_of(*plan)
     rig = FakeRig(script={AT - 500: turn_back})
     run = ListRun()
-    order = order_of(planned, rig, Path(), 50)
+    order = parts_of(planned, rig, Path(), 50)
     # A generous speed limit, so that the travel is what is broken.
     wide = [
         e if e.quantity != lim.INPUT_SPEED else Limit(e.quantity, 500.0, e.tier, e.origin)

@@ -20,7 +20,7 @@ from rig.bench import limits as lim
 from rig.bench.backends.assembly import AssembledRig
 from rig.run import margins, trips
 from rig.run.bounds import Watch
-from rig.run.order import Progress, RunReport
+from rig.run.parts import Progress, RunReport
 from rig.run.phases import Turn
 from rig.run.session import execute
 from rig.run.start import handle_of, watchdog_of
@@ -29,14 +29,14 @@ from rig.run.supervisor import Supervisor
 from rig.run.torque_review import TorqueReview, TorqueState, heat_integral
 from rig.run.trips import UNKNOWN_RULE, Trip, rule_of
 from rig.trial.drill.rigs import drilled_rig
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 HOLD = (Ramp(20.0, 500.0), HoldTime(0.8), Ramp(0.0, 500.0))
 
 
 def run_with(rig: FakeRig, block: int = 50, **more: object) -> tuple[ListRun, RunReport]:
     run = ListRun()
-    return run, execute(order_of(planned_of(*HOLD), rig, Path(), block), lambda *_: run, **more)  # type: ignore[arg-type]
+    return run, execute(parts_of(planned_of(*HOLD), rig, Path(), block), lambda *_: run, **more)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("cuts", [1, 7, 5000])

@@ -14,12 +14,12 @@ from experiments.recording import Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends import simulated
-from rig.bench.backends.assembly import StartState, WorldChoice
+from rig.bench.backends.order import Order, StartState, WorldChoice
 from rig.bench.backends.registry import HARDWARE
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import NUMBERS_FOLDER
 from rig.run.repeat import repetition
-from rig.run.start import RunRequest, plan_request, rig_for, run_request
+from rig.run.start import plan_order, rig_for, run_order
 from rig.run.world import start_state
 from rig.runfile.prevailing import world_facts
 from rig.runfile.read import close_recording, open_run
@@ -35,25 +35,25 @@ TARE = {
 }
 
 
-def request_of(folder: Path, protocol: str = "starting-torque", **changes: Any) -> RunRequest:
+def request_of(folder: Path, protocol: str = "starting-torque", **changes: Any) -> Order:
     values = {"starting-torque": SHORT, "warm-up": WARM, "motor-tare": TARE}[protocol]
     return dataclasses.replace(
-        RunRequest(
+        Order(
             protocol=protocol,
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=folder,
+            folder=folder,
             values=values,
-            gear_serial="G1",
+            serial="G1",
             seed=5,
         ),
         **changes,
     )
 
 
-def made(request: RunRequest) -> Recording:
+def made(request: Order) -> Recording:
     """A run of this request, closed: its metadata and the path of its file."""
-    report = run_request(request)
+    report = run_order(request)
     recording = open_run(report.path)
     close_recording(recording)
     return recording
@@ -135,7 +135,7 @@ def test_a_start_state_is_named_by_number_or_by_file(
         made(request_of(folder, world=WorldChoice(start_state="77")))
     with pytest.raises(ConfigurationError, match="another gear or bench") as refused:
         made(request_of(folder, world=WorldChoice(start_state="1", gear_seed=8)))
-    assert (refused.value.where, refused.value.value) == ("--start-state", "1")
+    assert (refused.value.where, refused.value.value) == ("--world start-state", "1")
 
 
 def test_the_highest_sealed_run_counts_and_one_that_cannot_be_read_is_passed_over(
@@ -167,7 +167,7 @@ def test_a_repeated_run_has_the_same_counts_whatever_was_run_in_between(
     original = made(request_of(tmp_path, "motor-tare", backend=backend, world=chosen))
     following = made(request_of(tmp_path, "motor-tare", backend=backend, world=chosen))
     made(request_of(tmp_path, world=chosen))
-    plain = RunRequest(protocol="", gear=shipped_gear(), motor=shipped_motor(), output=tmp_path)
+    plain = Order(protocol="", gear=shipped_gear(), motor=shipped_motor(), folder=tmp_path)
     request, warning = repetition(path_of(original), plain)
     again = made(request)
     assert warning == ""
@@ -220,7 +220,7 @@ def test_plan_and_file_have_the_card_and_the_truth_stands_in_the_truth_alone(
 ) -> None:
     choice = WorldChoice(population="wide", gear_seed=4, bench_seed=9)
     request = request_of(tmp_path, "motor-tare", world=choice)
-    planned, recording = plan_request(request), made(request)
+    planned, recording = plan_order(request), made(request)
     card, metadata = recording.metadata.gear, recording.metadata
     assert card == planned.gear
     assert card is not None
@@ -258,7 +258,7 @@ def test_a_number_is_taken_before_the_rig_is_made_and_given_back_where_nothing_c
 
     seen = []
 
-    def failing(request: RunRequest, planned: object) -> Any:
+    def failing(request: Order, planned: object) -> Any:
         seen.append(request.world.number)
         # Another process that begins now has the next one.
         seen.append(start.claim_run(tmp_path, "friction", "G2").number)
@@ -266,7 +266,7 @@ def test_a_number_is_taken_before_the_rig_is_made_and_given_back_where_nothing_c
 
     monkeypatch.setattr(start, "rig_for", failing)
     with pytest.raises(RigError, match="no rig today"):
-        run_request(request_of(tmp_path))
+        run_order(request_of(tmp_path))
     monkeypatch.undo()
     assert seen == [1, 2]
     assert sorted(path.name for path in (tmp_path / NUMBERS_FOLDER).iterdir()) == ["00002"]
@@ -279,17 +279,17 @@ def test_a_number_is_taken_before_the_rig_is_made_and_given_back_where_nothing_c
 @pytest.mark.parametrize(
     ("choice", "flag"),
     [
-        (WorldChoice(gear_seed=1), "--gear-seed"),
-        (WorldChoice(mount_turn=0.1), "--mount-turn"),
-        (WorldChoice(start_state="ambient"), "--start-state"),
-        (WorldChoice(population="wide"), "--population"),
+        (WorldChoice(gear_seed=1), "--world gear-seed"),
+        (WorldChoice(mount_turn=0.1), "--world mount-turn-deg"),
+        (WorldChoice(start_state="ambient"), "--world start-state"),
+        (WorldChoice(population="wide"), "--world population"),
     ],
 )
 def test_only_a_simulated_rig_has_a_world(
     tmp_path: Path, backend: str, choice: WorldChoice, flag: str
 ) -> None:
     with pytest.raises(ConfigurationError, match="only a simulated rig") as refused:
-        plan_request(request_of(tmp_path, backend=backend, world=choice))
+        plan_order(request_of(tmp_path, backend=backend, world=choice))
     assert refused.value.where == flag
     assert refused.value.remedy
 

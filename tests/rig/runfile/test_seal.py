@@ -12,13 +12,11 @@ import h5py
 import pytest
 from typer.testing import CliRunner
 
-from model.gear_file import shipped_gear
-from model.motor import shipped_motor
 from rig.analysis.difference import difference
 from rig.analysis.fit import NOT_SEALED
 from rig.analysis.fit_run import fit_files
 from rig.analysis.passport.build import passport
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.replayed import replayed
 from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.main import app
@@ -48,7 +46,7 @@ def worked_with(path: Path) -> dict[str, Callable[[], object]]:
         "report of the gear": lambda: report_on_gear(path.parent, "A1", [report]),
         "passport": lambda: passport(path.parent, "A1"),
         "diff": lambda: difference(path, path),
-        "replay": lambda: replayed(path, RigRequest(gear=shipped_gear(), motor=shipped_motor())),
+        "replay": lambda: replayed(path, Order(protocol="")),
     }
 
 

@@ -12,8 +12,8 @@ from experiments.finding import Finding, Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.bench.backends.simulated import wire_config
-from rig.run.start import RunRequest
 from rig.trial.doctor.examine import Examination, examine
 from sim_backend.faults import Fault
 from sim_backend.wire.bench import WireBench
@@ -26,9 +26,9 @@ GEAR, MOTOR = shipped_gear(), shipped_motor()
 Change = Callable[[CanRigConfig], CanRigConfig]
 
 
-def request(folder: Path, **changes: object) -> RunRequest:
-    made = RunRequest(
-        protocol="doctor", gear=GEAR, motor=MOTOR, output=folder, sample_rate=RATE, backend="wire"
+def request(folder: Path, **changes: object) -> Order:
+    made = Order(
+        protocol="doctor", gear=GEAR, motor=MOTOR, folder=folder, sample_rate=RATE, backend="wire"
     )
     return replace(made, **changes)  # type: ignore[arg-type]
 

@@ -15,7 +15,7 @@ from rig.analysis.judging import not_judged
 from rig.analysis.store import json_text, read_analyses
 from rig.commands.demo_tables import print_demonstration
 from rig.errors import RigError
-from rig.run.start import run_request
+from rig.run.start import run_order
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 from rig.trial.campaign import journal as journals
@@ -66,7 +66,7 @@ def test_the_order_in_which_runs_happen_changes_no_count(
     order = dataclasses.replace(made.order, folder=tmp_path)
     for path in made.order.folder.glob("0000[2-7]-*.h5*"):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    again = run_request(demo.campaign_order(order, beside=False).walk.stages[0].request)
+    again = run_order(demo.campaign_order(order, beside=False).walk.stages[0].order)
     assert again.run_id.startswith("00008-")
     one, other = open_run(first.path), open_run(again.path)
     assert one.metadata.process["world"] == other.metadata.process["world"]

@@ -12,9 +12,7 @@ import pytest
 
 from drivers.channel import OUTPUT_ANGLE, Calibration, encoder_channel
 from drivers.readout.nd287 import ReadoutConfig, open_port
-from model.gear_file import shipped_gear
-from model.motor import shipped_motor
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.registry import make_port
 from rig.run.stop import StopRequest
 from rig.trial.doctor import surroundings
@@ -58,8 +56,8 @@ def test_what_a_rig_on_the_wire_tells_of_itself(tmp_path: Path) -> None:
 
 
 def test_the_direct_rig_has_no_bus_and_is_examined_all_the_same(tmp_path: Path) -> None:
-    wanted = RigRequest(gear=shipped_gear(), motor=shipped_motor(), sample_rate=RATE)
-    found = look(tmp_path, lambda: make_port("sim", wanted))
+    wanted = Order(protocol="", sample_rate=RATE)
+    found = look(tmp_path, lambda: make_port(wanted))
     assert line(found, "nodes", "bus").result == "skipped"
     assert line(found, "torque", "zero").result == "ok"
 

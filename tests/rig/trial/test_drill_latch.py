@@ -13,7 +13,7 @@ from rig.errors import RigError
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, LatchedTripError, TripLatch
 from rig.run.session import execute
-from tests.rig.fake_rig import FakeRig, ListRun, order_of, planned_of
+from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 TRIP = LatchedTrip("over_speed", "00007-friction-G1", "2026-01-02T03:04:05+00:00", "too fast", True)
 
@@ -22,7 +22,7 @@ def trip_a_run(folder: Path) -> LatchedTrip:
     def block(rig: FakeRig) -> None:
         rig.physics.fault = True
 
-    order = order_of(
+    order = parts_of(
         planned_of(Ramp(20.0, 500.0), HoldTime(0.3)),
         FakeRig(script={350: block}),
         folder,
@@ -46,7 +46,7 @@ def test_a_trip_is_latched_and_the_next_run_refused_before_the_rig_is_touched(
     )
     assert latched.time.startswith("2023-11-14T")
     rig = FakeRig()
-    order = order_of(planned_of(Ramp(20.0, 500.0)), rig, tmp_path, latch=TripLatch(tmp_path))
+    order = parts_of(planned_of(Ramp(20.0, 500.0)), rig, tmp_path, latch=TripLatch(tmp_path))
     with pytest.raises(
         LatchedTripError, match=r"drive_fault in run 00001-fake-G1.*rig acknowledge --operator NAME"
     ):
@@ -71,7 +71,7 @@ def test_the_first_cause_stays(tmp_path: Path) -> None:
 
 
 def test_nothing_is_latched_by_an_end_or_a_stop(tmp_path: Path) -> None:
-    order = order_of(
+    order = parts_of(
         planned_of(Ramp(20.0, 500.0), Ramp(0.0, 500.0)),
         FakeRig(),
         tmp_path,

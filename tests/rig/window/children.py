@@ -145,10 +145,12 @@ def trip(folder: Path) -> None:
     from drivers.clock import WallClock
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
+    from rig.bench.backends.assembly import AssembledRig
+    from rig.bench.backends.order import Order
     from rig.run.dry_run import plan_run
     from rig.run.latch import TripLatch
     from rig.run.opening import begin_inline_run
-    from rig.run.order import RunOrder
+    from rig.run.parts import SessionParts
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.session import execute
     from rig.run.stop import StopRequest
@@ -168,20 +170,24 @@ def trip(folder: Path) -> None:
     planned = plan_run(EXPERIMENT, DrillParameters(), gear, motor)
     remote = RemoteOperator(stop, lambda line: print(line, flush=True), WallClock())
     remote.listen_in_background(lines_of(sys.stdin.fileno()))
-    order = RunOrder(
-        planned=planned,
-        port=rig,
-        clock=rig.clock,
-        backend="drill",
-        output=folder,
+    order = Order(
+        protocol="drill",
+        gear=gear,
+        motor=motor,
+        folder=folder,
         operator="A. Example",
-        gear_serial="SN-1",
-        block_cycles=20,
+        serial="SN-1",
+    )
+    parts = SessionParts(
+        order=order,
+        planned=planned,
+        rig=AssembledRig(name="drill", port=rig, clock=rig.clock),
+        cycles=20,
         latch=TripLatch(folder),
     )
     remote.report(
         execute(
-            order,
+            parts,
             begin_inline_run,
             stop=stop,
             ask=remote.ask,

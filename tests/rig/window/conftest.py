@@ -26,7 +26,8 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit import store
 from rig.analysis.fit_run import fit_run
-from rig.run.start import RunRequest, plan_request, run_request
+from rig.bench.backends.order import Order
+from rig.run.start import plan_order, run_order
 from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
 from rig.window.shell.session import WindowSession
@@ -143,13 +144,13 @@ def prepared(session: WindowSession) -> MakePrepared:
     """Makes prepared runs on the simulated rig: `prepared(protocol, values, flags)`."""
 
     def make(protocol: str, values: dict[str, Any] | None = None, *flags: str) -> PreparedRun:
-        request = RunRequest(
+        request = Order(
             protocol=protocol,
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=session.folder,
+            folder=session.folder,
             values=values or {},
-            gear_serial="SN-0815",
+            serial="SN-0815",
             operator="A. Example",
         )
         arguments = [
@@ -163,7 +164,7 @@ def prepared(session: WindowSession) -> MakePrepared:
             "A. Example",
         ]
         arguments += ["--output", str(session.folder), *flags, "--events", "--stdin-control"]
-        return PreparedRun(request, plan_request(request), arguments)
+        return PreparedRun(request, plan_order(request), arguments)
 
     return make
 
@@ -202,17 +203,17 @@ def simulated(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with two short friction runs of one gear on the simulated rig; the second one is analysed."""
     folder = tmp_path_factory.mktemp("simulated")
     for seed in (1, 2):
-        request = RunRequest(
+        request = Order(
             protocol="friction",
             gear=shipped_gear(),
             motor=shipped_motor(),
-            output=folder,
+            folder=folder,
             values=QUICK,
-            gear_serial="SN-0815",
+            serial="SN-0815",
             operator="A. Example",
             seed=seed,
         )
-        assert run_request(request).outcome == "COMPLETED"
+        assert run_order(request).outcome == "COMPLETED"
     store(fit_run(sorted(folder.glob("*.h5"))[1]), "2025-11-21T05:00:00+00:00")
     return folder
 

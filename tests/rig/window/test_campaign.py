@@ -16,7 +16,7 @@ from experiments.finding import Finding, Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
-from rig.run.start import RunRequest
+from rig.bench.backends.order import Order
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.campaign.plan import load_plan, shipped_plan
@@ -63,12 +63,12 @@ def plan(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def prepared(session: WindowSession, plan: Path) -> PreparedCampaign:
-    request = RunRequest(
+    request = Order(
         protocol="home",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=session.folder,
-        gear_serial="SN",
+        folder=session.folder,
+        serial="SN",
     )
     return PreparedCampaign(walk(load_plan(plan), request), [], "Two runs · SN")
 
@@ -150,8 +150,8 @@ def test_an_unfinished_campaign_goes_on_or_begins_anew(
     settle(page)
     assert page.walk.texts("done as") == [""] * 7
     assert page.outlook is not None
-    assert page.outlook.request is not None
-    words = campaign_arguments(page.outlook.request, "acceptance", anew=page.intent.anew)
+    assert page.outlook.order is not None
+    words = campaign_arguments(page.outlook.order, "acceptance", anew=page.intent.anew)
     assert "--anew" in words
 
 

@@ -13,7 +13,8 @@ from experiments.recording import Segment
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.digest import digest
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import Order
+from rig.run.start import run_order
 from rig.window.prepare.protocol import ProtocolSection
 from rig.window.review.marks import segment_words
 from rig.window.run.live_plots import LivePlots
@@ -32,16 +33,16 @@ def _in_the_catalogue(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def run(session: WindowSession) -> Path:
     """A run of the toy on the simulated rig."""
-    request = RunRequest(
+    request = Order(
         protocol="toy",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=session.folder,
+        folder=session.folder,
         values={},
-        gear_serial="A1",
+        serial="A1",
         operator="A. Example",
     )
-    report = run_request(request)
+    report = run_order(request)
     assert report.outcome == "COMPLETED"
     return report.path
 

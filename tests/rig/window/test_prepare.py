@@ -24,12 +24,13 @@ from PySide6.QtWidgets import (
 from pytestqt.qtbot import QtBot
 
 from experiments.finding import Finding, Severity
-from rig.commands.ordering import request_of
+from rig.bench.backends.order import WORDS
 from rig.commands.running import read_protocol
 from rig.gears.card import card_for, now_text, save_card, with_changes, with_confirmation
 from rig.main import app
 from rig.run.latch import HISTORY_NAME, LatchedTrip, TripLatch
-from rig.run.start import plan_request
+from rig.run.ordering import order_of
+from rig.run.start import plan_order
 from rig.window.prepare.checklist import Checklist
 from rig.window.prepare.checklist_doctor import checks_from
 from rig.window.prepare.latch import AcknowledgeDialog
@@ -263,25 +264,16 @@ def test_start_hands_over_a_run_whose_arguments_the_command_understands(
     options, protocol, values = parsed(prepared.arguments)
     assert (protocol, values) == ("velocity-steps", {"speeds_rpm": "300 900", "repeats": "1"})
     assert options["operator"] == "--A. Example"
-    assert options["gear_serial"] == "SN-0815"
-    assert options["output"] == session.folder
+    assert options["serial"] == "SN-0815"
+    assert options["folder"] == session.folder
     assert options["events"]
     # What the child will plan is what was shown.
-    child = plan_request(
-        request_of(
-            protocol,
-            values,
-            parameters=options["parameters"],
-            mounting=options["mounting"],
-            output=options["output"],
-            sample_rate=options["sample_rate"],
-            backend=options["backend"],
-            gear_serial=options["gear_serial"],
-        )
+    child = plan_order(
+        order_of(protocol, values, {k: options[k] for k in WORDS if options.get(k) is not None})
     )
     assert child.as_json() == prepared.planned.as_json()
     assert child.gear.inertia.output == 0.08
-    assert prepared.request.conditions["lubricant"] == "Harmonic Grease SK-1A"
+    assert prepared.order.conditions["lubricant"] == "Harmonic Grease SK-1A"
     assert prepared.prediction is not None
     assert prepared.notes[0].startswith(
         "checklist signed by --A. Example: gear card, parameters, plan"
@@ -348,6 +340,9 @@ def test_without_a_gear_no_card_is_asked_for(
     assert page.outlook.request is not None
     assert page.outlook.request.gear_serial == "unknown"
     assert "gear card" not in [check.what for check in page.checklist.checks]
+    assert page.outlook.order is not None
+    assert page.outlook.order.serial == "unknown"
+    assert "gear card" not in [check.name for check in page.checklist.checks]
     assert "mounting" not in page.protocol.form.rows
     click(qtbot, page.sign_button)
     assert page.start_button.isEnabled()

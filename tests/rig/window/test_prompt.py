@@ -20,9 +20,10 @@ from experiments.parameters import make_parameters
 from experiments.steps.note import Prompt
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from rig.bench.backends.order import Order
 from rig.present.preview.plan import preview_plan
-from rig.run.order import Progress
-from rig.run.start import RunRequest, plan_request
+from rig.run.parts import Progress
+from rig.run.start import plan_order
 from rig.window.main import MainWindow
 from rig.window.run.banner import LOOKS
 from rig.window.run.live_view import LiveContext, PredictedTorque, since_begun, torque_view
@@ -208,8 +209,8 @@ def test_the_words_of_the_banner_are_read_from_three_metres(
 def test_what_is_predicted_begins_where_its_steps_have_begun(session: WindowSession) -> None:
     """A prompt that was answered 30 s late, and a step that took 2 s longer than planned."""
     gear, motor = shipped_gear(), shipped_motor()
-    request = RunRequest(protocol="motor-tare", gear=gear, motor=motor, output=session.folder)
-    seen = preview_plan(plan_request(request))
+    request = Order(protocol="motor-tare", gear=gear, motor=motor, folder=session.folder)
+    seen = preview_plan(plan_order(request))
     (asked,) = [mark.step for mark in seen.marks if mark.kind == "prompt"]
     recording: Any = SimpleNamespace(has=lambda name: True)
     context = LiveContext(recording, None, seen)

@@ -17,7 +17,7 @@ from pytestqt.qtbot import QtBot
 
 from experiments.recording import Recording
 from rig.run.latch import LATCH_NAME
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.window.main import MainWindow

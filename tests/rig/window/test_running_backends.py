@@ -13,7 +13,8 @@ from pytestqt.qtbot import QtBot
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.run.start import RunRequest, plan_request
+from rig.bench.backends.order import Order
+from rig.run.start import plan_order
 from rig.window.main import MainWindow
 from rig.window.run.state import State
 from rig.window.shell.session import WindowSession
@@ -48,14 +49,14 @@ LONG_FLAGS = [flag.replace("0.3", "60") for flag in FLAGS]
 def prepared(
     session: WindowSession, backend: str, values: dict[str, Any], flags: list[str], **more: Any
 ) -> PreparedRun:
-    request = RunRequest(
+    request = Order(
         protocol="friction",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=session.folder,
+        folder=session.folder,
         values=values,
         backend=backend,
-        gear_serial="SN-0815",
+        serial="SN-0815",
         operator="A. Example",
         **more,
     )
@@ -78,7 +79,7 @@ def prepared(
         ("sample_rate", "--sample-rate"),
     ):
         arguments += [option, str(more[name])] if name in more else []
-    return PreparedRun(request, plan_request(request), [*arguments, "--events", "--stdin-control"])
+    return PreparedRun(request, plan_order(request), [*arguments, "--events", "--stdin-control"])
 
 
 def run_to_its_end(window: MainWindow, run: PreparedRun, qtbot: QtBot) -> None:

@@ -21,7 +21,7 @@ from model.channel import Channel
 from model.units import ARCMIN, REVOLUTION
 from rig.analysis.result_data import result_from_mapping
 from rig.run.margins import number, worded
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.run.trips import SESSION_ERRORS, TRIPS
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication, QWidget
 from pytestqt.qtbot import QtBot
 
 from experiments.steps.note import Prompt
-from rig.run.order import Progress
+from rig.run.parts import Progress
 from rig.window.main import SMALLEST, MainWindow
 from rig.window.run.state import RunState
 from rig.window.shell.session import WindowSession

@@ -8,7 +8,8 @@ from pytestqt.qtbot import QtBot
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.run.start import RunRequest, run_request
+from rig.bench.backends.order import Order
+from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
 from rig.window.run.live_view import LiveContext
 from rig.window.run.steps_view import StepView
@@ -18,15 +19,15 @@ from rig.window.shell.session import WindowSession
 def test_every_step_is_scored_as_it_ends(
     session: WindowSession, qtbot: QtBot, tmp_path: Path
 ) -> None:
-    request = RunRequest(
+    request = Order(
         protocol="velocity-steps",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=tmp_path,
+        folder=tmp_path,
         values={"speeds_rpm": (600.0,), "repeats": 1},
         seed=9741,
     )
-    recording = open_run(run_request(request).path)
+    recording = open_run(run_order(request).path)
     context = LiveContext(recording)
     view = StepView(session, context)
     for plot in (view.plot, view.residual.plot):

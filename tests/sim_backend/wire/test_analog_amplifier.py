@@ -24,7 +24,7 @@ from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.simulated import reference_config, reference_device, wire_port
 from rig.bench.limits import derive_limits
 from rig.errors import LimitError
@@ -43,7 +43,7 @@ SPEED = 20.0
 
 
 def bench() -> WireBench:
-    device = reference_device(RigRequest(gear=GEAR, motor=MOTOR), MOTOR)
+    device = reference_device(Order(protocol="", gear=GEAR, motor=MOTOR), MOTOR)
     return WireBench(GEAR, MOTOR, reference=device)
 
 

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from experiments.finding import Severity
 from experiments.recording import Recording, Segment
 from model.gear_file import shipped_gear
-from model.motor import shipped_motor
-from rig.bench.backends.assembly import RigRequest
+from rig.bench.backends.order import Order
 from rig.bench.backends.replayed import replayed
 from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.library.folder import claim_run
@@ -165,7 +164,7 @@ def test_the_run_says_what_it_is(tmp_path: Path) -> None:
         finding.severity is Severity.BLOCKS for finding in verify_run(recording.source.path)
     )  # type: ignore[attr-defined]
     with pytest.raises(ConfigurationError, match="can be replayed"):
-        replayed(recording.source.path, RigRequest(gear=shipped_gear(), motor=shipped_motor()))  # type: ignore[attr-defined]
+        replayed(recording.source.path, Order(protocol=""))  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

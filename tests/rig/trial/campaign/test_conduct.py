@@ -13,10 +13,11 @@ from experiments.errors import PlanError
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.in_force import in_force
+from rig.bench.backends.order import Order
 from rig.errors import ConfigurationError
 from rig.run import start
-from rig.run.order import RunReport
-from rig.run.start import RunRequest, bench_for
+from rig.run.parts import RunReport
+from rig.run.start import bench_for
 from rig.run.stop import StopRequest
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew, conduct
@@ -36,12 +37,12 @@ PLAN = CampaignPlan(
 
 
 def order(folder: Path, **changes: object) -> CampaignOrder:
-    pattern = RunRequest(
+    pattern = Order(
         protocol="home",
         gear=shipped_gear(),
         motor=shipped_motor(),
-        output=folder,
-        gear_serial=SERIAL,
+        folder=folder,
+        serial=SERIAL,
         operator="A. Example",
     )
     wanted = CampaignOrder(
@@ -189,18 +190,18 @@ def test_another_bench_and_another_plan_are_refused_and_anew_begins_again(
 def test_a_plan_whose_last_protocol_breaks_a_limit_does_not_begin(tmp_path: Path) -> None:
     fast = replace(PLAN, stages=(*PLAN.stages, Stage("friction", {"highest_rpm": 9000.0})))
     with pytest.raises(PlanError, match="rated for"):
-        walk(fast, order(tmp_path).walk.stages[0].request)
+        walk(fast, order(tmp_path).walk.stages[0].order)
 
 
 def test_a_trip_ends_it_with_its_outcome(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = start.run_request
+    real = start.run_order
 
     def tripping(*arguments: object, **named: object) -> RunReport:
         report = real(*arguments, **named)  # type: ignore[arg-type]
         report.outcome = "TRIPPED"
         return report
 
-    monkeypatch.setattr(start, "run_request", tripping)
+    monkeypatch.setattr(start, "run_order", tripping)
     ran = Ran()
     report = conduct(order(tmp_path), ran.crew())
     assert ran.protocols == ["motor-tare"]

@@ -1,6 +1,4 @@
-"""What a session is given and what it gives back: the order, the open run file, the report,
-the progress.
-"""
+"""What a session is given and what it gives back: its parts, the open run file, the report, the progress."""
 
 from __future__ import annotations
 
@@ -10,8 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from drivers.clock import Clock
-from drivers.port import RigDescription, RigPort
+from drivers.port import RigDescription
 from experiments.finding import Finding
 from rig.library.folder import RunPlace
 from rig.run.bounds import Watch
@@ -25,31 +22,22 @@ from rig.run.trips import Trip
 from rig.run.watchdog import Watchdog
 
 if TYPE_CHECKING:
+    from rig.bench.backends.assembly import AssembledRig
+    from rig.bench.backends.order import Order
     from rig.bench.config.used import UsedFile
     from rig.runfile.header import RunHeader
 
 
 @dataclass(frozen=True, kw_only=True)
-class RunOrder:
-    """What is to be run, on which rig, by whom, and where the file goes."""
+class SessionParts:
+    """What a session is put together of: the order with its plan, the rig, and what stands around it."""
 
+    order: Order
     planned: PlannedRun
-    port: RigPort
-    clock: Clock
-    backend: str
-    output: Path
-    operator: str = ""
-    gear_serial: str = ""
-    seed: int | None = None
-    block_cycles: int = 1000
+    rig: AssembledRig
+    cycles: int
+    """Cycles per exchange: those of the order, or fewer in real time."""
     make_safe_cycles: int = 100
-    conditions: dict[str, Any] = field(default_factory=dict)
-    world: Mapping[str, Any] = field(default_factory=dict)
-    """The simulated world, as the run file tells it."""
-    output_bearing: Mapping[str, Any] = field(default_factory=dict)
-    """What is known of the bench's output bearing; a simulated bench has its own card."""
-    thermal_state: Callable[[], Mapping[str, Mapping[str, float]]] | None = None
-    """How warm a simulated rig is, and was on average [degC]: noted at the end, for the run after this one."""
     place: RunPlace | None = None
     """The number that was taken for this run before its rig was put together; None: it takes the next."""
     watch: Watch | None = None
@@ -92,8 +80,8 @@ class OpenRun(Protocol):
     def flush(self) -> None: ...
 
 
-Begin = Callable[[RunOrder, RigDescription, int, str], OpenRun]
-"""Makes the run file: order, what the rig says it is, calendar time of a stamp of zero [ns], start time (ISO 8601)."""
+Begin = Callable[[SessionParts, RigDescription, int, str], OpenRun]
+"""Makes the run file: parts, what the rig says it is, calendar time of a stamp of zero [ns], start time (ISO 8601)."""
 
 
 @dataclass(kw_only=True)
