@@ -10,6 +10,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any, Literal
 
 from experiments.errors import PlanError
+from experiments.finding import Finding
 from experiments.need import Need
 from experiments.quantity import Quantity
 from experiments.shape import Shape
@@ -17,7 +18,7 @@ from experiments.terms import PaperFigure, Term
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
-    from experiments.result import Check, Result
+    from experiments.result import Result
     from experiments.steps.vocabulary import Step
     from model.gear import HarmonicDrive
 
@@ -61,7 +62,7 @@ class Evidence:
     maximum_missed_share: float = 0.001
     settings: dict[str, Any] = field(default_factory=dict)
     tare_recording: Recording | None = None
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     other_tares: tuple[Result, ...] = ()
 
 

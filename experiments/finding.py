@@ -47,7 +47,8 @@ class Finding:
     """What was looked at (`what`) and how it came out; `found` and `allowed` are values with their units, in words.
 
     `remedy` is what to do, "" where nothing is. `where` is the part of the rig or the file that was looked at. `value`
-    [`unit`] is the number behind `found`, where there is one.
+    [`unit`] is the number behind `found`, where there is one. `follows` says in a sentence what a reader of the numbers
+    has to know of it. `is_evidence`: a verdict needs that it was looked at.
     """
 
     what: str
@@ -59,11 +60,14 @@ class Finding:
     allowed: str = ""
     value: float | None = None
     unit: str = ""
+    follows: str = ""
+    is_evidence: bool = True
 
     @property
     def sentence(self) -> str:
         """The finding in words: what, what was found, and what to do where something is to be done."""
         text = f"{self.what}: {self.found}" if self.found else self.what
+        text += f". {self.follows.removesuffix('.')}" if self.follows else ""
         is_open = self.remedy and self.severity is not Severity.PASSED
         return f"{text}. {self.remedy}" if is_open else text
 
@@ -78,6 +82,7 @@ class Finding:
             "remedy": self.remedy,
             "value": self.value,
             "unit": self.unit,
+            "follows": self.follows,
         }
 
 

@@ -6,7 +6,7 @@ limit.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -14,6 +14,7 @@ import numpy as np
 
 from experiments.assumed import rests_on
 from experiments.errors import AnalysisError
+from experiments.finding import Finding, Severity
 from experiments.quantity import Quantity, quantity_of
 from model.arrays import FloatArray
 from model.identify.estimate import Cause, Estimate
@@ -21,7 +22,14 @@ from model.identify.estimate import Cause, Estimate
 SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
 SeriesRole = Literal["data", "null", "limit"]
 VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "NOT JUDGED"]
-CheckOutcome = Literal["ok", "widened", "refused", "not checked"]
+CHECK_OUTCOMES = {
+    Severity.PASSED: "ok",
+    Severity.NOT_LOOKED_AT: "not checked",
+    Severity.NOTES: "widened",
+    Severity.WARNS: "widened",
+    Severity.BLOCKS: "refused",
+}
+"""The words of a stored result for how a check of its recording came out."""
 
 WORST_FIRST: tuple[VerdictOutcome, ...] = ("FAIL", "NOT JUDGED", "MARGINAL", "PASS")
 DECISION_RULE = (
@@ -125,34 +133,6 @@ class Table:
     columns: tuple[str, ...]
     rows: tuple[tuple[float | int | str, ...], ...]
     note: str = ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Check:
-    """One thing that a recording must be before anything is computed from it, and what was found of it.
-
-    `found` and `allowed` are values with their units in words; `words` say what follows. An outcome
-    of "refused" never reaches a result: it is raised. "not checked" says that the recording lacks
-    what the check needs. `is_evidence`: whether a verdict needs it.
-    """
-
-    name: str
-    outcome: CheckOutcome
-    found: str = ""
-    allowed: str = ""
-    words: str = ""
-    is_evidence: bool = True
-
-    def as_json(self) -> dict[str, str | bool]:
-        """Name, outcome, what was found, what is allowed, what follows, and whether a verdict needs it."""
-        return {
-            "name": self.name,
-            "outcome": self.outcome,
-            "found": self.found,
-            "allowed": self.allowed,
-            "words": self.words,
-            "is_evidence": self.is_evidence,
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,6 +248,49 @@ class Covariance:
         }
 
 
+def checks_to_mapping(checks: Iterable[Finding]) -> list[dict[str, str | bool]]:
+    """The checks of a recording as a stored result has kept them since 0.1.0: an analysis that is made again says the
+    same to the letter.
+    """
+    return [
+        {
+            "name": check.what,
+            "outcome": CHECK_OUTCOMES[check.severity],
+            "found": check.found if _was_looked_at(check) else "",
+            "allowed": check.allowed,
+            "words": check.follows if _was_looked_at(check) else check.found,
+            "is_evidence": check.is_evidence,
+        }
+        for check in checks
+    ]
+
+
+def _was_looked_at(check: Finding) -> bool:
+    return check.severity is not Severity.NOT_LOOKED_AT
+
+
+def checks_from_mapping(stored: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
+    """The checks of a stored result. Raises `KeyError` or `ValueError` for what is none."""
+    return tuple(_check_from_mapping(check) for check in stored)
+
+
+def _check_from_mapping(stored: Mapping[str, Any]) -> Finding:
+    severities = [s for s, word in CHECK_OUTCOMES.items() if word == stored["outcome"]]
+    if not severities:
+        raise ValueError(f"outcome {stored['outcome']!r} of a check")
+    severity = severities[0]
+    words = str(stored.get("words", ""))
+    was_looked_at = severity is not Severity.NOT_LOOKED_AT
+    return Finding(
+        str(stored["name"]),
+        severity,
+        str(stored.get("found", "")) if was_looked_at else words,
+        allowed=str(stored.get("allowed", "")),
+        follows=words if was_looked_at else "",
+        is_evidence=bool(stored.get("is_evidence", True)),
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class Result:
     """All that one analysis found of one run; every number of it is declared by its protocol (else `AnalysisError`)."""
@@ -285,7 +308,7 @@ class Result:
     """What its protocol declares: every estimate and every metric is one of them."""
     covariance: Covariance | None = None
     """Of the parameters that were fitted together, where they were."""
-    checks: tuple[Check, ...] = ()
+    checks: tuple[Finding, ...] = ()
     """What was looked at of the recording before anything was computed from it."""
 
     def __post_init__(self) -> None:
@@ -311,6 +334,6 @@ class Result:
             "parameters": {name: e.as_json() for name, e in self.estimates.items()},
             "metrics": {name: float(value) for name, value in self.metrics.items()},
             "warnings": list(self.warnings),
-            "checks": [check.as_json() for check in self.checks],
+            "checks": checks_to_mapping(self.checks),
             "options": dict(self.options),
         }

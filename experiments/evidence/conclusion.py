@@ -16,16 +16,17 @@ from dataclasses import replace
 from experiments.assumed import rests_on
 from experiments.budget import timed
 from experiments.contract import Evidence, Experiment
-from experiments.evidence import rotary_ratio
+from experiments.evidence import inertia, rotary_ratio
 from experiments.evidence.channel_lines import analysed_with_lines
 from experiments.evidence.holds import Recorded
 from experiments.evidence.orders import sampled, sampled_angle
 from experiments.evidence.table import checks_of
+from experiments.finding import Finding, Severity
 from experiments.ladder import Sample
 from experiments.load import carrying
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.result import Check, Result, Table
+from experiments.result import Result, Table, checks_to_mapping
 from model.identify.estimate import Estimate
 from model.identify.orders.aliases import SamplingWindow
 
@@ -51,6 +52,7 @@ def checked_analysis(experiment: Experiment) -> Callable[[Recording, Evidence], 
     def checked(recording: Recording, evidence: Evidence) -> Result:
         recorded = _recorded(experiment, recording, evidence)
         passed = checks_of(recorded)
+        recorded = inertia.widened(recorded)
         result = analysed_with_lines(analyse, recorded, passed)
         return concluded(result, passed.checks, recorded)
 
@@ -74,7 +76,7 @@ def _recorded(experiment: Experiment, recording: Recording, evidence: Evidence) 
     return Recorded(recording, experiment, replace(evidence, gear=gear))
 
 
-def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> Result:
+def concluded(result: Result, checks: tuple[Finding, ...], recorded: Recorded) -> Result:
     """A result with the checks of its recording, its covariance whole, nothing called more than it is."""
     covariance = result.covariance
     angle = functools.cache(lambda: sampled_angle(recorded))
@@ -91,7 +93,7 @@ def concluded(result: Result, checks: tuple[Check, ...], recorded: Recorded) -> 
         estimates=estimates,
         checks=checks,
         tables=(*result.tables, _table(checks)) if checks else result.tables,
-        warnings=(*result.warnings, *(c.words for c in checks if c.outcome == "widened")),
+        warnings=(*result.warnings, *(c.follows for c in checks if c.severity is Severity.NOTES)),
         covariance=covariance and covariance.with_shared(result.estimates),
     )
 
@@ -124,9 +126,10 @@ def notes_of_bounds(result: Result) -> dict[str, str]:
     return notes
 
 
-def _table(checks: tuple[Check, ...]) -> Table:
+def _table(checks: tuple[Finding, ...]) -> Table:
     """The checks as people read them."""
-    rows = tuple((c.name, c.outcome, c.found, c.allowed, c.words) for c in checks)
+    keys = ("name", "outcome", "found", "allowed", "words")
+    rows = tuple(tuple(check[key] for key in keys) for check in checks_to_mapping(checks))
     columns = ("check", "outcome", "found", "allowed", "remark")
     return Table("checks", "What was checked before anything was computed", columns, rows)
 

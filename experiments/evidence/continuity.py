@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.evidence import usable
-from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
+from experiments.evidence.outcomes import not_checked, refused_beyond
+from experiments.finding import Finding
 from model.arrays import FloatArray
 
 STANDING_TORQUE = 50

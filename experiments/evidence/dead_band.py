@@ -14,7 +14,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import (
     PUSHING,
     TURNING,
@@ -23,6 +22,8 @@ from experiments.evidence.holds import (
     Recorded,
     part_of,
 )
+from experiments.evidence.outcomes import not_checked, refused_beyond
+from experiments.finding import Finding, Severity
 from experiments.recording import Recording, Segment
 from model.arrays import FloatArray
 from model.units import DEGREE
@@ -59,10 +60,10 @@ def dead_band(recorded: Recorded) -> Finding:
         return not_checked("there is no torque channel in N m")
     ramps = recorded.recording.labelled(*PUSHING)
     found = _beginning(recorded, ramps) if ramps else not_checked("the run has no torque ramp")
-    if found.outcome == "refused":
+    if found.severity is Severity.BLOCKS:
         return found
     standing = _standing(recorded)
-    return found if standing.outcome == "not checked" else standing
+    return found if standing.severity is Severity.NOT_LOOKED_AT else standing
 
 
 def _beginning(recorded: Recorded, ramps: tuple[Segment, ...]) -> Finding:

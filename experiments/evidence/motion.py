@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from experiments.evidence import rotary_ratio
-from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Hold, Recorded
+from experiments.evidence.outcomes import not_checked, refused_beyond
 from experiments.evidence.skew import skew_of_encoders
+from experiments.finding import Finding
 from model.identify.skew import SPEED_SPAN
 
 SPEED_TOLERANCE = 0.02

@@ -8,8 +8,9 @@ from datetime import datetime
 import numpy as np
 
 from experiments.evidence import TRUE_TIME, UNFINISHED, cycles_of, rotary_ratio
-from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded
+from experiments.evidence.outcomes import not_checked, noted, passed, refused, refused_beyond
+from experiments.finding import Finding
 from model.identify.counting import lattice_aliases
 from model.units import ARCSEC, REVOLUTION
 
@@ -38,7 +39,7 @@ def end_of_run(recorded: Recorded) -> Finding:
     outcome = recorded.recording.metadata.outcome
     if outcome in UNFINISHED:
         return not_checked(f"the run ended as {outcome}")
-    return Finding("ok", outcome, "a run to its end")
+    return passed(outcome, "a run to its end")
 
 
 def gaps(recorded: Recorded) -> Finding:
@@ -48,9 +49,9 @@ def gaps(recorded: Recorded) -> Finding:
     if missed > largest * cycles:
         found = f"{missed} of {cycles} ({100.0 * missed / cycles:.3g} %)"
         words = "too many cycles were missed for a result that can be trusted"
-        return Finding("refused", found, f"<= {100.0 * largest:g} %", words)
+        return refused(found, f"<= {100.0 * largest:g} %", words)
     if not recorded.holds and recording.segments:
-        return Finding("ok", "no segment to be averaged")
+        return passed("no segment to be averaged")
     allowed = max(HOLD_GAP, largest)
     worst = max(recorded.holds, key=lambda h: h.unusable / h.rows, default=None)
     share = worst.unusable / worst.rows if worst else 0.0
@@ -167,6 +168,6 @@ def count_lattice(recorded: Recorded) -> Finding:
         worst = max(worst, *on_order, 0.0)
     found = f"up to {worst / ARCSEC:.2g} arcsec folded onto an order"
     if worst == 0.0:
-        return Finding("ok", "nothing folded onto an order", "nothing")
+        return passed("nothing folded onto an order", "nothing")
     words = "The sampling repeats on the lattice of the output counts: quantisation does not average out."
-    return Finding("widened", found, "nothing", words)
+    return noted(found, "nothing", words)

@@ -10,8 +10,9 @@ import math
 import numpy as np
 
 from experiments.evidence import usable
-from experiments.evidence.finding import Finding, not_checked
 from experiments.evidence.holds import Recorded
+from experiments.evidence.outcomes import not_checked, noted, passed
+from experiments.finding import Finding
 from experiments.recording import Recording, Segment
 from model.arrays import FloatArray
 
@@ -38,9 +39,9 @@ def shape_of_the_steps(recorded: Recorded) -> Finding:
             "The drive was led by target positions: its position loop, and the filter of what it feeds forward, shaped "
             "the steps; the commanded input of figure 19 has no such loop."
         )
-        return Finding("widened", mode, "cyclic velocity", words)
+        return noted(mode, "cyclic velocity", words)
     if PROFILE not in mode:
-        return Finding("ok", mode, "cyclic velocity")
+        return passed(mode, "cyclic velocity")
     steps = recording.labelled("step")
     if not steps or not recording.has("input_angle"):
         return not_checked("step segments and the input's angle are needed")
@@ -58,7 +59,7 @@ def shape_of_the_steps(recorded: Recorded) -> Finding:
         "mode's period excites it by less than a third of what a step does, and the commanded input of figure 19 has "
         "no such ramp."
     )
-    return Finding("widened", found, "cyclic velocity", words)
+    return noted(found, "cyclic velocity", words)
 
 
 def ramp_time(recording: Recording, step: Segment) -> float:

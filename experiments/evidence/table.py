@@ -15,9 +15,8 @@ from dataclasses import dataclass
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import continuity, dead_band, motion, sampling, steps, tare, torque
-from experiments.evidence.finding import Finding
 from experiments.evidence.holds import Recorded
-from experiments.result import Check
+from experiments.finding import Finding, Severity
 
 SETTINGS = ("tare_age_limit",)
 """Settings that belong to the checks: every kind of fit has them."""
@@ -35,6 +34,16 @@ class Row:
     look: Callable[[Recorded], Finding]
     remedy: str
     is_evidence: bool = True
+
+    def named(self, found: Finding) -> Finding:
+        """What was found, with the name of the check, and what to do where something is wrong."""
+        is_open = found.severity in (Severity.NOTES, Severity.BLOCKS)
+        return dataclasses.replace(
+            found,
+            what=self.name,
+            remedy=self.remedy if is_open else "",
+            is_evidence=self.is_evidence,
+        )
 
 
 def _every(_: Recorded) -> bool:
@@ -144,29 +153,20 @@ def checks_of(recorded: Recorded) -> Evidence:
     Raises `AnalysisError` that names the check which refuses.
     """
     evidence = recorded.evidence
-    checks: list[Check] = []
+    checks: list[Finding] = []
     for row in TABLE:
         if not row.concerns(recorded):
             continue
-        found = row.look(recorded)
-        if found.outcome == "refused":
+        found = row.named(row.look(recorded))
+        if found.severity is Severity.BLOCKS:
             raise AnalysisError(
-                f"{row.name}: {found.words}",
+                f"{found.what}: {found.follows}",
                 where=recorded.recording.metadata.run_id,
                 value=found.found,
                 limit=found.allowed,
-                remedy=row.remedy,
+                remedy=found.remedy,
             )
-        checks.append(
-            Check(
-                name=row.name,
-                outcome=found.outcome,
-                found=found.found,
-                allowed=found.allowed,
-                words=found.words,
-                is_evidence=row.is_evidence,
-            )
-        )
+        checks.append(found)
     settings = {name: v for name, v in evidence.settings.items() if name not in SETTINGS}
     return dataclasses.replace(
         evidence, checks=tuple(checks), tare=tare.widened(recorded), settings=settings

@@ -10,8 +10,9 @@ from datetime import datetime
 
 import numpy as np
 
-from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded
+from experiments.evidence.outcomes import not_checked, noted, passed, refused, refused_beyond
+from experiments.finding import Finding, Severity
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.tares import tare_witness as witness
@@ -41,11 +42,11 @@ def origin(recorded: Recorded) -> Finding:
     if other:
         what, mine, its = other[0]
         words = f"the tare is of another {what}"
-        return Finding("refused", f"{what} {its}", f"{what} {mine}", words)
+        return refused(f"{what} {its}", f"{what} {mine}", words)
     unknown = [what for what, a, b in pairs if not (a and b)]
     if unknown:
         return not_checked(f"{', '.join(unknown)} of tare or run is not written down")
-    return Finding("ok", "same motor, bench and calibration", "the same")
+    return passed("same motor, bench and calibration", "the same")
 
 
 def age(recorded: Recorded) -> Finding:
@@ -58,8 +59,8 @@ def age(recorded: Recorded) -> Finding:
         words = (
             f"The motor tare is {found} old: widened by {100.0 * AGED:g} % (standard uncertainty)."
         )
-        return Finding("widened", found, allowed, words)
-    return Finding("ok", found, allowed)
+        return noted(found, allowed, words)
+    return passed(found, allowed)
 
 
 def _age_limit(recorded: Recorded) -> float:
@@ -84,13 +85,13 @@ def temperature(recorded: Recorded) -> Finding:
         return not_checked("the temperature of tare or run was not recorded")
     found, allowed = f"{apart:.1f} K apart", f"{MUCH_WARMER:g} K"
     if apart > MUCH_WARMER:
-        return Finding("refused", found, allowed, "the tare was taken at another temperature")
+        return refused(found, allowed, "the tare was taken at another temperature")
     if apart > WARMER:
         words = (
             f"Tare and run are {found}: the tare is widened by {100.0 * PER_KELVIN:g} % per kelvin."
         )
-        return Finding("widened", found, allowed, words)
-    return Finding("ok", found, f"{WARMER:g} K")
+        return noted(found, allowed, words)
+    return passed(found, f"{WARMER:g} K")
 
 
 def _kelvin(recorded: Recorded) -> float:
@@ -143,18 +144,18 @@ def shape(recorded: Recorded) -> Finding:
     off = witness.off_its_own_line(tare)
     if off > witness.OWN_LINE:
         found, allowed = f"{100.0 * off:.2g} % off", f"<= {100.0 * witness.OWN_LINE:g} %"
-        return Finding("refused", found, allowed, "the tare is not what its own result states")
+        return refused(found, allowed, "the tare is not what its own result states")
     ratio, beside = witness.reduced_chi_square(points)
     if not math.isfinite(ratio):
         return not_checked("a tare over four speeds or more is needed")
     found = f"{ratio:.3g} per degree of freedom, {1e3 * beside:.2g} mN m beside the line"
     allowed = f"<= {witness.LARGEST_CHI_SQUARE:g}"
     if beside > 0.5 * abs(float(points.torque.mean())):
-        return Finding("refused", found, allowed, "the tare is no friction of a motor over speed")
+        return refused(found, allowed, "the tare is no friction of a motor over speed")
     if ratio > witness.LARGEST_CHI_SQUARE and beside > LEAST_BESIDE * abs(points.torque.mean()):
         words = f"The points of the motor tare lie {found}: its doubt is in the budget."
-        return Finding("widened", found, allowed, words)
-    return Finding("ok", found, allowed)
+        return noted(found, allowed, words)
+    return passed(found, allowed)
 
 
 def card(recorded: Recorded) -> Finding:
@@ -173,7 +174,7 @@ def others(recorded: Recorded) -> Finding:
         return _judged(found, "the bench's other tares", True)
     if count < witness.ENOUGH:
         have, need = f"{count} beside it", f">= {witness.ENOUGH}"
-        return Finding("widened", have, need, witness.alone(count))
+        return noted(have, need, witness.alone(count))
     if found is None:
         return not_checked("the other tares have no speed in common with it")
     return _judged(found, "the bench's other tares", True)
@@ -184,11 +185,11 @@ def _judged(found: witness.Comparison, what: str, has_uncertainty: bool) -> Find
     words = found.words()
     allowed = f"|E_n| <= 1, within a factor of {witness.FACTOR:g}"
     if found.is_beyond_factor:
-        return Finding("refused", words, allowed, f"the tare is not that of {what}")
+        return refused(words, allowed, f"the tare is not that of {what}")
     if has_uncertainty and found.is_apart:
         said = f"The motor tare is away from {what}: {words}. The difference is in the budget."
-        return Finding("widened", words, allowed, said)
-    return Finding("ok", words, allowed)
+        return noted(words, allowed, said)
+    return passed(words, allowed)
 
 
 def _beside_card(recorded: Recorded) -> witness.Comparison | None:
@@ -216,7 +217,7 @@ def _doubts(recorded: Recorded, tare: Result) -> Iterator[TareDoubt]:
         yield _share(points, "age of the tare", AGED, f"{days:.1f} days")
     if apart > WARMER:
         yield _share(points, "temperature of the tare", PER_KELVIN * apart, f"{apart:.1f} K apart")
-    if shape(recorded).outcome == "widened":
+    if shape(recorded).severity is Severity.NOTES:
         beside = np.full(len(points.speed), witness.reduced_chi_square(points)[1])
         yield TareDoubt("shape of the tare", points.speed, beside, "its points about a line")
     is_apart = False

@@ -15,8 +15,9 @@ from experiments.budget import (
     torque_scale_uncertainty,
     zero_uncertainty,
 )
-from experiments.evidence.finding import Finding, not_checked, refused_beyond
 from experiments.evidence.holds import Recorded, part_of
+from experiments.evidence.outcomes import not_checked, noted, passed, refused, refused_beyond
+from experiments.finding import Finding, Severity
 
 StoredArray = NDArray[Any]
 PLATEAU_SHARE = 0.01
@@ -70,7 +71,7 @@ def plateau(recorded: Recorded) -> Finding:
     if len(levels) < LEAST_LEVELS and _stands_at_its_ends(recorded, values, levels):
         found = f"{len(levels)} values only, most of them the outermost"
         words = "the torque is clipped: it stands at its extreme value and never goes beyond"
-        return Finding("refused", found, f">= {LEAST_LEVELS} values, as between the holds", words)
+        return refused(found, f">= {LEAST_LEVELS} values, as between the holds", words)
     if len(levels) < LEAST_LEVELS:
         return not_checked(f"the torque channel has {len(levels)} levels only")
     ends = ((counts[0], counts[1]), (counts[-1], counts[-2]))
@@ -174,7 +175,11 @@ def port_against_drive(recorded: Recorded) -> Finding:
         f"1 ± {apart:.2g}, {1e3 * allowed:.2g} mN m",
         "the torque port and the torque that the drive reports are not the same torque",
     )
-    return replace(finding, words=_instruments(recorded)) if finding.outcome == "ok" else finding
+    return (
+        replace(finding, follows=_instruments(recorded))
+        if finding.severity is Severity.PASSED
+        else finding
+    )
 
 
 def _instruments(recorded: Recorded) -> str:
@@ -195,11 +200,11 @@ def zero(recorded: Recorded) -> Finding:
         return not_checked("servo-off zeros before and after are needed")
     found, allowed = f"{1e3 * drift:.2g} mN m", f"<= {1e3 * LARGEST_ZERO_DRIFT:g} mN m"
     if drift > LARGEST_ZERO_DRIFT:
-        return Finding("refused", found, allowed, "the zero of the torque drifted over the run")
+        return refused(found, allowed, "the zero of the torque drifted over the run")
     if drift > ZERO_DRIFT:
         words = f"The torque zero drifted by {found}: it is interpolated, and its doubt is in the budget."
-        return Finding("widened", found, allowed, words)
-    return Finding("ok", found, allowed)
+        return noted(found, allowed, words)
+    return passed(found, allowed)
 
 
 def bracket(recorded: Recorded) -> Finding:
@@ -218,7 +223,7 @@ def bracket(recorded: Recorded) -> Finding:
     finding = refused_beyond(
         drift > limit, f"{100.0 * drift:.2g} %", f"<= {100.0 * limit:g} %", words
     )
-    if finding.outcome == "ok" and drift > BRACKET_DRIFT:
+    if finding.severity is Severity.PASSED and drift > BRACKET_DRIFT:
         said = f"The friction at the reference speed changed by {finding.found}: its scatter is in the budget."
-        return Finding("widened", finding.found, finding.allowed, said)
+        return noted(finding.found, finding.allowed, said)
     return finding

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, get_args
 
+from experiments.finding import Severity
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import (
     DECISION_RULE,
@@ -329,7 +330,7 @@ def _lacks(one: Analysed, limit: Limit, estimate: Estimate, quantity: Quantity) 
     if one.stale:
         return stale_words(one)
     checks = one.result.checks
-    missing = [c.name for c in checks if c.is_evidence and c.outcome == "not checked"]
+    missing = [c.what for c in checks if c.is_evidence and c.severity is Severity.NOT_LOOKED_AT]
     if missing:
         return f"not checked: {', '.join(missing)}"
     another = _of_another_subject(one.result, limit, quantity) or one.not_in_force

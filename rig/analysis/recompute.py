@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
 from experiments.finding import Finding, Severity
+from experiments.result import checks_to_mapping
 from model.gear_file import gear_from_mapping
 from rig.analysis.fit import Fit, OtherTare, fit_recording
 from rig.analysis.result_data import table_to_mapping
@@ -184,7 +185,7 @@ def _compared(analysis: Analysis, again: Fit, tolerance: float) -> Recomputed:
         "result": (content.get("result"), result.as_json()),
         "tables": (content.get("tables"), [table_to_mapping(table) for table in result.tables]),
         "covariance": (content.get("covariance"), result.covariance),
-        "checks": (content.get("checks"), result.checks),
+        "checks": (content.get("checks"), checks_to_mapping(result.checks)),
     }
     numbers, worst, worst_at, differing = 0, 0.0, "", []
     for name, (stored, now) in pairs.items():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
-from experiments.result import Check, Covariance, Panel, Plot, Result, Series, Table
+from experiments.result import Covariance, Panel, Plot, Result, Series, Table, checks_from_mapping
 from model.identify.estimate import BudgetLine, Cause, Distribution, Estimate
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
@@ -39,7 +39,7 @@ def result_from_mapping(
         warnings=tuple(str(warning) for warning in mapping.get("warnings", ())),
         plots=tuple(plot_from_mapping(plot) for plot in mapping.get("plots", ())),
         tables=tuple(table_from_mapping(table) for table in (*mapping.get("tables", ()), *tables)),
-        checks=tuple(Check(**check) for check in mapping.get("checks", ())),
+        checks=checks_from_mapping(mapping.get("checks", ())),
         options=dict(mapping.get("options", {})),
     )
 

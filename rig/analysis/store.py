@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.quantity import Quantity, quantity_of
-from experiments.result import Result
+from experiments.result import Result, checks_to_mapping
 from rig.analysis import format_1
 from rig.analysis.result_data import (
     covariance_from_mapping,
@@ -229,7 +229,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
             name: _quantity(result, name) for name in (*result.estimates, *result.metrics)
         },
         "covariance": result.covariance,
-        "checks": result.checks,
+        "checks": checks_to_mapping(result.checks),
     }
     content = json_ready(content)
     stored = read_analyses(run)

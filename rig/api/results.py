@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
-    from experiments.result import Check, Covariance, Plot, Table
+    from experiments.finding import Finding
+    from experiments.result import Covariance, Plot, Table
     from experiments.result import Result as Analysed
     from model.gear import HarmonicDrive
     from model.identify.estimate import BudgetLine, Estimate, Identifiable
@@ -105,7 +106,7 @@ class Result(Mapping[str, Value]):
         return self._result.warnings
 
     @property
-    def checks(self) -> tuple[Check, ...]:
+    def checks(self) -> tuple[Finding, ...]:
         """What was looked at of the recording before anything was computed from it."""
         return self._result.checks
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
+from experiments.finding import Severity
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import LIMIT, estimate_grid, statistical_grid
@@ -45,8 +46,8 @@ def print_result(
         print_verdict(out, verdict)
     print_warnings(out, result.warnings)
     for check in result.checks:
-        if check.outcome == "not checked":
-            out.print(Text(f"  not checked  {check.name}: {check.words}", style="dim"))
+        if check.severity is Severity.NOT_LOOKED_AT:
+            out.print(Text(f"  not checked  {check.sentence}", style="dim"))
 
 
 def print_metrics(out: Console, result: Result) -> None:

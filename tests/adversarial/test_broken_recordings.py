@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Literal
 
 import pytest
 
@@ -13,6 +12,7 @@ from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.evidence.holds import Recorded
 from experiments.evidence.table import TABLE, checks_of
+from experiments.finding import Severity
 from experiments.result import Result
 from tests.adversarial import acts
 from tests.adversarial.acts import Honest
@@ -121,10 +121,10 @@ def test_an_honest_run_passes_every_check(
 ) -> None:
     checks = result(kind).checks
     assert checks
-    allowed: tuple[Literal["ok", "not checked"], ...] = ("ok", "not checked")
-    assert {c.name: c.outcome for c in checks if c.outcome not in allowed} == {}
+    allowed = (Severity.PASSED, Severity.NOT_LOOKED_AT)
+    assert {c.what: c.severity for c in checks if c.severity not in allowed} == {}
     # Without a check that a verdict needs, there would be none.
-    assert [c.name for c in checks if c.is_evidence and c.outcome != "ok"] == []
+    assert [c.what for c in checks if c.is_evidence and c.severity is not Severity.PASSED] == []
     if kind != "motor-tare":
         assert judged(result(kind), honest(kind).recording).verdict == "FAIL"
 
@@ -157,9 +157,9 @@ def test_what_is_widened_is_wider_and_not_wrong(
 ) -> None:
     broken, before = act(honest(kind)), result(kind)
     after = catalogue.load(kind).analyse(broken.recording, broken.evidence)
-    (widened,) = [c for c in after.checks if c.outcome == "widened"]
-    assert widened.name == check
-    assert widened.words in after.warnings
+    (widened,) = [c for c in after.checks if c.severity is Severity.NOTES]
+    assert widened.what == check
+    assert widened.follows in after.warnings
     assert (
         after.estimates[quantity].expanded_uncertainty
         > 1.02 * before.estimates[quantity].expanded_uncertainty
@@ -175,10 +175,10 @@ def test_port_and_drive_of_one_sensor_are_called_one_instrument(
     honest: Callable[[str], Honest], result: Callable[[str], Result]
 ) -> None:
     def said(of: Result) -> tuple[str, str]:
-        (check,) = [c for c in of.checks if c.name == "torque port against drive"]
+        (check,) = [c for c in of.checks if c.what == "torque port against drive"]
         (line,) = [b for b in of.estimates["coulomb"].budget if b.source == "torque scale"]
-        assert check.outcome == "ok"
-        return check.words, line.note
+        assert check.severity is Severity.PASSED
+        return check.follows, line.note
 
     words, note = said(result("friction"))
     assert words.startswith("One instrument (both by motor current")
@@ -204,9 +204,9 @@ def test_stray_rows_of_an_encoder_do_not_end_a_ramp(
 def test_steps_that_the_drives_ramps_shaped_are_said(honest: Callable[[str], Honest]) -> None:
     shaped = acts.by_the_drives_ramps(honest("velocity-steps"))
     recorded = Recorded(shaped.recording, catalogue.load("velocity-steps"), shaped.evidence)
-    (check,) = [c for c in checks_of(recorded).checks if c.name == "shape of the steps"]
-    assert check.outcome == "widened"
-    assert "its own ramps shaped the steps" in check.words
+    (check,) = [c for c in checks_of(recorded).checks if c.what == "shape of the steps"]
+    assert check.severity is Severity.NOTES
+    assert "its own ramps shaped the steps" in check.follows
     assert not check.is_evidence
 
 
@@ -220,8 +220,8 @@ def test_a_run_that_was_stopped_is_not_judged(
     found = judged(after, stopped.recording)
     assert found.verdict == "NOT JUDGED"
     assert all("ended as" in why for why in found.because)
-    (check,) = [c for c in after.checks if c.name == "end of the run"]
-    assert (check.outcome, check.is_evidence) == ("not checked", True)
+    (check,) = [c for c in after.checks if c.what == "end of the run"]
+    assert (check.severity, check.is_evidence) == ("not looked at", True)
 
 
 def test_the_documentation_lists_the_checks_in_their_order() -> None:

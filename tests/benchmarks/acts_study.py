@@ -137,8 +137,8 @@ def _case(one: Listed, rig: Rig, twins: dict[str, Result | str]) -> Line:
     except (AnalysisError, ModelError) as refusal:
         return {"outcome": "refused", "words": str(refusal)}
     missed = [number for number in compared(twin, broken) if number["is_missed"]]
-    said = [check.name for check in broken.checks if check.outcome == "widened"]
-    before = [check.name for check in twin.checks if check.outcome == "widened"]
+    said = [check.what for check in broken.checks if check.severity == "notes"]
+    before = [check.what for check in twin.checks if check.severity == "notes"]
     new = sorted(set(said) - set(before))
     return {
         "outcome": "missed" if missed else "said" if new else "harmless",

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.finding import Severity
 from tests.benchmarks.coverage_table import pooled, table
 from tests.benchmarks.cramer_rao import information_bounds
 from tests.benchmarks.rows_file import Line, add_rows, code_commit, read_rows
@@ -163,7 +164,9 @@ def _one_run(
         fit = _fitted(path, tare if planned.experiment.takes_tare else None)
     except (AnalysisError, ModelError, RigError) as refusal:
         return path, {**run, "outcome": "refused", "words": str(refusal)}, []
-    unchecked = [c.name for c in fit.result.checks if c.is_evidence and c.outcome == "not checked"]
+    unchecked = [
+        c.what for c in fit.result.checks if c.is_evidence and c.severity is Severity.NOT_LOOKED_AT
+    ]
     subject = str(fit.result.options.get("torque_is_of", ""))
     run |= {"outcome": "analysed", "words": "", "unchecked": unchecked, "subject": subject}
     return path, run, list(_numbers(fit))

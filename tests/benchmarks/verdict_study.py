@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from experiments import catalogue
-from experiments.result import Check, Result
+from experiments.finding import Finding, Severity
+from experiments.result import Result
 from model.identify.estimate import BudgetLine, Estimate
 from rig.analysis.judging import StoredResult, judge
 from rig.gears.acceptance import Acceptance, Limit
@@ -53,7 +54,7 @@ def outcome(run: Line, number: Line, limit: float, *, is_upper: bool) -> str:
         budget=lines,
         stated_coverage_factor=number["factor"],
     )
-    checks = tuple(Check(name=c, outcome="not checked") for c in run["unchecked"])
+    checks = tuple(Finding(c, Severity.NOT_LOOKED_AT) for c in run["unchecked"])
     options = {"torque_is_of": run["subject"]} if run["subject"] else {}
     result = Result(
         run=str(run["seed"]),

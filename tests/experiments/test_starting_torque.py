@@ -15,8 +15,8 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence.conclusion import judged
 from experiments.evidence.dead_band import dead_band
-from experiments.evidence.finding import Finding
 from experiments.evidence.holds import Recorded
+from experiments.finding import Finding, Severity
 from experiments.protocols.starting_torque import analysis as starting_torque
 from experiments.protocols.starting_torque.plan import Parameters, plan
 from experiments.recording import ArraySource, Recording, Segment
@@ -225,9 +225,9 @@ def test_a_ramp_begins_at_no_torque(ramps: Recording, gear: HarmonicDrive) -> No
         recording = changed(ramps, less, "torque")
         return dead_band(Recorded(recording, experiment, Evidence(gear)))
 
-    assert found(0.0).outcome == "ok"
-    assert found(1.5).outcome == "ok"
+    assert found(0.0).severity is Severity.PASSED
+    assert found(1.5).severity is Severity.PASSED
     for milli in (5.0, -5.0):
         refused = found(milli)
-        assert refused.outcome == "refused"
+        assert refused.severity is Severity.BLOCKS
         assert float(refused.found.split()[0]) == pytest.approx(-milli, abs=0.5)

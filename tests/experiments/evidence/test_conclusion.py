@@ -12,9 +12,17 @@ from experiments import catalogue
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
 from experiments.evidence.conclusion import checked_analysis, concluded, judged
 from experiments.evidence.holds import Recorded
+from experiments.finding import Finding, Severity
 from experiments.quantity import Quantity
 from experiments.recording import Recording
-from experiments.result import Check, Covariance, Result, lacks_number, outcome_against
+from experiments.result import (
+    Covariance,
+    Result,
+    checks_from_mapping,
+    checks_to_mapping,
+    lacks_number,
+    outcome_against,
+)
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from tests.experiments.test_analyses_without_plan import foreign
@@ -27,10 +35,10 @@ QUANTITIES = (
     Quantity(name="amplitude_{order}", title="order {order}", unit="N m", target_uncertainty=1.0),
     Quantity(name="phase", title="phase", unit="rad", is_circular=True),
 )
-OK = Check(name="gaps", outcome="ok")
-MISSING = Check(name="torque zero", outcome="not checked", words="no zero")
-BESIDE = Check(name="count lattice", outcome="not checked", is_evidence=False)
-WIDER = Check(name="age of the tare", outcome="widened", words="The tare is old.")
+OK = Finding("gaps", Severity.PASSED)
+MISSING = Finding("torque zero", Severity.NOT_LOOKED_AT, "no zero")
+BESIDE = Finding("count lattice", Severity.NOT_LOOKED_AT, is_evidence=False)
+WIDER = Finding("age of the tare", Severity.NOTES, follows="The tare is old.")
 
 
 def estimate(name: str, value: float, u: float, identifiable: str = "yes") -> Estimate:
@@ -153,7 +161,7 @@ def test_a_number_that_the_data_do_not_determine_is_held_against_nothing() -> No
 
 def test_what_widens_is_said() -> None:
     result = of(estimate("size", 1.0, 0.1), warnings=("before",))
-    assert concluded(result, (WIDER, OK), recorded(result)).warnings == ("before", WIDER.words)
+    assert concluded(result, (WIDER, OK), recorded(result)).warnings == ("before", WIDER.follows)
 
 
 def test_the_covariance_keeps_what_is_shared_apart() -> None:
@@ -184,4 +192,33 @@ def test_the_analysis_sees_what_was_checked_and_not_the_settings_of_the_checks()
     found = checked_analysis(kind)(recorded(result).recording, evidence)
     assert seen[0].settings == {"channel": "torque"}
     assert seen[0].checks == found.checks
-    assert {check.name for check in found.checks} >= {"gaps", "time axis"}
+    assert {check.what for check in found.checks} >= {"gaps", "time axis"}
+
+
+def test_a_check_is_stored_in_the_words_of_0_1_0_and_read_back() -> None:
+    wider = Finding(
+        "age of the tare", Severity.NOTES, "9 days", allowed="7 days", follows="The tare is old."
+    )
+    checks = (OK, MISSING, BESIDE, wider)
+    stored = checks_to_mapping(checks)
+    assert stored[1:2] + stored[3:] == [
+        {
+            "name": "torque zero",
+            "outcome": "not checked",
+            "found": "",
+            "allowed": "",
+            "words": "no zero",
+            "is_evidence": True,
+        },
+        {
+            "name": "age of the tare",
+            "outcome": "widened",
+            "found": "9 days",
+            "allowed": "7 days",
+            "words": "The tare is old.",
+            "is_evidence": True,
+        },
+    ]
+    assert checks_from_mapping(stored) == checks
+    with pytest.raises(ValueError, match="outcome 'splendid'"):
+        checks_from_mapping([{"name": "gaps", "outcome": "splendid"}])

@@ -22,25 +22,25 @@ def at(speed_rpm: float, bench: Bench, gear: HarmonicDrive) -> Recording:
     return record(kinematic_error_plan.plan(parameters, gear), bench, "kinematic-error")
 
 
-@pytest.mark.parametrize(("speed_rpm", "outcome"), [(100.0, "widened"), (92.7, "ok")])
+@pytest.mark.parametrize(("speed_rpm", "severity"), [(100.0, "notes"), (92.7, "passed")])
 def test_sampling_on_the_lattice_of_the_output_counts_is_said(
-    speed_rpm: float, outcome: str, bench: Bench, gear: HarmonicDrive
+    speed_rpm: float, severity: str, bench: Bench, gear: HarmonicDrive
 ) -> None:
     kind = catalogue.load("kinematic-error")
     recorded = Recorded(at(speed_rpm, bench, gear), kind, Evidence(gear))
     found = count_lattice(recorded)
-    assert found.outcome == outcome
-    assert ("folded" in found.words or "lattice" in found.words) == (outcome == "widened")
+    assert found.severity == severity
+    assert ("folded" in found.follows or "lattice" in found.follows) == (severity == "notes")
 
 
 @pytest.mark.parametrize(
-    ("origin", "outcome"), [("hardware", "refused"), ("imported", "not checked")]
+    ("origin", "severity"), [("hardware", "blocks"), ("imported", "not looked at")]
 )
 def test_the_stamps_of_an_import_are_not_held_against_a_rate_that_was_made_of_them(
-    origin: Origin, outcome: str, bench: Bench, gear: HarmonicDrive
+    origin: Origin, severity: str, bench: Bench, gear: HarmonicDrive
 ) -> None:
     recording = at(92.7, bench, gear)
     metadata = replace(recording.metadata, sample_rate=900.0, origin=origin)
     other = replace(recording, metadata=metadata)
     recorded = Recorded(other, catalogue.load("kinematic-error"), Evidence(gear))
-    assert time_axis(recorded).outcome == outcome
+    assert time_axis(recorded).severity == severity

@@ -12,6 +12,7 @@ from experiments.contract import Evidence
 from experiments.evidence.holds import Recorded
 from experiments.evidence.steps import shape_of_the_steps
 from experiments.evidence.table import TABLE
+from experiments.finding import Severity
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment
 from model.channel import Channel
 from model.gear import HarmonicDrive
@@ -61,28 +62,28 @@ def recorded(recording: Recording, gear: HarmonicDrive, kind: str = "velocity-st
 
 def test_the_drives_ramps_are_a_finding_with_their_length(gear: HarmonicDrive) -> None:
     found = shape_of_the_steps(recorded(ramped(0.1, 0.2, 0.6, mode="profile velocity"), gear))
-    assert found.outcome == "widened"
+    assert found.severity is Severity.NOTES
     assert found.found == "profile velocity, ramps of 0.2 s (median)"
-    assert "its own ramps shaped the steps" in found.words
-    assert "0.6 s at most" in found.words
+    assert "its own ramps shaped the steps" in found.follows
+    assert "0.6 s at most" in found.follows
 
 
 def test_a_step_of_a_drive_that_follows_every_sync_is_one(gear: HarmonicDrive) -> None:
     found = shape_of_the_steps(recorded(ramped(0.0, 0.0, mode="cyclic velocity"), gear))
-    assert (found.outcome, found.words) == ("ok", "")
+    assert (found.severity, found.follows) == ("passed", "")
 
 
 def test_a_position_loop_that_shaped_the_steps_is_a_finding(gear: HarmonicDrive) -> None:
     found = shape_of_the_steps(recorded(ramped(0.0, mode="cyclic position"), gear))
-    assert found.outcome == "widened"
-    assert "position loop" in found.words
+    assert found.severity is Severity.NOTES
+    assert "position loop" in found.follows
 
 
 def test_a_mode_that_only_choosing_shows_is_told_as_one_that_may_have(gear: HarmonicDrive) -> None:
     mode = "cyclic velocity or profile velocity"
     found = shape_of_the_steps(recorded(ramped(0.0, mode=mode), gear))
-    assert "may have shaped" in found.words
-    assert found.outcome == "widened"
+    assert "may have shaped" in found.follows
+    assert found.severity is Severity.NOTES
 
 
 @pytest.mark.parametrize(
@@ -103,4 +104,4 @@ def test_steps_that_did_not_turn_are_told_without_a_length(gear: HarmonicDrive) 
     still = ramped(0.2, mode="profile velocity")
     source = ArraySource({"input_angle": np.zeros(still.rows)}, still.source.time_ns(0, still.rows))
     found = shape_of_the_steps(recorded(replace(still, source=source), gear))
-    assert "cannot be told" in found.words
+    assert "cannot be told" in found.follows

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from experiments import catalogue
 from experiments.evidence.conclusion import judged
-from experiments.result import Check, Result, Verdict
+from experiments.finding import Finding, Severity
+from experiments.result import Result, Verdict
 from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import in_force
@@ -36,9 +37,9 @@ NAMES = {
     "friction": ("running_torque_1000_rpm", "N m"),
     "warm-up": ("running_torque", "N m"),
 }
-CLEAR = Check(name="gaps", outcome="ok")
-LACKING = Check(name="torque zero", outcome="not checked")
-BESIDE = Check(name="count lattice", outcome="not checked", is_evidence=False)
+CLEAR = Finding("gaps", Severity.PASSED)
+LACKING = Finding("torque zero", Severity.NOT_LOOKED_AT)
+BESIDE = Finding("count lattice", Severity.NOT_LOOKED_AT, is_evidence=False)
 
 
 def estimate(name: str, value: float, u: float, called: str = "yes") -> Estimate:
@@ -59,7 +60,7 @@ def found(
     u: float = 0.1,
     *,
     called: str = "yes",
-    checks: tuple[Check, ...] = (CLEAR, BESIDE),
+    checks: tuple[Finding, ...] = (CLEAR, BESIDE),
     subject: str = "gear",
     origin: str = "hardware",
     outcome: str = "COMPLETED",

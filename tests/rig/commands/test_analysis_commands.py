@@ -15,9 +15,10 @@ from typer.testing import Result as Called
 
 from experiments import catalogue
 from experiments.contract import Evidence, Experiment, NoParameters, no_plan
+from experiments.finding import Finding, Severity
 from experiments.quantity import bare_quantity
 from experiments.recording import Recording
-from experiments.result import Check, Result
+from experiments.result import Result
 from model.gear_file import load_gear, save_gear, shipped_gear
 from rig.commands import analysis, reporting
 from tests.rig import handmade
@@ -170,8 +171,8 @@ def test_people_get_a_table(call: Call) -> None:
 
 
 def test_people_are_told_what_could_not_be_checked(call: Call, results: dict[str, Result]) -> None:
-    missing = Check(name="torque zero", outcome="not checked", words="no zero was taken")
-    good = Check(name="gaps", outcome="ok")
+    missing = Finding("torque zero", Severity.NOT_LOOKED_AT, "no zero was taken")
+    good = Finding("gaps", Severity.PASSED)
     results["friction"] = replace(results["friction"], checks=(good, missing))
     shown = call("fit", "friction.h5").stdout
     assert "not checked  torque zero: no zero was taken" in shown
