@@ -26,7 +26,14 @@ from model.gear import Harmonic
 from model.identify.checks import Array
 from model.identify.estimate import Estimate
 from model.identify.step_data import StepData
-from model.identify.step_estimates import FROM_BELOW, TO_RICHER, estimates_of
+from model.identify.step_estimates import (
+    FROM_BELOW,
+    TO_RICHER,
+    WIDEST,
+    estimates_of,
+    ran_away,
+    read_rung,
+)
 from model.identify.step_fit import (
     BAD_STEP,
     BASIS,
@@ -38,7 +45,7 @@ from model.identify.step_fit import (
     step_arrays,
 )
 from model.identify.step_rungs import FITTED, Expected, models_of
-from model.identify.step_search import climb
+from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, climb
 from model.identify.torsional_mode import TorsionModel
 from model.units import ARCSEC, REVOLUTION, RPM
 
@@ -143,7 +150,38 @@ def fit_ladder(
     solutions = {name: found[0] for name, found in answers.items()}
     rungs = _null_rungs(steps, solutions["linear"].values["skew"], paper)
     rungs += [_rung(name, solution) for name, solution in solutions.items()]
-    return _stated(steps, problem, answers, tuple(rungs), _chosen(solutions), expected)
+    answers, said = _without_runaways(problem, answers, period, expected)
+    chosen = _chosen({name: solutions[name] for name in answers})
+    fit = _stated(steps, problem, answers, tuple(rungs), chosen, expected)
+    return replace(fit, warnings=(*said, *fit.warnings))
+
+
+def _without_runaways(
+    problem: Problem,
+    answers: Mapping[str, Sequence[Solution]],
+    period: float,
+    expected: Expected,
+) -> tuple[dict[str, Sequence[Solution]], list[str]]:
+    """The rungs whose search came to a mode, and what is said of the others.
+
+    Raises `IdentificationError` where none of them did.
+    """
+    amplitude = expected.amplitude / expected.inertia
+    why = {
+        name: ran_away(read_rung(problem, found, amplitude), period)
+        for name, found in answers.items()
+    }
+    if all(why.values()):
+        raise IdentificationError(
+            "no model of the spring comes to a mode in these steps",
+            where="velocity steps",
+            value="; ".join(f"{name}: {words}" for name, words in why.items()),
+            limit=f"known within {100.0 * WIDEST:g} %, from {LOWEST_HZ:g} Hz to "
+            f"{HIGHEST_SHARE:g} of the sampling rate",
+            remedy="Use faster steps, more inertia at the output, or a finer output encoder.",
+        )
+    said = [f"The {name} rung is not used: {words}." for name, words in why.items() if words]
+    return {name: found for name, found in answers.items() if not why[name]}, said
 
 
 def _refuse_rung(name: str) -> None:
@@ -271,7 +309,7 @@ def _stated(
     quantum = steps[0].output_quantum
     if float(np.max(largest)) < SEEN * quantum:
         _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
-    estimates = estimates_of(steps, problem, answers[chosen], _others(chosen, best), expected)
+    estimates = estimates_of(steps, problem, answers, chosen, _others(chosen, best), expected)
     return LadderFit(
         estimates=estimates,
         warnings=tuple(_warnings(steps, solution, largest, quantum)),
@@ -338,24 +376,18 @@ def _beside(chosen: str, solutions: Mapping[str, Solution]) -> tuple[str, Soluti
 
     What the last step of the ladder changed is the most that another one is believed to.
     """
-    place = FITTED.index(chosen)
-    for name, note in ((FITTED[place + 1 :][:1], TO_RICHER), (FITTED[:place][-1:], FROM_BELOW)):
-        if name and name[0] in solutions:
-            return note, solutions[name[0]]
-    return None
+    others = _others(chosen, solutions)
+    return (others[0][0], solutions[others[0][1]]) if others else None
 
 
-def _others(chosen: str, solutions: Mapping[str, Solution]) -> list[tuple[str, Solution]]:
-    """The rungs that tell how much of a law may be missing from the numbers: every richer one, or of the richest the
-    next below.
+def _others(chosen: str, solutions: Mapping[str, Solution]) -> list[tuple[str, str]]:
+    """The rungs that tell how much of a law may be missing from the numbers, and what they are to the chosen one: every
+    richer one, or of the richest the next below.
     """
-    richer = [
-        (TO_RICHER, solutions[name])
-        for name in FITTED[FITTED.index(chosen) + 1 :]
-        if name in solutions
-    ]
-    beside = _beside(chosen, solutions)
-    return richer or ([] if beside is None else [beside])
+    place = FITTED.index(chosen)
+    richer = [(TO_RICHER, name) for name in FITTED[place + 1 :] if name in solutions]
+    below = [(FROM_BELOW, name) for name in FITTED[:place] if name in solutions]
+    return richer or below[-1:]
 
 
 def _refuse_unseen(

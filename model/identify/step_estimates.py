@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +16,7 @@ from model.identify.step_counts import led_away, left_in_band, louder_in_band
 from model.identify.step_data import StepData
 from model.identify.step_fit import Problem, Solution
 from model.identify.step_rungs import LEAST_RELAXATION, Expected
+from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ
 from model.identify.torsional_mode import TorsionModel
 from model.units import REVOLUTION
 
@@ -28,6 +29,8 @@ UNEXPLAINED = 2.0
 SHARE_DOUBT = 0.3
 """Relative standard uncertainty of the share of the compliance that is damped."""
 
+BY_RUNG, NO_HYSTERESIS = "choice of the rung", "hysteresis"
+"""Sources of two lines of the budget."""
 TO_RICHER, FROM_BELOW = "to the next richer rung", "what the richest rung changed, rectangular"
 STATED = (
     ("stiffness_over_inertia", "1/s2"),
@@ -37,7 +40,9 @@ STATED = (
     ("skew", "s"),
 )
 """What is stated, in the order of `_numbers`: logarithms but for the skew."""
-BOTH_WAYS, DAMPING = (0, 2, 3), 3
+BOTH_WAYS, FREQUENCY, DAMPING = (0, 2, 3), 2, 3
+WIDEST = 0.5
+"""Share of its frequency within which a rung must tell it, with 95 %, to be one: beyond it the search ran away."""
 WEAK, POOR = 0.05, 0.2
 """Relative standard errors above which a number is identified weakly, and not at all; the first also bounds what
 leaving out a direction may move one by.
@@ -64,64 +69,168 @@ def _numbers(model: TorsionModel, skew: float, amplitude: float) -> Array:
 def estimates_of(
     steps: Sequence[StepData],
     problem: Problem,
-    answers: Sequence[Solution],
-    others: Sequence[tuple[str, Solution]],
+    answers: Mapping[str, Sequence[Solution]],
+    chosen: str,
+    others: Sequence[tuple[str, str]],
     expected: Expected,
 ) -> dict[str, Estimate]:
     """The stated numbers with their budgets, and those of which a direction alone has something to say.
 
-    `others`: other rungs and what they are to the chosen one; what they lead to is a line of the budget.
+    `answers` of every rung, the best first; `others`: rungs by what they are to the chosen one. What these lead to is
+    a line of the budget, but for the damping ratio, which is that of all rungs by their evidence.
     """
-    solution = answers[0]
     amplitude = expected.amplitude / expected.inertia
-    numbers, changed = _reading(problem, solution, amplitude)
-    here = solution.vector
-    model, centre = problem.model(solution.values), numbers(here)
-    if not np.all(np.isfinite(centre)):
+    solution = answers[chosen][0]
+    readings = {name: read_rung(problem, found, amplitude) for name, found in answers.items()}
+    reading = readings[chosen]
+    if not np.all(np.isfinite(reading.centre)):
         raise IdentificationError("the steps lead to no mode that rings", where="velocity steps")
-    left = left_in_band(problem, solution)
-    louder = max(louder_in_band(problem, solution), left)
-    slopes = _slopes(numbers, here, len(solution.shape.names))
-    error, freedom = _standard_error(solution, slopes, louder)
-    error = np.hypot(error, _between_answers(answers, numbers, louder))
-    counts = ("counts of the input", "what they ring up, to first order", changed / math.sqrt(3.0))
-    lines = [*_lines(model, centre), counts]
-    if others:
-        note = others[0][0]
-        found = [_reading(problem, other, amplitude)[0](other.vector) for _, other in others]
-        # A rung that leads to no mode says nothing of this one.
-        moved = np.max([np.abs(np.nan_to_num(f - centre)) for f in found], axis=0)
-        lines.append(
-            ("choice of the rung", note, moved if note == TO_RICHER else moved / math.sqrt(3.0))
-        )
-    if model.hysteresis[1] == 0.0:
-        lines.append(("hysteresis", "not part of this rung", _unfitted_hysteresis(model)))
-    ringing = _ringing_left(problem, solution)
-    told = _Told(centre, error, freedom, tuple(lines), ringing, left)
+    told = _weighed_damping(
+        _told(problem, solution, readings, chosen, others), problem, answers, readings
+    )
     estimates = {name: told.estimate(index) for index, (name, _) in enumerate(STATED)}
     direction = np.array([math.copysign(1.0, s.target) for s in steps])
     for way, sign in (("forward", 1.0), ("reverse", -1.0)):
         opposite = np.flatnonzero(direction == -sign)
         if not 0 < len(opposite) < len(steps):
             continue
-        moved = numbers(here + solution.left_out(opposite.tolist()))
-        if not np.all(np.isfinite(moved)):
+        alone = reading.numbers(solution.vector + solution.left_out(opposite.tolist()))
+        if not np.all(np.isfinite(alone)):
             # The other direction carries it all.
             continue
-        # Left out to first order: that is in doubt by as much as it leads away.
-        away = np.abs(moved - centre)
-        first_order = ("first order", "of leaving the other direction out", away / math.sqrt(3.0))
-        alone = replace(
-            told, centre=moved, error=math.sqrt(2.0) * error, lines=(*told.lines, first_order)
-        )
-        for index in BOTH_WAYS:
-            estimate = alone.estimate(index)
-            if away[index] > WEAK and estimate.identifiable == "yes":
-                note = "one direction alone leads too far from both to be told to first order"
-                estimate = replace(estimate, identifiable="weakly", note=note)
-            name = f"{estimate.name}_{way}"
-            estimates[name] = replace(estimate, name=name)
+        estimates |= _one_way(told, alone - reading.centre, way)
     return estimates
+
+
+def _one_way(told: _Told, moved: Array, way: str) -> dict[str, Estimate]:
+    """The numbers of which one direction alone says something, where leaving out the other moves them so far."""
+    # Left out to first order: that is in doubt by as much as it leads away.
+    away = np.abs(moved)
+    first_order = ("first order", "of leaving the other direction out", away / math.sqrt(3.0))
+    alone = replace(
+        told,
+        centre=told.centre + moved,
+        error=math.sqrt(2.0) * told.error,
+        lines=(*told.lines, first_order),
+    )
+    estimates: dict[str, Estimate] = {}
+    for index in BOTH_WAYS:
+        estimate = alone.estimate(index)
+        if away[index] > WEAK and estimate.identifiable == "yes":
+            note = "one direction alone leads too far from both to be told to first order"
+            estimate = replace(estimate, identifiable="weakly", note=note)
+        name = f"{estimate.name}_{way}"
+        estimates[name] = replace(estimate, name=name)
+    return estimates
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one rung says of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom, how
+    far the counts of the input led them, how many times louder than over all the noise is near the mode, how many
+    times the power is there that is beside it, and the numbers as a function of those of the fit.
+    """
+
+    centre: Array
+    error: Array
+    freedom: Array
+    counts: Array
+    louder: float
+    left: float
+    numbers: Callable[[Array], Array]
+
+
+def read_rung(problem: Problem, answers: Sequence[Solution], amplitude: float) -> Reading:
+    """A rung of these answers, the best first, at a torque amplitude over J_o [rad/s2]."""
+    solution = answers[0]
+    numbers, counts = _reading(problem, solution, amplitude)
+    left = left_in_band(problem, solution)
+    louder = max(louder_in_band(problem, solution), left)
+    slopes = _slopes(numbers, solution.vector, len(solution.shape.names))
+    error, freedom = _standard_error(solution, slopes, louder)
+    return Reading(
+        centre=numbers(solution.vector),
+        error=np.hypot(error, _between_answers(answers, numbers, louder)),
+        freedom=freedom,
+        counts=counts,
+        louder=louder,
+        left=left,
+        numbers=numbers,
+    )
+
+
+def ran_away(reading: Reading, period: float) -> str:
+    """Why the search for a rung came to no mode, for samples `period` [s] apart; "" where it did."""
+    frequency = math.exp(reading.centre[FREQUENCY]) if np.all(np.isfinite(reading.centre)) else 0.0
+    if not LOWEST_HZ <= frequency <= HIGHEST_SHARE / period:
+        return f"its search ran to {frequency:.3g} Hz, where none was looked for"
+    half = student_quantile(float(reading.freedom[FREQUENCY])) * float(reading.error[FREQUENCY])
+    if half > WIDEST:
+        return f"it tells {frequency:.3g} Hz within {100.0 * half:.0f} % only"
+    return ""
+
+
+def _told(
+    problem: Problem,
+    solution: Solution,
+    readings: Mapping[str, Reading],
+    chosen: str,
+    others: Sequence[tuple[str, str]],
+) -> _Told:
+    """What the chosen rung says, with the other rungs as a line of the budget."""
+    reading, model = readings[chosen], problem.model(solution.values)
+    counts = reading.counts / math.sqrt(3.0)
+    lines = [
+        *_lines(model, reading.centre),
+        ("counts of the input", "what they ring up, to first order", counts),
+    ]
+    if others:
+        note = others[0][0]
+        found = [readings[name].centre - reading.centre for _, name in others]
+        # A rung that leads to no mode says nothing of this one.
+        moved = np.max([np.abs(np.nan_to_num(f)) for f in found], axis=0)
+        lines.append(
+            (BY_RUNG, note, moved if note == TO_RICHER else moved / math.sqrt(3.0)),
+        )
+    if model.hysteresis[1] == 0.0:
+        lines.append((NO_HYSTERESIS, "not part of this rung", _unfitted_hysteresis(model)))
+    ringing = _ringing_left(problem, solution)
+    return _Told(
+        reading.centre, reading.error, reading.freedom, tuple(lines), ringing, reading.left
+    )
+
+
+def _weighed_damping(
+    told: _Told,
+    problem: Problem,
+    answers: Mapping[str, Sequence[Solution]],
+    readings: Mapping[str, Reading],
+) -> _Told:
+    """The same with the damping ratio of all rungs by their evidence; that of the chosen one where hysteresis is none
+    of them, or where the best of them leaves more than the noise of counting: then they may all be wrong.
+    """
+    names = [name for name in readings if np.all(np.isfinite(readings[name].centre))]
+    best = min(names, key=lambda name: answers[name][0].robust_cost())
+    solution = answers[best][0]
+    power = solution.robust_cost() / solution.samples
+    if "hysteresis" not in names or power > EXPLAINED**2:
+        return told
+    likely = _likely([answers[name][0] for name in names], readings[best].louder * max(1.0, power))
+    values = np.array([readings[name].centre[DAMPING] for name in names])
+    errors = np.array([readings[name].error[DAMPING] for name in names])
+    centre, error, freedom = told.centre.copy(), told.error.copy(), told.freedom.copy()
+    centre[DAMPING] = likely @ values
+    error[DAMPING] = math.sqrt(float(likely @ errors**2))
+    freedom[DAMPING] = likely @ np.array([readings[name].freedom[DAMPING] for name in names])
+    rungs = np.zeros(len(STATED))
+    rungs[DAMPING] = math.sqrt(float(likely @ (values - centre[DAMPING]) ** 2))
+    others = ~np.isin(np.arange(len(STATED)), DAMPING)
+    lines = [
+        (source, note, share * others if source in (BY_RUNG, NO_HYSTERESIS) else share)
+        for source, note, share in told.lines
+    ]
+    lines.append((BY_RUNG, "scatter of the rungs, weighed by their evidence", rungs))
+    return replace(told, centre=centre, error=error, freedom=freedom, lines=tuple(lines))
 
 
 def _reading(
@@ -260,14 +369,21 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
 def _between_answers(
     answers: Sequence[Solution], numbers: Callable[[Array], Array], louder: float
 ) -> Array:
-    """Standard deviation of the numbers over several answers, each as likely as exp(-cost/2) has it of a noise that is
-    so many times `louder` near the mode than the one in which the cost is counted.
-    """
-    cost = np.array([a.robust_cost() for a in answers])
-    likely = np.exp(-0.5 * (cost - cost[0]) / louder)
+    """Standard deviation of the numbers over several answers, each as likely as its cost has it."""
+    likely = _likely(answers, louder)
     stated = np.array([numbers(a.vector) for a in answers])
-    mean = likely @ stated / likely.sum()
-    return np.sqrt(likely @ (stated - mean) ** 2 / likely.sum())
+    return np.sqrt(likely @ (stated - likely @ stated) ** 2)
+
+
+def _likely(fits: Sequence[Solution], louder: float) -> Array:
+    """How likely each of several fits is by the others, (n,) with the sum one: exp(-cost/2), the pull of the priors in
+    the cost, of a noise that is so many times `louder` than the one in which the cost is counted.
+
+    A richer rung holds the poorer ones, so that nothing more is laid on the numbers that it adds.
+    """
+    cost = np.array([fit.robust_cost() for fit in fits])
+    likely = np.exp(-0.5 * (cost - cost.min()) / louder)
+    return np.asarray(likely / likely.sum(), dtype=float)
 
 
 def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:

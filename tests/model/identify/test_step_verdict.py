@@ -9,7 +9,23 @@ import numpy as np
 import pytest
 
 from experiments.protocols.velocity_steps.quantities import ESTIMATES
-from model.identify.step_estimates import RINGS_ON, STATED, WANTED, _ringing_left, _Told
+from model.errors import IdentificationError
+from model.identify import dynamics
+from model.identify.step_estimates import (
+    BY_RUNG,
+    DAMPING,
+    FREQUENCY,
+    NO_HYSTERESIS,
+    RINGS_ON,
+    STATED,
+    WANTED,
+    WIDEST,
+    Reading,
+    _ringing_left,
+    _Told,
+    _weighed_damping,
+    ran_away,
+)
 from model.identify.step_fit import Problem, Solution
 
 
@@ -70,3 +86,85 @@ def test_a_damping_ratio_is_told_within_its_own_target() -> None:
     assert [verdict(0.1, e) for e in (0.004, 0.01, 0.04)] == ["yes", "weakly", "no"]
     (quantity,) = [q for q in ESTIMATES if q.name == "damping_ratio"]
     assert WANTED["damping_ratio"] == quantity.target_uncertainty
+
+
+RUNGS = ("linear", "hardening", "hysteresis")
+
+
+def reading(damping: float = 0.02, frequency: float = 40.0, error: float = 0.01) -> Reading:
+    """What a rung says, everything known to the same share."""
+    size = len(STATED)
+    centre = np.zeros(size)
+    centre[DAMPING], centre[FREQUENCY] = np.log(damping), np.log(frequency)
+    errors, many = np.full(size, error), np.full(size, 1000.0)
+    return Reading(centre, errors, many, np.zeros(size), 1.0, 1.0, lambda vector: vector)
+
+
+def weighed(
+    costs: tuple[float, ...], dampings: tuple[float, ...], samples: int = 1000
+) -> tuple[_Told, _Told]:
+    """The chosen rung (the first) with the worst neighbour as its line, and the same with all rungs by their cost."""
+    readings = {name: reading(z) for name, z in zip(RUNGS, dampings, strict=False)}
+    answers: Any = {
+        name: [SimpleNamespace(robust_cost=lambda cost=cost: cost, samples=samples)]
+        for name, cost in zip(readings, costs, strict=True)
+    }
+    first = readings[RUNGS[0]]
+    lines = tuple(
+        (source, "of the chosen rung", np.ones(len(STATED))) for source in (BY_RUNG, NO_HYSTERESIS)
+    )
+    told = _Told(first.centre, first.error, first.freedom, lines, 1.0)
+    return told, _weighed_damping(told, cast(Problem, None), answers, readings)
+
+
+def test_the_damping_is_that_of_all_rungs_and_a_refused_one_says_nothing_of_it() -> None:
+    _, alike = weighed((900.0, 900.0, 900.0), (0.02, 0.02, 0.02 * np.exp(0.3)))
+    damping = alike.estimate(DAMPING)
+    assert np.log(damping.value / 0.02) == pytest.approx(0.1)
+    (line,) = [b for b in damping.budget if b.source == BY_RUNG]
+    # Two at 0 and one at 0.3 scatter by 0.1 sqrt 2 about their mean.
+    assert line.standard_uncertainty / damping.value == pytest.approx(0.1 * np.sqrt(2.0))
+    assert damping.budget[0].standard_uncertainty / damping.value == pytest.approx(0.01)
+    assert NO_HYSTERESIS not in {b.source for b in damping.budget}
+    _, refused = weighed((980.0, 900.0, 900.0), (0.08, 0.02, 0.02))
+    assert refused.estimate(DAMPING).value == pytest.approx(0.02)
+    assert refused.estimate(DAMPING).expanded_uncertainty < 0.0005
+
+
+def test_frequency_and_stiffness_keep_the_worst_neighbour() -> None:
+    told, by_evidence = weighed((900.0, 900.0, 900.0), (0.02, 0.03, 0.04))
+    for index in set(range(len(STATED))) - {DAMPING}:
+        assert by_evidence.estimate(index) == told.estimate(index)
+
+
+@pytest.mark.parametrize(
+    ("costs", "samples"), [((900.0, 900.0, 900.0), 700), ((900.0, 900.0), 1000)]
+)
+def test_rungs_that_may_all_be_wrong_are_not_weighed(
+    costs: tuple[float, ...], samples: int
+) -> None:
+    """More than 1.1 times the noise of counting is left, or the hysteresis was left out."""
+    told, same = weighed(costs, (0.02, 0.03, 0.04)[: len(costs)], samples)
+    assert same is told
+
+
+def test_a_search_that_ran_away_is_no_rung(monkeypatch: pytest.MonkeyPatch) -> None:
+    good, low = reading(), reading(frequency=2.4)
+    wide = reading(error=1.01 * WIDEST / 1.96)
+    assert ran_away(good, 1e-3) == ""
+    assert "2.4 Hz" in ran_away(low, 1e-3)
+    assert "401 Hz" in ran_away(reading(frequency=401.0), 1e-3)
+    assert "within 51 %" in ran_away(wide, 1e-3)
+    monkeypatch.setattr(dynamics, "read_rung", lambda _, found, amplitude: found)
+    expected: Any = SimpleNamespace(amplitude=1.0, inertia=1.0)
+
+    def sound(**rungs: Reading) -> Any:
+        answers: Any = rungs
+        return dynamics._without_runaways(cast(Problem, None), answers, 1e-3, expected)
+
+    answers, said = sound(linear=low, hardening=good)
+    assert list(answers) == ["hardening"]
+    assert len(said) == 1
+    assert said[0].startswith("The linear rung is not used")
+    with pytest.raises(IdentificationError, match=r"2\.4 Hz.*51 %"):
+        sound(linear=low, hardening=wide)
