@@ -2,8 +2,8 @@
 
 Every analysis passes it first, from one place (`experiments.catalogue.load`). Each row names what
 it looks at, for which kinds of analysis, and by which function; the functions stand in `motion`,
-`continuity`, `torque`, `dead_band`, `sampling`, `steps` and `tare`. A check that a recording lacks the channels for
-says "not checked".
+`continuity`, `torque`, `dead_band`, `inertia`, `sampling`, `steps` and `tare`. A check that a recording
+lacks the channels for says "not checked".
 """
 
 from __future__ import annotations
@@ -14,7 +14,16 @@ from dataclasses import dataclass
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import continuity, dead_band, motion, sampling, steps, tare, torque
+from experiments.evidence import (
+    continuity,
+    dead_band,
+    inertia,
+    motion,
+    sampling,
+    steps,
+    tare,
+    torque,
+)
 from experiments.evidence.holds import Recorded
 from experiments.finding import Finding, Severity
 
@@ -107,6 +116,7 @@ HIGHER_RATE = "Record at a higher rate."
 OTHER_SPEED = "Choose a speed that is incommensurate with the sampling rate."
 LOOK_AT_ZERO = "Look at the torque channel about zero: amplifier, converter, a filter or a threshold in the drive."
 FINER_PORT = "Use a finer range or converter of the torque channel."
+LOOK_AT_SCALE = "Check the scale of the torque channel and the inertia on the cards: rotor, gear, load (rig gear set)."
 WIDER_RANGE = "Widen the range of the torque port, and run again."
 WARM_UP = "Warm up first, and run again."
 SAME_RIG = "Take the tare on the rig of the run."
@@ -137,6 +147,7 @@ TABLE: tuple[Row, ...] = (
     Row("dead band", _torque, dead_band.dead_band, LOOK_AT_ZERO, False),
     Row("steps of the port", _torque, dead_band.steps_of_the_port, FINER_PORT, False),
     Row("torque port against drive", _torque, torque.port_against_drive, LOOK_AT_PORT, False),
+    Row("torque against inertia", _torque, inertia.torque_against_inertia, LOOK_AT_SCALE, False),
     Row("origin of the tare", _tare, tare.origin, SAME_RIG),
     Row("age of the tare", _tare, tare.age, NEW_TARE),
     Row("temperature of the tare", _tare, tare.temperature, SAME_ROOM),

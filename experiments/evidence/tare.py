@@ -113,17 +113,27 @@ def _room(recording: Recording) -> float:
     return math.nan
 
 
-def size(recorded: Recorded) -> Finding:
-    """The tare as a share of the friction that it is subtracted from, half the difference of the directions."""
+def share_subtracted(recorded: Recorded) -> float:
+    """The tare as a share of the friction that it is subtracted from, half the difference of the directions.
+
+    NaN without a tare over speed or torques at constant speed.
+    """
     tare = _points(recorded)
     holds = [h for h in recorded.turning if math.isfinite(h.torque)]
     if tare is None or not holds:
-        return not_checked("a tare over speed and torques at constant speed are needed")
+        return math.nan
     speed = np.array([abs(h.speed) for h in holds])
     braking = np.array([h.direction * h.torque for h in holds])
     subtracted = np.interp(speed, tare.speed, tare.torque)
     # Over all holds: an offset of the port cancels between the directions.
-    share = float(subtracted.sum() / braking.sum())
+    return float(subtracted.sum() / braking.sum())
+
+
+def size(recorded: Recorded) -> Finding:
+    """How much of the friction the tare takes off."""
+    share = share_subtracted(recorded)
+    if math.isnan(share):
+        return not_checked("a tare over speed and torques at constant speed are needed")
     return refused_beyond(
         not 0.0 <= share <= LARGEST_SHARE,
         f"{share:.3g} of the friction measured",

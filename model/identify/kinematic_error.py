@@ -71,6 +71,9 @@ SLOPE_SIGNIFICANCE = 4.0
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
 """Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
 eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold error."""
+MOTOR_REST, MOTOR_REST_SHARE = (3, 5, 6, 7, 8), 0.2
+"""Other orders of a motor encoder, and the share of its class that they have together: a class bounds the whole curve,
+and no encoder has three orders only."""
 UNSAID_ORDERS = OUTPUT_ENCODER_ORDERS
 """Orders of a motor encoder of which nobody says anything: a resolver has those of its poles."""
 TOO_NEAR = "too near the first torsional mode"
@@ -159,6 +162,9 @@ class Encoders:
                 self._motor_orders,
                 self.input_unsaid,
             )
+        if not (self.input_certified or self.input_unsaid):
+            rest = MOTOR_REST_SHARE * self.input_accuracy / ratio
+            lines += _share("motor encoder", rest, order, MOTOR_REST, "")
         finely = FINE_SHARE * self.output_accuracy
         lines += _share(
             "output encoder", finely, order * ratio, tuple(FINE_ORDERS), self.output_unsaid
@@ -209,6 +215,8 @@ class Encoders:
         if order * ratio > FINE_ORDERS[0] - 0.5:
             output = FINE_SHARE * self.output_accuracy
         motor = 2.0 * self.input_certified or self.input_accuracy
+        if not (self.input_certified or self.input_unsaid) and round(order) in MOTOR_REST:
+            motor = MOTOR_REST_SHARE * self.input_accuracy
         total = 0.0
         for line in self.at_order(order, ratio):
             if line.cause is Cause.OUTPUT_ENCODER:
@@ -291,6 +299,8 @@ def _share(
     note = f"its class, equal shares of its orders {', '.join(map(str, orders))}"
     if len(orders) == len(FINE_ORDERS):
         note = f"{FINE_SHARE:g} of its class, equal shares of its orders 9 to 64"
+    if orders == MOTOR_REST:
+        note = f"{MOTOR_REST_SHARE:g} of its class, equal shares of its orders 3 and 5 to 8"
     note += "; cannot be told from the gear"
     u = half_width / math.sqrt(3.0 * len(orders))
     line = BudgetLine(f"{what} at this order", "B", u, note, cause)

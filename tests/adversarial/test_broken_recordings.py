@@ -14,7 +14,7 @@ from experiments.evidence.holds import Recorded
 from experiments.evidence.table import TABLE, checks_of
 from experiments.finding import Severity
 from experiments.result import Result
-from tests.adversarial import acts
+from tests.adversarial import acts, acts_of_size
 from tests.adversarial.acts import Honest
 from tests.adversarial.conftest import judged
 
@@ -34,6 +34,7 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("friction", acts.wide_dead_band_in_both, "dead band"),
     ("friction", acts.dead_band_in_both, "dead band"),
     ("friction", acts.coarse_in_both, "steps of the port"),
+    ("friction", acts_of_size.gain_in_both(0.75), "torque against inertia"),
     ("friction", acts.clipped_in_both, "plateau"),
     ("friction", acts.millinewtons, "reach of the motor"),
     ("friction", acts.doubled, "torque port against drive"),
@@ -90,6 +91,7 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
 """Kind, act, and the check that refuses."""
 
 WIDENED: tuple[tuple[str, Act, str, str], ...] = (
+    ("friction", acts_of_size.gain_in_both(1.3), "torque against inertia", "coulomb"),
     ("friction", acts.tare_of_last_month, "age of the tare", "coulomb"),
     ("friction", acts.tare_warmer, "temperature of the tare", "coulomb"),
     ("friction", acts.tare_ten_more, "other tares of the bench", "coulomb"),
