@@ -47,7 +47,7 @@ class CombinedUncertainty:
 def grounds_of(recording: Recording, analysis: Analysis) -> Grounds:
     """What an analysis of a run rests on."""
     m = recording.metadata
-    channel = str(analysis.result.get("options", {}).get("channel") or "torque")
+    channel = str(analysis.result.options.get("channel") or "torque")
     mounted = f"{m.gear_serial}|{m.mounting}|{m.conditions.get('mounted_on', '')}"
     output, motor = _instrument(recording, "output_angle"), _instrument(recording, "input_angle")
     return {

@@ -203,7 +203,7 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             if change.name.split(": ")[1] in SUBJECT
         )
         common = common_grounds(a.grounds[kind], b.grounds[kind])
-        first, second = left.result.get("parameters", {}), right.result.get("parameters", {})
+        first, second = (a.content["result"].get("parameters", {}) for a in (left, right))
         for name in dict.fromkeys((*first, *second)):
             quantity = (left if name in first else right).quantity(name)
             shown = Change(
@@ -227,7 +227,7 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
     """How the two were analysed: options and settings, the tare, the program's version, the parameter set."""
     tables = [
         {
-            **a.result.get("options", {}),
+            **a.result.options,
             **{f"setting {n}": v for n, v in a.content.get("settings", {}).items()},
             "tare": a.content.get("tare", {}).get("run", "none"),
             **{t: a.content[key] for t, key in PROGRAM_FACTS.items() if key in a.content},

@@ -15,10 +15,9 @@ from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
 from model.gear_file import gear_from_mapping
-from rig.analysis.fit import LEFT_AWAY, Fit, store
+from rig.analysis.fit import LEFT_AWAY, Fit, fit_in_force, store
 from rig.analysis.fit_run import TARE_AGE_SETTING, Choices, fit_run
 from rig.analysis.in_force import InForce, in_force
-from rig.analysis.stored_fit import fit_in_force
 from rig.analysis.tare import tare_kind
 from rig.errors import ChangedRunError, RigError, RunFileError
 
@@ -152,7 +151,7 @@ def choices_of(path: Path, found: InForce) -> Choices:
         tare_file = path.parent / str(tare["file"])
     elif tare.get("chosen") == "found":
         settings.pop(TARE_AGE_SETTING, None)
-    share = found.analysis.result.get("options", {}).get("largest_missed_share")
+    share = found.analysis.result.options.get("largest_missed_share")
     return Choices(
         gear=gear_from_mapping(content["gear"], found.analysis.name) if by_hand else None,
         tare=tare_file,

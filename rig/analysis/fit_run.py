@@ -23,16 +23,17 @@ from rig.analysis.fit import (
     fit_recording,
     kind_of,
     other_tare,
+    stored_fit,
 )
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
-from rig.analysis.stored_fit import stored_fit
-from rig.analysis.tare import takes_tare, tare_kind
-from rig.analysis.tare_search import (
+from rig.analysis.tare import (
     FoundTare,
     find_tare,
     nearness,
+    takes_tare,
     tare_days_of,
+    tare_kind,
     tares_beside,
 )
 from rig.library.index import IndexedRun, LibraryIndex

@@ -11,7 +11,7 @@ parameter set of the gear, the settings under which its tare was found, the vers
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,9 +21,11 @@ from model.errors import WordedError
 from rig.analysis import format_1
 from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
-from rig.analysis.tare import tare_kind
-from rig.errors import ConfigurationError, RunFileError, UnsealedError
+from rig.analysis.tare import tare_days_of, tare_kind
+from rig.errors import ChangedRunError, ConfigurationError, RunFileError, UnsealedError
+from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
 from rig.runfile.seal import (
+    check_seal,
     file_sha256,
     is_unsealed_allowed,
     recorded_sha256,
@@ -122,6 +124,57 @@ def in_force_by_kind(run: str | Path) -> dict[str, InForce]:
         of_kind = [analysis for analysis in stored if analysis.kind == kind]
         chosen[kind] = _strongest(run, kind, of_kind, kept.get(kind), things)
     return dict(sorted(chosen.items(), key=lambda pair: pair[1].number))
+
+
+@dataclass(frozen=True)
+class Newest:
+    """The newest analysed run of every kind, in the order of the catalogue, each with its analysis in force.
+
+    By these, and by no others, a gear is judged: certificate, report of the gear and passport speak of the same runs.
+    `passed_over` says of which newer runs nothing is told, and why.
+    """
+
+    runs: tuple[tuple[IndexedRun, InForce], ...]
+    passed_over: tuple[str, ...] = ()
+
+
+def newest_analysed(runs: Sequence[IndexedRun]) -> Newest:
+    """The newest of these runs, which are in order of time, by kind.
+
+    Raises `ChangedRunError` for a run or an analysis that is not as it was sealed.
+    """
+    passed_over: list[str] = []
+    chosen = [_newest(kind, runs, passed_over) for kind in catalogue.names()]
+    return Newest(tuple(one for one in chosen if one is not None), tuple(passed_over))
+
+
+def _newest(
+    kind: str, runs: Sequence[IndexedRun], passed_over: list[str]
+) -> tuple[IndexedRun, InForce] | None:
+    """The newest run of a kind that was brought to its end and has an analysis; newer ones are noted."""
+    for run in reversed([run for run in runs if run.protocol in (kind, "")]):
+        try:
+            found = in_force(run.path, kind)
+        except ChangedRunError:
+            # Nobody may go on without it: what was changed would make room for an older run.
+            raise
+        except RunFileError as error:
+            passed_over.append(f"Run {run.run_id} ({kind}) cannot be read: {error}")
+            continue
+        if found.analysis is not None and not found.of_this_run:
+            # A run that was changed since it was sealed is refused by name, for the same reason.
+            check_seal(run.path)
+        is_analysed = found.analysis is not None and found.of_this_run
+        if is_analysed and run.outcome in COUNTED_OUTCOMES:
+            return run, found
+        if run.protocol != kind:
+            continue
+        passed_over.append(
+            f"Run {run.run_id} ({kind}) is not analysed: rig fit {run.path}"
+            if run.outcome in COUNTED_OUTCOMES
+            else f"Run {run.run_id} ({kind}) ended {run.outcome} and does not stand here."
+        )
+    return None
 
 
 def _strongest(
@@ -309,8 +362,6 @@ def _tare_of_another_version(tare: Mapping[str, Any]) -> Iterator[str]:
 
 def _tare_too_old(tare: Mapping[str, Any], folder: Path) -> Iterator[str]:
     """Whether a tare that was found by itself would not be found any more under the settings of today."""
-    from rig.analysis.tare_search import tare_days_of
-
     age = tare.get("age_days")
     if tare.get("chosen") != "found" or not isinstance(age, (int, float)):
         return

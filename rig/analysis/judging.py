@@ -8,11 +8,12 @@ that is stale), MARGINAL, PASS. What the file does not list never counts.
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from experiments.finding import Severity
 from experiments.quantity import Quantity, quantity_of
@@ -25,12 +26,17 @@ from experiments.result import (
     lacks_number,
     outcome_against,
 )
+from model.errors import WordedError
 from model.identify.estimate import Estimate
-from rig.analysis.in_force import InForce, in_force
-from rig.analysis.result_data import result_from_mapping
+from rig.analysis.in_force import InForce, Newest, in_force
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
-from rig.gears.acceptance import Acceptance, Limit, Subject
+from rig.gears.acceptance import Acceptance, Limit, Subject, acceptance_for
+from rig.library.listed import IndexedRun
+
+if TYPE_CHECKING:
+    from experiments.recording import RunMetadata
+    from rig.analysis.fit import Fit
 
 NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
 NO_GEAR = "the recording names no gear, so there is no limit to hold it against"
@@ -39,47 +45,8 @@ BROUGHT_TO_THE_END = ("COMPLETED", "")
 """Outcomes of runs whose recording is whole; "" is that of an imported one."""
 
 
-Look = Callable[[Path, str], InForce]
-"""What finds the analysis of a run, by its file and kind, that everybody reads."""
-
-
-class Analysed(Protocol):
-    """One analysed run as it is judged: a fit, or a stored analysis with what its run file says."""
-
-    @property
-    def result(self) -> Result:
-        """What was found."""
-        ...
-
-    @property
-    def origin(self) -> str:
-        """Where the recording is from: hardware, simulated, replay or imported."""
-        ...
-
-    @property
-    def outcome(self) -> str:
-        """How the run ended."""
-        ...
-
-    @property
-    def serial(self) -> str:
-        """Serial number of the gear."""
-        ...
-
-    @property
-    def stale(self) -> tuple[str, ...]:
-        """What changed since the analysis was made, in words; empty where it is what it was."""
-        ...
-
-    @property
-    def renewed_by(self) -> str:
-        """The command that makes a stale analysis anew; "" where nothing is stale."""
-        ...
-
-    @property
-    def not_in_force(self) -> str:
-        """Which other analysis of the run everybody reads; "" where it is this one, or where nobody keeps it."""
-        ...
+Accepted = Callable[[Path, str], Acceptance | None]
+"""What a gear must show, by folder of runs and serial number."""
 
 
 @dataclass(frozen=True)
@@ -95,21 +62,21 @@ class StoredResult:
     not_in_force: str = ""
 
 
-def stored_result(found: InForce, origin: str, outcome: str, serial: str = "") -> StoredResult:
-    """An analysis in force, ready to be judged."""
-    assert found.analysis is not None
-    return stored_as(found.analysis, found, origin, outcome, serial)
+if TYPE_CHECKING:
+    Analysed = Fit | StoredResult
+    """One analysed run as it is judged."""
 
 
-def stored_as(
-    analysis: Analysis, found: InForce, origin: str, outcome: str, serial: str = ""
+def stored_result(
+    found: InForce, origin: str, outcome: str, serial: str = "", *, other: Analysis | None = None
 ) -> StoredResult:
-    """One stored analysis of a run, ready to be judged; of one that is not in force `found` says which is."""
-    result = result_from_mapping(analysis.result, analysis.content.get("tables", ()))
+    """The analysis in force of a run, ready to be judged; or another one of its analyses, which is told to be aside."""
+    analysis = other or found.analysis
+    assert analysis is not None
+    stored = StoredResult(analysis.result, origin, outcome, serial)
     if analysis.number != found.number:
-        other = found.words_for_another(analysis.number)
-        return StoredResult(result, origin, outcome, serial, not_in_force=other)
-    return StoredResult(result, origin, outcome, serial, found.stale, found.renewed_by)
+        return replace(stored, not_in_force=found.words_for_another(analysis.number))
+    return replace(stored, stale=found.stale, renewed_by=found.renewed_by)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,6 +111,22 @@ class GearVerdict:
         }
 
 
+@dataclass(frozen=True)
+class JudgedRun:
+    """One run as everybody reads it: the analysis of it that counts, and the verdict on what it measured."""
+
+    found: InForce
+    verdict: GearVerdict
+
+
+def verdict_as_json(verdict: GearVerdict | None) -> dict[str, Any]:
+    """Verdict, reasons and what is stale of one run of several; null for a file that cannot be read."""
+    if verdict is None:
+        return {"verdict": None, "because": [], "stale": []}
+    whole = verdict.as_json()
+    return {key: whole[key] for key in ("verdict", "because", "stale")}
+
+
 def judge(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:
     """The verdict on a gear by all that its acceptance file lists; `found` are its analyses in force."""
     if acceptance is None or not acceptance.limits:
@@ -167,27 +150,61 @@ def judge_run(one: Analysed, acceptance: Acceptance | None) -> GearVerdict:
     return _worst(of_kind, [one], acceptance)
 
 
-def judge_listed(
+def judge_stored(
     run: Path,
     kind: str,
     origin: str,
     outcome: str,
     serial: str,
-    acceptance: Acceptance | None,
     *,
-    look: Look = in_force,
-) -> GearVerdict:
-    """The verdict on what a run measures, by the analysis that lies beside it; NOT JUDGED, and why, where none does.
+    accepted: Accepted = acceptance_for,
+) -> JudgedRun:
+    """The analysis of a run that counts, and the verdict by it; NOT JUDGED, and why, where nothing can be read.
 
-    `origin`, `outcome` and `serial` are those of the run file; `look` finds its analysis.
-    Raises `RunFileError` for a store that cannot be read.
+    `origin`, `outcome` and `serial` are those of the run file; `accepted` says what the gear must show.
     """
-    if outcome not in BROUGHT_TO_THE_END:
-        return not_judged(f"the run ended as {outcome}")
-    found = look(run, kind)
-    if found.analysis is None or not found.of_this_run:
-        return not_judged(f"the run is not analysed: rig fit {run}")
-    return judge_run(stored_result(found, origin, outcome, serial), acceptance)
+    found = InForce(kind=kind)
+    try:
+        found = in_force(run, kind)
+        if outcome not in BROUGHT_TO_THE_END:
+            because = f"the run ended as {outcome}"
+        elif found.analysis is None or not found.of_this_run:
+            because = f"the run is not analysed: rig fit {run}"
+        else:
+            stored = stored_result(found, origin, outcome, serial)
+            return JudgedRun(found, judge_run(stored, accepted(run.parent, serial)))
+    except (WordedError, KeyError, TypeError, ValueError) as error:
+        because = f"analysis or acceptance file cannot be read: {error}"
+    return JudgedRun(found, not_judged(because))
+
+
+def judge_listed(listed: Sequence[IndexedRun]) -> dict[Path, JudgedRun]:
+    """Every sealed run of a list; the acceptance file of each gear is read once."""
+    accepted = functools.cache(acceptance_for)
+    return {
+        run.path: judge_stored(
+            run.path, run.protocol, run.origin, run.outcome, run.gear_serial, accepted=accepted
+        )
+        for run in listed
+        if run.state == "sealed"
+    }
+
+
+def judge_file(run: Path, metadata: RunMetadata) -> GearVerdict | None:
+    """The verdict on what one run measured; None for a file that is not sealed yet."""
+    if run.name.endswith(".part"):
+        return None
+    of = (metadata.experiment, metadata.origin, metadata.outcome, metadata.gear_serial)
+    return judge_stored(run, *of).verdict
+
+
+def judge_newest(newest: Newest, acceptance: Acceptance | None) -> GearVerdict:
+    """The verdict on the gear whose newest analysed runs these are."""
+    found = [
+        stored_result(analysis, run.origin, run.outcome, run.gear_serial)
+        for run, analysis in newest.runs
+    ]
+    return judge(found, acceptance)
 
 
 def judge_runs(found: Sequence[Analysed], acceptance: Acceptance | None) -> GearVerdict:

@@ -17,10 +17,9 @@ from experiments import catalogue
 from experiments.finding import Finding, Severity
 from experiments.result import checks_to_mapping
 from model.gear_file import gear_from_mapping
-from rig.analysis.fit import Fit, OtherTare, fit_recording
+from rig.analysis.fit import Fit, OtherTare, fit_recording, stored_fit
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_ready, read_analyses
-from rig.analysis.stored_fit import stored_fit
 from rig.analysis.tare import tare_kind
 from rig.errors import RunFileError
 from rig.runfile.checks import LEVELS
@@ -132,7 +131,7 @@ def _again(
         tare=tare,
         settings=dict(content.get("settings") or {}),
         path=run,
-        largest_missed_share=analysis.result.get("options", {}).get("largest_missed_share"),
+        largest_missed_share=analysis.result.options.get("largest_missed_share"),
         other_tares=others,
     )
 

@@ -20,6 +20,7 @@ import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from rig.analysis import format_1
 from rig.analysis.result_data import (
     covariance_from_mapping,
     declared_quantities,
+    plot_from_mapping,
     plot_to_mapping,
     result_from_mapping,
     table_to_mapping,
@@ -71,10 +73,13 @@ class Analysis:
         """The kind of fit."""
         return str(self.content.get("kind", ""))
 
-    @property
-    def result(self) -> Mapping[str, Any]:
-        """The result as `rig fit --json` prints it."""
-        return self.content.get("result", {})
+    @cached_property
+    def result(self) -> Result:
+        """The result with its tables, without covariance and figures. Raises `RunFileError` where it holds none."""
+        try:
+            return result_from_mapping(self.content["result"], self.content.get("tables", ()))
+        except (KeyError, TypeError, ValueError) as error:
+            raise self._without_result(error) from None
 
     @property
     def name(self) -> str:
@@ -94,19 +99,21 @@ class Analysis:
         """
         try:
             figures = self._figures()
-            result = result_from_mapping(
-                {**self.result, "plots": figures or ()}, self.content.get("tables", ())
-            )
+            plots = tuple(plot_from_mapping(plot) for plot in figures or ())
             covariance = covariance_from_mapping(self.content.get("covariance"))
         except (OSError, EOFError, KeyError, TypeError, ValueError) as error:
-            raise RunFileError(
-                "the stored analysis holds no result",
-                where=str(self.path),
-                value=str(error),
-                remedy="Move it away and analyse the run again with `rig fit`.",
-            ) from None
-        remark = () if figures is not None else (NO_FIGURES,)
-        return replace(result, covariance=covariance, warnings=(*result.warnings, *remark))
+            raise self._without_result(error) from None
+        remarks = () if figures is not None else (NO_FIGURES,)
+        warnings = (*self.result.warnings, *remarks)
+        return replace(self.result, plots=plots, covariance=covariance, warnings=warnings)
+
+    def _without_result(self, error: Exception) -> RunFileError:
+        return RunFileError(
+            "the stored analysis holds no result",
+            where=str(self.path),
+            value=str(error),
+            remedy="Move it away and analyse the run again with `rig fit`.",
+        )
 
     def _figures(self) -> list[Mapping[str, Any]] | None:
         name = str(self.content.get("figures", ""))

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 
 from rig.analysis.fit import LEFT_AWAY, Fit, fit_recording, kind_of
 from rig.analysis.fit_run import Choices, fit_run
-from rig.analysis.tare import takes_tare, tare_kind
-from rig.analysis.tare_search import FoundTare
+from rig.analysis.tare import FoundTare, takes_tare, tare_kind
 from rig.api.reading import load
 from rig.api.results import Result, Results
 from rig.api.runs import Run

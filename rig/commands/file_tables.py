@@ -6,25 +6,21 @@ import math
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
 
+from experiments.recording import Event, Recording, Segment
 from model.units import RPM
-from rig.analysis.listed_verdicts import told
+from rig.analysis.judging import GearVerdict, JudgedRun, verdict_as_json
 from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, table
 from rig.commands.visible import Text
-from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
+from rig.present.run_words import acquisition_facts, duration_text, world_facts
 from rig.runfile.header import ORIGIN_WORDS
-from rig.runfile.prevailing import acquisition_facts, world_facts
-
-if TYPE_CHECKING:
-    from experiments.recording import Event, Recording, Segment
-    from rig.analysis.judging import GearVerdict
 
 SHOWN_SEGMENTS = 24
 SHOWN_EVENTS = 20
@@ -169,7 +165,7 @@ def recording_as_json(
         "protocol": m.experiment,
         "origin": m.origin,
         "outcome": m.outcome,
-        **(verdict.as_json() if verdict is not None else told(None)),
+        **(verdict.as_json() if verdict is not None else verdict_as_json(None)),
         "started": m.start_time,
         "ended": m.end_time,
         "operator": m.operator,
@@ -238,6 +234,16 @@ def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
     return ranges
 
 
+def listed_as_json(run: IndexedRun, judged: JudgedRun | None) -> dict[str, Any]:
+    """A listed run with its verdict and its analysis in force, as `rig runs --json` tells it."""
+    found = judged and judged.found
+    return {
+        **run.as_json(),
+        **verdict_as_json(judged and judged.verdict),
+        "analysis": found.as_json() if found and found.analysis is not None else None,
+    }
+
+
 def run_gear(gear: Any) -> str:
     """The part number of a gear, "" without one."""
     return gear.name if gear is not None else ""
@@ -259,10 +265,6 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         else 0.0
     )
     missed = f", {flagged} cycles flagged" if flagged else ""
-    made = (
-        *world_facts(m.process.get("world")),
-        *acquisition_facts(m.process.get("acquisition")),
-    )
     facts = [
         ("file", str(path)),
         ("title", m.title),
@@ -290,7 +292,8 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
                 if k in m.process
             ),
         ),
-        *((fact.title, fact.text) for fact in made),
+        *world_facts(m.process.get("world")),
+        *acquisition_facts(m.process.get("acquisition")),
         ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
         ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),
         ("SHA-256", m.seal),

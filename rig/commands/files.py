@@ -76,25 +76,29 @@ def runs(
             until=_day(until, "--until"),
             origin=origin,
         )
-    from rig.analysis.listed_verdicts import listed_as_json, verdicts_of
+    from rig.analysis.judging import judge_listed
     from rig.commands.listing import SHOWN, newest
 
     found = len(listed)
     listed = newest(listed, (0 if json else SHOWN) if last is None else last)
+    judged = judge_listed(listed)
     if json:
+        from rig.commands.file_tables import listed_as_json
+
         print_json(
             {
                 "folder": str(folder),
                 "index": index.rebuilt,
                 "found": found,
                 "not_looked_into": index.refused,
-                "runs": listed_as_json(listed),
+                "runs": [listed_as_json(run, judged.get(run.path)) for run in listed],
             }
         )
         return
     from rig.commands.file_tables import print_runs
 
-    print_runs(folder, listed, verdicts_of(listed), found=found, refused=index.refused)
+    verdicts = {path: one.verdict for path, one in judged.items()}
+    print_runs(folder, listed, verdicts, found=found, refused=index.refused)
 
 
 def _day(text: str | None, flag: str) -> str | None:
@@ -108,13 +112,13 @@ def _day(text: str | None, flag: str) -> str | None:
 
 def show(run: RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
-    from rig.analysis.listed_verdicts import verdict_of_run
+    from rig.analysis.judging import judge_file
     from rig.commands.file_tables import print_recording, recording_as_json
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(run)
     try:
-        verdict = verdict_of_run(run, recording.metadata)
+        verdict = judge_file(run, recording.metadata)
         if json:
             print_json(recording_as_json(recording, run, verdict))
         else:

@@ -39,14 +39,14 @@ def diff(
     they differ or not; --json says `differs`.
     """
     from rig.analysis.difference import difference
-    from rig.analysis.listed_verdicts import told
+    from rig.analysis.judging import verdict_as_json
 
     changes = difference(first, second)
     verdicts = [_verdict_of_file(path) for path in (first, second)]
     if json:
         content = changes.as_json()
         content["verdicts"] = [
-            {"outcome": outcome, **told(verdict)} for outcome, verdict in verdicts
+            {"outcome": outcome, **verdict_as_json(verdict)} for outcome, verdict in verdicts
         ]
         if everything:
             content["same"] = [change.as_json() for change in changes.same]
@@ -59,11 +59,11 @@ def diff(
 
 def _verdict_of_file(path: Path) -> tuple[str, GearVerdict | None]:
     """Outcome and verdict of a run file."""
-    from rig.analysis.listed_verdicts import verdict_of_run
+    from rig.analysis.judging import judge_file
     from rig.runfile.read import glance
 
     metadata = glance(path).metadata
-    return metadata.outcome, verdict_of_run(path, metadata)
+    return metadata.outcome, judge_file(path, metadata)
 
 
 def passport(
@@ -106,7 +106,7 @@ def passport(
     origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The
     exit code is 0 also where a limit is broken.
     """
-    from rig.analysis.listed_verdicts import told
+    from rig.analysis.judging import verdict_as_json
     from rig.analysis.passport.build import passport as passport_of
 
     where = output or [Path("runs")]
@@ -116,7 +116,8 @@ def passport(
     if json:
         content = {**passport_of_gear.as_json(), **judged.as_json()}
         content["runs"] = [
-            {**run.as_json(), **told(verdicts.get(run.path))} for run in passport_of_gear.runs
+            {**run.as_json(), **verdict_as_json(verdicts.get(run.path))}
+            for run in passport_of_gear.runs
         ]
         content["analysed"] = [
             {
@@ -141,14 +142,16 @@ def _verdicts_of(
 
     What the gear must show says the first of these places whose card names a file.
     """
-    from rig.analysis.listed_verdicts import verdicts_of
-    from rig.analysis.newest import newest_analysed
+    from rig.analysis.in_force import newest_analysed
+    from rig.analysis.judging import judge_listed, judge_newest
     from rig.gears.acceptance import acceptance_for
 
     folders = [place if place.is_dir() else place.parent for place in where]
     named = (acceptance_for(folder, passport.serial) for folder in folders)
     acceptance = next((one for one in named if one is not None), None)
-    return verdicts_of(passport.runs), newest_analysed(passport.runs).judged(acceptance)
+    judged = judge_listed(passport.runs)
+    verdicts = {path: one.verdict for path, one in judged.items()}
+    return verdicts, judge_newest(newest_analysed(passport.runs), acceptance)
 
 
 def _analyse(

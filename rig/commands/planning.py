@@ -50,7 +50,7 @@ def plan(
 
         print_help(context)
         raise typer.Exit
-    from rig.analysis.tare_search import tares_wanted
+    from rig.analysis.tare import tares_wanted
     from rig.commands.ordering import order_of
     from rig.commands.run_tables import print_plan
     from rig.present.preview.plan import preview_plan

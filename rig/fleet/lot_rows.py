@@ -1,6 +1,7 @@
 """What a lot is judged by, read from the results: of every gear the newest analysed run of each kind, nothing else.
 
-The same choice as `rig.analysis.newest` makes for one gear: lot, passport and certificate speak of the same runs.
+The same choice as `rig.analysis.in_force.newest_analysed` makes for one gear: lot, passport and certificate speak of
+the same runs.
 """
 
 from __future__ import annotations

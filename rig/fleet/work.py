@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 from experiments import catalogue
 from model.errors import WordedError
 from rig.analysis.store import analysis_folder
-from rig.analysis.tare import takes_tare, tare_kind
-from rig.analysis.tare_search import tare_days_of
+from rig.analysis.tare import takes_tare, tare_days_of, tare_kind
 from rig.errors import ConfigurationError, RunFileError
 from rig.fleet.dataset import FOLDER_NAME, Identity, Known
 from rig.fleet.neighbours import digest

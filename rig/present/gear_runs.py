@@ -7,10 +7,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from rig.analysis.fit import Fit
-from rig.analysis.newest import newest_analysed
+from rig.analysis.fit import Fit, fit_in_force
+from rig.analysis.in_force import newest_analysed
 from rig.analysis.passport.content import Passport
-from rig.analysis.stored_fit import fit_in_force
 from rig.content.grid import Grid
 from rig.present.content import run_files, seal_words
 from rig.present.provenance import doubts_about

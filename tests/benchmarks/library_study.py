@@ -143,7 +143,7 @@ def measure_scans(folder: Path, processes: int | None) -> None:
 
 def measure_looks(folder: Path) -> None:
     """What somebody waits for once the index is there, in a process that has the program loaded."""
-    from rig.analysis.listed_verdicts import verdicts_of
+    from rig.analysis.judging import judge_listed
     from rig.commands.listing import newest
 
     measured("open the index, list everything", lambda: LibraryIndex(folder, nested=True).search())
@@ -151,7 +151,7 @@ def measure_looks(folder: Path) -> None:
     measured("list everything again", library.search)
     measured("search for two words and a gear", lambda: library.search("home g00", gear="G0042"))
     runs = library.search()
-    measured("verdicts of the newest 50", lambda: verdicts_of(newest(runs, 50)))
+    measured("verdicts of the newest 50", lambda: judge_listed(newest(runs, 50)))
     for _ in range(20):
         library.search()
     print(f"after 20 more looks: {memory():.0f} MB")

@@ -256,7 +256,7 @@ def test_an_analysis_made_again_is_equal_to_the_digit_and_an_edited_one_is_not(
     code, output, _ = rig("verify", run, "--recompute", "--json")
     assert (code, json.loads(output)["recomputed"][0]["worst"]) == (0, 0.0)
     # Numbers and note changed by somebody who knows of the note.
-    name, told = next(iter(stored.result["parameters"].items()))
+    name, told = next(iter(stored.content["result"]["parameters"].items()))
     value = told["value"]
     rewritten(analysis_of(run), repr(value), repr(0.5 * value))
     reseal(analysis_of(run))

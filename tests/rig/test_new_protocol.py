@@ -19,7 +19,6 @@ from experiments.result import Result
 from model.units import ARCSEC, RPM
 from rig.analysis.difference import difference
 from rig.analysis.passport.build import passport
-from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import read_analyses
 from rig.content.wording import metric_text, show
 from tests.rig import toy_protocol
@@ -97,7 +96,7 @@ def test_its_analysis_lies_in_the_store_with_what_its_numbers_are(tmp_path: Path
         "unit": "rad",
         "definition": "what the output loses between the ways",
     }
-    read = result_from_mapping(stored.result)
+    read = stored.result
     assert read.quantity("backlash") is toy_protocol.QUANTITIES[0]
 
 

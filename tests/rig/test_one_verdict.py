@@ -16,7 +16,7 @@ from experiments.result import Result
 from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.gear_set import GearSource, set_sha256
 from rig.analysis.in_force import in_force, keep
-from rig.analysis.judging import GearVerdict, judge_run, stored_as, stored_result
+from rig.analysis.judging import GearVerdict, judge_run, stored_result
 from rig.analysis.store import Basis, append_analysis, read_analyses
 from rig.gears.acceptance import acceptance_for, save_acceptance
 from rig.gears.card import save_card, with_changes
@@ -142,7 +142,7 @@ def test_no_analysis_but_the_one_in_force_has_a_verdict(tmp_path: Path, seed: in
     run = random_store(tmp_path, random.Random(seed))
     found, asked = in_force(run, "friction"), acceptance_for(tmp_path, "A1")
     for analysis in read_analyses(run):
-        one = judge_run(stored_as(analysis, found, "simulated", "COMPLETED", "A1"), asked)
+        one = judge_run(stored_result(found, "simulated", "COMPLETED", "A1", other=analysis), asked)
         expected = judged(run).verdict if analysis.number == found.number else "NOT JUDGED"
         assert one.verdict == expected
 

@@ -187,7 +187,7 @@ def _drawn(
 
 def _spectrum(quantity: Quantity, one: AnalysedRun) -> dict[float, tuple[float, float]]:
     """Amplitude and U by order, of the orders that the run identified and whose label is an order."""
-    ratio = one.analysis.result.get("options", {}).get("ratio")
+    ratio = one.analysis.result.options.get("ratio")
     spectrum: dict[float, tuple[float, float]] = {}
     for name, estimate in one.estimates.items():
         if not quantity.matches(name) or not _shown(estimate):

@@ -4,6 +4,7 @@ the facts to compare by.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -187,7 +188,7 @@ def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
 def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> AnalysedRun:
     m = recording.metadata
     result = analysis.result
-    options, settings = result.get("options", {}), analysis.content.get("settings", {})
+    options, settings = result.options, analysis.content.get("settings", {})
     facts = {"part": m.gear.name if m.gear is not None else "", "mounting": m.mounting}
     names = [name for _, quantity in watched() for name in quantity.conditions if name not in facts]
     facts |= facts_of(dict.fromkeys((*FACTS, *names)), m.parameters, options, settings)
@@ -202,7 +203,7 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
             f"{name} = {value}" for name, value in settings.items()
         ),
     }
-    temperature = result.get("metrics", {}).get("housing_temperature")
+    temperature = result.metrics.get("housing_temperature")
     return AnalysedRun(
         run=run,
         analysis=analysis,
@@ -210,6 +211,6 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
         facts=facts,
         changing=changing,
         grounds=grounds,
-        estimates=result.get("parameters", {}),
-        housing_temperature=float(temperature) if isinstance(temperature, (int, float)) else None,
+        estimates=analysis.content["result"].get("parameters", {}),
+        housing_temperature=None if temperature is None or math.isnan(temperature) else temperature,
     )

@@ -14,14 +14,12 @@ from importlib import resources
 from pathlib import Path
 
 from model.errors import WordedError
-from rig.analysis.fit import Fit
-from rig.analysis.in_force import InForce
+from rig.analysis.fit import Fit, fit_in_force
+from rig.analysis.in_force import InForce, newest_analysed
 from rig.analysis.judging import GearVerdict, judge
-from rig.analysis.newest import newest_analysed
 from rig.analysis.passport.gather import counted_origin, runs_of
 from rig.analysis.recompute import recompute
 from rig.analysis.store import unsealed_words
-from rig.analysis.stored_fit import fit_in_force
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun

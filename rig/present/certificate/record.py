@@ -138,7 +138,7 @@ def _analysis(fit: Fit, found: InForce, folder: Path) -> dict[str, Any]:
 def _numbers(fit: Fit, analysis: Analysis) -> Iterator[tuple[str, dict[str, Any]]]:
     """Every number of a fit by its name: as it is stored, and as it is printed."""
     for name, estimate in fit.result.estimates.items():
-        quantity, stored = fit.result.quantity(name), analysis.result["parameters"][name]
+        quantity, stored = fit.result.quantity(name), analysis.content["result"]["parameters"][name]
         yield (
             name,
             {

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from rig.analysis.tare import tare_kind
-from rig.analysis.tare_search import tare_days_of
+from rig.analysis.tare import tare_days_of, tare_kind
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card import card_for
 from rig.library.index import LibraryIndex

@@ -307,8 +307,8 @@ def _conclude(
 
 def _fit(path: Path, protocol: str) -> Fit:
     """The analysis in force of a run."""
+    from rig.analysis.fit import stored_fit
     from rig.analysis.in_force import in_force
-    from rig.analysis.stored_fit import stored_fit
 
     analysis = in_force(path, protocol).analysis
     assert analysis is not None

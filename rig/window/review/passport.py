@@ -21,8 +21,7 @@ from rig.analysis.fit import LEFT_AWAY
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.judging import GearVerdict, not_judged
 from rig.analysis.passport.followed import watched_kinds
-from rig.analysis.tare import takes_tare
-from rig.analysis.tare_search import find_tare
+from rig.analysis.tare import find_tare, takes_tare
 from rig.content.wording import fixed, number
 from rig.gears.acceptance import acceptance_for
 from rig.library.index import IndexedRun, LibraryIndex

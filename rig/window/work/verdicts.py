@@ -9,14 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from PySide6.QtCore import QObject, Signal
 
 from experiments.result import Result
-from rig.analysis.in_force import in_force
-from rig.analysis.judging import GearVerdict
-from rig.analysis.listed_verdicts import in_force_of, verdicts_of
+from rig.analysis.judging import GearVerdict, JudgedRun, judge_listed
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.window.work.background import LatestTask
 
@@ -51,12 +48,11 @@ class ListedVerdict:
 
 def listed_verdict(run: IndexedRun) -> ListedVerdict | None:
     """The verdict on what a run measured; None for one that is not sealed."""
-    judged = verdicts_of([run]).get(run.path)
-    if judged is None:
-        return None
-    found = in_force_of(run) or {}
-    stale: Any = found.get("stale", ())
-    return ListedVerdict(judged, tuple(stale))
+    return _shown(judge_listed([run]).get(run.path))
+
+
+def _shown(judged: JudgedRun | None) -> ListedVerdict | None:
+    return judged and ListedVerdict(judged.verdict, judged.found.stale)
 
 
 @dataclass(frozen=True)
@@ -72,10 +68,9 @@ def read_run(path: Path) -> ReadRun:
     run = next((run for run in LibraryIndex(path.parent).search() if run.path == path), None)
     if run is None:
         return ReadRun(None)
-    found = in_force(path, run.protocol)
-    usable = found.analysis is not None and found.of_this_run
-    result = found.analysis.whole_result() if found.analysis is not None and usable else None
-    return ReadRun(listed_verdict(run), result)
+    judged = judge_listed([run]).get(path)
+    analysis = judged.found.analysis if judged and judged.found.of_this_run else None
+    return ReadRun(_shown(judged), analysis and analysis.whole_result())
 
 
 class VerdictDesk(QObject):

@@ -12,14 +12,13 @@ from experiments.errors import AnalysisError
 from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis import digest as digesting
 from rig.analysis.digest import Digest, choices_of, digest, read_or_digest, renew
-from rig.analysis.fit import LEFT_AWAY, Fit
+from rig.analysis.fit import LEFT_AWAY, Fit, fit_in_force
 from rig.analysis.fit_run import TARE_AGE_SETTING, Choices
 from rig.analysis.gear_set import GearSource, card_set, set_sha256
 from rig.analysis.in_force import in_force, keep
 from rig.analysis.judging import judge_run
 from rig.analysis.store import Basis, append_analysis, read_analyses
-from rig.analysis.stored_fit import fit_in_force
-from rig.analysis.tare_search import FoundTare
+from rig.analysis.tare import FoundTare
 from rig.errors import RigError
 from rig.gears.card import save_card, with_changes
 from rig.runfile.read import open_run

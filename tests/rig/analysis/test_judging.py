@@ -20,9 +20,9 @@ from rig.analysis.judging import (
     StoredResult,
     held_against,
     judge,
-    judge_listed,
     judge_run,
     judge_runs,
+    judge_stored,
     stored_result,
     whose_limit,
 )
@@ -305,16 +305,24 @@ def test_a_fit_and_its_stored_analysis_have_one_verdict(tmp_path: Path) -> None:
     fit: Fit = handmade.fit()
     run = tmp_path / "00001-friction.h5"
     acceptance = handmade.acceptance()
-    because = judge_listed(run, "friction", "simulated", "COMPLETED", "SN", acceptance).because
+
+    def named(folder: Path, serial: str) -> Acceptance:
+        return acceptance
+
+    because = judge_stored(
+        run, "friction", "simulated", "COMPLETED", "SN", accepted=named
+    ).verdict.because
     assert because == (f"the run is not analysed: rig fit {run}",)
     version = catalogue.load("friction").version
     basis = Basis("ab" * 32, "2026-11-01T00:00:00+00:00", analysis_version=version)
     append_analysis(run, fit.result, basis)
-    listed = judge_listed(run, "friction", fit.origin, fit.outcome, fit.serial, acceptance)
+    listed = judge_stored(
+        run, "friction", fit.origin, fit.outcome, fit.serial, accepted=named
+    ).verdict
     read = stored_result(in_force(run, "friction"), fit.origin, fit.outcome, fit.serial)
     verdicts = [judge_run(fit, acceptance), judge_run(read, acceptance), listed]
     assert {v.verdict for v in verdicts} == {"PASS"}
     assert len({v.because for v in verdicts}) == 1
     assert len({tuple(held_against(line) for line in v.lines) for v in verdicts}) == 1
-    aborted = judge_listed(run, "friction", "simulated", "ABORTED", "SN", acceptance)
+    aborted = judge_stored(run, "friction", "simulated", "ABORTED", "SN", accepted=named).verdict
     assert aborted.because == ("the run ended as ABORTED",)

@@ -14,7 +14,6 @@ import pytest
 from experiments.result import Covariance
 from model.identify.estimate import Cause
 from rig.analysis.format_1 import from_format_1
-from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import (
     NO_FIGURES,
     STORE_FORMAT,
@@ -59,7 +58,7 @@ def test_a_stored_analysis_names_what_it_rests_on(tmp_path: Path) -> None:
     assert {"outcome", "verdict"}.isdisjoint(content)
     assert {"verdict", "verdicts", "because"}.isdisjoint(content["result"])
     assert content["result"]["parameters"]["F_c"]["value"] == 70.31
-    assert read_analyses(tmp_path / "r.h5")[0].result["options"]["torque_balance"] == "energy"
+    assert read_analyses(tmp_path / "r.h5")[0].result.options["torque_balance"] == "energy"
 
 
 def test_a_stored_analysis_is_read_only_and_never_written_again(tmp_path: Path) -> None:
@@ -143,9 +142,9 @@ def test_a_stored_analysis_says_what_its_numbers_are(tmp_path: Path) -> None:
         "shared": {},
     }
     assert stored.content["checks"] == []
-    budget = stored.result["parameters"]["running_torque"]["budget"]
+    budget = stored.content["result"]["parameters"]["running_torque"]["budget"]
     assert [line["cause"] for line in budget] == [None, "torque scale"]
-    assert result_from_mapping(stored.result).estimates == told.estimates
+    assert stored.result.estimates == told.estimates
 
 
 def test_an_analysis_of_format_1_is_read_as_one_of_format_2(tmp_path: Path) -> None:
@@ -161,7 +160,7 @@ def test_an_analysis_of_format_1_is_read_as_one_of_format_2(tmp_path: Path) -> N
     hash_path(stored.path).unlink()
     stored.path.write_text(json_text(old), encoding="utf-8")
     (read,) = read_analyses(tmp_path / "r.h5")
-    assert result_from_mapping(read.result).estimates == friction_result().estimates
+    assert read.result.estimates == friction_result().estimates
     assert (read.content["analysis_version"], read.content["covariance"]) == (1, None)
     assert read.content["quantities"]["F_c"]["unit"] == "N"
     assert {name: value for name, value in read.content.items() if name not in new}.keys() == (

@@ -12,7 +12,7 @@ from experiments.result import Result
 from rig.analysis.digest import Digest
 from rig.analysis.in_force import InForce
 from rig.analysis.judging import judge_run, not_judged
-from rig.analysis.tare_search import FoundTare
+from rig.analysis.tare import FoundTare
 from rig.commands.ending import MOST_LINES, Ending, print_ending
 from tests.rig.handmade import acceptance, estimate, fit, friction_result
 

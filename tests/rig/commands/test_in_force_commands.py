@@ -10,7 +10,7 @@ import pytest
 
 from model.gear_file import shipped_gear
 from rig.analysis import digest as digesting
-from rig.analysis import listed_verdicts
+from rig.analysis import judging
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import InForce, in_force, kept_by_hand
 from rig.analysis.store import read_analyses
@@ -60,7 +60,7 @@ def test_a_list_reads_the_analyses_of_a_run_once_for_verdict_and_analysis(
         looked.append(path.name)
         return in_force(path, kind)
 
-    monkeypatch.setattr(listed_verdicts, "in_force", look)
+    monkeypatch.setattr(judging, "in_force", look)
     [told] = called(capsys, "runs", run.parent)[1]["runs"]
     assert looked == [run.name]
     assert (told["verdict"], told["analysis"]["number"]) == ("NOT JUDGED", 2)

@@ -14,7 +14,7 @@ from model.gear_file import load_gear, save_gear, shipped_gear
 from rig.analysis.fit_run import fit_run
 from rig.analysis.in_force import in_force
 from rig.analysis.store import json_text, read_analyses
-from rig.analysis.tare_search import FoundTare
+from rig.analysis.tare import FoundTare
 from rig.gears.card import now_text, save_card, with_changes
 from rig.window.review.fit import FitOrder, ResultCache
 from rig.window.review.page import ReviewPage, report_path

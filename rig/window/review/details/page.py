@@ -16,8 +16,7 @@ from model.errors import WordedError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.in_force import in_force
-from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_as
-from rig.analysis.result_data import result_from_mapping
+from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_result
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
 from rig.errors import RigError
@@ -331,8 +330,8 @@ class RunDetails(QWidget):
 
     def _show_analysis(self, analysis: Analysis, *, front: bool = True) -> None:
         try:
-            result = result_from_mapping(analysis.result, analysis.content.get("tables", ()))
-        except (ValueError, KeyError, TypeError) as error:
+            result = analysis.result
+        except RigError as error:
             self.results.show_nothing(f"Analysis {analysis.number} cannot be read: {error}.")
             return
         self.results.show_result(result, self._gear, self._verdict_on(analysis))
@@ -360,7 +359,7 @@ class RunDetails(QWidget):
         except WordedError as error:
             return not_judged(f"the acceptance file cannot be read: {error}")
         found = in_force(self.path, analysis.kind)
-        stored = stored_as(analysis, found, m.origin, m.outcome, m.gear_serial)
+        stored = stored_result(found, m.origin, m.outcome, m.gear_serial, other=analysis)
         return judge_run(stored, acceptance)
 
     def _tare_words(self, tare: str, kind: str) -> str:

@@ -15,7 +15,7 @@ from experiments.recording import ArraySource, Recording, RunMetadata
 from rig.analysis import fit_run as fitting
 from rig.analysis.fit import LEFT_AWAY
 from rig.analysis.fit_run import Choices
-from rig.analysis.tare_search import FoundTare, find_tare, tare_days_of, tares_beside, tares_wanted
+from rig.analysis.tare import FoundTare, find_tare, tare_days_of, tares_beside, tares_wanted
 from rig.library.index import LibraryIndex
 from rig.runfile.layout import Column
 from rig.runfile.write import RunWriter
