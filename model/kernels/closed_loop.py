@@ -1,7 +1,7 @@
 # pyright: standard
 """The compiled closed loop: servo, rotor, wedge, mesh, output, and everything that makes a real one worse.
 
-One function advances whole SYNC cycles of equal substeps. The linear part of a substep is exact (a matrix of the matrix
+`run` takes equal steps, `advance` whole SYNC cycles of them. The linear part of a substep is exact (one of the matrix
 exponential, first-order hold on the wedge's error, constant torques); friction is an exact scalar prox on the rotor and
 one on the output. A step in which the rotor or the output begins or ceases to stick, or the rotor speeds through the
 steep part of the Stribeck curve, is taken again in `FINE` parts, so that it happens where it belongs and not at the
@@ -49,8 +49,10 @@ from numba import njit
     CYCLES,
     HOUSING_SUM,
     MOTOR_SUM,
-) = range(32)
-STATE_SIZE = 32
+    GEAR_HEAT,
+    MOTOR_HEAT,
+) = range(34)
+STATE_SIZE = 34
 
 # Physics.
 (
@@ -251,6 +253,229 @@ def dahl(physics, torque, moved):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+def run(
+    state, physics, servo, matrix, pace, tables, mode, targets, substeps, rows, first, begun, whole
+):  # fmt: skip
+    """Steps of one length from substep `begun` of row `first` on; the row and the substep at which it left off.
+
+    Whole steps (`whole`) end at one that has to be taken in parts, which is left undone, or behind the last row. Parts
+    of one write no row, ask no servo and settle no heat. `pace`: the length of a step, the lead of the wedge's force in
+    it, and the share of the port's lag. They and `matrix` are the same for all steps of a call: a loop in which they
+    could change takes half as long again.
+    """
+    h, lead, port_step = pace
+    error_table, friction_table, cogging_table = tables
+    lift, inverse_ratio, radius = physics[LAMBDA], physics[INVERSE_RATIO], physics[RADIUS]
+    tangent, k_b, c_b = physics[TANGENT], physics[K_B], physics[C_B]
+    turns, points = physics[ERROR_TURNS], physics[ERROR_POINTS]
+    last_friction = int(physics[FRICTION_LAST])
+    cogging = physics[COGGING_POINTS]
+    elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
+    output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
+    period = int(servo[PERIOD_STEPS])
+    next_state = state[:8].copy()
+    # Not a constant, so that the loops over it become SIMD instead of being unrolled.
+    width = next_state.size
+    warming = physics[HOUSING_STEP] > 0.0
+    dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
+    torque_factor, output_factor = physics[TORQUE_FACTOR], 1.0
+    per_radius, per_step = 1.0 / radius, 1.0 / h
+    per_lift = 1.0 / lift if lift > 0.0 else 0.0
+    rotor, per_output = matrix[8 * STEP_TORQUE], 1.0 / matrix[8 * STEP_OUTPUT + UO]
+    per_rotor = 1.0 / rotor
+    bearing_low, depth, creep = physics[BEARING_LOW], physics[DEPTH], physics[CREEP]
+    motor_coulomb, motor_viscous = physics[MOTOR_COULOMB], physics[MOTOR_VISCOUS]
+    friction_scale = physics[FRICTION_SCALE]
+    latch_step = int(physics[LATCH] / h) if whole else -1
+    latch_rest = physics[LATCH] - latch_step * h
+    w, r2, v2, r1 = state[W], state[R2], state[V2], state[R1]
+    u1, ro, uo, theta = state[U1], state[RO], state[UO], state[THETA]
+    e0, slope0, force_before, friction = state[ERROR], state[SLOPE], state[FORCE], state[FRICTION]
+    acceleration, output_acceleration = state[ACCELERATION], state[OUTPUT_ACCELERATION]
+    port, extra, hysteresis, torsion = state[PORT], state[EXTRA], state[HYSTERESIS], state[TORSION]
+    windup, wedge, since, output_drag = (
+        state[WINDUP],
+        state[WEDGE],
+        state[SWITCHED],
+        state[OUTPUT_FRICTION],
+    )
+    gear_heat, motor_heat = state[GEAR_HEAT], state[MOTOR_HEAT]
+    housing, motor, tick = state[HOUSING], state[MOTOR], int(state[TICK])
+    was_held = uo == 0.0
+    k, n, again = first, begun, False
+    while k < rows.shape[0] and not again:
+        if whole and n == 0:
+            rows[k, ROW_INPUT_ANGLE] = theta
+            rows[k, ROW_INPUT_SPEED] = w
+            rows[k, ROW_INPUT_ACCELERATION] = acceleration
+            rows[k, ROW_TORQUE_REFERENCE] = state[FILTER]
+            rows[k, ROW_PORT_TORQUE] = port
+            rows[k, ROW_FRICTION] = friction
+            rows[k, ROW_WEDGE_TORQUE] = wedge
+            rows[k, ROW_WINDUP_TORQUE] = physics[CUP] * (r1 - ro) * per_radius + extra
+            rows[k, ROW_SPEED_REFERENCE] = state[RAMP]
+            rows[k, ROW_HOUSING] = housing
+            rows[k, ROW_MOTOR] = motor
+            state[CYCLES] += 1.0
+            state[HOUSING_SUM] += housing
+            state[MOTOR_SUM] += motor
+            gear_heat, motor_heat = 0.0, 0.0
+        if warming:
+            warmer = housing - physics[HOUSING_REFERENCE]
+            motor_warmer = motor - physics[MOTOR_REFERENCE]
+            thinner = math.exp(-physics[VISCOUS_PER_KELVIN] * warmer * (1.0 / 3.0))
+            dry_factor = 1.0 - physics[COULOMB_PER_KELVIN] * warmer
+            bearing_factor = thinner * thinner
+            viscous_factor = bearing_factor * thinner
+            output_factor = 1.0 - physics[OUTPUT_PER_KELVIN] * warmer
+            motor_factor = 1.0 - physics[MOTOR_PER_KELVIN] * motor_warmer
+            torque_factor = physics[TORQUE_FACTOR] * (
+                1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer
+            )
+        target = targets[k]
+        while n < substeps:
+            if n == latch_step:
+                rate = uo * per_radius
+                turn = latch_rest * (rate + 0.5 * latch_rest * output_acceleration)
+                rows[k, ROW_OUTPUT_ANGLE] = theta * inverse_ratio + ro * per_radius - windup + turn
+                rows[k, ROW_OUTPUT_SPEED] = rate + latch_rest * output_acceleration
+                rows[k, ROW_OUTPUT_ACCELERATION] = output_acceleration
+            if tick == 0:
+                if mode == OFF:
+                    state[FILTER] = 0.0
+                    state[INTEGRAL] = 0.0
+                    state[RAMP] = w
+                else:
+                    state[W] = w
+                    servo_reference(state, servo, mode, target)
+                tick = period
+            tick -= 1
+            reference = state[FILTER]
+            if whole and 0.0 < abs(w) < creep and h * abs(acceleration) > STEADY * abs(w):
+                again = True
+                break
+            # The wedge's error where the rotor will be, so that one look-up serves both ends of the hold.
+            e1, slope1 = error_at(error_table, turns, points, theta + h * w)
+            force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
+            torque = torque_factor * reference - (slope0 + slope1) * (
+                0.5 * force + lead * (force - force_before)
+            )
+            output_torque = -state[LOAD]
+            pulled, now = hysteresis, torsion
+            if elastic:
+                # In the middle of the step: a torque from its start would take damping away.
+                rate = (lift + slope0) * w * tangent - uo
+                now = (e0 * tangent - ro + 0.5 * h * rate) * per_radius
+                extra = hardened(physics, now)
+                if hysteretic:
+                    pulled = dahl(physics, hysteresis, now - torsion)
+                    extra += pulled
+                output_torque += extra
+                torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
+            reaction = torque_factor * reference - torque + lift * force
+            if cogging > 0:
+                torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
+            speed = max(abs(w) + math.copysign(0.5 * h * acceleration, w * acceleration), 0.0)
+            dry, viscous, bearing, wound = friction_at(
+                friction_table, friction_scale, last_friction, speed
+            )
+            sliding = 1.0 + slope0 * per_lift
+            gear_part = (
+                sliding * (dry_factor * dry * (1.0 + depth * e0) + viscous_factor * viscous)
+                + dry_factor * bearing_low
+                + bearing_factor * bearing
+            )
+            motor_part = motor_factor * (motor_coulomb + motor_viscous * speed)
+            bound = gear_part + motor_part
+            for i in range(width):
+                next_state[i] = (
+                    (
+                        (w * matrix[i] + r2 * matrix[8 + i])
+                        + (v2 * matrix[16 + i] + r1 * matrix[24 + i])
+                    )
+                    + (
+                        (u1 * matrix[32 + i] + ro * matrix[40 + i])
+                        + (uo * matrix[48 + i] + e0 * matrix[64 + i])
+                    )
+                ) + (
+                    (torque * matrix[56 + i] + output_torque * matrix[80 + i]) + e1 * matrix[72 + i]
+                )
+            free = next_state[0]
+            stuck = abs(free) <= rotor * bound
+            holding = free * per_rotor if stuck else math.copysign(bound, free)
+            for i in range(width):
+                next_state[i] -= holding * matrix[56 + i]
+            drag, held = 0.0, False
+            if output_friction:
+                most = output_factor * (physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(uo))
+                drag = next_state[UO] * per_output
+                held = abs(drag) <= most
+                if not held:
+                    drag = math.copysign(most, drag)
+                for i in range(width):
+                    next_state[i] -= drag * matrix[80 + i]
+                if held:
+                    next_state[UO] = 0.0
+            after = 0.0 if stuck else next_state[0]
+            turned = w * after <= 0.0 and (w != 0.0 or after != 0.0)
+            # What holds the rotor has nearly reached what it can: it may let go before the step's end.
+            yields = stuck and abs(holding) + abs(holding - friction) > bound
+            if whole and (turned or yields or (output_friction and held != was_held)):
+                again = True
+                break
+            if turned:
+                # A rotor that lets go does so where its step begins.
+                since = 0.0 if w != 0.0 else h
+            else:
+                since += h
+            force_before, friction, wedge = force, holding, reaction
+            hysteresis, torsion, was_held, output_drag = pulled, now, held, drag
+            moved_angle = 0.0 if stuck and w == 0.0 else next_state[7]
+            share = friction / bound if bound > 0.0 else 0.0
+            windup = wound * share
+            gear_heat += share * gear_part * moved_angle
+            motor_heat += share * motor_part * moved_angle
+            acceleration = 0.0 if after == 0.0 else (after - w) * per_step
+            output_acceleration = (next_state[UO] - uo) * per_step * per_radius
+            theta += moved_angle
+            w, r2, v2, r1 = after, next_state[1], next_state[2], next_state[3]
+            u1, ro, uo = next_state[4], next_state[5], next_state[6]
+            e0, slope0 = e1, slope1
+            port += port_step * (reference - port)
+            n += 1
+        if not again:
+            if warming and whole:
+                duration = substeps * h
+                copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration
+                exchanged = physics[COUPLING] * (motor - housing) * duration
+                housing_heat = (
+                    gear_heat
+                    + exchanged
+                    - physics[HOUSING_LOSS] * (housing - physics[AMBIENT]) * duration
+                )
+                motor_heat += (
+                    copper - exchanged - physics[MOTOR_LOSS] * (motor - physics[AMBIENT]) * duration
+                )
+                housing += physics[HOUSING_STEP] * housing_heat
+                motor += physics[MOTOR_STEP] * motor_heat
+            k, n = k + 1, 0
+    state[W], state[R2], state[V2], state[R1] = w, r2, v2, r1
+    state[U1], state[RO], state[UO], state[THETA] = u1, ro, uo, theta
+    state[ERROR], state[SLOPE], state[FORCE], state[FRICTION] = e0, slope0, force_before, friction
+    state[ACCELERATION], state[OUTPUT_ACCELERATION] = acceleration, output_acceleration
+    state[PORT], state[EXTRA], state[HYSTERESIS], state[TORSION] = port, extra, hysteresis, torsion
+    state[WINDUP], state[WEDGE], state[SWITCHED], state[OUTPUT_FRICTION] = (
+        windup,
+        wedge,
+        since,
+        output_drag,
+    )
+    state[GEAR_HEAT], state[MOTOR_HEAT] = gear_heat, motor_heat
+    state[HOUSING], state[MOTOR], state[TICK] = housing, motor, tick
+    return k, n
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def advance(
     state,
     physics,
@@ -270,246 +495,28 @@ def advance(
     `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|). `step` is the matrix of a step
     and that of one of its `FINE` parts.
     """
-    lift, inverse_ratio, radius = physics[LAMBDA], physics[INVERSE_RATIO], physics[RADIUS]
-    tangent, k_b, c_b = physics[TANGENT], physics[K_B], physics[C_B]
-    turns, points = physics[ERROR_TURNS], physics[ERROR_POINTS]
-    last_friction = int(physics[FRICTION_LAST])
-    cogging = physics[COGGING_POINTS]
-    elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
-    output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
-    period = int(servo[PERIOD_STEPS])
-    w, r2, v2, r1, u1, ro, uo = (
-        state[W],
-        state[R2],
-        state[V2],
-        state[R1],
-        state[U1],
-        state[RO],
-        state[UO],
-    )
-    theta, e0, slope0 = state[THETA], state[ERROR], state[SLOPE]
-    port, hysteresis, torsion = state[PORT], state[HYSTERESIS], state[TORSION]
-    acceleration, output_acceleration = state[ACCELERATION], state[OUTPUT_ACCELERATION]
-    friction, windup, output_drag, wedge = (
-        state[FRICTION],
-        state[WINDUP],
-        state[OUTPUT_FRICTION],
-        state[WEDGE],
-    )
-    housing, motor = state[HOUSING], state[MOTOR]
-    tick, force_before = int(state[TICK]), state[FORCE]
-    next_state = state[:8].copy()
-    width = (
-        next_state.size
-    )  # not a constant, so that the loops over it become SIMD instead of being unrolled
-    # A copy, so that the loops below read from one place: with a place that varies they take half as long again.
-    matrix = step[:STEP_SIZE].copy()
-    extra = state[EXTRA]
-    warming = physics[HOUSING_STEP] > 0.0
-    dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
-    torque_factor = physics[TORQUE_FACTOR]
-    per_radius = 1.0 / radius
-    per_lift = 1.0 / lift if lift > 0.0 else 0.0
-    bearing_low, depth, creep = physics[BEARING_LOW], physics[DEPTH], physics[CREEP]
-    motor_coulomb, motor_viscous = physics[MOTOR_COULOMB], physics[MOTOR_VISCOUS]
-    friction_scale, whole, since = physics[FRICTION_SCALE], physics[H], state[SWITCHED]
-    output_factor, was_held = 1.0, uo == 0.0
-    latch_step = int(physics[LATCH] / whole)
-    latch_rest = physics[LATCH] - latch_step * whole
-    rotor, per_output = step[8 * STEP_TORQUE], 1.0 / step[8 * STEP_OUTPUT + UO]
-    whole_rates = rotor, 1.0 / rotor, per_output, 1.0 / whole, physics[PORT_STEP]
-    rotor, per_output = (
-        step[STEP_SIZE + 8 * STEP_TORQUE],
-        1.0 / step[STEP_SIZE + 8 * STEP_OUTPUT + UO],
-    )
-    part_rates = rotor, 1.0 / rotor, per_output, FINE / whole, physics[PORT_STEP_FINE]
-    for k in range(rows.shape[0]):
-        rows[k, ROW_INPUT_ANGLE] = theta
-        rows[k, ROW_INPUT_SPEED] = w
-        rows[k, ROW_INPUT_ACCELERATION] = acceleration
-        rows[k, ROW_TORQUE_REFERENCE] = state[FILTER]
-        rows[k, ROW_PORT_TORQUE] = port
-        rows[k, ROW_FRICTION] = friction
-        rows[k, ROW_WEDGE_TORQUE] = wedge
-        rows[k, ROW_WINDUP_TORQUE] = physics[CUP] * (r1 - ro) * per_radius + extra
-        rows[k, ROW_SPEED_REFERENCE] = state[RAMP]
-        rows[k, ROW_HOUSING] = housing
-        rows[k, ROW_MOTOR] = motor
-        state[CYCLES] += 1.0
-        state[HOUSING_SUM] += housing
-        state[MOTOR_SUM] += motor
-        if warming:
-            warmer = housing - physics[HOUSING_REFERENCE]
-            motor_warmer = motor - physics[MOTOR_REFERENCE]
-            thinner = math.exp(-physics[VISCOUS_PER_KELVIN] * warmer * (1.0 / 3.0))
-            dry_factor = 1.0 - physics[COULOMB_PER_KELVIN] * warmer
-            bearing_factor = thinner * thinner
-            viscous_factor = bearing_factor * thinner
-            output_factor = 1.0 - physics[OUTPUT_PER_KELVIN] * warmer
-            motor_factor = 1.0 - physics[MOTOR_PER_KELVIN] * motor_warmer
-            torque_factor = physics[TORQUE_FACTOR] * (
-                1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer
-            )
-        gear_heat = 0.0
-        motor_heat = 0.0
-        target = targets[k]
-        for n in range(substeps):
-            if n == latch_step:
-                rate = uo * per_radius
-                turn = latch_rest * (rate + 0.5 * latch_rest * output_acceleration)
-                rows[k, ROW_OUTPUT_ANGLE] = theta * inverse_ratio + ro * per_radius - windup + turn
-                rows[k, ROW_OUTPUT_SPEED] = rate + latch_rest * output_acceleration
-                rows[k, ROW_OUTPUT_ACCELERATION] = output_acceleration
-            if tick == 0:
-                if mode == OFF:
-                    state[FILTER] = 0.0
-                    state[INTEGRAL] = 0.0
-                    state[RAMP] = w
-                else:
-                    state[W] = w
-                    servo_reference(state, servo, mode, target)
-                tick = period
-            tick -= 1
-            reference = state[FILTER]
-            force_first, parts, done, h, lead = 0.0, 1, 0, whole, 0.25
-            rotor, per_rotor, per_output, per_step, port_step = whole_rates
-            again = 0.0 < abs(w) < creep and whole * abs(acceleration) > STEADY * abs(w)
-            while done < parts:
-                if again:
-                    again, parts, h, lead = False, FINE, whole / FINE, 0.25 / FINE
-                    matrix[:] = step[STEP_SIZE:]
-                    rotor, per_rotor, per_output, per_step, port_step = part_rates
-                # The wedge's error where the rotor will be, so that one look-up serves both ends of the hold.
-                e1, slope1 = error_at(error_table, turns, points, theta + h * w)
-                force = k_b * (e0 - r2) + c_b * ((lift + slope0) * w - v2)
-                if done == 0:
-                    force_first = force
-                torque = torque_factor * reference - (slope0 + slope1) * (
-                    0.5 * force + lead * (force - force_before)
-                )
-                output_torque = -state[LOAD]
-                pulled, now = hysteresis, torsion
-                if elastic:
-                    # In the middle of the step: a torque from its start would take damping away.
-                    rate = (lift + slope0) * w * tangent - uo
-                    now = (e0 * tangent - ro + 0.5 * h * rate) * per_radius
-                    extra = hardened(physics, now)
-                    if hysteretic:
-                        pulled = dahl(physics, hysteresis, now - torsion)
-                        extra += pulled
-                    output_torque += extra
-                    torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
-                reaction = torque_factor * reference - torque + lift * force
-                if cogging > 0:
-                    torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
-                speed = max(abs(w) + math.copysign(0.5 * h * acceleration, w * acceleration), 0.0)
-                dry, viscous, bearing, wound = friction_at(
-                    friction_table, friction_scale, last_friction, speed
-                )
-                sliding = 1.0 + slope0 * per_lift
-                gear_part = (
-                    sliding * (dry_factor * dry * (1.0 + depth * e0) + viscous_factor * viscous)
-                    + dry_factor * bearing_low
-                    + bearing_factor * bearing
-                )
-                motor_part = motor_factor * (motor_coulomb + motor_viscous * speed)
-                bound = gear_part + motor_part
-                for i in range(width):
-                    next_state[i] = (
-                        (
-                            (w * matrix[i] + r2 * matrix[8 + i])
-                            + (v2 * matrix[16 + i] + r1 * matrix[24 + i])
-                        )
-                        + (
-                            (u1 * matrix[32 + i] + ro * matrix[40 + i])
-                            + (uo * matrix[48 + i] + e0 * matrix[64 + i])
-                        )
-                    ) + (
-                        (torque * matrix[56 + i] + output_torque * matrix[80 + i])
-                        + e1 * matrix[72 + i]
-                    )
-                free = next_state[0]
-                stuck = abs(free) <= rotor * bound
-                holding = free * per_rotor if stuck else math.copysign(bound, free)
-                for i in range(width):
-                    next_state[i] -= holding * matrix[56 + i]
-                drag, held = 0.0, False
-                if output_friction:
-                    most = output_factor * (
-                        physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(uo)
-                    )
-                    drag = next_state[UO] * per_output
-                    held = abs(drag) <= most
-                    if not held:
-                        drag = math.copysign(most, drag)
-                    for i in range(width):
-                        next_state[i] -= drag * matrix[80 + i]
-                    if held:
-                        next_state[UO] = 0.0
-                after = 0.0 if stuck else next_state[0]
-                turned = w * after <= 0.0 and (w != 0.0 or after != 0.0)
-                if parts == 1:
-                    # What holds the rotor has nearly reached what it can: it may let go before the step's end.
-                    yields = stuck and abs(holding) + abs(holding - friction) > bound
-                    if turned or yields or (output_friction and held != was_held):
-                        again = True
-                        continue
-                done += 1
-                lead = 0.25
-                if turned:
-                    # A rotor that lets go does so where its step begins.
-                    since = 0.0 if w != 0.0 else h
-                else:
-                    since += h
-                force_before, friction, wedge = force, holding, reaction
-                hysteresis, torsion, was_held, output_drag = pulled, now, held, drag
-                moved_angle = 0.0 if stuck and w == 0.0 else next_state[7]
-                share = friction / bound if bound > 0.0 else 0.0
-                windup = wound * share
-                gear_heat += share * gear_part * moved_angle
-                motor_heat += share * motor_part * moved_angle
-                acceleration = 0.0 if after == 0.0 else (after - w) * per_step
-                output_acceleration = (next_state[UO] - uo) * per_step * per_radius
-                theta += moved_angle
-                w, r2, v2, r1 = after, next_state[1], next_state[2], next_state[3]
-                u1, ro, uo = next_state[4], next_state[5], next_state[6]
-                e0, slope0 = e1, slope1
-                port += port_step * (reference - port)
-            force_before = force_first
-            if parts > 1:
-                matrix[:] = step[:STEP_SIZE]
-        if warming:
-            duration = substeps * whole
-            copper = physics[COPPER] * state[FILTER] * state[FILTER] * duration
-            exchanged = physics[COUPLING] * (motor - housing) * duration
-            housing_heat = (
-                gear_heat
-                + exchanged
-                - physics[HOUSING_LOSS] * (housing - physics[AMBIENT]) * duration
-            )
-            motor_heat += (
-                copper - exchanged - physics[MOTOR_LOSS] * (motor - physics[AMBIENT]) * duration
-            )
-            housing += physics[HOUSING_STEP] * housing_heat
-            motor += physics[MOTOR_STEP] * motor_heat
-    state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO] = (
-        w,
-        r2,
-        v2,
-        r1,
-        u1,
-        ro,
-        uo,
-    )
-    state[THETA], state[ERROR], state[SLOPE] = theta, e0, slope0
-    state[PORT], state[HYSTERESIS], state[TORSION] = port, hysteresis, torsion
-    state[ACCELERATION], state[OUTPUT_ACCELERATION] = acceleration, output_acceleration
-    state[FRICTION], state[WINDUP], state[OUTPUT_FRICTION], state[WEDGE] = (
-        friction,
-        windup,
-        output_drag,
-        wedge,
-    )
-    state[HOUSING], state[MOTOR] = housing, motor
-    state[TICK], state[EXTRA], state[FORCE] = tick, extra, force_before
-    state[SWITCHED] = since
+    whole, part, lag = physics[H], physics[H] / FINE, physics[PORT_STEP_FINE]
+    tables = (error_table, friction_table, cogging_table)
+    matrix, part_matrix = step[:STEP_SIZE].copy(), step[STEP_SIZE:].copy()
+    pace, part_pace = (whole, 0.25, physics[PORT_STEP]), (part, 0.25, lag)
+    # The force of the whole step before leads the first part.
+    first_pace = (part, 0.25 / FINE, lag)
+    row, done = 0, 0
+    while True:
+        row, done = run(
+            state, physics, servo, matrix, pace, tables, mode, targets, substeps, rows, row, done, True
+        )  # fmt: skip
+        if row == rows.shape[0]:
+            return
+        # In parts, so that what happens within the step happens where it belongs; the servo waits.
+        tick = state[TICK]
+        state[TICK] = 2.0 * FINE
+        run(
+            state, physics, servo, part_matrix, first_pace, tables, mode, targets, 1, rows[:1], 0, 0, False
+        )  # fmt: skip
+        force = state[FORCE]
+        run(
+            state, physics, servo, part_matrix, part_pace, tables, mode, targets, FINE - 1, rows[:1], 0, 0, False
+        )  # fmt: skip
+        state[FORCE], state[TICK] = force, tick
+        done += 1
