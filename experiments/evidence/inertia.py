@@ -27,8 +27,9 @@ from experiments.evidence.outcomes import not_checked, noted, passed, refused
 from experiments.evidence.tare import share_subtracted
 from experiments.finding import Finding
 from experiments.load import load_of
-from experiments.recording import Segment
+from experiments.recording import Recording, Segment
 from model.errors import ParameterError
+from model.gear import HarmonicDrive
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR
 from model.motor import shipped_motor
 
@@ -133,18 +134,24 @@ def _inertia_of_the_cards(recorded: Recorded) -> tuple[float, float] | None:
     """Inertia on the input shaft with its standard uncertainty [kg m2]; None where a part of it is not stated."""
     recording, gear = recorded.recording, recorded.evidence.gear
     metadata = recording.metadata
-    load = load_of(recording, gear)
-    if not (metadata.gear_mounted and load.is_stated and math.isfinite(metadata.ratio)):
-        return None
-    try:
-        motor = shipped_motor(str(metadata.process.get("motor", "")).lower())
-    except ParameterError:
+    load, inner = load_of(recording, gear), inertia_of_the_input(recording, gear)
+    is_known = metadata.gear_mounted and load.is_stated and math.isfinite(metadata.ratio)
+    if inner is None or not is_known:
         return None
     output = load.inertia / metadata.ratio**2
-    inner = motor.rotor_inertia + gear.inertia.wave_generator
-    # Rotor and wave generator by data sheets alike, each as far off as rotors are.
-    u = ROTOR.standard_uncertainty * math.hypot(motor.rotor_inertia, gear.inertia.wave_generator)
-    return inner + output, math.hypot(u, (load.relative_uncertainty or LOAD) * output)
+    value, u = inner
+    return value + output, math.hypot(u, (load.relative_uncertainty or LOAD) * output)
+
+
+def inertia_of_the_input(recording: Recording, gear: HarmonicDrive) -> tuple[float, float] | None:
+    """Inertia of rotor and wave generator with its standard uncertainty [kg m2]; None for a motor without a card."""
+    try:
+        motor = shipped_motor(str(recording.metadata.process.get("motor", "")).lower())
+    except ParameterError:
+        return None
+    parts = motor.rotor_inertia, gear.inertia.wave_generator
+    # Both by data sheets alike, each as far off as rotors are.
+    return sum(parts), ROTOR.standard_uncertainty * math.hypot(*parts)
 
 
 @dataclass(frozen=True)

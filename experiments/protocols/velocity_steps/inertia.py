@@ -8,7 +8,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from experiments.budget import scale_line
+from experiments.budget import scale_line, torque_scale_uncertainty
+from experiments.evidence.inertia import METHOD, Moved, inertia_of_the_input
 from experiments.protocols.velocity_steps.data import RecordedStep
 from experiments.recording import Recording
 from experiments.tares.motor_heat import MotorHeat, motor_heat
@@ -24,6 +25,7 @@ INERTIA_ABOVE = 250.0 * RPM
 SCATTER, SMOOTHING = "scatter between the steps, and what they share", "smoothing of the rise"
 SKEW = "torque delay"
 TWICE = "all sides smoothed twice as wide"
+AGAINST_CARDS = "input inertia against the cards"
 RUNG = "choice of the rung"
 """The line of the mode's budget that is computed anew for what torque tells."""
 
@@ -72,7 +74,7 @@ def output_inertia(
     estimates: dict[str, Estimate] = {}
     for name in ("output_inertia", "input_inertia"):
         own = lines_of(name)
-        bench = _bench_lines(recording, found.values[name], heat)
+        bench = _bench_lines(recording, found, found.values[name], heat)
         estimates[name] = _estimate(name, "kg m2", found.values[name], own, bench, ratio)
     inertia = found.values["output_inertia"]
     value = inertia * ratio.value
@@ -84,7 +86,12 @@ def output_inertia(
         away = abs(other.values["output_inertia"] * beside.secant - value)
         lines.append(BudgetLine(RUNG, "B", beside.share * away, beside.note))
     stiffness = _estimate(
-        "output_stiffness", "N m/rad", value, lines, _bench_lines(recording, value, heat), ratio
+        "output_stiffness",
+        "N m/rad",
+        value,
+        lines,
+        _bench_lines(recording, found, value, heat),
+        ratio,
     )
     told = estimates["output_inertia"]
     estimates["output_stiffness"] = dataclasses.replace(
@@ -112,9 +119,30 @@ def _housing(recording: Recording, steps: list[RecordedStep]) -> float:
     return float(np.mean([recording.si(TEMPERATURE, step.segment).mean() for step in steps]))
 
 
-def _bench_lines(recording: Recording, value: float, heat: MotorHeat) -> list[BudgetLine]:
+def _bench_lines(
+    recording: Recording, found: InertiaFit, value: float, heat: MotorHeat
+) -> list[BudgetLine]:
     """What the bench adds to a number that is proportional to torque."""
-    return [scale_line(recording, value), heat.line(value)]
+    lines = [scale_line(recording, value), heat.line(value)]
+    moved = _against_the_cards(recording, found)
+    if moved is not None and moved.is_apart:
+        note = f"the input shaft shows {moved.ratio:.3g} of the inertia of rotor and wave generator"
+        lines.append(BudgetLine(AGAINST_CARDS, "B", moved.scale * abs(value), note))
+    return lines
+
+
+def _against_the_cards(recording: Recording, found: InertiaFit) -> Moved | None:
+    """The inertia of the input shaft over that of the cards of motor and gear; None where they are not at hand."""
+    gear = recording.metadata.gear
+    known = None if gear is None else inertia_of_the_input(recording, gear)
+    if known is None:
+        return None
+    shown, error = found.values["input_inertia"], found.errors["input_inertia"]
+    smoothing = found.smoothing["input_inertia"] / math.sqrt(3.0)
+    own = math.hypot(error, smoothing) / abs(shown)
+    ratio = shown / known[0]
+    scale = torque_scale_uncertainty(recording)[0]
+    return Moved(ratio, abs(ratio) * math.hypot(known[1] / known[0], own, scale, METHOD))
 
 
 def _estimate(
