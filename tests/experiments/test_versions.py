@@ -91,7 +91,7 @@ def small(
         tare = request.getfixturevalue("tare") if catalogue.load(kind).takes_tare else None
         settings: dict[str, Any] = dict(BOTH) if kind == "skew" else {}
         if kind in ("revolution", "order-spectrum"):
-            settings = {"highest_order": 48}
+            settings = {"highest_order": 48 if kind == "revolution" else 12}
         return catalogue.load(kind).analyse(
             recording(kind), Evidence(gear, tare, settings=settings)
         )
