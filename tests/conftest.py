@@ -40,6 +40,10 @@ def pytest_configure(config: pytest.Config) -> None:
     """Workers take the files in the order above; of itself xdist begins with those that have the most tests."""
     for variable in ONE_THREAD:
         os.environ.setdefault(variable, "1")
+    # Bytecode is written, whatever the machine's settings say: without it every process that a test starts would
+    # compile the program again, and every worker all the tests.
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+    sys.dont_write_bytecode = False
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
 

@@ -4,6 +4,7 @@
     python -m tests.benchmarks.suite_study --nohup
     python -m tests.benchmarks.suite_study --background    # `... &` of a script
     python -m tests.benchmarks.suite_study -- tests/rig/run   # what follows is for pytest
+    python -m tests.benchmarks.suite_study --whole          # as the gate does: with all that pytest says
 
 It makes the load itself. Prints what pytest says at its end, processor time (user and system, with all processes that the tests
 start), the largest resident memory of one worker, the wall time, and the load average before. Its exit code is that of pytest.
@@ -83,6 +84,9 @@ def watch_memory(parent: int, over: threading.Event, most: list[int]) -> None:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser.add_argument(
+        "--whole", action="store_true", help="let pytest say all that it says, when it says it"
+    )
     parser.add_argument("--load", type=int, default=0, help="busy processes beside the suite")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--nohup", dest="how", action="store_const", const="nohup")
@@ -90,13 +94,16 @@ def main() -> int:
     parser.add_argument("more", nargs="*", help="for pytest, after --")
     order = parser.parse_args()
     how_started = order.how or "terminal"
-    print(f"load average before: {load_average()}; busy beside: {order.load}; as by: {how_started}")
+    before = (
+        f"load average before: {load_average()}; busy beside: {order.load}; as by: {how_started}"
+    )
+    print(before, flush=True)
     began, over, most = time.monotonic(), threading.Event(), [0]
     with busy(order.load), tempfile.TemporaryFile("w+") as said:
         suite = subprocess.Popen(
             [*COMMAND, *order.more],
-            stdout=said,
-            stderr=subprocess.STDOUT,
+            stdout=None if order.whole else said,
+            stderr=None if order.whole else subprocess.STDOUT,
             preexec_fn=ignoring(IGNORED[how_started]),
         )
         watcher = threading.Thread(target=watch_memory, args=(suite.pid, over, most))
@@ -108,7 +115,9 @@ def main() -> int:
         lines = said.read().splitlines()
     code = os.waitstatus_to_exitcode(status)
     suite.returncode = code
-    print("\n".join([line for line in lines if line.startswith(("FAILED", "ERROR"))] + lines[-1:]))
+    if not order.whole:
+        failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+        print("\n".join(failed + lines[-1:]))
     print(f"processor time: {used.ru_utime:.0f} s user + {used.ru_stime:.0f} s system")
     print(f"largest worker: {most[0] / 1e6:.0f} MB; wall time: {time.monotonic() - began:.0f} s")
     return code
