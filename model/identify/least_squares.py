@@ -125,7 +125,8 @@ def solve(
         score, effective = _block_scores(design, residual, block_starts)
     freedom = max(effective - (p if block_starts is None else 0), 1.0)
     covariance = inverse @ score @ inverse * (n / (n - p))
-    raw = np.linalg.svd(design, compute_uv=False)
+    # Those of the columns as they are: the orthonormal factor, the only long one, changes no singular value.
+    raw = np.linalg.svd(singular[:, None] * right * scale, compute_uv=False)
     size = float(np.linalg.norm(observed))
     return LinearFit(
         values=values,

@@ -167,11 +167,16 @@ class Stage:
         ).run()
 
 
+_sound: dict[int, dict[Carrier, Reference]] = {}
+"""By seed and rig the runs with nothing going wrong that this process has made: they come out alike each time."""
+
+
 @contextmanager
 def stage(seed: int, output: Path | None = None) -> Iterator[Stage]:
     """Where runs are staged; their files stay in `output`, or nowhere."""
+    known = {} if output is not None else _sound.setdefault(seed, {})
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-drill-") as scratch:
-        yield Stage(root=output or Path(scratch), seed=seed)
+        yield Stage(root=output or Path(scratch), seed=seed, references=known)
 
 
 def run_drills(

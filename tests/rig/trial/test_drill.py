@@ -159,8 +159,9 @@ def test_hardware_and_unknown_faults_are_refused() -> None:
 def test_a_run_that_does_not_end_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rigs, "LARGEST_EXCHANGES", 20)
     drill = Drill(name="never ends", what="", cause=NOTHING)
+    # A seed of its own: the run with nothing going wrong is the one that does not end.
     with pytest.raises(DrillHungError):
-        list(run_drills([drill], backend="sim"))
+        list(run_drills([drill], backend="sim", seed=17))
 
 
 @pytest.mark.parametrize(
