@@ -107,21 +107,22 @@ class OpenFile:
         self.close()
 
 
-def open_for_reading(path: Path, *, leave_out: str = "", is_ours: bool = False) -> OpenFile:
+def open_for_reading(path: Path, *, leave_out: str = "", is_known: bool = False) -> OpenFile:
     """A run file opened as a SWMR reader where a writer is at work or was killed, plainly otherwise.
 
     Raises `RunFileError` for a file that is built as no run is; `leave_out` is the path of a group
-    that will not be looked into, so that it need not be examined. Nor need a growing file that is
-    `ours`: the one that asks is writing it.
+    that will not be looked into, so that it need not be examined. Nor need a file that `is_known`:
+    whoever asks is writing it, or has had these very bytes examined before.
     """
     with refusing_damage(path):
         require_hdf5(path)
         if path.name.endswith(PART_SUFFIX):
-            return _open_growing(path, is_ours=is_ours)
+            return _open_growing(path, is_known=is_known)
         # Another driver than that of a growing file: where one process holds a run open as growing
         # and opens it again sealed, the library would take both for one file.
         file = h5py.File(path, "r", driver="stdio")
-        _examine(file, grows=False, leave_out=leave_out)
+        if not is_known:
+            _examine(file, grows=False, leave_out=leave_out)
         return OpenFile(_Shared(file))
     raise AssertionError
 
@@ -149,7 +150,7 @@ def require_hdf5(path: Path) -> None:
         )
 
 
-def _open_growing(path: Path, *, is_ours: bool) -> OpenFile:
+def _open_growing(path: Path, *, is_known: bool) -> OpenFile:
     with _registry:
         status = path.stat()
         number = (status.st_dev, status.st_ino)
@@ -159,7 +160,7 @@ def _open_growing(path: Path, *, is_ours: bool) -> OpenFile:
             if shared.file:
                 return OpenFile(shared)
         file = _open_as_swmr_reader(path)
-        if not is_ours:
+        if not is_known:
             _examine(file, grows=True)
         shared = _Shared(file, number)
         _growing[number] = shared

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import OrderedDict
 from pathlib import Path
 
 from experiments.recording import Event, Recording, RunMetadata
@@ -11,10 +12,32 @@ from rig.runfile import layout
 from rig.runfile.checks import require_sound
 from rig.runfile.damage import refusing_damage
 from rig.runfile.header import RunHeader, check_format, read_header, read_metadata, rows_flushed
-from rig.runfile.layout import TIME
+from rig.runfile.layout import TIME, Column
 from rig.runfile.opening import open_for_reading, require_hdf5
 from rig.runfile.seal import Seal, check_seal, hash_path
 from rig.runfile.source import FileSource, read_events, require_column
+
+SOUND_KEPT = 256
+"""Runs of which a process remembers that it found them sound."""
+
+
+@dataclasses.dataclass(frozen=True)
+class _Sound:
+    """What was found of the bytes of a run: its channels, and whether its rows were looked at as well."""
+
+    columns: tuple[Column, ...] = ()
+    rows: bool = False
+
+
+_sound: OrderedDict[str, _Sound] = OrderedDict()
+"""The latest runs that were built as runs are and passed the checks, by the SHA-256 of their bytes."""
+
+
+def _remember(seal: Seal, found: _Sound) -> None:
+    if seal.sha256:
+        _sound[seal.sha256] = found
+        if len(_sound) > SOUND_KEPT:
+            _sound.popitem(last=False)
 
 
 def open_run(
@@ -24,7 +47,8 @@ def open_run(
 
     The file is held against its seal, and its content to the checks that `rig verify` makes; without
     `rows` to those alone that read no row, and without `digest` to neither seal nor checks. `verify`
-    reads the whole file for its hash even where an earlier look would do, and requires a seal.
+    reads the whole file for its hash even where an earlier look would do, and requires a seal. Bytes
+    that were found sound once, by their hash, are not examined and checked again in the same process.
     Raises `RunFileError` for a file that is missing, foreign, damaged, changed, cut off, or of
     another format version.
     """
@@ -40,15 +64,17 @@ def open_run(
             limit=f"a file {hash_path(path).name} beside it",
             remedy="Take the original, or the backup.",
         )
-    source = FileSource(path)
+    known = _sound.get(seal.sha256, _Sound())
+    source = FileSource(path, known.columns)
     try:
         with source.file() as file:
             metadata = read_metadata(file, seal)
         segments, events = source.tables()
         signals = {column.name: column.channel for column in source.columns}
         recording = Recording(metadata, signals, segments, events, source)
-        if digest or verify:
+        if (digest or verify) and not (known.columns and known.rows >= rows):
             require_sound(recording, source, rows=rows)
+            _remember(seal, _Sound(source.columns, rows))
     except BaseException:
         source.close()
         raise

@@ -28,9 +28,9 @@ class FileSource:
     """
 
     def __init__(self, path: Path, columns: tuple[Column, ...] = ()) -> None:
-        """`columns` of a file that this very program is writing: it is not asked what it is."""
+        """`columns` where they are known: the caller is writing the file, or has read these very bytes before."""
         self.path = path
-        self._open = open_for_reading(path, is_ours=bool(columns))
+        self._open = open_for_reading(path, is_known=bool(columns))
         self._closer = weakref.finalize(self, self._open.close)
         self._rows = 0
         with self.file() as file:

@@ -21,7 +21,7 @@ from rig.bench.backends.replayed import replayed
 from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.main import app
 from rig.present.build import report_on_files, report_on_gear
-from rig.runfile import seal
+from rig.runfile import opening, seal
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import allowing_unsealed, check_seal, file_sha256, hash_path
 from tests.rig.library import stored
@@ -220,3 +220,28 @@ def test_a_note_that_is_made_anew_is_believed(tmp_path: Path) -> None:
     assert open_run(path).metadata.title == "no-load running torqve"
     with h5py.File(path) as file:
         assert cast(Any, file["entry/title"])[()] == b"no-load running torqve"
+
+
+def test_bytes_that_were_found_sound_are_not_examined_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    examined: list[str] = []
+    examine = opening._examine
+
+    def told(file: h5py.File, **how: Any) -> None:
+        examined.append(file.filename)
+        examine(file, **how)
+
+    monkeypatch.setattr(opening, "_examine", told)
+    path = write_run(tmp_path, 40)
+    first, again = (open_run(path, rows=rows) for rows in (False, True))
+    assert len(examined) == 1
+    assert again.signals == first.signals
+    for recording in (first, again):
+        close_recording(recording)
+    # Other bytes under the same name, with a note of their own.
+    with edit(path) as file:
+        file["entry/title"][()] = b"no-load running torqve"
+    reseal(path)
+    close_recording(open_run(path))
+    assert len(examined) == 2
