@@ -13,7 +13,7 @@ from rig.api.results import Result
 from rig.api.runs import Run
 from rig.gears.acceptance import acceptance_named
 from rig.present.build import report_on_files
-from rig.present.page import write_report
+from rig.present.report import write_report
 
 if TYPE_CHECKING:
     from rig.gears.acceptance import Acceptance

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from experiments.quantity import Quantity, bare_quantity
@@ -172,6 +173,12 @@ def duration_text(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes:02d} min" if hours else f"{minutes} min {rest:02d} s"
+
+
+def days_text(moments: Iterable[str]) -> str:
+    """The days of these times (ISO 8601), from the first to the last one."""
+    days = sorted({moment[:10] for moment in moments if moment})
+    return " to ".join(dict.fromkeys((days[0], days[-1]))) if days else "not stated"
 
 
 def superscript(power: int) -> str:

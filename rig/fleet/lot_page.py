@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
-from experiments.result import Plot
-from rig.content.grid import Grid, columns
-from rig.content.wording import decimals_of, fixed, number
+from rig.content.grid import Grid, capital, columns
+from rig.content.page import Page, Section, Signature, State, annexes_of
+from rig.content.wording import days_text, decimals_of, fixed, number
 from rig.fleet.dataset import DataSet
 from rig.fleet.lot import Lot, why_of
 from rig.fleet.lot_benches import BenchValues, by_bench
 from rig.fleet.lot_figures import distribution, over_time
 from rig.fleet.lot_quantity import LotQuantity
 from rig.fleet.lot_words import limits_words, with_interval
-from rig.present import content, definitions
-from rig.present import figure as figures
-from rig.present.content import Overall, Part
-from rig.present.page import ORIGIN_SENTENCES, Figure, Signature, write_context
+from rig.present import definitions
+from rig.present.page import write_page
+from rig.present.report import drawn, marks_of, page_facts, program_version, shown
 from rig.runfile.seal import file_sha256
 
 MOST_DRAWN = 12
@@ -31,70 +29,56 @@ MOST_NAMED = 8
 
 def write_lot_report(lot: Lot, path: Path, created: str) -> Path:
     """Write the report of a lot as HTML or, by its suffix, as PDF. Raises `RigError` where it cannot be written."""
-    return write_context(lot_context(lot, created), path)
+    return write_page(lot_page(lot, created), path)
 
 
-def lot_context(lot: Lot, created: str) -> dict[str, Any]:
+def lot_page(lot: Lot, created: str) -> Page:
     """Everything that the report of a lot shows; `created` is its calendar time (ISO 8601)."""
-    origin, rows = lot.data.origin, lot.data.rows
-    word = figures.WATERMARKS.get(origin, origin.upper())
-    drawn = [one for one in lot.quantities if one.measured][:MOST_DRAWN]
-    parts = _parts(lot, drawn, origin)
-    return {
-        "created": created,
-        "note": "Every gear counts once, by the newest analysed run of each kind. Verdicts are those of the time when "
+    rows = lot.data.rows
+    drawn_ones = [one for one in lot.quantities if one.measured][:MOST_DRAWN]
+    sections = (
+        *_parts(lot, drawn_ones),
+        Section(title="Provenance", anchor="provenance", grids=(_files(lot),)),
+        *definitions.sections((), _terms(drawn_ones)),
+    )
+    return Page(
+        number=_number(lot),
+        heading=f"Lot of {len(lot.gears)} gears",
+        created=created,
+        version=program_version(),
+        subtitle="Verdicts, key quantities against their limits, benches, and the gears to look at",
+        note="Every gear counts once, by the newest analysed run of each kind. Verdicts are those of the time when "
         "the runs were fitted; rig fleet fit makes anew what has changed.",
-        "number": _number(lot),
-        "gear_name": _several(sorted({row.part for row in rows if row.part})),
-        "heading": f"Lot of {len(lot.gears)} gears",
-        "subtitle": "Verdicts, key quantities against their limits, benches, and the gears to look at",
-        "serial": _range([gear.gear for gear in lot.gears]),
-        "operators": _several(sorted({row.operator for row in rows if row.operator})),
-        "dates": _dates(lot),
-        "words": [word] if word else [],
-        "origin_sentences": [ORIGIN_SENTENCES[origin]] if origin in ORIGIN_SENTENCES else [],
-        "states": (_overall(lot),),
-        "overall": _overall(lot),
-        "verdicts": (),
-        "decision_rule": "",
-        "alarms": lot.notes,
-        "catalogue": _capability_grid(lot),
-        "files": _files(lot),
-        "run_line": f"{len(lot.gears)} gears, {lot.data.runs} runs",
-        "warnings": [],
-        "parts": parts,
-        "conditions": (),
-        "calibrations": (),
-        "identities": (),
-        "conventions": (),
-        "settings": (),
-        "truth": None,
-        "truth_note": "",
-        "paper_figures": (),
-        "run_word": "",
-        "annex_title": "gears",
-        "parameter_sets": (_gear_grid(lot),),
-        "definitions": _definitions(drawn),
-        "not_measured": definitions.NOT_MEASURED,
-        "paper": definitions.PAPER,
-        "signature": Signature(
+        facts=page_facts(
+            [_several(sorted({row.part for row in rows if row.part}))],
+            _range([gear.gear for gear in lot.gears]),
+            [_several(sorted({row.operator for row in rows if row.operator}))],
+            days_text(
+                datetime.fromtimestamp(row.started, UTC).isoformat()
+                for row in rows
+                if row.started is not None
+            ),
+        ),
+        marks=marks_of([lot.data.origin]),
+        states=(_state(lot),),
+        alarms=tuple(lot.notes),
+        judged=shown(_capability_grid(lot)),
+        sections=sections,
+        annexes=annexes_of(sections, "gears", [_gear_grid(lot)]),
+        signature=Signature(
             False, "The report of a lot is an overview; what is signed is the report of a gear."
         ),
-        "version": content.program_version(),
-        "key_results": (),
-        "made_from": "results whose SHA-256 stands under Provenance; they name every run by its own",
-    }
+        run_line=f"{len(lot.gears)} gears, {lot.data.runs} runs",
+        made_from="results whose SHA-256 stands under Provenance; they name every run by its own",
+    )
 
 
-def _overall(lot: Lot) -> Overall:
+def _state(lot: Lot) -> State:
     counted = lot.verdicts
     told = ", ".join(f"{count} {word}" for word, count in counted.items())
     judged = sum(gear.is_complete for gear in lot.gears)
-    return Overall(
-        f"{counted['PASS']} of {len(lot.gears)} PASS",
-        f"{told}. {judged} gears are judged by all that their acceptance file asks.",
-        "open",
-    )
+    sentence = f"{told}. {judged} gears are judged by all that their acceptance file asks."
+    return State(f"{counted['PASS']} of {len(lot.gears)} PASS", sentence)
 
 
 def _capability_grid(lot: Lot) -> Grid | None:
@@ -172,34 +156,29 @@ def _text(value: float | None, decimals: int | None) -> str:
     return number(value) if decimals is None else fixed(value, decimals)
 
 
-def _parts(lot: Lot, drawn: Sequence[LotQuantity], origin: str) -> tuple[Part, ...]:
-    parts = [_look_at(lot), _unknown(lot)]
+def _parts(lot: Lot, quantities: Sequence[LotQuantity]) -> Iterator[Section]:
+    """What to look at, what could not be judged, then every drawn quantity with its figures."""
+    yield _look_at(lot)
+    yield _unknown(lot)
     number_ = 0
-    for one in drawn:
+    for place, one in enumerate(quantities, 3):
         plots = [plot for plot in (distribution(one), over_time(one)) if plot is not None]
-        drawings = []
-        for plot in plots:
-            number_ += 1
-            drawings.append(_drawn(plot, origin, number_))
-        found = one.capability
-        why = (
-            (f"No capability: {found}.",)
-            if isinstance(found, str) and one.limits is not None
-            else ()
+        figures = tuple(
+            drawn(plot, lot.data.origin, at, half=True)
+            for at, plot in enumerate(plots, number_ + 1)
         )
-        parts.append(
-            _part(
-                len(parts) + 1,
-                f"{one.title[:1].upper()}{one.title[1:]} ({one.kind})",
-                tuple(drawings),
-                (_bench_grid(one),),
-                why,
-            )
+        number_ += len(plots)
+        lacks = one.capability if isinstance(one.capability, str) and one.limits else ""
+        yield Section(
+            title=f"{capital(one.title)} ({one.kind})",
+            anchor=f"part-{place}",
+            warnings=(f"No capability: {lacks}.",) if lacks else (),
+            figures=figures,
+            grids=(_bench_grid(one),),
         )
-    return tuple(parts)
 
 
-def _look_at(lot: Lot) -> Part:
+def _look_at(lot: Lot) -> Section:
     rows = tuple(
         (one.gear, one.bench or "–", one.verdict, "; ".join(why_of(one))) for one in lot.to_look_at
     )
@@ -210,10 +189,10 @@ def _look_at(lot: Lot) -> Part:
         "In this order: what fails, what is marginal, what is unlike the others (more than 3.5 robust standard "
         "deviations from the median), what is nearest to a limit.",
     )
-    return _part(1, "Gears to look at", (), (grid,) if rows else ())
+    return Section(title="Gears to look at", anchor="part-1", grids=shown(grid))
 
 
-def _unknown(lot: Lot) -> Part:
+def _unknown(lot: Lot) -> Section:
     """What could not be judged, and why."""
     rows = [(reason, str(len(gears)), _named(gears)) for reason, gears in lot.not_judged.items()]
     rows += [
@@ -228,7 +207,7 @@ def _unknown(lot: Lot) -> Part:
         "A gear may stand in several lines." if len(rows) > 1 else "",
     )
     none = () if rows else ("Every gear is judged by all that its acceptance file asks.",)
-    return _part(2, "What could not be judged", (), (grid,) if rows else (), none)
+    return Section(title=grid.title, anchor="part-2", warnings=none, grids=shown(grid))
 
 
 def _named(gears: Sequence[str]) -> str:
@@ -276,33 +255,6 @@ def _bench_row(bench: BenchValues, factor: float) -> tuple[str, ...]:
     )
 
 
-def _part(
-    index: int,
-    title: str,
-    drawings: tuple[Figure, ...],
-    tables: tuple[Grid, ...] = (),
-    warnings: tuple[str, ...] = (),
-) -> Part:
-    return Part(
-        anchor=f"part-{index}", title=title, grids=tables, warnings=warnings, figures=drawings
-    )
-
-
-def _drawn(plot: Plot, origin: str, number_: int) -> Figure:
-    from markupsafe import Markup
-
-    drawing = figures.draw_svg(plot, origin, f"f{number_}", figures.HALF_WIDTH)
-    return Figure(
-        number=number_,
-        anchor=f"figure-{number_}",
-        svg=Markup(drawing.svg),
-        title=plot.title,
-        after="",
-        note=" ".join(part for part in (plot.note, *drawing.remarks) if part),
-        half=True,
-    )
-
-
 def _gear_grid(lot: Lot) -> Grid:
     rows = tuple(
         (
@@ -332,14 +284,14 @@ def _number(lot: Lot) -> str:
     return "HL-" + digest.hexdigest()[:10].upper()
 
 
-def _definitions(drawn: Sequence[LotQuantity]) -> list[tuple[str, str]]:
-    told = [(one.title, one.quantity.definition) for one in drawn if one.quantity.definition]
-    capable = (
+def _terms(quantities: Sequence[LotQuantity]) -> Iterator[tuple[str, str]]:
+    """What is drawn, and what tells of a capability."""
+    yield from {q.title: q.quantity.definition for q in quantities if q.quantity.definition}.items()
+    yield (
         "Cp, Cpk",
         "Cp = (upper − lower) / 6s; Cpk = distance of the mean from the nearer limit / 3s. 95 % intervals: chi-square "
         "for Cp, Bissell (Applied Statistics 39, 1990, 331–340) for Cpk. Not told of fewer than ten judged gears.",
     )
-    return [*dict(told).items(), capable, *definitions.definitions_for(())]
 
 
 def _several(names: Sequence[str]) -> str:
@@ -352,11 +304,3 @@ def _several(names: Sequence[str]) -> str:
 
 def _range(gears: Sequence[str]) -> str:
     return ", ".join(gears) if len(gears) <= 2 else f"{gears[0]} to {gears[-1]}, in the annex"
-
-
-def _dates(lot: Lot) -> str:
-    starts = {row.started for row in lot.data.rows if row.started is not None}
-    days = sorted({datetime.fromtimestamp(one, UTC).date().isoformat() for one in starts})
-    if not days:
-        return "not stated"
-    return days[0] if len(days) == 1 else f"{days[0]} to {days[-1]}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from experiments import catalogue
 from rig.errors import RigError
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rig.analysis.fit_run import Choices
     from rig.analysis.judging import GearVerdict
     from rig.analysis.validate import Validation
+    from rig.content.page import Page
     from rig.gears.acceptance import Acceptance
 
 
@@ -58,7 +59,7 @@ def report_on_files(
     from model.gear_file import load_gear
     from rig.analysis.fit_run import Choices
     from rig.analysis.judging import judge_runs
-    from rig.present.page import report_context
+    from rig.present.report import report_page
     from rig.runfile.seal import forget_hashes
 
     if not runs:
@@ -78,10 +79,8 @@ def report_on_files(
     count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
     verdict = judge_runs(stored_fits, _acceptance(acceptance, stored_fits))
     judged = _judged_models(stored_fits, choices) if models else ()
-    context = report_context(
-        stored_fits, created=_readable(created), verdict=verdict, models=judged
-    )
-    lines += _written(context, outputs, count)
+    page = report_page(stored_fits, created=_readable(created), verdict=verdict, models=judged)
+    lines += _written(page, outputs, count)
     return Reports(outputs, tuple(stored_fits), tuple(lines), verdict)
 
 
@@ -125,29 +124,28 @@ def report_on_gear(
 ) -> Reports:
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.analysis.passport.build import passport
-    from rig.present.gear import gear_context
+    from rig.present.gear import gear_page
     from rig.runfile.seal import forget_hashes
 
     forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     record = passport(folder, serial)
     asked = acceptance or acceptance_for(folder, serial)
-    context = gear_context(record, created=_readable(created), acceptance=asked)
+    page, verdict = gear_page(record, created=_readable(created), acceptance=asked)
     return Reports(
         tuple(outputs),
         (),
-        tuple(_written(context, outputs, f"gear {serial}, {len(record.runs)} runs")),
-        context["judged"],
+        tuple(_written(page, outputs, f"gear {serial}, {len(record.runs)} runs")),
+        verdict,
     )
 
 
-def _written(context: dict[str, Any], outputs: Sequence[Path], what: str) -> list[str]:
+def _written(page: Page, outputs: Sequence[Path], what: str) -> list[str]:
     """Write every output; a line for each."""
-    from rig.present.page import write_context
+    from rig.present.page import write_page
 
     return [
-        f"{path}: {what}, {write_context(context, path).stat().st_size / 1e6:.1f} MB"
-        for path in outputs
+        f"{path}: {what}, {write_page(page, path).stat().st_size / 1e6:.1f} MB" for path in outputs
     ]
 
 

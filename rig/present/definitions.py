@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from experiments import catalogue
 from experiments.result import DECISION_RULE
 from experiments.terms import PaperFigure, Term
+from rig.content.page import Section
 
 PAPER = (
     "Zou, Tao, Jiang, Mei, Wu: A harmonic drive model considering geometry and internal "
@@ -58,6 +59,21 @@ def definitions_for(kinds: Iterable[str]) -> tuple[tuple[str, str], ...]:
     experiments = [catalogue.declared(kind) for kind in dict.fromkeys(kinds)]
     terms = [term for experiment in experiments if experiment for term in experiment.terms]
     return tuple((term.term, term.definition) for term in dict.fromkeys((*terms, *COMMON)))
+
+
+def sections(
+    kinds: Iterable[str], terms: Iterable[tuple[str, str]] = ()
+) -> tuple[Section, Section]:
+    """The end of every report: definitions (`terms` come first), and what this rig cannot measure."""
+    return (
+        Section(
+            title="Definitions",
+            anchor="definitions",
+            terms=(*terms, *definitions_for(kinds)),
+            note=f"Equation and figure numbers are those of {PAPER}.",
+        ),
+        Section(title="What this rig cannot measure", anchor="scope", items=NOT_MEASURED),
+    )
 
 
 def paper_figures() -> list[tuple[PaperFigure, str]]:

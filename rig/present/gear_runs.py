@@ -11,8 +11,8 @@ from rig.analysis.fit import Fit, fit_in_force
 from rig.analysis.in_force import newest_analysed
 from rig.analysis.passport.content import Passport
 from rig.content.grid import Grid
-from rig.present.content import run_files, seal_words
 from rig.present.provenance import doubts_about
+from rig.present.report import run_files, seal_words
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rig.analysis.fit import NOT_SEALED
 from rig.content.grid import Fact, Grid, columns
+from rig.content.page import Section
 from rig.runfile.facts import ELSEWHERE, flat, parameter_facts
 from rig.runfile.prevailing import alarms_of, certificates_of, conditions_of, world_facts
 
@@ -50,6 +51,29 @@ def side_by_side(facts: Sequence[tuple[str, Sequence[Fact]]], title: str = "") -
         heads = columns(("", "name"), *(heading for heading, _ in shown))
         grids.append(Grid(title, heads, rows))
     return tuple(grids)
+
+
+def provenance_sections(
+    sources: Sequence[tuple[str, Provenance]], files: Grid | None, runs: str = "Runs"
+) -> Iterator[Section]:
+    """Conditions, calibrations and provenance of all runs, one column each; what is empty is left out."""
+
+    def beside(name: str, title: str = "") -> tuple[Grid, ...]:
+        return side_by_side([(heading, getattr(one, name)) for heading, one in sources], title)
+
+    origin = (
+        *((files,) if files is not None else ()),
+        *beside("rows", runs),
+        *beside("options", "Conventions of the analyses"),
+        *beside("settings", "Parameters of the protocols and settings of the analyses"),
+    )
+    for title, grids in (
+        ("Conditions", beside("conditions")),
+        ("Calibrations", beside("calibrations")),
+        ("Provenance", origin),
+    ):
+        if grids:
+            yield Section(title=title, anchor=title.lower(), grids=grids)
 
 
 def provenance_of(fit: Fit) -> Provenance:

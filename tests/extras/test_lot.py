@@ -19,7 +19,7 @@ from rig.fleet.capability import Capability
 from rig.fleet.dataset import DataSet
 from rig.fleet.lot import Lot, lot_of, why_of
 from rig.fleet.lot_benches import by_bench
-from rig.fleet.lot_page import lot_context, write_lot_report
+from rig.fleet.lot_page import lot_page, write_lot_report
 from rig.fleet.table import table_bytes
 from rig.gears.acceptance import shipped_acceptance
 from rig.main import app
@@ -253,7 +253,7 @@ def test_the_page_shows_it_and_the_same_results_give_the_same_bytes(
     ):
         assert words in first
     assert write_lot_report(lot, tmp_path / "again.html", NOW).read_text() == first
-    assert not lot_context(lot, NOW)["signature"].allowed
+    assert not lot_page(lot, NOW).signature.allowed
     assert write_lot_report(lot, tmp_path / "lot.pdf", NOW).read_bytes().startswith(b"%PDF")
 
 

@@ -13,11 +13,10 @@ from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Series, Verdict
 from rig.analysis.fit import Fit
 from rig.analysis.passport.build import passport
-from rig.analysis.passport.content import Passport
 from rig.content.data import data_grid
+from rig.content.page import Figure, Section
 from rig.present.certificate.gather import CHARTED_FROM, Certified
-from rig.present.content import Part
-from rig.present.page import Figure, figures_of
+from rig.present.report import figures_of
 
 PAPER = ("9", "12", "13", "16", "17", "19")
 """The figures of the paper that a certificate shows, in their order."""
@@ -99,7 +98,7 @@ def without_paper(fit: Fit) -> Fit:
     return replace(fit, result=replace(fit.result, plots=plots))
 
 
-def chart_part(gathered: Certified, before: int) -> Part | None:
+def chart_part(gathered: Certified, before: int) -> Section | None:
     """The control charts of all quantities that enough runs tell of; None while there are too few runs."""
     if not gathered.has_charts:
         return None
@@ -111,20 +110,16 @@ def chart_part(gathered: Certified, before: int) -> Part | None:
     for one in charted:
         plot = replace(one.plot, title=f"{one.title}: {one.state}")
         figures += [figure for figure, _ in figures_of([plot], one.origin, before + len(figures))]
-    return _part("charts", "Control charts", tuple(figures), _tables(record, charted))
+    tables = zip(record.series, record.tables, strict=True)
+    return Section(
+        title="Control charts",
+        anchor="charts",
+        figures=tuple(figures),
+        annex=tuple(data_grid(table) for one, table in tables if one in charted),
+    )
 
 
-def _tables(record: Passport, charted: Sequence[object]) -> tuple:
-    tables = [
-        table for one, table in zip(record.series, record.tables, strict=False) if one in charted
-    ]
-    return tuple(data_grid(table) for table in tables)
-
-
-def _part(anchor: str, title: str, figures: tuple[Figure, ...], annex: tuple = ()) -> Part:
-    return Part(anchor=anchor, title=title, annex=annex, figures=figures)
-
-
-def curve_part(figures: Sequence[Figure]) -> Part:
+def curve_part(figures: Sequence[Figure]) -> Section:
     """The curves after the paper's figures as a part of the certificate."""
-    return _part("curves", "Curves after the paper's figures", tuple(figures))
+    title = "Curves after the paper's figures"
+    return Section(title=title, anchor="curves", figures=tuple(figures))

@@ -9,8 +9,6 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-
 from experiments.assumed import TABLE as ASSUMED
 from experiments.assumed import assumed_kinds
 from experiments.quantity import key_names
@@ -20,8 +18,8 @@ from rig.analysis.fit import Fit
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import held_against, whose_limit
 from rig.analysis.rows import coverage
-from rig.content.grid import Grid, columns
-from rig.content.wording import number, show
+from rig.content.grid import Grid, columns, tone_of
+from rig.content.wording import days_text, number, show
 from rig.present import definitions, provenance
 from rig.present import figure as figures
 from rig.present.certificate.gather import Certified, acceptance_sha256
@@ -39,7 +37,6 @@ CURVES = (
     ("friction", "friction-curve", (6.85, 1.85)),
 )
 """The curves of page one: kind, name of the figure, width and height of its first panel [inch]."""
-STYLES = {"PASS": "pass", "MARGINAL": "marginal", "FAIL": "fail"}
 COUNTED = {
     "PASS": "keeps all {all} limits of the acceptance file {name}",
     "MARGINAL": "breaks none of the {all} limits of the acceptance file {name} for certain, but does not keep {bad} of "
@@ -52,7 +49,7 @@ COUNTED = {
 class Curve:
     """One curve of page one: its drawing, and what it shows."""
 
-    svg: Any
+    svg: str
     title: str
 
 
@@ -66,7 +63,7 @@ def front_page(
         "tested": _tested(gathered),
         "facts": _facts(gathered, laboratory),
         "word": verdict.verdict,
-        "style": STYLES.get(verdict.verdict, "open"),
+        "tone": tone_of(verdict.verdict) or "muted",
         "sentence": sentence_of(gathered),
         "because": list(verdict.because) if verdict.verdict != "PASS" else [],
         "incomplete": _incomplete(gathered),
@@ -114,9 +111,7 @@ def _of_gear(gathered: Certified) -> Fit:
 
 def _facts(gathered: Certified, laboratory: LaboratoryWords) -> list[tuple[str, str]]:
     """Customer, order, method, days and operators: who wanted it, and who did it."""
-    starts = sorted(fit.recording.metadata.start_time[:10] for fit in gathered.fits)
-    days = [day for day in starts if day]
-    span = "not stated" if not days else " to ".join(dict.fromkeys((days[0], days[-1])))
+    span = days_text(fit.recording.metadata.start_time for fit in gathered.fits)
     operators = dict.fromkeys(
         fit.recording.metadata.operator or "not stated" for fit in gathered.fits
     )
@@ -203,7 +198,7 @@ def _curves(fits: Sequence[Fit]) -> Iterator[Curve]:
                 continue
             origin = fit.recording.metadata.origin
             drawing = figures.draw_svg(_without_residuals(plot), origin, f"front-{kind}", size)
-            yield Curve(svg=Markup(drawing.svg), title=plot.title)
+            yield Curve(svg=drawing.svg, title=plot.title)
 
 
 def _without_residuals(plot: Plot) -> Plot:

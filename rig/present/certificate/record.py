@@ -17,12 +17,13 @@ from typing import Any
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import InForce
 from rig.analysis.store import Analysis, json_text
+from rig.content.grid import Grid
+from rig.content.page import Page
 from rig.content.wording import show
 from rig.errors import RunFileError
 from rig.present.certificate.front import sentence_of
 from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.rests_on import programs_of
-from rig.present.content import Grid
 from rig.program import this_program
 from rig.runfile.manifest import SUFFIX, Manifest
 
@@ -42,7 +43,7 @@ def manifest_path(certificate: Path) -> Path:
 def record_of(
     gathered: Certified,
     *,
-    context: Mapping[str, Any],
+    page: Page,
     created: str,
     manifest: Manifest,
     pages: Mapping[Path, bytes],
@@ -54,7 +55,7 @@ def record_of(
     place = next(iter(pages))
     content = {
         "format": FORMAT,
-        "certificate": context["number"],
+        "certificate": page.number,
         "serial": gathered.serial,
         "created": created,
         **this_program().as_json(),
@@ -66,7 +67,7 @@ def record_of(
         "sentence": sentence_of(gathered),
         **gathered.verdict.as_json(),
         "acceptance_file": _acceptance(gathered),
-        "page_one": _page_one(context),
+        "page_one": _page_one(page),
         "analyses": [
             _analysis(fit, found, gathered.folder)
             for fit, found in zip(gathered.fits, gathered.analyses, strict=True)
@@ -75,15 +76,16 @@ def record_of(
     return (json_text(content) + "\n").encode()
 
 
-def _page_one(context: Mapping[str, Any]) -> dict[str, Any]:
+def _page_one(page: Page) -> dict[str, Any]:
     """What page one says: the table of values, the reasons, and how many values with their U there are in all."""
-    front = context["front"]
+    front = page.front
+    assert front is not None
     texts = {key: front[key] for key in front.keys() - {"curves", "laboratory"}}
     return {
         "values": [list(row) for row in front["values"].rows],
         "because": list(front["because"]),
         "with_uncertainty": sum(
-            values_with_uncertainty(text) for text in _texts([texts, context["alarms"]])
+            values_with_uncertainty(text) for text in _texts([texts, page.alarms])
         ),
     }
 
@@ -93,10 +95,10 @@ def _texts(content: Any) -> Iterator[str]:
     if isinstance(content, str):
         yield content
     elif isinstance(content, Grid):
-        yield from _texts([content.title, content.columns, content.rows, content.note])
+        yield from _texts([content.title, content.headings, content.rows, content.note])
     elif isinstance(content, Mapping):
         yield from _texts(list(content.values()))
-    elif isinstance(content, (list, tuple)):
+    elif isinstance(content, Sequence):
         for one in content:
             yield from _texts(one)
 

@@ -9,12 +9,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from experiments.result import DECISION_RULE
+from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
+from rig.content.page import Page, Section, annexes_of
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance
-from rig.present import content, definitions, provenance
-from rig.present import figure as figures
+from rig.present import definitions
 from rig.present.certificate.curves import (
     chart_part,
     curve_part,
@@ -28,16 +28,20 @@ from rig.present.certificate.laboratory import LaboratoryWords
 from rig.present.certificate.numbers import number_grids
 from rig.present.certificate.record import certificate_files, manifest_path, record_of, record_path
 from rig.present.certificate.rests_on import manifest_of
-from rig.present.content import Part
-from rig.present.page import (
-    ORIGIN_SENTENCES,
+from rig.present.page import rendered
+from rig.present.parameters import parameter_grids
+from rig.present.provenance import provenance_of, provenance_sections
+from rig.present.report import (
     figures_of,
+    marks_of,
     paper_figure_rows,
-    rendered,
+    paper_grid,
+    part_of,
+    program_version,
     run_line,
+    shown,
     signature_of,
 )
-from rig.present.provenance import Provenance
 from rig.runfile.manifest import Manifest
 from rig.runfile.seal import forget_hashes
 from rig.runfile.sealed import replace_sealed
@@ -99,21 +103,19 @@ def write_certificate(
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
     with certified(folder, serial, acceptance=acceptance, protocols=protocols) as gathered:
         manifest = manifest_of(gathered)
-        context = certificate_context(
+        page = certificate_page(
             gathered,
             laboratory or LaboratoryWords(),
             manifest,
             created=created.replace("T", " ", 1),
         )
-        pages = {output: rendered(context, output) for output in outputs}
-        record = record_of(
-            gathered, context=context, created=created, manifest=manifest, pages=pages
-        )
+        pages = {output: rendered(page, output) for output in outputs}
+        record = record_of(gathered, page=page, created=created, manifest=manifest, pages=pages)
         record_file, manifest_file = record_path(outputs[0]), manifest_path(outputs[0])
         # The record comes last: it names all others, and without it there is no certificate to verify.
         _write_sealed({**pages, manifest_file: manifest.as_bytes(), record_file: record})
         return Certificate(
-            number=context["number"],
+            number=page.number,
             serial=serial,
             paths=tuple(outputs),
             record=record_file,
@@ -148,95 +150,57 @@ def _write_sealed(files: Mapping[Path, bytes]) -> None:
             ) from None
 
 
-def certificate_context(
+def certificate_page(
     gathered: Certified, laboratory: LaboratoryWords, manifest: Manifest, *, created: str
-) -> dict[str, Any]:
-    """Everything that a certificate shows, under the names that the templates know."""
+) -> Page:
+    """Everything that a certificate shows."""
     fits = tuple(with_limits(fit, gathered.verdict.lines) for fit in gathered.fits)
     paper = paper_curves(fits, 0)
     charts = chart_part(gathered, len(paper))
     annexes = _annexes(fits, len(paper) + (len(charts.figures) if charts else 0))
-    parts = [curve_part([figure for figure, _ in paper]), _numbers(fits)]
-    parts = [part for part in (*parts, charts, *annexes) if part is not None]
-    origins = list(dict.fromkeys(fit.recording.metadata.origin for fit in fits))
-    facts = [(part.title, part.provenance) for part in annexes]
-    return {
-        "front": front_page(replace(gathered, fits=fits), laboratory, manifest),
-        "created": created,
-        "number": _number(gathered),
-        "heading": f"Certificate of gear {gathered.serial}",
-        "subtitle": "",
-        "note": "",
-        "gear_name": fits[0].gear.name,
-        "serial": gathered.serial,
-        "operators": "",
-        "dates": "",
-        "words": [w for w in (figures.WATERMARKS.get(o, o.upper()) for o in origins) if w],
-        "origin_sentences": [ORIGIN_SENTENCES[o] for o in origins if o in ORIGIN_SENTENCES],
-        "states": (),
-        "verdicts": (),
-        "decision_rule": DECISION_RULE,
-        "catalogue": None,
-        "key_results": (),
-        "alarms": tuple(dict.fromkeys(alarm for _, one in facts for alarm in one.alarms)),
-        "files": None,
-        "run_line": run_line([fit.recording.metadata.run_id for fit in fits]),
-        "warnings": [(p.title, p.anchor, p.run, text) for p in annexes for text in p.warnings],
-        "parts": tuple(parts),
-        "truth": None,
-        "truth_note": "",
-        "paper_figures": [row for row in paper_figure_rows(paper) if row[2]],
-        "run_word": "Run",
-        "annex_title": "parameter set with its sources",
-        "parameter_sets": content.parameter_grids(fits),
-        "definitions": definitions.definitions_for(fit.result.kind for fit in fits),
-        "not_measured": definitions.NOT_MEASURED,
-        "paper": definitions.PAPER,
-        "signature": signature_of(origins, fits),
-        "version": content.program_version(),
-        **_facts_side_by_side(facts),
-    }
+    sources = [(a.title, provenance_of(fit)) for a, fit in zip(annexes, fits, strict=True)]
+    parts = (curve_part([figure for figure, _ in paper]), _numbers(fits), charts, *annexes)
+    sections = (
+        *(part for part in parts if part is not None),
+        *provenance_sections(sources, None),
+        *definitions.sections(fit.result.kind for fit in fits),
+    )
+    rows = [row for row in paper_figure_rows(paper) if row[2].startswith("Figure")]
+    return Page(
+        kind="Certificate",
+        number=_number(gathered),
+        heading=f"Certificate of gear {gathered.serial}",
+        created=created,
+        version=program_version(),
+        marks=marks_of(fit.recording.metadata.origin for fit in fits),
+        alarms=tuple(dict.fromkeys(alarm for _, one in sources for alarm in one.alarms)),
+        warnings=tuple((a.title, a.anchor, text) for a in annexes for text in a.warnings),
+        summary=shown(paper_grid(rows)),
+        sections=sections,
+        annexes=annexes_of(sections, "parameter set with its sources", parameter_grids(fits)),
+        signature=signature_of(fits),
+        run_line=run_line([fit.recording.metadata.run_id for fit in fits]),
+        front=front_page(replace(gathered, fits=fits), laboratory, manifest),
+    )
 
 
-def _facts_side_by_side(facts: Sequence[tuple[str, Provenance]]) -> dict[str, Any]:
-    """Conditions, calibrations and provenance of all runs, one column each."""
-
-    def beside(name: str, caption: str = "") -> Any:
-        return provenance.side_by_side(
-            [(title, getattr(one, name)) for title, one in facts], caption
-        )
-
-    return {
-        "conditions": beside("conditions"),
-        "calibrations": beside("calibrations"),
-        "identities": beside("rows", "Runs"),
-        "conventions": beside("options", "Conventions of the analyses"),
-        "settings": beside("settings", "Parameters of the protocols and settings of the analyses"),
-    }
-
-
-def _annexes(fits: Sequence[Any], before: int) -> list[Part]:
+def _annexes(fits: Sequence[Fit], before: int) -> list[Section]:
     """One annex per run: what a report of it shows, without the figures that stand before."""
     annexes = []
     for index, fit in enumerate(map(without_paper, fits)):
         drawn = figures_of(fit.result.plots, fit.recording.metadata.origin, before)
         before += len(drawn)
         title = f"Annex {chr(ord('A') + index)}: {definitions.title_of(fit.result.kind)}"
-        part = content.part_of(fit, index, title)
-        annexes.append(replace(part, figures=tuple(figure for figure, _ in drawn)))
+        annexes.append(
+            replace(part_of(fit, index, title), figures=tuple(figure for figure, _ in drawn))
+        )
     return annexes
 
 
-def _numbers(fits: Sequence[Any]) -> Part | None:
+def _numbers(fits: Sequence[Fit]) -> Section | None:
     grids = number_grids(fits)
-    if not grids:
-        return None
-    return replace(
-        curve_part(()),
-        anchor="numbers",
-        title="The gear in numbers: card, computed, identified",
-        grids=grids,
-    )
+    title = "The gear in numbers: card, computed, identified"
+    return Section(title=title, anchor="numbers", grids=grids) if grids else None
 
 
 def _number(gathered: Certified) -> str:

@@ -267,7 +267,7 @@ def _conclude(
     from model.gear_file import save_gear
     from rig.analysis.adopt import adopt
     from rig.present.certificate.write import write_certificate
-    from rig.present.page import write_report
+    from rig.present.report import write_report
 
     fits = tuple(_fit(done.path, done.protocol) for done in finished)
     truth = tuple((fit.result.kind, row) for fit in fits for row in _truth(fit))

@@ -21,10 +21,11 @@ from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis.passport.build import passport
 from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Basis, append_analysis
+from rig.content.page import Page
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance, Limit
 from rig.main import app
-from rig.present.gear import gear_context
+from rig.present.gear import gear_page
 from rig.present.page import render_page
 from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
@@ -91,36 +92,36 @@ def worn(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def context(worn: Path) -> dict[str, Any]:
+def page(worn: Path) -> Page:
     found = passport(worn, "A1", baseline=4)
-    return gear_context(found, created=CREATED, acceptance=ACCEPTANCE)
+    return gear_page(found, created=CREATED, acceptance=ACCEPTANCE)[0]
 
 
 @pytest.fixture(scope="module")
-def pages(context: dict[str, Any]) -> list[str]:
-    return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(render_pdf(context))).pages]
+def pages(page: Page) -> list[str]:
+    return [one.extract_text() for one in pypdf.PdfReader(io.BytesIO(render_pdf(page))).pages]
 
 
 @pytest.fixture(scope="module")
-def both(context: dict[str, Any], pages: list[str]) -> tuple[str, str]:
+def both(page: Page, pages: list[str]) -> tuple[str, str]:
     """The report on screen and on paper, squeezed."""
-    return squeezed(html.unescape(render_page(context))), squeezed("".join(pages))
+    return squeezed(html.unescape(render_page(page))), squeezed("".join(pages))
 
 
 def test_the_verdict_of_the_newest_run_and_the_worst_state_stand_at_the_head(
-    context: dict[str, Any],
+    page: Page,
 ) -> None:
-    verdict, state = context["states"]
-    assert (verdict.word, verdict.style) == ("FAIL", "fail")
+    verdict, state = page.states
+    assert (verdict.word, verdict.tone) == ("FAIL", "bad")
     assert "newest run of every kind" in verdict.sentence
-    assert (state.word, state.style) == ("OUT OF CONTROL", "fail")
-    assert context["serial"] == "A1"
-    assert any("95.25 ± 0.39 mN m" in row for row in context["key_results"])
+    assert (state.word, state.tone) == ("OUT OF CONTROL", "bad")
+    assert ("Serial number", "A1") in page.facts
+    assert any("95.25 ± 0.39 mN m" in row for row in page.summary[0].rows)
 
 
-def test_page_and_paper_say_the_same(context: dict[str, Any], both: tuple[str, str]) -> None:
+def test_page_and_paper_say_the_same(page: Page, both: tuple[str, str]) -> None:
     wanted = [
-        context["number"],
+        page.number,
         "Passport of gear A1",
         "FAIL",
         "OUT OF CONTROL",
@@ -139,9 +140,9 @@ def test_page_and_paper_say_the_same(context: dict[str, Any], both: tuple[str, s
 
 
 def test_the_catalogue_with_the_conditions_of_both_stands_in_it(
-    context: dict[str, Any], both: tuple[str, str]
+    page: Page, both: tuple[str, str]
 ) -> None:
-    row = context["catalogue"].rows[0]
+    row = page.judged[1].rows[0]
     assert row[0].startswith("running torque 1000 r/min: torque that keeps the input turning")
     assert row[1] == "95.25 ± 0.39 mN m"
     assert row[2] == "100 mN m"
@@ -171,11 +172,9 @@ def test_versions_calibrations_and_definitions_stand_in_it(both: tuple[str, str]
         assert all(squeezed(text) in made for made in both), text
 
 
-def test_every_page_carries_the_mark_and_none_is_signed(
-    context: dict[str, Any], pages: list[str]
-) -> None:
+def test_every_page_carries_the_mark_and_none_is_signed(page: Page, pages: list[str]) -> None:
     assert all(text.count("SIMULATED") >= 2 for text in pages)
-    assert not context["signature"].allowed
+    assert not page.signature.allowed
     assert not any("Approved by" in text for text in pages)
 
 
@@ -183,14 +182,14 @@ def test_a_gear_on_hardware_can_be_signed_and_an_expired_calibration_is_an_alarm
     tmp_path: Path,
 ) -> None:
     life(tmp_path, VALUES[:2], origin="hardware", start_time="2027-03-05T09:00:00.000+00:00")
-    made = gear_context(passport(tmp_path, "A1", baseline=4), created=CREATED)
+    made, _ = gear_page(passport(tmp_path, "A1", baseline=4), created=CREATED)
     alarm = (
         "The calibration of torque (PTB-17) was due on 2027-02-03: EXPIRED WHEN THE RUN BEGAN. "
         "(runs 00001-friction-A1, 00002-friction-A1)"
     )
-    assert made["alarms"] == (alarm,)
-    assert made["signature"].allowed
-    plain = {**made, "parts": tuple(replace(part, figures=()) for part in made["parts"])}
+    assert made.alarms == (alarm,)
+    assert made.signature.allowed
+    plain = replace(made, sections=tuple(replace(part, figures=()) for part in made.sections))
     found = [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(render_pdf(plain))).pages]
     assert squeezed(alarm) in squeezed(found[0])
     assert any("Approved by" in text for text in found)
@@ -228,9 +227,9 @@ def test_a_gear_without_runs_is_refused_and_nothing_is_written(worn: Path, tmp_p
 
 def test_a_gear_without_an_analysis_is_not_judged_and_its_files_are_listed(tmp_path: Path) -> None:
     write(tmp_path, 1)
-    made = gear_context(passport(tmp_path, "A1"), created=CREATED)
-    assert [state.word for state in made["states"]] == ["NOT JUDGED", "NOTHING TO FOLLOW"]
-    assert made["catalogue"] is None
+    made, _ = gear_page(passport(tmp_path, "A1"), created=CREATED)
+    assert [state.word for state in made.states] == ["NOT JUDGED", "NOTHING TO FOLLOW"]
+    assert made.judged == ()
     (sha256,) = (recorded_sha256(run) for run in tmp_path.glob("*.h5"))
     assert sha256 in render_page(made)
     assert sha256 in squeezed(
@@ -250,4 +249,4 @@ def test_an_analysis_that_is_none_is_named(tmp_path: Path) -> None:
     )
     reseal(newest)
     with pytest.raises(RigError, match="holds no result"):
-        gear_context(found, created=CREATED)
+        gear_page(found, created=CREATED)

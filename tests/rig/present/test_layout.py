@@ -13,9 +13,10 @@ from typing import Any
 import typst
 
 from rig.content.grid import Grid, Kind, capital, columns
+from rig.content.page import Page, Section
 from rig.content.wording import order_label, printed_symbol, unbroken
-from rig.present.page import report_context
 from rig.present.paper import document_of
+from rig.present.report import report_page
 from tests.rig import handmade
 
 INSET, PORTRAIT, LANDSCAPE = 7.0, 174.0 / 25.4 * 72.0, 261.0 / 25.4 * 72.0
@@ -25,17 +26,18 @@ LONG_WORD = "error-of-one-revolution,"
 
 
 @cache
-def plain_context() -> dict[str, Any]:
+def plain_page() -> Page:
     """A report without figures and without an annex of its own."""
     result = replace(handmade.friction_result(), plots=())
     fits = [handmade.fit(result=result)]
     created, verdict = "2026-11-21 08:00:00+00:00", handmade.verdict(fits)
-    return report_context(fits, created=created, verdict=verdict) | {"parameter_sets": ()}
+    return replace(report_page(fits, created=created, verdict=verdict), annexes=())
 
 
 def layouts(grids: Sequence[Grid]) -> list[dict[str, Any]]:
     """How typst laid out the tables of an annex: columns, size [pt], widths [em], crosswise or not, in one piece."""
-    document = document_of(plain_context() | {"parameter_sets": tuple(grids)})
+    annex = Section(title="Annex", anchor="annex", grids=tuple(grids))
+    document = document_of(replace(plain_page(), annexes=(annex,)))
     found = document.set_by_typst(partial(typst.query, selector="<table-layout>", field="value"))
     return [one for one in json.loads(found) if one["title"].startswith("T:")]
 

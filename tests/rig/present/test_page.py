@@ -24,13 +24,8 @@ from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import budget_grid
 from rig.analysis.validate import ValidatedRung, Validation
 from rig.errors import RigError
-from rig.present.page import (
-    css_text,
-    render_page,
-    report_context,
-    run_line,
-    write_report,
-)
+from rig.present.page import css_text, render_page
+from rig.present.report import report_page, run_line, write_report
 from rig.runfile.layout import Column
 from rig.runfile.prevailing import conditions_of
 from tests.rig import handmade
@@ -92,8 +87,8 @@ def render_report(
 ) -> str:
     """The text of the page of these fits."""
     verdict = verdict or handmade.verdict(fits)
-    context = report_context(fits, created=created, truth=truth, note=note, verdict=verdict)
-    return render_page(context)
+    made = report_page(fits, created=created, truth=truth, note=note, verdict=verdict)
+    return render_page(made)
 
 
 def bare(origin: Origin = "simulated", result: Result | None = None, **more: Any) -> Fit:
@@ -284,11 +279,10 @@ def test_a_result_without_anything_makes_a_page() -> None:
 
 
 def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_both() -> None:
-    context = report_context(
+    made = report_page(
         [bare(result=handmade.kinematic_result())], created=CREATED, verdict=handmade.verdict([])
     )
-    grid = context["catalogue"]
-    assert grid is not None
+    (grid,) = made.judged
     quantity, measured, stated, source, here = grid.rows[0]
     rating = shipped_gear().value("ratings.transmission_accuracy")
     assert quantity.startswith(
@@ -303,7 +297,7 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
     assert [row[4] for row in grid.rows if "stiffness" in row[0]] == [
         "cannot be measured on this rig"
     ] * 3
-    assert "Beside the catalogue" in Page(render_page(context)).text
+    assert "Beside the catalogue" in Page(render_page(made)).text
 
 
 def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None:
@@ -331,7 +325,7 @@ def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None
 
 def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
     fit = replace(bare(result=handmade.kinematic_result()), gear_known=False)
-    assert report_context([fit], created=CREATED, verdict=handmade.verdict([]))["catalogue"] is None
+    assert report_page([fit], created=CREATED, verdict=handmade.verdict([])).judged == ()
 
 
 def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:
@@ -380,11 +374,11 @@ def test_every_page_names_the_runs_letter_for_letter() -> None:
 
 def test_runs_of_more_than_one_gear_under_one_verdict_are_said_loudly() -> None:
     fits = [bare(gear_serial="A1"), bare(result=handmade.kinematic_result(), gear_serial="B2")]
-    context = report_context(fits, created=CREATED, verdict=handmade.verdict([]))
-    assert context["alarms"] == (
+    made = report_page(fits, created=CREATED, verdict=handmade.verdict([]))
+    assert made.alarms == (
         "These runs are of more than one gear (B2, A1): the verdict covers them together.",
     )
-    assert "of more than one gear (B2, A1)" in Page(render_page(context)).text
+    assert "of more than one gear (B2, A1)" in Page(render_page(made)).text
 
 
 def test_every_printed_page_of_a_run_that_is_none_from_hardware_is_marked() -> None:
@@ -440,8 +434,8 @@ def test_models_stand_with_the_last_run_of_their_kind() -> None:
         independent=20.0,
     )
     fits = [bare(), bare()]
-    context = report_context(fits, created=CREATED, verdict=handmade.verdict([]), models=[judged])
-    first, second = context["parts"]
+    made = report_page(fits, created=CREATED, verdict=handmade.verdict([]), models=[judged])
+    first, second = made.sections[:2]
     assert "Models of the running torque" not in [grid.title for grid in first.grids]
     assert second.grids[-1].title == "Models of the running torque"
     assert second.grids[-1].rows[1][:2] == ("2  line", "2")

@@ -22,9 +22,10 @@ from drivers.channel import Calibration, Channel
 from experiments.recording import Origin
 from experiments.result import Table
 from rig.analysis.fit import Fit
+from rig.content.page import Page
 from rig.errors import RigError
-from rig.present.page import report_context
 from rig.present.paper import paper_content, render_pdf, typeset
+from rig.present.report import report_page
 from rig.present.typesetting import Document, set_pages
 from rig.runfile.layout import Column
 from tests.rig import handmade
@@ -36,7 +37,7 @@ CREATED = "2026-11-21 08:00:00+00:00"
 class Paper:
     """A report on paper: what it was made of, and the text of its pages."""
 
-    context: dict[str, Any]
+    page: Page
     pages: tuple[str, ...]
 
     @property
@@ -52,13 +53,13 @@ def squeezed(text: str) -> str:
 def printed(fits: Sequence[Fit], *, annex: bool = False, **more: Any) -> Paper:
     """The report read back; without its annex, which takes the most of the reading, unless that is asked for."""
     told = {"created": CREATED, "verdict": handmade.verdict(fits), **more}
-    context = report_context(fits, **told)
+    page = report_page(fits, **told)
     if not annex:
-        context |= {"parameter_sets": ()}
-    made = render_pdf(context)
+        page = replace(page, annexes=())
+    made = render_pdf(page)
     assert made.startswith(b"%PDF")
     return Paper(
-        context, tuple(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages)
+        page, tuple(page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages)
     )
 
 
@@ -73,19 +74,18 @@ def paper(origin: Origin) -> Paper:
 
 def test_it_has_the_numbers_of_the_page() -> None:
     found = paper("simulated")
-    context, text = found.context, found.text
+    page, text = found.page, found.text
     for wanted in (
-        context["number"],
-        context["overall"].word,
+        page.number,
+        page.states[0].word,
         "SN-0815",
         "HarmonicGreaseSK-1A",
         "A.Example",
     ):
         assert squeezed(wanted) in text, wanted
-    for line in context["verdicts"]:
-        assert squeezed(line.value) in text
-        assert squeezed(line.limit) in text
-    for row in context["parts"][0].grids[0].rows:
+    for row in page.judged[0].rows:
+        assert all(squeezed(cell) in text for cell in row[1:3])
+    for row in page.sections[0].grids[0].rows:
         for cell in row[:5]:
             # A symbol such as F_c is printed with its index below the line.
             assert squeezed(cell).replace("_", "") in text.replace("_", ""), cell
@@ -101,8 +101,7 @@ def test_hashes_stand_whole_in_one_line() -> None:
 
 def test_the_catalogue_stands_beside_the_results() -> None:
     found = paper("simulated")
-    grid = found.context["catalogue"]
-    assert grid is not None
+    grid = found.page.judged[1]
     for cell in (grid.title, *grid.rows[0]):
         assert squeezed(cell) in found.text, cell
     assert found.text.index(squeezed(grid.title)) < found.text.index("Summary")
@@ -187,11 +186,12 @@ def test_text_that_looks_like_markup_comes_out_as_it_stands() -> None:
 
 
 def test_the_same_content_gives_the_same_plain_values() -> None:
-    first, second = (paper_content(paper("replay").context) for _ in range(2))
+    first, second = (paper_content(paper("replay").page) for _ in range(2))
     assert first == second
-    tables = paper_content(paper("simulated").context)["annex"]
-    assert tables
-    assert all(len(table["kinds"]) == len(table["columns"]) for table in tables)
+    annexes = paper_content(paper("simulated").page)["annexes"]
+    assert annexes
+    for table in annexes[0]["grids"]:
+        assert len(table["kinds"]) == len(table["columns"])
 
 
 def test_nothing_stands_in_the_margins() -> None:
@@ -220,7 +220,7 @@ def test_nothing_stands_in_the_margins() -> None:
     ]
     crosswise = 0
     for page in typeset(
-        report_context(fits, created=CREATED, verdict=handmade.verdict(fits)),
+        report_page(fits, created=CREATED, verdict=handmade.verdict(fits)),
         format="png",
         ppi=72.0,
     ):

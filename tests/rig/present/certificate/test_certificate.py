@@ -23,6 +23,7 @@ from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
 from rig.analysis.result_data import quantities_for
 from rig.analysis.store import FORMAT_2, Basis, append_analysis
+from rig.content.page import Page
 from rig.errors import ConfigurationError, RigError
 from rig.gears.acceptance import Acceptance, Limit, save_acceptance
 from rig.main import app
@@ -33,7 +34,7 @@ from rig.present.certificate.front import front_page, value_grid
 from rig.present.certificate.gather import certified
 from rig.present.certificate.laboratory import LaboratoryWords, laboratory_of
 from rig.present.certificate.rests_on import manifest_of
-from rig.present.certificate.write import certificate_context
+from rig.present.certificate.write import certificate_page
 from rig.present.page import render_page
 from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
@@ -135,22 +136,22 @@ def accepted(folder: Path) -> Acceptance:
     return replace(ACCEPTANCE, path=str(folder / "spec.toml"))
 
 
-def context_of(folder: Path, **more: Any) -> dict[str, Any]:
+def page_of(folder: Path, **more: Any) -> Page:
     told = {"acceptance": accepted(folder), **more}
     with certified(folder, "A1", **told) as gathered:
-        return certificate_context(
+        return certificate_page(
             gathered, LABORATORY, manifest_of(gathered), created="2026-03-02 10:00:00"
         )
 
 
 @pytest.fixture(scope="module")
-def context(whole: Path) -> dict[str, Any]:
-    return context_of(whole)
+def page(whole: Path) -> Page:
+    return page_of(whole)
 
 
 @pytest.fixture(scope="module")
-def pages(context: dict[str, Any]) -> list[str]:
-    made = render_pdf({**context, "parameter_sets": ()})
+def pages(page: Page) -> list[str]:
+    made = render_pdf(replace(page, annexes=()))
     return [page.extract_text() for page in pypdf.PdfReader(io.BytesIO(made)).pages]
 
 
@@ -204,9 +205,9 @@ def test_every_page_carries_the_word_of_a_run_that_is_not_hardware(pages: list[s
 
 def test_hardware_has_room_for_two_signatures(tmp_path: Path) -> None:
     folder = gear(tmp_path, origin="hardware")
-    context = context_of(folder)
-    assert context["signature"].allowed
-    shown = render_page(context)
+    made = page_of(folder)
+    assert made.signature.allowed
+    shown = render_page(made)
     assert "Tested by: name" in shown
     assert "Approved by: name" in shown
     assert "SIMULATED" not in shown
@@ -217,7 +218,7 @@ def test_the_verdict_is_what_judges_says_and_no_other(
 ) -> None:
     said = GearVerdict(verdict="MARGINAL", because=("because the stand-in says so",))
     monkeypatch.setattr(gather, "judge", lambda *_: said)
-    front = context_of(whole)["front"]
+    front = page_of(whole).front
     assert (front["word"], front["because"]) == ("MARGINAL", ["because the stand-in says so"])
     assert {row[-1] for row in front["values"].rows} == {front_module.NO_LIMIT}
 
@@ -236,7 +237,7 @@ def test_no_module_of_the_certificate_holds_a_value_against_a_limit() -> None:
 def test_a_bad_gear_is_told_in_one_sentence(
     tmp_path: Path, torque: float, word: str, words: str
 ) -> None:
-    front = context_of(gear(tmp_path, torque=torque))["front"]
+    front = page_of(gear(tmp_path, torque=torque)).front
     assert front["word"] == word
     assert words in front["sentence"]
     assert any("running torque" in reason for reason in front["because"])
@@ -246,10 +247,10 @@ def test_what_was_asked_for_and_is_missing_makes_it_incomplete(tmp_path: Path) -
     folder = tmp_path
     lay(folder, 1, "friction", {RUNNING: estimate(RUNNING, 0.08, own=2e-4)})
     save_acceptance(ACCEPTANCE, folder / "spec.toml")
-    front = context_of(folder, protocols=("friction", "velocity-steps"))["front"]
+    front = page_of(folder, protocols=("friction", "velocity-steps")).front
     assert "velocity-steps, kinematic-error" in front["incomplete"]
     assert front["word"] == "NOT JUDGED"
-    assert "INCOMPLETE" in render_page(context_of(folder))
+    assert "INCOMPLETE" in render_page(page_of(folder))
 
 
 def test_a_gear_without_an_acceptance_file_is_not_judged(whole: Path) -> None:
@@ -277,7 +278,7 @@ def test_a_stale_analysis_is_said_with_the_command_that_renews_it(tmp_path: Path
     store.chmod(0o644)
     store.write_text(json.dumps(content))
     reseal(store)
-    (remark,) = context_of(folder)["front"]["remarks"]
+    (remark,) = page_of(folder).front["remarks"]
     assert "stale" in remark
     assert "rig fit" in remark
 
@@ -289,7 +290,7 @@ def test_an_analysis_without_a_seal_is_made_again_and_said_on_page_one(tmp_path:
     store.chmod(0o644)
     store.write_text(json.dumps(content))
     store.with_name(f"{store.name}.sha256").unlink()
-    (remark,) = context_of(folder)["front"]["remarks"]
+    (remark,) = page_of(folder).front["remarks"]
     assert "not sealed (0.2.0)" in remark
     # A run without rows to fit gives none of its numbers again.
     assert "not made again" in remark
@@ -311,13 +312,15 @@ def test_words_of_a_run_and_of_a_laboratory_stay_words(tmp_path: Path) -> None:
     folder = gear(tmp_path, changes=None)
     with certified(folder, "A1", acceptance=accepted(folder)) as gathered:
         worded = replace(LABORATORY, name=evil, customer=evil, order=evil)
-        context = certificate_context(
+        made = certificate_page(
             replace(gathered, passed_over=(evil,)), worded, manifest_of(gathered), created=evil
         )
-    shown = render_page(context)
+    shown = render_page(made)
     assert "<script" not in shown
     assert evil in html.unescape(shown)
-    printed = pypdf.PdfReader(io.BytesIO(render_pdf({**context, "parts": ()}))).pages[0]
+    printed = pypdf.PdfReader(io.BytesIO(render_pdf(replace(made, sections=(), annexes=())))).pages[
+        0
+    ]
     assert squeezed(evil) in squeezed(printed.extract_text())
 
 
@@ -341,10 +344,10 @@ def test_k_and_degrees_of_freedom_are_those_of_each_number(whole: Path) -> None:
 
 def test_control_charts_come_with_the_third_run(tmp_path: Path) -> None:
     folder = gear(tmp_path)
-    assert "Control charts" not in [part.title for part in context_of(folder)["parts"]]
+    assert "Control charts" not in [part.title for part in page_of(folder).sections]
     for number in (3, 4):
         lay(folder, number, "friction", {RUNNING: estimate(RUNNING, 0.08, own=2e-4)})
-    charts = [part for part in context_of(folder)["parts"] if part.title == "Control charts"]
+    charts = [part for part in page_of(folder).sections if part.title == "Control charts"]
     assert len(charts) == 1
     assert len(charts[0].figures) == 1
 
@@ -360,9 +363,9 @@ def test_a_logo_stands_on_the_page(tmp_path: Path, whole: Path) -> None:
     (tmp_path / "logo.svg").write_bytes(logo)
     laboratory = laboratory_of(described(tmp_path, "logo = 'logo.svg'"))
     with certified(whole, "A1", acceptance=accepted(whole)) as gathered:
-        context = certificate_context(gathered, laboratory, manifest_of(gathered), created="now")
-    assert "data:image/svg+xml;base64," in render_page(context)
-    assert render_pdf({**context, "parts": (), "parameter_sets": ()}).startswith(b"%PDF")
+        made = certificate_page(gathered, laboratory, manifest_of(gathered), created="now")
+    assert "data:image/svg+xml;base64," in render_page(made)
+    assert render_pdf(replace(made, sections=(), annexes=())).startswith(b"%PDF")
 
 
 @pytest.mark.parametrize(

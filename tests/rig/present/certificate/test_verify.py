@@ -22,7 +22,7 @@ from rig.program import Program, this_program
 from rig.runfile.manifest import Entry, Manifest, read_manifest
 from rig.runfile.sealed import seal_in_place
 from tests.rig.library.stored import RUNNING
-from tests.rig.present.certificate.test_certificate import LABORATORY, accepted, context_of, gear
+from tests.rig.present.certificate.test_certificate import LABORATORY, accepted, gear, page_of
 
 AT = "2026-03-02T10:00:00+00:00"
 
@@ -210,11 +210,12 @@ def test_analyses_by_different_programs_are_said_to_be(
     from tests.rig.present.certificate.test_certificate import lay
 
     lay(folder, 3, "friction", {RUNNING: estimate(RUNNING, 0.08, own=2e-4)})
-    context = context_of(folder)
-    (remark,) = context["front"]["remarks"]
+    front = page_of(folder).front
+    assert front is not None
+    (remark,) = front["remarks"]
     assert "different programs" in remark
     assert "friction by version 0.3.0, commit dddddddddddd, files eeeeeeeeeeee" in remark
-    hashes = [row[2] for row in context["front"]["hashes"].rows]
+    hashes = [row[2] for row in front["hashes"].rows]
     assert this_program().sha256 in hashes
 
 

@@ -1,0 +1,98 @@
+"""The parameter sets that analyses leaned on, with the source of every number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from model.units import printed
+from rig.content.grid import Grid, columns
+from rig.content.wording import laboratory_unit, number, order_label, printed_symbol
+
+if TYPE_CHECKING:
+    from model.gear import HarmonicDrive
+    from rig.analysis.fit import Fit
+
+
+def parameter_grid(gear: HarmonicDrive) -> Grid:
+    """The whole parameter set with the source of every number, in the units in which a parameter file reads best."""
+    from model.gear_file import harmonic_path
+    from model.quantities import readable as in_readable_unit
+
+    rows = []
+    for v in gear.values():
+        texts, unit = in_readable_unit((v.value,), v.unit)
+        u = v.origin.standard_uncertainty
+        shown_u = number(u * float(texts[0]) / v.value, 2) if u is not None and v.value else ""
+        text = (
+            number(v.value, 0)
+            if v.value == int(v.value) and unit == "1"
+            else number(float(texts[0]), 6)
+        )
+        rows.append(
+            (
+                v.description,
+                printed_symbol(v.symbol),
+                text,
+                shown_u,
+                "" if unit == "1" else printed(unit),
+                v.origin.provenance,
+                v.origin.source,
+            )
+        )
+    for h in gear.kinematic_error:
+        factor, unit = laboratory_unit("rad", h.amplitude)
+        origin = gear.origins.get(harmonic_path(h.order))
+        u = origin.standard_uncertainty if origin else None
+        stated = (origin.provenance, origin.source) if origin else ("", "")
+        name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
+        rows.append(
+            (
+                name,
+                "",
+                number(h.amplitude / factor),
+                number(u / factor, 2) if u else "",
+                unit,
+                *stated,
+            )
+        )
+    heads = columns(
+        "parameter",
+        ("symbol", "symbol"),
+        ("value", "number"),
+        ("u", "number"),
+        ("unit", "unit"),
+        "provenance",
+        "source",
+    )
+    return Grid(f"Parameter set {gear.name}", heads, rows)
+
+
+def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
+    """The parameter sets that the analyses leaned on: the first one whole, of the others what differs from it."""
+    parameter_sets: list[tuple[HarmonicDrive, list[str]]] = []
+    for fit in fits:
+        if not fit.leans_on_gear:
+            continue
+        same = next((kinds for gear, kinds in parameter_sets if gear == fit.gear), None)
+        if same is None:
+            parameter_sets.append((fit.gear, [fit.result.kind]))
+        else:
+            same.append(fit.result.kind)
+    grids: list[Grid] = []
+    whole: Grid | None = None
+    for gear, kinds in parameter_sets:
+        grid = parameter_grid(gear)
+        whole = whole or grid
+        title = (
+            f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"
+            if len(parameter_sets) > 1
+            else grid.title
+        )
+        if grid is not whole:
+            first = set(whole.rows)
+            rows = tuple(row for row in grid.rows if row not in first)
+            grid = replace(grid, rows=rows, note="Only what differs from the set above.")
+        grids.append(replace(grid, title=title).without_empty())
+    return tuple(grids)
