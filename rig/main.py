@@ -34,7 +34,7 @@ from rig.commands import (
     verifying,
     window,
 )
-from rig.commands.earlier_names import Command
+from rig.commands.earlier_names import Command, moved
 from rig.commands.terminal import outliving_the_terminal
 
 JSON_FLAGS = frozenset({"--json", "--events"})
@@ -49,22 +49,19 @@ PANELS = {
         reporting.demo,
         configuring.config,
         gears.gear,
-        motors.motor,
         simulating.sim,
     ),
     "Fit and compare": (
         analysis.fit,
-        analysis.compare,
         validating.validate,
         certifying.certificate,
         reporting.report,
         modelling.model,
         fleeting.fleet,
     ),
-    "Safety": (drilling.drill, drilling.acknowledge),
+    "Safety": (drilling.acknowledge,),
     "Run files": (
         files.runs,
-        library.passport,
         library.diff,
         files.show,
         importing.import_,
@@ -74,6 +71,12 @@ PANELS = {
     ),
 }
 """The commands in the order and under the headings of `rig --help`."""
+EARLIER = {
+    analysis.compare: "rig validate RUN --against FILE",
+    library.passport: "rig report --gear SERIAL --passport",
+    drilling.drill: "rig sim drill",
+}
+"""What was typed before, and what is typed now; answered for one version, and not in the help."""
 
 
 def _name_of(part: Any) -> str:
@@ -88,6 +91,7 @@ class _Commands(Mapping[str, Any]):
         self._parts = {
             _name_of(part): (part, panel) for panel, parts in PANELS.items() for part in parts
         }
+        self._parts |= {_name_of(part): (part, "") for part in (*EARLIER, motors.motor)}
         self._built: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
@@ -110,11 +114,18 @@ def _built(name: str, part: Any, panel: str) -> Any:
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
     if isinstance(part, typer.Typer):
         for inner in part.registered_commands:
-            inner.cls = Command
+            inner.cls = inner.cls if issubclass(inner.cls or object, Command) else Command
         alone.add_typer(part, rich_help_panel=panel)
         return cast(TyperGroup, typer.main.get_command(alone)).commands[name]
     settings = getattr(part, "context_settings", None)
-    alone.command(name, cls=Command, rich_help_panel=panel, context_settings=settings)(part)
+    now = EARLIER.get(part)
+    alone.command(
+        name,
+        cls=Command if now is None else moved(now),
+        hidden=now is not None,
+        rich_help_panel=panel,
+        context_settings=settings,
+    )(part)
     return typer.main.get_command(alone)
 
 

@@ -76,7 +76,7 @@ def motor_file() -> Iterable[str]:
     yield ""
     yield (
         f'TOML with `format = "{motor.FORMAT}"`, `name` and the table `motor`, lines as in the gear file. '
-        "`rig motor new` makes one, `rig motor check` looks it over, `motor` in `rig.toml` names it."
+        "`rig config new --motor` makes one, `rig config check` looks it over, `motor` in `rig.toml` names it."
     )
     yield from _origins()
     yield from _section("motor", motor.ServoMotor)

@@ -76,8 +76,9 @@ def _command(path: str, command: Any) -> Iterable[str]:
 
 
 def subcommands(command: Any) -> list[tuple[str, Any]]:
-    """The commands of a group, none of a command."""
-    return list(getattr(command, "commands", {}).items())
+    """The commands of a group, none of a command; earlier names are left out."""
+    inner = getattr(command, "commands", {})
+    return [(name, one) for name, one in inner.items() if not one.hidden]
 
 
 def exit_codes() -> Iterable[str]:

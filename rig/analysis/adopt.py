@@ -50,7 +50,7 @@ class Comparison:
         return self.normalised_error <= 1.0
 
     def as_json(self) -> dict[str, Any]:
-        """The row as `rig compare --json` prints it."""
+        """The row as `rig validate --against --json` prints it."""
         return {
             "parameter": self.parameter,
             "identified": self.identified,

@@ -1,4 +1,4 @@
-"""`rig fit` and `rig compare`: identify a model from runs, and hold a parameter set against a run."""
+"""`rig fit`: identify a model from runs; and a parameter set held against a run (`rig validate --against`)."""
 
 from __future__ import annotations
 
@@ -162,14 +162,19 @@ def compare(
     json: Json = False,
 ) -> None:
     """Hold a parameter set against a run: what it predicts, what was measured, and how far apart they are."""
+    choices = choices_of_flags(
+        parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
+    )
+    hold_against(run, parameters, kind, choices, json=json)
+
+
+def hold_against(run: Path, parameters: Path, kind: str, choices: Choices, *, json: bool) -> None:
+    """Print what a parameter set, which the choices hold, predicts of a run, beside what was measured."""
     from rig.analysis.adopt import compare_with
     from rig.analysis.digest import told_tare
     from rig.analysis.fit import score
     from rig.analysis.fit_run import fit_run
 
-    choices = choices_of_flags(
-        parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
-    )
     gear = choices.gear
     assert gear is not None
     fitted = fit_run(run, kind, choices)

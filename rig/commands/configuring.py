@@ -1,14 +1,16 @@
-"""`rig config`: a description of the rig to start from, and what is wrong with the one there is."""
+"""`rig config`: what describes a rig (rig.toml, motor, certificates), to start from or checked."""
 
 from __future__ import annotations
 
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from rig.bench.backends.order import Order
 from rig.commands.discovering import discover
+from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import console, echo, print_json
 
 if TYPE_CHECKING:
@@ -18,16 +20,18 @@ if TYPE_CHECKING:
 config = typer.Typer(
     name="config",
     no_args_is_help=True,
-    help="Describe the rig: write a description to start from, check the one there is.",
+    help="Describe the rig: write a description, a motor or a certificate to start from, check the one there is.",
 )
 
 config.command("discover")(discover)
 
 File = Annotated[Path, typer.Argument(metavar="[FILE]", help="The description of the rig.")]
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
+]
 
 
 @config.command("new")
-@config.command("init", hidden=True)
 def new(
     file: File = Path("rig.toml"),
     example: Annotated[
@@ -38,11 +42,41 @@ def new(
             "a name that there is not lists them.",
         ),
     ] = "",
+    motor: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="Make the parameter set of this type of motor instead, from its nameplate.",
+        ),
+    ] = "",
+    by: Annotated[
+        str, typer.Option("--by", metavar="NAME", help="With --motor: who read the nameplate.")
+    ] = "",
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="NAME=VALUE",
+            help='With --motor: a value of the plate: --set rated_torque="0.637 N m"; that one is needed.',
+        ),
+    ] = None,
+    json: Json = False,
 ) -> None:
     """Write a description with every word explained, to be filled in, and with an identity of its own for this bench.
 
     A file that exists is left alone. The worked examples are made from the devices' documents and were never run.
+    With --motor it is the parameter set of a motor, which rig.toml names as `motor`: what its plate does not state is
+    scaled and marked as assumed. On a terminal the plate's values are asked one by one; a script states them.
     """
+    if motor:
+        from rig.commands.motors import new_motor
+
+        if file == Path("rig.toml"):
+            raise typer.BadParameter(
+                "name the file of the motor's parameter set", param_hint="FILE"
+            )
+        new_motor(motor, file, by, set_, json=json)
+        return
     from rig.bench.config.examples import example_text
     from rig.bench.identity import new_bench_id
     from rig.errors import ConfigurationError
@@ -69,14 +103,18 @@ def new(
 @config.command("check")
 def check(
     file: File = Path("rig.toml"),
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Read a description and tell everything that is wrong with it: path, value and reason. Exit
     code 2 when something is.
+
+    FILE may be the parameter set of a motor, or the name of a shipped one: what contradicts itself in it is told.
     """
+    from rig.commands.motors import check_motor, is_motor
+
+    if is_motor(file):
+        check_motor(str(file), json=json)
+        return
     from rig import exits
     from rig.bench.config.apply import configured_rig
     from rig.bench.config.load import inspect_configuration, missing_files
@@ -97,6 +135,54 @@ def check(
     else:
         _print(file, problems, warnings, configured)
     raise typer.Exit(exits.USAGE if problems else exits.DONE)
+
+
+@config.command("certificate")
+@with_order("world", world=("bench_seed", "population"))
+def certificate(
+    said: Said,
+    output: Annotated[Path, typer.Option(metavar="FILE", help="Where to write it; a new file.")],
+    channel: Annotated[
+        Literal["input", "output"], typer.Option(help="The motor's encoder, or that of the output.")
+    ] = "output",
+) -> None:
+    """Write the certificate of a simulated bench's encoder, as a laboratory would have measured it: with errors
+    of its own, within the uncertainty that it states.
+
+    `curve` in rig.toml names the file. A file that exists is left alone.
+    """
+    from datetime import UTC, datetime
+
+    from rig.bench.backends.simulated import certificate_of
+    from rig.bench.config.certificate_file import FORMAT, Header, certificate_text
+    from rig.errors import ConfigurationError
+
+    # A bench's encoders are its own, whichever gear is mounted.
+    order = Order(protocol="", serial="", **said)
+    if order.world.bench_seed is None:
+        raise typer.BadParameter("name the bench: --world bench-seed=7", param_hint="--world")
+    curve = certificate_of(order, channel)
+    header = Header(
+        format=FORMAT,
+        certificate=f"simulated: {channel} encoder of bench {order.world.bench_seed}",
+        date=datetime.now(UTC).date(),
+        coverage_factor=curve.coverage_factor,
+        zero="index mark",
+        sense="counting up",
+        error="shown minus true",
+    )
+    try:
+        with output.open("x", encoding="utf-8") as file:
+            file.write(certificate_text(header, curve))
+    except FileExistsError as error:
+        raise ConfigurationError(
+            "exists already and is left alone", where=str(output), remedy="Name another file."
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(
+            f"cannot be written: {error.strerror or error}", where=str(output)
+        ) from error
+    echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
 
 
 def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:

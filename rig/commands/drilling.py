@@ -1,4 +1,4 @@
-"""`rig drill` and `rig acknowledge`: faults on a simulated rig, and the release of a latched trip by name."""
+"""`rig sim drill` and `rig acknowledge`: faults on a simulated rig, and the release of a latched trip by name."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _refuse_together(**given: object) -> None:
     if len(others) > 1 or ("--pairs" in others and len(names) > 1):
         raise ConfigurationError(
             "these options ask for different things",
-            where="rig drill",
+            where="rig sim drill",
             value=" ".join(names),
             remedy="Give one of them.",
         )

@@ -1,5 +1,5 @@
-"""Earlier names of a flag: scripts that use them run on, and the help shows the one name that there is now. And how a
-command ends by Ctrl-C.
+"""Earlier names of flags and commands: scripts that use them run on, and the help shows the one name that there is now.
+And how a command ends by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from typing import Any
 from typer import Abort
 from typer.core import TyperCommand
 
+from rig.commands.terminal import echo
+
 FOLDER = "--runs"
 """The folder of runs and gear cards, wherever one is read or written."""
 NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder": FOLDER}
@@ -19,6 +21,9 @@ NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder":
 class Command(TyperCommand):
     """A command that understands the earlier names of its flags."""
 
+    now = ""
+    """What is typed in place of a command that is itself an earlier name: it is told, and does what it did."""
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments, each earlier name taken for the present one."""
         own = {name for parameter in self.params for name in parameter.opts}
@@ -27,6 +32,8 @@ class Command(TyperCommand):
 
     def invoke(self, ctx: Any) -> Any:
         """Execute; a Ctrl-C that was raised in a run and ended it is told with the words of how the run ended."""
+        if self.now:
+            echo(f"`{ctx.command_path}` is `{self.now}` from now on.", errors=True)
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
@@ -34,6 +41,11 @@ class Command(TyperCommand):
                 raise
             # The library would make an exit of it that says nothing.
             raise Abort from error
+
+
+def moved(now: str) -> type[Command]:
+    """A command that is typed otherwise now; it is answered for one version."""
+    return type("Moved", (Command,), {"now": now})
 
 
 def _renamed(word: str, names: Mapping[str, str]) -> str:

@@ -1,4 +1,4 @@
-"""`rig diff` and `rig passport`: what differs between two runs, and a gear over its runs."""
+"""`rig diff`: what differs between two runs; and a gear over its runs (`rig report --passport`)."""
 
 from __future__ import annotations
 
@@ -66,19 +66,41 @@ def _verdict_of_file(path: Path) -> tuple[str, GearVerdict | None]:
     return metadata.outcome, judge_file(path, metadata)
 
 
+Folders = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--runs", metavar="DIR", help="Folder of the run files; may be given several times."
+    ),
+]
+Analyse = Annotated[
+    bool,
+    typer.Option(
+        "--analyse", help="With --passport: first fit the runs that have no analysis yet."
+    ),
+]
+OriginWord = Annotated[
+    str,
+    typer.Option(
+        metavar="WORD",
+        help="With --passport: hardware, simulated, replay or imported; hardware alone where there is any.",
+    ),
+]
+Baseline = Annotated[
+    int,
+    typer.Option(
+        min=2,
+        metavar="RUNS",
+        help="With --passport: first runs that make the control limits.",
+    ),
+]
+
+
 def passport(
     serial: Annotated[
         str, typer.Argument(metavar="SERIAL", help="Serial number of the gear, letter for letter.")
     ],
-    output: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--runs", metavar="DIR", help="Folder of the run files; may be given several times."
-        ),
-    ] = None,
-    analyse: Annotated[
-        bool, typer.Option("--analyse", help="First fit the runs that have no analysis yet.")
-    ] = False,
+    output: Folders = None,
+    analyse: Analyse = False,
     tare: Annotated[
         Path | None,
         typer.Option(
@@ -87,20 +109,26 @@ def passport(
             help="With --analyse: motor-tare run, subtracted from friction.",
         ),
     ] = None,
-    origin: Annotated[
-        str,
-        typer.Option(
-            metavar="WORD",
-            help="hardware, simulated, replay or imported; hardware alone where there is any.",
-        ),
-    ] = "",
-    baseline: Annotated[
-        int, typer.Option(min=2, metavar="RUNS", help="First runs that make the control limits.")
-    ] = 10,
+    origin: OriginWord = "",
+    baseline: Baseline = 10,
     unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
-    """Show a gear over its runs: transmission accuracy, order spectrum, friction, starting torque, with control limits.
+    """Show a gear over its runs: accuracy, order spectrum, friction, starting torque, with control limits."""
+    show_passport(serial, output, tare, origin, analyse=analyse, baseline=baseline, json=json)
+
+
+def show_passport(
+    serial: str,
+    output: list[Path] | None,
+    tare: Path | None,
+    origin: str,
+    *,
+    analyse: bool,
+    baseline: int,
+    json: bool,
+) -> None:
+    """Print a gear over its runs.
 
     Drawn from the analyses beside the runs. Only runs that can be compared stand in one series: one
     origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The

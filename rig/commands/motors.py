@@ -1,4 +1,4 @@
-"""`rig motor`: parameter sets of motors, made from the nameplate and looked over."""
+"""Parameter sets of motors, made from the nameplate and looked over: `rig config new --motor`, `rig config check`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.earlier_names import moved
 from rig.commands.gear_sets import Json, asked, print_contradictions
 from rig.commands.terminal import console, print_json
 
@@ -21,11 +22,12 @@ if TYPE_CHECKING:
 motor = typer.Typer(
     name="motor",
     no_args_is_help=True,
+    hidden=True,
     help="Parameter sets of motors: made from the nameplate, and looked over for contradictions.",
 )
 
 
-@motor.command("new")
+@motor.command("new", cls=moved("rig config new FILE --motor NAME"))
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Type of the motor.")],
     file: Annotated[
@@ -42,10 +44,12 @@ def new(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Make the parameter set of a motor from its nameplate; what is not stated is scaled and marked as assumed.
+    """Make the parameter set of a motor from its nameplate; what is not stated is scaled and marked as assumed."""
+    new_motor(name, file, by, set_, json=json)
 
-    Name it in rig.toml as `motor`. On a terminal the plate's values are asked one by one; a script states them.
-    """
+
+def new_motor(name: str, file: Path, by: str, set_: list[str] | None, *, json: bool) -> None:
+    """Write the parameter set of a motor of this type, of what its nameplate states and who read it."""
     from model.catalogue.motors import motor_contradictions, motor_named, open_questions
     from model.gear import Origin
     from model.motor import ServoMotor, save_motor
@@ -86,7 +90,7 @@ def new(
     print_contradictions(found, "", made.name)
 
 
-@motor.command("check")
+@motor.command("check", cls=moved("rig config check FILE"))
 def check(
     file: Annotated[
         str,
@@ -97,6 +101,25 @@ def check(
     json: Json = False,
 ) -> None:
     """Find what contradicts itself in a motor's parameter set; exit code 2 if anything does."""
+    check_motor(file, json=json)
+
+
+def is_motor(file: Path) -> bool:
+    """Whether this is the parameter set of a motor, or a name as shipped ones have, and no description of a rig."""
+    import tomllib
+
+    from model.motor import FORMAT
+
+    if not file.is_file():
+        return not file.suffix
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8")).get("format") == FORMAT
+    except (OSError, ValueError):
+        return False
+
+
+def check_motor(file: str, *, json: bool) -> None:
+    """Print what contradicts itself in a motor's parameter set; exit code 2 if anything does."""
     from model.catalogue.motors import motor_contradictions
     from model.motor import load_motor, shipped_motor
     from rig import exits

@@ -13,6 +13,7 @@ import typer
 
 from rig.commands.analysis import Json, Parameters
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.library import Analyse, Baseline, Folders, OriginWord, show_passport
 from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, print_json
@@ -65,7 +66,13 @@ Gear = Annotated[
         help="The report of a gear over its life, from the runs in --runs.",
     ),
 ]
-Folder = Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs, for --gear.")]
+PassportHere = Annotated[
+    bool,
+    typer.Option(
+        "--passport",
+        help="With --gear: print it here, with control limits, instead of writing a page; the exit code is 0.",
+    ),
+]
 AnewWithTare = Annotated[
     Path | None,
     typer.Option(
@@ -96,7 +103,11 @@ def report(
     format_: Format = None,
     per_run: PerRun = False,
     gear: Gear = "",
-    folder: Folder = Path("runs"),
+    folders: Folders = None,
+    passport: PassportHere = False,
+    analyse: Analyse = False,
+    origin: OriginWord = "",
+    baseline: Baseline = 10,
     tare: AnewWithTare = None,
     no_tare: AnewWithoutTare = False,
     refit: Refit = False,
@@ -124,6 +135,13 @@ def report(
             "needs several runs in one report: leave --gear and --per-run out",
             param_hint="--models",
         )
+    if passport:
+        if not gear:
+            raise typer.BadParameter("is of a gear: name it with --gear", param_hint="--passport")
+        show_passport(gear, folders, tare, origin, analyse=analyse, baseline=baseline, json=json)
+        return
+    if len(folders or ()) > 1:
+        raise typer.BadParameter("a page is of the runs of one folder", param_hint="--runs")
     asked = acceptance_named(acceptance) if acceptance else None
     of_files = partial(
         report_on_files,
@@ -140,6 +158,7 @@ def report(
         file = output or Path("report.html")
         paths = [file.with_suffix(suffix) for suffix in suffixes_of(file, format_)]
         if gear:
+            (folder,) = folders or [Path("runs")]
             reports = [report_on_gear(folder, gear, paths, acceptance=asked)]
         else:
             reports = [of_files(runs or [], paths, models=models)]

@@ -1,4 +1,4 @@
-"""`rig sim`: the simulated rig as a process of its own, for any CANopen tool; certificates of its encoders."""
+"""`rig sim`: the simulated rig as a process of its own, for any CANopen tool; faults on it."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from rig.bench.backends.order import MOUNTINGS, WORLD_WORDS, Order, Setup
+from rig.commands.configuring import certificate
+from rig.commands.drilling import drill
+from rig.commands.earlier_names import moved
 from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import echo
 
@@ -17,13 +20,14 @@ if TYPE_CHECKING:
 sim = typer.Typer(
     name="sim",
     no_args_is_help=True,
-    help="The simulated rig as a process of its own, for other programs.",
+    help="The simulated rig: as a process of its own, for other programs; and every fault on it.",
 )
-
-
-@sim.callback()
-def _group() -> None:
-    """The simulated rig as a process of its own, for other programs."""
+sim.command("drill")(drill)
+sim.command(
+    "certificate",
+    hidden=True,
+    cls=moved("rig config certificate --world bench-seed=B --output FILE"),
+)(certificate)
 
 
 @sim.command("serve")
@@ -75,7 +79,7 @@ def serve(
         typer.Option(
             "--fault",
             metavar="NAME@SYNC",
-            help="Let a fault of `rig drill` happen at that SYNC; may be repeated.",
+            help="Let a fault of `rig sim drill` happen at that SYNC; may be repeated.",
         ),
     ] = None,
     expose: Annotated[
@@ -131,54 +135,6 @@ def serve(
         configuration=config_out,
         announce=announce,
     )
-
-
-@sim.command("certificate")
-@with_order("world", world=("bench_seed", "population"))
-def certificate(
-    said: Said,
-    output: Annotated[Path, typer.Option(metavar="FILE", help="Where to write it; a new file.")],
-    channel: Annotated[
-        Literal["input", "output"], typer.Option(help="The motor's encoder, or that of the output.")
-    ] = "output",
-) -> None:
-    """Write the certificate of a simulated bench's encoder, as a laboratory would have measured it: with errors
-    of its own, within the uncertainty that it states.
-
-    `curve` in rig.toml names the file. A file that exists is left alone.
-    """
-    from datetime import UTC, datetime
-
-    from rig.bench.backends.simulated import certificate_of
-    from rig.bench.config.certificate_file import FORMAT, Header, certificate_text
-    from rig.errors import ConfigurationError
-
-    # A bench's encoders are its own, whichever gear is mounted.
-    order = Order(protocol="", serial="", **said)
-    if order.world.bench_seed is None:
-        raise typer.BadParameter("name the bench: --world bench-seed=7", param_hint="--world")
-    curve = certificate_of(order, channel)
-    header = Header(
-        format=FORMAT,
-        certificate=f"simulated: {channel} encoder of bench {order.world.bench_seed}",
-        date=datetime.now(UTC).date(),
-        coverage_factor=curve.coverage_factor,
-        zero="index mark",
-        sense="counting up",
-        error="shown minus true",
-    )
-    try:
-        with output.open("x", encoding="utf-8") as file:
-            file.write(certificate_text(header, curve))
-    except FileExistsError as error:
-        raise ConfigurationError(
-            "exists already and is left alone", where=str(output), remedy="Name another file."
-        ) from error
-    except OSError as error:
-        raise ConfigurationError(
-            f"cannot be written: {error.strerror or error}", where=str(output)
-        ) from error
-    echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
 
 
 def _faults(texts: list[str]) -> list[Any]:

@@ -1,4 +1,4 @@
-"""`rig validate`: every model of a ladder fitted to some runs and judged on others."""
+"""`rig validate`: models fitted to some runs and judged on others; a parameter set held against a run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.analysis import Json, NoTare, Parameters, Settings, Tare, choices_of_flags
+from rig.commands.analysis import (
+    Json,
+    MissedShare,
+    NoTare,
+    Parameters,
+    Settings,
+    Tare,
+    choices_of_flags,
+    hold_against,
+)
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, print_json, ruled_table
 
@@ -27,13 +36,21 @@ def validate(
             help="Judge on this run, which is not fitted; repeat it. Without it each run is held out in its turn.",
         ),
     ] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Fit nothing: hold this parameter set (TOML) against one run, and say how far apart they are.",
+        ),
+    ] = None,
     kind: Annotated[
-        str, typer.Option(help="Kind of the ladder, where the runs' protocol does not say it.")
+        str, typer.Option(help="Kind of fit, where the runs' protocol does not say it.")
     ] = "",
     tare: Tare = None,
     no_tare: NoTare = False,
     parameters: Parameters = None,
     setting: Settings = None,
+    largest_missed_share: MissedShare = None,
     plot: Annotated[
         Path | None, typer.Option("--plot", metavar="FILE", help="Draw it as a picture (.png).")
     ] = None,
@@ -45,12 +62,26 @@ def validate(
     Ladders: friction (mean torque to the paper's model), kinematic-error (no error to whole orders and
     sidebands), velocity-steps (rigid gear, the paper's equation 2, springs with hardening and hysteresis),
     motion (mean effort to Stribeck and load), order-spectrum (no order to the orders that are found).
+
+    With --against no model is fitted: what a parameter set predicts of one run, and what was measured.
     """
     from rig.analysis.validate import validate_runs
 
+    if against is not None and (len(runs) != 1 or on or plot or parameters):
+        raise typer.BadParameter(
+            "holds one parameter set against one run: leave --on, --plot and --parameters out",
+            param_hint="--against",
+        )
     choices = choices_of_flags(
-        parameters, tare, setting, no_tare=no_tare, largest_missed_share=None
+        against or parameters,
+        tare,
+        setting,
+        no_tare=no_tare,
+        largest_missed_share=largest_missed_share,
     )
+    if against is not None:
+        hold_against(runs[0], against, kind, choices, json=json)
+        return
     found = validate_runs(runs, on or (), kind, choices)
     if plot is not None:
         _draw(found, plot)

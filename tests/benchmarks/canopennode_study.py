@@ -6,7 +6,7 @@
 The stack is built by gcc from the checkout (`tests.benchmarks.canopennode.library` names the commit; Apache-2.0) and
 stepped in virtual time, so that every figure is the same on every machine. NMT, SDO, process data, heartbeats, EMCY
 and the SYNC's supervision are CANopenNode's, the amplifier is that of `tests.drivers.amplifier`, the plant and the
-whole program before it are those of `rig drill`. Each disturbance falls into the middle of a hold at 60 rad/s
+whole program before it are those of `rig sim drill`. Each disturbance falls into the middle of a hold at 60 rad/s
 (573 r/min). Prints a table in Markdown; exit code 1 when a motor does not stand in the end, or the run is COMPLETED
 though the disturbance must end it.
 

@@ -2,7 +2,7 @@
 
     python -m tests.benchmarks.drill_pairs --seed 4711 --pairs 1000 --to pairs.jsonl
 
-The pairs are those of `rig drill --pairs N --seed S`. Of each three things are asked beside the program's own word
+The pairs are those of `rig sim drill --pairs N --seed S`. Of each three things are asked beside the program's own word
 (standstill verified or not): the motor stands without power by the truth of the plant, the file can be read, and no
 count stands in it wrong without a mark. For the last one every row before the first fault, and every row where
 neither fault may do harm, is held against the run with nothing going wrong; the closure of the revolutions is held

@@ -34,7 +34,7 @@ from tests.rig.library.stored import RUNNING, analyse, estimate, write
 from tests.rig.runfile.making import reseal
 
 WRITTEN = Path(__file__).parents[1] / "data" / "0.1.0" / "runs"
-PASSPORT = ("passport", "A1", "--output")
+PASSPORT = ("report", "--gear", "A1", "--passport", "--runs")
 
 
 def rig(*words: object) -> tuple[int, str, str]:
@@ -168,7 +168,7 @@ def test_unsealed_is_read_where_that_is_said_and_stands_on_the_page(run: Path) -
     code, _, _ = rig("report", run, "--output", page, "--unsealed")
     assert code == 0
     assert "is not sealed: nothing beside it says" in " ".join(page.read_text().split())
-    code, output, _ = rig("passport", "A1", "--output", folder, "--unsealed")
+    code, output, _ = rig("report", "--gear", "A1", "--passport", "--runs", folder, "--unsealed")
     assert code == 0
     assert "is not sealed: nothing beside it says" in " ".join(output.split())
     assert rig("verify", run, "--unsealed")[0] == 0

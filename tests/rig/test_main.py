@@ -80,7 +80,7 @@ def test_help_names_every_command() -> None:
         "run",
         "demo",
         "fit",
-        "compare",
+        "validate",
         "report",
         "model",
         "runs",

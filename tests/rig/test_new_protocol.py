@@ -193,5 +193,5 @@ def test_its_passport_and_difference_stand_on_the_terminal(tmp_path: Path) -> No
         r"toy: play of the toy +40\.0 ± 2\.0 arcsec +50\.0 ± 2\.0 arcsec +10\.0 ± 2\.8 arcsec +yes"
     )
     assert re.search(row, compared), compared
-    passported = called("passport", "A1", "--output", str(tmp_path))
+    passported = called("report", "--gear", "A1", "--passport", "--runs", str(tmp_path))
     assert re.search(r"Play of the toy +2 +50 +2 +arcsec", passported), passported

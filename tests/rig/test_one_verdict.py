@@ -98,7 +98,7 @@ def test_every_place_gives_the_same_verdict(
     page = tmp_path / "page.html"
     gear = ("--gear", "A1", "--runs", tmp_path, "--output", page)
     listed = told(capsys, "runs", tmp_path)["runs"]
-    passport = told(capsys, "passport", "A1", "--output", tmp_path)
+    passport = told(capsys, "report", "--gear", "A1", "--passport", "--runs", tmp_path)
     places = {
         "list": next(one for one in listed if Path(one["file"]) == run),
         "show": told(capsys, "show", run),
@@ -127,7 +127,7 @@ def test_the_terminal_says_the_same(
     screens = {
         "list": printed(capsys, "runs", tmp_path),
         "show": printed(capsys, "show", run),
-        "passport": printed(capsys, "passport", "A1", "--output", tmp_path),
+        "passport": printed(capsys, "report", "--gear", "A1", "--passport", "--runs", tmp_path),
         "difference": printed(capsys, "diff", run, tare),
     }
     words = (expected.verdict, *(("rig fit",) if expected.stale else ()))

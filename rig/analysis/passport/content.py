@@ -42,7 +42,7 @@ class PassportPoint:
     remarks: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """One point of `rig passport --json`."""
+        """One point of `rig report --passport --json`."""
         return {**vars(self), "path": str(self.path)}
 
 
@@ -65,7 +65,7 @@ class ControlLimits:
     false_alarms: float
 
     def as_json(self) -> dict[str, Any]:
-        """The limits of one series of `rig passport --json`."""
+        """The limits of one series of `rig report --passport --json`."""
         return dict(vars(self))
 
 
@@ -117,7 +117,7 @@ class PassportSeries:
         return "out of control" if "1" in newest else "to be watched" if newest else "in control"
 
     def as_json(self) -> dict[str, Any]:
-        """One series of `rig passport --json`."""
+        """One series of `rig report --passport --json`."""
         fields = {name: getattr(self, name) for name in _TOLD}
         return fields | {
             "conditions": dict(self.conditions),
@@ -151,7 +151,7 @@ class Missing:
     remedy: str = ""
 
     def as_json(self) -> dict[str, str]:
-        """One line of `rig passport --json`."""
+        """One line of `rig report --passport --json`."""
         return dict(vars(self))
 
 
@@ -182,7 +182,7 @@ class Passport:
         return (*(one.plot for one in self.series), *self.spectra)
 
     def as_json(self) -> dict[str, Any]:
-        """The object that `rig passport --json` prints."""
+        """The object that `rig report --passport --json` prints."""
         from rig.analysis.result_data import plot_to_mapping
 
         return {

@@ -78,7 +78,7 @@ class PairRow:
         return f"pair {pair.number} on {pair.carrier}, {faults}: {ending.detected}. {ending.action}. {ending.message}"
 
     def as_json(self) -> dict[str, Any]:
-        """The row as `rig drill --pairs N --json` prints it."""
+        """The row as `rig sim drill --pairs N --json` prints it."""
         ending = self.ending
         return {
             "number": self.pair.number,

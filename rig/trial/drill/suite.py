@@ -75,7 +75,7 @@ class DrillRow:
         )
 
     def as_json(self) -> dict[str, Any]:
-        """The row as `rig drill --json` prints it."""
+        """The row as `rig sim drill --json` prints it."""
         return {
             "fault": self.fault,
             "detected": self.detected,

@@ -10,7 +10,7 @@ from rig.trial.drill.suite import BLOCK_CYCLES, DrillRow
 
 INTRODUCTION = """# Fault drills
 
-What happens when something goes wrong, shown on simulated rigs: `rig drill` lets each fault happen in a short run at 1 kHz
+What happens when something goes wrong, shown on simulated rigs: `rig sim drill` lets each fault happen in a short run at 1 kHz
 (servo off, forward, reverse, standstill, torque mode, servo off) and says what came of it. The wire carries the real drivers
 in front of simulated CANopen devices; `sim` is the direct rig. Hardware is refused.
 
@@ -26,7 +26,7 @@ A drill passes only when all of this is true:
   so at the instant at which the program said that it does.
 - The outcome is the one that the drill must have, the file can be read, and no wrong count stands in it without a mark.
 
-`rig drill --without-faults` makes the same runs with a fault that does nothing. Each drill that claims a detection must then
+`rig sim drill --without-faults` makes the same runs with a fault that does nothing. Each drill that claims a detection must then
 fail, and not only because nothing happened: none may find its cause. It ends with exit code 0 when they all fail, else with 6.
 A press that only gives a fault its occasion stays: *quick stop not obeyed* without its fault is an ABORT that is obeyed.
 
@@ -41,13 +41,13 @@ A press that only gives a fault its occasion stays: *quick stop not obeyed* with
   computer's heartbeat stays away (0x1016, 0x6007), and the run says STANDSTILL NOT VERIFIED as loudly as it can.
 - *file*: whether the run file, after `rig recover` where it was cut off, can be read and has its rows.
 
-Made by `rig drill --markdown docs/drills.md`, which makes every run with and without its fault.
+Made by `rig sim drill --markdown docs/drills.md`, which makes every run with and without its fault.
 """  # noqa: E501
 
 PAIRS = """
 ## Pairs at random
 
-`rig drill --pairs N --seed S` lets two faults happen in one run: the first at a random moment from the first look at the rig to
+`rig sim drill --pairs N --seed S` lets two faults happen in one run: the first at a random moment from the first look at the rig to
 the servo off, the second within {apart} cycles of it, while the first is being dealt with. Every fault of the table that can
 happen at any moment is drawn, STOP and ABORT once each; a disk fails in one way at a time. Pair k of a seed is the same
 as long as the table of faults is. It does not ask which cause was named, but for the truth: does the motor stand without power,
@@ -79,7 +79,7 @@ faults and rows:
 | 418, 538 | the output's count lies twice, first stuck and then running: one observer says that the output turns. A coupling that is torn with the output driven looks the same; an observer is not overruled | stands, not verified |
 | 882 | a drive that obeys nothing, and then nobody can speak to it | turns: the emergency stop |
 
-The same script runs any number of pairs, goes on where it was ended, and judges more than `rig drill --pairs`: the file must be
+The same script runs any number of pairs, goes on where it was ended, and judges more than `rig sim drill --pairs`: the file must be
 readable, and no count before the first fault, or where neither fault may do harm, may be wrong without a mark.
 """  # noqa: E501
 

@@ -19,7 +19,7 @@ from rig.window.work.background import BackgroundCommand, json_object
 
 
 class TrainingDialog(QDialog):
-    """The list of drills, and the verdict on the one that was run (`rig drill --fault NAME --json`)."""
+    """The list of drills, and the verdict on the one that was run (`rig sim drill --fault NAME --json`)."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -95,7 +95,7 @@ class TrainingDialog(QDialog):
         if item is None or self.is_running:
             return
         self._drill = BackgroundCommand(
-            ["drill", "--fault", item.text(), "--json"], self, self._take_verdict
+            ["sim", "drill", "--fault", item.text(), "--json"], self, self._take_verdict
         )
         self._drill.start()
         self.run_button.setEnabled(False)
@@ -127,7 +127,7 @@ class TrainingDialog(QDialog):
 
 
 def verdict_text(row: dict[str, Any]) -> str:
-    """One row of `rig drill --json` in sentences."""
+    """One row of `rig sim drill --json` in sentences."""
     passed = "✓ ended as it must" if row.get("passed") else "✗ did NOT end as it must"
     safe = "the motor stands without power" if row.get("safe") else "the motor does NOT stand"
     verified = (

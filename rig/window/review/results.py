@@ -289,7 +289,7 @@ class ResultsView(QWidget):
 def comparison_rows(
     content: Mapping[str, object], gear: HarmonicDrive | None
 ) -> list[tuple[str, ...]]:
-    """What `rig compare --json` found, a row per value of the parameter set."""
+    """What `rig validate --against --json` found, a row per value of the parameter set."""
     from rig.content.wording import laboratory_unit, number, readable
 
     described = (

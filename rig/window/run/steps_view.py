@@ -1,7 +1,7 @@
 """Velocity steps as they end: the output's speed over the model's prediction, and what is left between them.
 
 The prediction is equation 2 with the measured input and the parameter set of the run, nothing
-fitted: what `rig compare` scores. Its kinematic error is the set's where that was identified, else
+fitted: what `rig validate --against` scores. Its kinematic error is the set's where that was identified, else
 it comes from the run's own slow steps so far.
 """
 

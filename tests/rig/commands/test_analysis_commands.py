@@ -1,4 +1,4 @@
-"""`rig fit`, `rig compare`, `rig report` as people and programs call them."""
+"""`rig fit`, `rig validate --against`, `rig report` as people and programs call them."""
 
 from __future__ import annotations
 
@@ -217,12 +217,12 @@ def test_a_tare_is_named_in_the_result(call: Call) -> None:
 
 def test_a_set_is_compared_with_a_run(call: Call) -> None:
     save_gear(shipped_gear().with_values({"mesh_friction.coulomb": 90.0}), "mine.toml")
-    called = call("compare", "friction.h5", "--parameters", "mine.toml", "--json")
+    called = call("validate", "friction.h5", "--against", "mine.toml", "--json")
     found = json.loads(called.stdout)
     assert found["comparison"]["mesh_friction.coulomb"]["agrees"] is False
     assert found["metrics"] == {"mse_of_the_set": 3.5}
     assert "scored" in found["warnings"]
-    shown = call("compare", "friction.h5", "--parameters", "mine.toml").stdout
+    shown = call("validate", "friction.h5", "--against", "mine.toml").stdout
     assert "Coulomb friction F_c" in " ".join(shown.split())
     assert "90" in shown
 

@@ -12,7 +12,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from rig.gears.card import save_card, with_changes
-from rig.main import app
+from rig.main import app, run
 
 AT = "2026-03-02T10:00:00+00:00"
 
@@ -67,3 +67,53 @@ def test_a_command_that_writes_a_document_keeps_its_output(tmp_path: Path) -> No
     )
     assert answer.exit_code == 2
     assert "page.txt" in answer.output
+
+
+def test_there_are_few_commands_and_each_has_one_name() -> None:
+    shown = {name for name, command in commands(get_command(app)) if not command.hidden}
+    assert len({name for name in shown if not name.startswith("rig motor")}) <= 35
+
+
+@pytest.mark.parametrize(
+    ("words", "now", "code"),
+    [
+        (("drill", "--list"), "rig sim drill", 0),
+        (("motor", "check", "sgmjv-02"), "rig config check FILE", 0),
+        (("passport", "A1"), "rig report --gear SERIAL --passport", 6),
+        (("compare", "1.h5", "--parameters", "a.toml"), "rig validate RUN --against FILE", 2),
+    ],
+)
+def test_a_command_that_is_typed_otherwise_now_says_so_and_does_what_it_did(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    words: tuple[str, ...],
+    now: str,
+    code: int,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        run(list(words))
+    said = capsys.readouterr()
+    assert ended.value.code == code
+    assert said.err.splitlines()[0].endswith(f"is `{now}` from now on.")
+    assert now not in said.out
+    assert f"│ {words[0]} " not in CliRunner().invoke(app, ["--help"]).output
+
+
+def test_a_passport_on_the_terminal_is_of_one_gear(tmp_path: Path) -> None:
+    answer = CliRunner().invoke(app, ["report", "--passport", "1.h5"])
+    assert answer.exit_code == 2
+    assert "--gear" in answer.output
+
+
+def test_a_parameter_set_is_held_against_one_run() -> None:
+    answer = CliRunner().invoke(app, ["validate", "1.h5", "2.h5", "--against", "a.toml"])
+    assert answer.exit_code == 2
+    assert "one run" in answer.output
+
+
+def test_a_motor_needs_a_file_of_its_own() -> None:
+    answer = CliRunner().invoke(app, ["config", "new", "--motor", "M-1", "--by", "A. Example"])
+    assert answer.exit_code == 2
+    assert "FILE" in answer.output

@@ -16,7 +16,7 @@ FILES = (
     ("fit", NOWHERE),
     ("report", NOWHERE),
     ("certificate", "SN-0", "--output", "nowhere"),
-    ("passport", "SN-0", "--output", "nowhere"),
+    ("report", "--gear", "SN-0", "--passport", "--runs", "nowhere"),
     ("diff", NOWHERE, NOWHERE),
     ("import", "nowhere/[x].csv"),
     ("validate", NOWHERE),

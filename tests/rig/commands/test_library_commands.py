@@ -1,4 +1,4 @@
-"""`rig runs` with a search, `rig diff` and `rig passport` as people and programs call them; one
+"""`rig runs` with a search, `rig diff` and `rig report --passport` as people and programs call them; one
 real run, really fitted.
 """
 
@@ -147,14 +147,14 @@ def test_diff_of_a_run_that_is_none(rig: Rig, three: Path) -> None:
 
 
 def test_passport(rig: Rig, three: Path) -> None:
-    found = rig.json("passport", "A1", "--output", three)
+    found = rig.json("report", "--gear", "A1", "--passport", "--runs", three)
     assert [one["quantity"] for one in found["series"]] == [RUNNING]
     assert [point["run"] for point in found["series"][0]["points"]] == [
         "00001-friction-A1",
         "00002-friction-A1",
     ]
     assert (found["mark"], found["analysed"]) == ("SIMULATED", [])
-    assert rig("passport", "A1") == 0
+    assert rig("report", "--gear", "A1", "--passport") == 0
     for word in (
         "Gear A1",
         "SIMULATED",
@@ -169,7 +169,7 @@ def test_a_broken_limit_is_told_by_its_rule(rig: Rig, three: Path) -> None:
     for number, value in ((4, 0.0815), (5, 0.2)):
         run = write(three, number, start_time=start(number))
         analyse(run, estimate(RUNNING, value))
-    assert rig("passport", "A1", "--output", three, "--baseline", "3") == 0
+    assert rig("report", "--gear", "A1", "--passport", "--runs", three, "--baseline", "3") == 0
     for word in (
         "out of control",
         "00005-friction-A1: beyond a control limit (Western Electric rule 1)",
@@ -181,10 +181,10 @@ def test_a_passport_fits_what_was_never_fitted_once(rig: Rig, real: Path, tmp_pa
     folder = tmp_path / "real"
     shutil.copytree(real, folder)
     write(folder, 8, serial="G7")
-    before = rig.json("passport", "G7", "--output", folder)
+    before = rig.json("report", "--gear", "G7", "--passport", "--runs", folder)
     assert before["series"] == []
     assert "--analyse" in {one["remedy"] for one in before["missing"]}
-    found = rig.json("passport", "G7", "--output", folder, "--analyse")
+    found = rig.json("report", "--gear", "G7", "--passport", "--runs", folder, "--analyse")
     told = {one["run"]: one for one in found["analysed"]}
     assert (
         told["00001-starting_torque-G7"]["stored"] == "00001-starting_torque-G7.analysis/0001.json"
@@ -196,13 +196,13 @@ def test_a_passport_fits_what_was_never_fitted_once(rig: Rig, real: Path, tmp_pa
     assert one["conditions"]["torque of"] == "motor + gear"
     assert 0.02 < one["points"][0]["value"] < 0.2
     assert one["points"][0]["expanded_uncertainty"] > 0.0
-    again = rig.json("passport", "G7", "--output", folder, "--analyse")
+    again = rig.json("report", "--gear", "G7", "--passport", "--runs", folder, "--analyse")
     assert [one["run"] for one in again["analysed"]] == ["00008-friction-G7"]
     assert len(list((folder / "00001-starting_torque-G7.analysis").glob("*.json"))) == 1
 
 
 def test_a_gear_that_is_not_there(rig: Rig, three: Path) -> None:
-    assert rig("passport", "nobody", "--output", three) == 6
+    assert rig("report", "--gear", "nobody", "--passport", "--runs", three) == 6
     assert "letter for letter" in rig.err
-    assert rig("passport", "A1", "--output", three / "none") == 6
-    assert rig("passport", "A1", "--output", three, "--baseline", "1") == 2
+    assert rig("report", "--gear", "A1", "--passport", "--runs", three / "none") == 6
+    assert rig("report", "--gear", "A1", "--passport", "--runs", three, "--baseline", "1") == 2

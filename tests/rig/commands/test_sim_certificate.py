@@ -1,4 +1,4 @@
-"""`rig sim certificate`: the file is that of the bench's own encoder, and a rig can name it as it stands."""
+"""`rig config certificate`: the file is that of the bench's own encoder, and a rig can name it as it stands."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sim_backend.world import World
 
 
 def call(*words: str) -> str:
-    called = CliRunner().invoke(app, ["sim", "certificate", *words], catch_exceptions=False)
+    called = CliRunner().invoke(app, ["config", "certificate", *words], catch_exceptions=False)
     assert called.exit_code == 0
     return called.output
 

@@ -52,7 +52,7 @@ def test_no_command_hands_on_what_a_terminal_obeys(
     arguments = {
         "runs": ["runs", str(tmp_path)],
         "diff": ["diff", str(path), str(path), "--all"],
-        "passport": ["passport", "A1 [bold]\x1b[8m", "--output", str(tmp_path)],
+        "passport": ["report", "--gear", "A1 [bold]\x1b[8m", "--passport", "--runs", str(tmp_path)],
     }.get(command, [command, str(path)])
     for more in ([], ["--json"]):
         with pytest.raises(SystemExit):

@@ -162,20 +162,20 @@ def test_a_value_without_path_number_or_unit_is_refused(text: str, says: str) ->
 def test_a_motor_is_made_from_its_plate_and_looked_over(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    new = ("motor", "new", "M-1", "--by", "A. Example", "--file", "m.toml")
+    new = ("config", "new", "m.toml", "--motor", "M-1", "--by", "A. Example")
     assert rig(*new) == 2
     assert not Path("m.toml").exists()
     assert rig(*new, "--set", "rated_torque=1.27 N m", "--json") == 0
     assert "rotor_inertia" in json.loads(capsys.readouterr().out)["assumed"]
     assert load_motor("m.toml").rated_torque == 1.27
     assert rig(*new, "--set", "rated_torque=1.27 N m") == 2
-    assert rig("motor", "check", "m.toml") == 0
-    assert rig("motor", "check", "sgmjv-02") == 0
+    assert rig("config", "check", "m.toml") == 0
+    assert rig("config", "check", "sgmjv-02") == 0
     text = Path("m.toml").read_text(encoding="utf-8")
     Path("m.toml").write_text(
         text.replace("torque_constant = { value = 0.", "torque_constant = { value = 1."),
         encoding="utf-8",
     )
     capsys.readouterr()
-    assert rig("motor", "check", "m.toml", "--json") == 2
+    assert rig("config", "check", "m.toml", "--json") == 2
     assert json.loads(capsys.readouterr().out)["contradictions"]

@@ -114,7 +114,7 @@ def test_a_run_without_a_note_is_used_where_that_is_said_and_every_page_says_so(
     assert "NOT SEALED" in call("show", str(path))
     assert json.loads(call("show", str(path), "--json"))["sealed"] is False
     assert "not sealed" in call("verify", str(path))
-    shown = call("passport", "A1", "--output", str(tmp_path))
+    shown = call("report", "--gear", "A1", "--passport", "--runs", str(tmp_path))
     assert "is not sealed" in " ".join(shown.split())
     export, page = tmp_path / "run.csv", tmp_path / "gear.html"
     call("export", str(path), "--output", str(export))

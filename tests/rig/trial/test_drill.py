@@ -250,6 +250,7 @@ def test_random_drills_are_the_same_for_the_same_seed() -> None:
 def test_the_command_prints_one_object_and_the_table(tmp_path: Path) -> None:
     table = tmp_path / "drills.md"
     arguments = [
+        "sim",
         "drill",
         "--backend",
         "sim",
@@ -267,9 +268,9 @@ def test_the_command_prints_one_object_and_the_table(tmp_path: Path) -> None:
     assert (row["safe"], row["outcome"], row["file_readable"]) == (True, "TRIPPED", True)
     assert "| encoder stuck, input |" in table.read_text()
     assert "1 of 1 drills" in table.read_text()
-    refused = CliRunner().invoke(app, ["drill", "--backend", "hardware"])
+    refused = CliRunner().invoke(app, ["sim", "drill", "--backend", "hardware"])
     assert isinstance(refused.exception, ConfigurationError)
-    listed = CliRunner().invoke(app, ["drill", "--list"])
+    listed = CliRunner().invoke(app, ["sim", "drill", "--list"])
     assert listed.stdout.count("\n") == len(DRILLS)
 
 

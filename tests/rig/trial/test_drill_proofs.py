@@ -248,7 +248,15 @@ def test_a_run_that_hangs_or_breaks_is_a_row_that_fails(monkeypatch: pytest.Monk
 
 
 def test_without_faults_the_command_is_content_when_all_fail(tmp_path: Path) -> None:
-    arguments = ["drill", "--backend", "sim", "--fault", "encoder stuck, input", "--without-faults"]
+    arguments = [
+        "sim",
+        "drill",
+        "--backend",
+        "sim",
+        "--fault",
+        "encoder stuck, input",
+        "--without-faults",
+    ]
     done = CliRunner().invoke(app, [*arguments, "--json"])
     assert done.exit_code == 0
     answer = json.loads(done.stdout)
@@ -265,14 +273,14 @@ def test_without_faults_the_command_refuses_a_drill_that_finds_its_cause_anyway(
 ) -> None:
     always = replace(DRILLS["quick stop and servo off not obeyed"], cause="ABORT")
     monkeypatch.setattr("rig.trial.drill.suite.chosen", lambda names, backend: [always])
-    done = CliRunner().invoke(app, ["drill", "--backend", "sim", "--without-faults"])
+    done = CliRunner().invoke(app, ["sim", "drill", "--backend", "sim", "--without-faults"])
     assert done.exit_code == 6
     assert "0 of 1" in done.stdout
     assert "prove nothing" in done.stdout
 
 
 def test_pairs_by_the_command() -> None:
-    arguments = ["drill", "--backend", "sim", "--pairs", "2", "--seed", "4"]
+    arguments = ["sim", "drill", "--backend", "sim", "--pairs", "2", "--seed", "4"]
     done = CliRunner().invoke(app, [*arguments, "--json"])
     answer = json.loads(done.stdout)
     assert done.exit_code == (0 if all(row["passed"] for row in answer["pairs"]) else 6)
@@ -293,7 +301,7 @@ def test_pairs_by_the_command() -> None:
     ],
 )
 def test_what_asks_for_different_things_is_refused(more: list[str]) -> None:
-    refused_ = CliRunner().invoke(app, ["drill", *more])
+    refused_ = CliRunner().invoke(app, ["sim", "drill", *more])
     assert isinstance(refused_.exception, ConfigurationError)
 
 

@@ -463,7 +463,7 @@ def test_what_the_doctor_says_or_does_not_say() -> None:
 def test_a_background_command_gives_what_it_printed_and_is_ended_with_its_window(
     qtbot: QtBot,
 ) -> None:
-    command = BackgroundCommand(["drill", "--list", "--json"])
+    command = BackgroundCommand(["sim", "drill", "--list", "--json"])
     with qtbot.waitSignal(command.done, timeout=LONGEST) as caught:
         command.start()
     assert caught.args is not None
@@ -471,7 +471,7 @@ def test_a_background_command_gives_what_it_printed_and_is_ended_with_its_window
     assert "statusword" in caught.args[1]
     assert json_object('{"faults": []}') == {"faults": []}
     assert json_object("no JSON") is json_object("[1]") is None
-    longer = BackgroundCommand(["drill"])
+    longer = BackgroundCommand(["sim", "drill"])
     longer.start()
     longer.cancel()
     assert not longer.is_running
@@ -513,7 +513,7 @@ def test_training_lists_the_drills_and_tells_the_verdict(
     assert 0 < len(visible) < 5
     dialog.drills.setCurrentItem(visible[0])
     click(qtbot, dialog.run_button)
-    assert started == [["drill", "--fault", visible[0].text(), "--json"]]
+    assert started == [["sim", "drill", "--fault", visible[0].text(), "--json"]]
     row = {
         "fault": "E-stop",
         "detected": "sto",

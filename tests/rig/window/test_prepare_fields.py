@@ -133,7 +133,7 @@ def test_a_drill_that_the_search_has_hidden_is_not_run(
     qtbot.addWidget(dialog)
     dialog.search.setText("guard")
     qtbot.mouseClick(dialog.run_button, Qt.MouseButton.LeftButton)
-    assert started == [["drill", "--fault", "guard opened in motion", "--json"]]
+    assert started == [["sim", "drill", "--fault", "guard opened in motion", "--json"]]
     dialog.show_verdict(None, 6, "")
     dialog.search.setText("no such thing")
     assert not dialog.run_button.isEnabled()

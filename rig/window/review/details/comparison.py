@@ -26,7 +26,7 @@ from rig.window.shell.stack import (
 
 
 class ComparisonView(QWidget):
-    """What `rig compare --json` told."""
+    """What `rig validate --against --json` told."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()

@@ -207,7 +207,7 @@ class RunDetails(QWidget):
     def compare(self, order: FitOrder) -> None:
         """Hold a parameter set against the run, in a process of its own."""
         assert order.parameters is not None
-        arguments = ["compare", str(order.run), "--parameters", str(order.parameters), "--json"]
+        arguments = ["validate", str(order.run), "--against", str(order.parameters), "--json"]
         arguments += ["--kind", order.kind] if order.kind else []
         arguments += ["--tare", str(order.tare)] if order.tare else []
         parameters = order.parameters
