@@ -1,6 +1,6 @@
 """Pictures of the window for the documentation, made by driving it without a screen.
 
-    python docs/make_screenshots.py                    # every state, into docs/screenshots
+    python docs/make_screenshots.py                    # every state that a page shows, into docs/screenshots
     python docs/make_screenshots.py run-finished       # one of them
     python docs/make_screenshots.py --theme dark --scale 2 --size 1366x768 --output /tmp/pictures
 
@@ -566,12 +566,18 @@ def _shrink(target: Path) -> None:
     small.save(target, optimize=True)
 
 
+def states_of_pages() -> list[str]:
+    """The states whose pictures stand in a page of the documentation."""
+    pages = "".join(page.read_text(encoding="utf-8") for page in HERE.rglob("*.md"))
+    return [name for name in STATES if f"screenshots/{name}-{KEPT_SIZE[0]}.png" in pages]
+
+
 def main() -> int:
     """Make the pictures that were asked for."""
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("states", nargs="*", help=f"which: {', '.join(STATES)} (default: all)")
+    parser.add_argument("states", nargs="*", help=f"which: {', '.join(STATES)} (default: those of pages)")
     parser.add_argument(
         "--size",
         action="append",
@@ -593,7 +599,7 @@ def main() -> int:
 
     application = QApplication([])
     with collector_in_this_thread():
-        for name in chosen.states or STATES:
+        for name in chosen.states or states_of_pages():
             for size in chosen.size or KEPT_SIZE:
                 width, height = map(int, size.split("x"))
                 end = "" if chosen.theme == "light" else f"-{chosen.theme}"

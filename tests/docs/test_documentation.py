@@ -142,6 +142,13 @@ def test_every_command_that_is_mentioned_exists(page: Path) -> None:
                 assert word.partition("=")[0] in {*known, "--help"}, f"{page.name}: {text}"
 
 
+def test_every_picture_that_is_kept_stands_in_a_page() -> None:
+    pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
+    kept = {picture.name for picture in (DOCS / "screenshots").iterdir()}
+    assert kept
+    assert {name for name in kept if f"screenshots/{name}" not in pages} == set()
+
+
 def test_every_page_is_in_the_table_of_contents() -> None:
     index = (DOCS / "index.md").read_text(encoding="utf-8")
     for page in PAGES:
