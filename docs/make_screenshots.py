@@ -577,7 +577,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("states", nargs="*", help=f"which: {', '.join(STATES)} (default: those of pages)")
+    parser.add_argument(
+        "states", nargs="*", help=f"which: {', '.join(STATES)} (default: those of pages)"
+    )
     parser.add_argument(
         "--size",
         action="append",

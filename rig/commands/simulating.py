@@ -142,11 +142,11 @@ def _faults(texts: list[str]) -> list[Any]:
     if not texts:
         return []
     from rig.errors import ConfigurationError
-    from rig.trial.drill.catalogue import DRILLS
+    from rig.trial.drill.catalogue import every_drill
 
     on_the_wire = {
         drill.name: drill.fault
-        for drill in DRILLS.values()
+        for drill in every_drill().values()
         if drill.fault is not None and "wire" in drill.carriers
     }
     faults = []

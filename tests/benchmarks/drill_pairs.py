@@ -25,7 +25,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rig.trial.drill.catalogue import DRILLS
+from rig.trial.drill.catalogue import every_drill
 from rig.trial.drill.pairs import Pair, PairRow, drawn
 from rig.trial.drill.rigs import CARRIERS, Carrier
 from rig.trial.drill.staging import SPOILED, Placed, Staged
@@ -113,7 +113,7 @@ def run_known(seed: int) -> Iterator[dict[str, Any]]:
     """The six of the documentation."""
     with stage(seed) as staged:
         pairs = (
-            Pair(number, carrier, (DRILLS[first], DRILLS[second]), rows)
+            Pair(number, carrier, (every_drill()[first], every_drill()[second]), rows)
             for number, carrier, (first, second), rows in KNOWN
         )
         yield from run_pairs(staged, pairs, seed)

@@ -6,7 +6,7 @@ A study, no test: the drills' causes are those of our simulated drive. What a dr
 from __future__ import annotations
 
 from rig.trial.drill import rigs
-from rig.trial.drill.catalogue import DRILLS
+from rig.trial.drill.catalogue import every_drill
 from rig.trial.drill.suite import run_drills
 from tests.drivers.durand_drive import DurandBench
 
@@ -27,7 +27,7 @@ DIFFERS = {
 
 def main() -> None:
     rigs.WireBench = DurandBench  # type: ignore[misc]
-    drills = [drill for drill in DRILLS.values() if "wire" in drill.carriers]
+    drills = [drill for drill in every_drill().values() if "wire" in drill.carriers]
     passed = safe = 0
     for row in run_drills(drills, backend="wire"):
         passed += row.passed

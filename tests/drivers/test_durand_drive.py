@@ -30,7 +30,7 @@ from model.units import REVOLUTION, RPM
 from rig.bench.backends.simulated import wire_config
 from rig.trial.doctor.discover.proposal import Bus, propose
 from rig.trial.drill import rigs
-from rig.trial.drill.catalogue import DRILLS
+from rig.trial.drill.catalogue import every_drill
 from rig.trial.drill.staging import Placed
 from rig.trial.drill.suite import row_of, stage
 from sim_backend.wire import faults as wire
@@ -427,12 +427,12 @@ def test_taken_out_of_operational_by_another_master_it_is_stopped_all_the_same(
 # The whole program --------------------------------------------------------------------------------------------------
 
 DRILLED = (
-    DRILLS["node reset in motion, drive"],
+    every_drill()["node reset in motion, drive"],
     # Its heartbeat comes every 0.1 s: that its process data stay away is seen before it.
-    replace(DRILLS["NMT PRE-OPERATIONAL from outside"], cause=STALE_DATA),
+    replace(every_drill()["NMT PRE-OPERATIONAL from outside"], cause=STALE_DATA),
     # It has no profile torque.
     replace(
-        DRILLS["mode changed by another master"],
+        every_drill()["mode changed by another master"],
         fault=lambda at: wire.ModeFromOutside(at, CYCLIC_TORQUE),
     ),
 )

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rig.trial.drill.catalogue import DRILLS, Drill
+from rig.trial.drill.catalogue import Drill, every_drill
 from rig.trial.drill.rigs import CARRIERS, IN_PAIRS, Carrier, refuse_hardware
 from rig.trial.drill.staging import Ending, Placed
 from rig.trial.drill.suite import stage
@@ -105,7 +105,7 @@ def candidates(backend: str | None = None) -> list[Drill]:
     if backend is not None:
         refuse_hardware(backend)
     apart: dict[tuple[object, ...], Drill] = {}
-    for drill in DRILLS.values():
+    for drill in every_drill().values():
         carried = set(IN_PAIRS if backend is None else (backend,)).intersection(drill.carriers)
         if drill.moment != "start" and carried:
             apart.setdefault((drill.fault, drill.press, drill.recording), drill)

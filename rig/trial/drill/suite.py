@@ -17,7 +17,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.errors import ConfigurationError
 from rig.run.dry_run import PlannedRun, plan_run
-from rig.trial.drill.catalogue import DRILLS, Drill
+from rig.trial.drill.catalogue import Drill, every_drill
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
 from rig.trial.drill.rigs import CARRIERS, SPEED_ONLY, Carrier, refuse_hardware
 from rig.trial.drill.staging import BLOCK_CYCLES, Ending, Placed, Reference, Staged, reference_run
@@ -104,16 +104,16 @@ def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
     """
     if backend is not None:
         refuse_hardware(backend)
-    unknown = [name for name in names if name not in DRILLS]
+    unknown = [name for name in names if name not in every_drill()]
     if unknown:
         raise ConfigurationError(
             "no such fault",
             where="--fault",
             value=", ".join(unknown),
-            limit=", ".join(DRILLS),
+            limit=", ".join(every_drill()),
             remedy="Choose one of these.",
         )
-    found = [DRILLS[name] for name in names] if names else list(DRILLS.values())
+    found = [every_drill()[name] for name in names] if names else list(every_drill().values())
     carried = [drill for drill in found if backend is None or backend in drill.carriers]
     if names and len(carried) < len(found):
         missing = [drill.name for drill in found if drill not in carried]

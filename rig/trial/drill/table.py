@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rig.trial.drill.catalogue import DRILLS
+from rig.trial.drill.catalogue import every_drill
 from rig.trial.drill.pairs import APART
 from rig.trial.drill.suite import BLOCK_CYCLES, DrillRow
 
@@ -118,7 +118,7 @@ def markdown(rows: Sequence[DrillRow], without: Sequence[DrillRow]) -> str:
     for row, bare in zip(rows, without, strict=True):
         cells = (
             row.fault,
-            DRILLS[row.fault].what,
+            every_drill()[row.fault].what,
             row.carrier,
             *outcome_cells(row, "**no**"),
             row.evidence or "**no**",

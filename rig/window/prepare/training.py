@@ -48,9 +48,9 @@ class TrainingDialog(QDialog):
         self._fill()
 
     def _fill(self) -> None:
-        from rig.trial.drill.catalogue import DRILLS
+        from rig.trial.drill.catalogue import every_drill
 
-        for drill in DRILLS.values():
+        for drill in every_drill().values():
             item = QListWidgetItem(drill.name)
             item.setData(
                 Qt.ItemDataRole.UserRole, f"{drill.what} (on {' or '.join(drill.carriers)})"

@@ -19,8 +19,8 @@ from rig.main import app
 from rig.run import trips
 from rig.run.make_safe import Stage as StoppingStage
 from rig.run.stop import StopRequest
-from rig.trial.drill import staging
-from rig.trial.drill.catalogue import DRILLS, Drill
+from rig.trial.drill import catalogue, staging
+from rig.trial.drill.catalogue import Drill, every_drill
 from rig.trial.drill.cause import NOTHING, causes_of_events, marked, not_obeyed, refused
 from rig.trial.drill.pairs import PairRow, candidates, drawn, run_pairs
 from rig.trial.drill.rigs import DrilledRig, Happening, drilled_rig
@@ -55,13 +55,13 @@ PAIRS_SEED = 20
 def test_every_drill_names_a_cause_that_the_program_knows() -> None:
     words = {"STOP", "ABORT", "recorder", NOTHING}
     known = {*trips.TRIPS, *words, *map(marked, CycleFlag), *map(not_obeyed, StoppingStage)}
-    for drill in DRILLS.values():
+    for drill in every_drill().values():
         for carrier in drill.carriers:
             cause = drill.cause_on(carrier)
             assert cause in known or cause.startswith(
                 ("refused before arming:", "reading refused:")
             )
-    silent = {name for name, drill in DRILLS.items() if not drill.claims_detection}
+    silent = {name for name, drill in every_drill().items() if not drill.claims_detection}
     assert silent == {"encoder wrapped, as declared", "Ctrl-C in making-safe"}
 
 
@@ -74,7 +74,9 @@ def test_with_every_fault_taken_out_all_that_claim_a_detection_fail() -> None:
     rows = [
         row
         for backend, names in (("wire", ON_THE_WIRE), ("sim", ON_THE_DIRECT_RIG))
-        for row in run_drills([DRILLS[n] for n in names], backend=backend, without_faults=True)
+        for row in run_drills(
+            [every_drill()[n] for n in names], backend=backend, without_faults=True
+        )
     ]
     for row in rows:
         assert not row.happened, row.evidence
@@ -88,7 +90,7 @@ def test_with_every_fault_taken_out_all_that_claim_a_detection_fail() -> None:
 
 
 def test_a_drill_that_finds_its_cause_where_nothing_is_wrong_is_told() -> None:
-    always = replace(DRILLS["quick stop and servo off not obeyed"], cause="ABORT")
+    always = replace(every_drill()["quick stop and servo off not obeyed"], cause="ABORT")
     (row,) = run_drills([always], backend="sim", without_faults=True)
     assert row.names_cause
     assert not row.passed, "its fault did not happen"
@@ -97,7 +99,7 @@ def test_a_drill_that_finds_its_cause_where_nothing_is_wrong_is_told() -> None:
 
 
 def test_the_wrong_cause_is_not_enough() -> None:
-    wrong = replace(DRILLS["encoder stuck, input"], cause=trips.OVER_SPEED)
+    wrong = replace(every_drill()["encoder stuck, input"], cause=trips.OVER_SPEED)
     (row,) = run_drills([wrong], backend="sim")
     assert row.happened
     assert row.outcome == row.expected
@@ -106,7 +108,7 @@ def test_the_wrong_cause_is_not_enough() -> None:
 
 
 def test_a_fault_that_comes_too_late_has_not_happened() -> None:
-    late = DRILLS["encoder stuck, output"]
+    late = every_drill()["encoder stuck, output"]
     (row,) = run_drills([late], backend="sim", offset=lambda drill: 100_000)
     assert not row.happened
     assert not row.passed
@@ -139,7 +141,7 @@ def test_safe_is_the_truth_of_the_plant_and_not_the_word_of_the_program(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("rig.trial.drill.rigs.SimulatedRig", DriftingRig)
-    (row,) = run_drills([DRILLS[name]], backend="sim")
+    (row,) = run_drills([every_drill()[name]], backend="sim")
     assert row.verified, "the program believes what it is told"
     assert not row.safe
     assert not row.passed
@@ -148,7 +150,7 @@ def test_safe_is_the_truth_of_the_plant_and_not_the_word_of_the_program(
 def test_a_word_that_comes_too_early_is_not_safe(monkeypatch: pytest.MonkeyPatch) -> None:
     """It stands in the end, but did not when the program said so."""
     monkeypatch.setattr(DrilledRig, "stands", property(lambda rig: not rig.port._open))
-    (row,) = run_drills([DRILLS["Ctrl-C in hold"]], backend="sim")
+    (row,) = run_drills([every_drill()["Ctrl-C in hold"]], backend="sim")
     assert row.verified
     assert not row.safe
 
@@ -230,7 +232,7 @@ def test_a_run_that_hangs_or_breaks_is_a_row_that_fails(monkeypatch: pytest.Monk
     def hangs(*arguments: Any, **more: Any) -> None:
         raise ZeroDivisionError("a defect")
 
-    (sound,) = run_drills([DRILLS["Ctrl-C in hold"]], backend="sim")
+    (sound,) = run_drills([every_drill()["Ctrl-C in hold"]], backend="sim")
     assert sound.passed
     real = staging.execute
     monkeypatch.setattr(
@@ -238,7 +240,7 @@ def test_a_run_that_hangs_or_breaks_is_a_row_that_fails(monkeypatch: pytest.Monk
         "execute",
         lambda order, *a, **k: (hangs if "on_event" in k else real)(order, *a, **k),
     )
-    (row,) = run_drills([DRILLS["Ctrl-C in hold"]], backend="sim")
+    (row,) = run_drills([every_drill()["Ctrl-C in hold"]], backend="sim")
     assert row.outcome == "ERROR"
     assert "ZeroDivisionError" in row.message
     assert not row.passed
@@ -271,7 +273,7 @@ def test_without_faults_the_command_is_content_when_all_fail(tmp_path: Path) -> 
 def test_without_faults_the_command_refuses_a_drill_that_finds_its_cause_anyway(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    always = replace(DRILLS["quick stop and servo off not obeyed"], cause="ABORT")
+    always = replace(every_drill()["quick stop and servo off not obeyed"], cause="ABORT")
     monkeypatch.setattr("rig.trial.drill.suite.chosen", lambda names, backend: [always])
     done = CliRunner().invoke(app, ["sim", "drill", "--backend", "sim", "--without-faults"])
     assert done.exit_code == 6
@@ -306,5 +308,13 @@ def test_what_asks_for_different_things_is_refused(more: list[str]) -> None:
 
 
 def test_the_rig_of_a_drill_is_its_own_choice_or_the_one_asked_for() -> None:
-    assert carrier_of(DRILLS["run-away"], None) == "wire"
-    assert carrier_of(DRILLS["run-away"], "sim") == "sim"
+    assert carrier_of(every_drill()["run-away"], None) == "wire"
+    assert carrier_of(every_drill()["run-away"], "sim") == "sim"
+
+
+def test_a_row_of_the_table_that_says_what_nobody_knows_is_refused() -> None:
+    row = {"name": "A", "what": "nothing", "detects": "", "harmles": True}
+    with pytest.raises(ValueError, match="harmles"):
+        catalogue._drill(row, {"wire": ("wire",)})
+    with pytest.raises(KeyError, match="Unheard"):
+        catalogue._fault("UnheardOf(drive)")
