@@ -21,6 +21,8 @@ from model.identify.estimate import BudgetLine, Cause, Estimate
 
 _SECONDS = re.compile(r"(?<![A-Za-z])s(\d*)(?![A-Za-z0-9])")
 SCALE = "torque scale"
+GAIN = "gain of the channel"
+"""The line of a scale in ampere, volt or counts: of a torque nobody spoke."""
 STATED = "calibration of the channel"
 PAIR = ("torque", "drive_torque")
 """Torque port, and the torque that the drive reports."""
@@ -61,10 +63,11 @@ def stated_note(recording: Recording, channel: str = "torque") -> str:
 def scale_line(recording: Recording, torque: float, channel: str = "torque") -> BudgetLine:
     """The torque scale as a line of the budget of a torque [N m], or of anything proportional to one."""
     relative, assumed = torque_scale_uncertainty(recording, channel)
+    source = SCALE if recording.signals[channel].unit in TORQUES else GAIN
     if assumed is not None:
-        return assumed.line(SCALE, relative * torque, Cause.TORQUE_SCALE)
+        return assumed.line(source, relative * torque, Cause.TORQUE_SCALE)
     note = stated_note(recording, channel)
-    return BudgetLine(SCALE, "B", relative * abs(torque), note, Cause.TORQUE_SCALE)
+    return BudgetLine(source, "B", relative * abs(torque), note, Cause.TORQUE_SCALE)
 
 
 def zero_uncertainty(recording: Recording, channel: str = "torque") -> tuple[float, Assumed | None]:

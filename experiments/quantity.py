@@ -78,6 +78,7 @@ class Quantity:
       "mounting", "speed".
     - `target_uncertainty`: U that a useful result stays below, in `unit`;
     - `target_share`: or as a share of the value, for what differs by orders of magnitude between gears.
+    - `target_elsewhere`: In another unit than `unit` (friction in ampere), as a share of the value.
     - `target_reason`: What such a result is good for.
     - `is_key`: Whether a reader looks for it first; the order of declaration is the order of
       importance.
@@ -108,6 +109,7 @@ class Quantity:
     conditions: tuple[str, ...] = ()
     target_uncertainty: float | None = None
     target_share: float | None = None
+    target_elsewhere: float | None = None
     target_reason: str = ""
     is_key: bool = False
     key_members: tuple[str, ...] = ()
@@ -133,12 +135,15 @@ class Quantity:
             )
 
     def target_for(self, value: float, unit: str) -> float | None:
-        """U that a useful result of this value [unit] stays below; None where none is declared, or in another unit.
+        """U that a useful result of this value [unit] stays below; None where none is declared.
 
         A target in N m says nothing of friction in ampere; a share holds in any unit.
         """
-        if self.target_share is not None:
-            return self.target_share * abs(value)
+        share = (
+            self.target_share if unit == self.unit else self.target_share or self.target_elsewhere
+        )
+        if share is not None:
+            return share * abs(value)
         return self.target_uncertainty if unit == self.unit else None
 
     @property

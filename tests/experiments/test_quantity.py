@@ -39,3 +39,13 @@ def test_a_target_is_a_number_or_a_share_of_the_value() -> None:
         "<= 10 % of the value",
         "",
     )
+
+
+def test_a_target_of_another_unit_is_a_share_or_none() -> None:
+    viscous = Quantity(
+        name="viscous", title="", unit="N s/rad", target_uncertainty=0.05, target_elsewhere=0.3
+    )
+    assert viscous.target_for(0.2, "N s/rad") == 0.05
+    assert viscous.target_for(2.0, "A s/rad") == pytest.approx(0.6)
+    alone = Quantity(name="viscous", title="", unit="N s/rad", target_uncertainty=0.05)
+    assert alone.target_for(2.0, "A s/rad") is None

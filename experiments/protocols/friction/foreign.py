@@ -14,13 +14,15 @@ from experiments.recording import Recording
 from experiments.result import Covariance, Result
 from experiments.shape import Standing
 from model.identify.common_errors import UNREPEATED, means_by, spread_beyond
-from model.identify.estimate import Estimate
+from model.identify.estimate import BudgetLine, Estimate
 from model.identify.friction import check_curve
+from model.identify.least_squares import student_quantile
 from model.identify.repeated import FEWEST
 from model.identify.running_torque import pair_directions
 from model.identify.stribeck import NAMES, fit_stribeck, profile_intervals
 
 KIND = "friction"
+SCATTER = "scatter of the points"
 
 
 def friction_in_foreign_unit(
@@ -58,6 +60,7 @@ def friction_in_foreign_unit(
             if closed
             else "the profile of the likelihood does not close: the data do not bound it"
         )
+        u = (high - low) / (2.0 * student_quantile(fit.freedom)) if closed else math.inf
         low, high = (
             (low if math.isfinite(low) else 0.0),
             (high if math.isfinite(high) else math.inf),
@@ -70,6 +73,7 @@ def friction_in_foreign_unit(
             high=high,
             identifiable="yes" if closed else "no",
             note=note,
+            budget=(BudgetLine(SCATTER, "A", u, degrees_of_freedom=fit.freedom),),
         )
     standing = Standing(CURVE, len(points.speed), len(np.unique(points.level)), point)
     text = f'The channel "{measured.channel}" is in {unit}, not N m: friction is that of the whole axis, in {unit}.'
