@@ -21,6 +21,7 @@ from experiments.finding import Finding, Severity, first_blocking
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.backends.order import Order
+from rig.bench.backends.registry import HARDWARE
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
 from rig.run.arming import guard_check, handle_check, loss_check
@@ -41,6 +42,7 @@ from rig.trial.doctor.surroundings import (
     calibrations,
     disk,
     drive_limits,
+    output_assumptions,
     readout,
 )
 
@@ -115,6 +117,8 @@ def examine(
     rig = make()
     findings = [*bench_lines(order), disk(order.folder), calendar(rig.clock)]
     findings += examine_standing(rig, planned)
+    if order.backend == HARDWARE:
+        findings += output_assumptions(planned.gear, order.output_bearing)
     findings.append(readout(serial_line, rig.clock))
     refused = any(
         finding.severity is Severity.BLOCKS and finding.where not in HARMLESS

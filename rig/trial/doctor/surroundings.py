@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from drivers.channel import (
     HOUSING_TEMPERATURE,
@@ -23,8 +24,18 @@ from drivers.clock import Clock
 from drivers.errors import DriverError
 from drivers.port import RigPort
 from drivers.readout.nd287 import Readout, ReadoutConfig, open_port
-from experiments.assumed import ENCODERS, TEMPERATURE, THERMOMETER, TORQUE_SCALE
+from experiments.assumed import (
+    BEARING,
+    ENCODERS,
+    OUTPUT_INERTIA,
+    TEMPERATURE,
+    THERMOMETER,
+    TORQUE_SCALE,
+    Assumed,
+)
 from experiments.finding import Finding, Severity, passed_if
+from experiments.load import UNSTATED
+from model.gear import HarmonicDrive
 from rig.bench.backends.order import Order
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
@@ -186,14 +197,25 @@ def assumptions(channels: Sequence[Channel]) -> Iterable[Finding]:
             unsaid.append(row)
     if HOUSING_TEMPERATURE not in by_name:
         unsaid.append(TEMPERATURE)
-    for row in unsaid:
-        yield Finding(
-            f"{row.kind}, not stated",
-            Severity.WARNS,
-            f"assumed: {row.bounds}",
-            f"Give it: {row.replaced_by}.",
-            where="calibration",
-        )
+    return [_not_stated(row) for row in unsaid]
+
+
+def output_assumptions(gear: HarmonicDrive, output_bearing: Mapping[str, Any]) -> Iterable[Finding]:
+    """What nobody states of the output of a rig that is no simulation: its bearing, and what it carries."""
+    if not output_bearing:
+        yield _not_stated(BEARING)
+    if gear.value("inertia.output").origin.provenance in UNSTATED:
+        yield _not_stated(OUTPUT_INERTIA)
+
+
+def _not_stated(row: Assumed) -> Finding:
+    return Finding(
+        f"{row.kind}, not stated",
+        Severity.WARNS,
+        f"assumed: {row.bounds}",
+        f"Give it: {row.replaced_by}.",
+        where="calibration",
+    )
 
 
 def _says_class(calibration: Calibration) -> bool:

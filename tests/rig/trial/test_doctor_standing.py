@@ -7,11 +7,15 @@ import sys
 from dataclasses import replace
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from drivers.channel import OUTPUT_ANGLE, Calibration, encoder_channel
 from drivers.readout.nd287 import ReadoutConfig, open_port
+from experiments.finding import Severity
+from model.gear import Origin
+from model.gear_file import shipped_gear
 from rig.bench.backends.order import Order
 from rig.bench.backends.registry import make_port
 from rig.run.stop import StopRequest
@@ -229,3 +233,27 @@ def test_the_line_of_a_pseudo_terminal_opens_as_often_as_it_is_asked(tmp_path: P
     finally:
         os.close(controller)
         os.close(terminal)
+
+
+def test_what_nobody_states_of_the_output_has_a_line() -> None:
+    gear, bearing = shipped_gear(), {"coulomb": 0.3}
+    stated = gear.with_values({"inertia.output": 0.1}, Origin("measured", "gear card"))
+
+    def names(*given: Any) -> list[str]:
+        return [found.what for found in surroundings.output_assumptions(*given)]
+
+    assert names(gear, {}) == ["output bearing, not stated", "output inertia, not stated"]
+    assert names(stated, {}) == ["output bearing, not stated"]
+    assert names(stated, bearing) == []
+    (line,) = surroundings.output_assumptions(gear, bearing)
+    assert line.severity is Severity.WARNS
+    assert "rig gear set" in line.remedy
+
+
+def test_the_lines_of_the_output_are_of_a_rig_that_is_no_simulation(tmp_path: Path) -> None:
+    found = [
+        {finding.what for finding in examine(on_the_wire, asked, moves=False).findings}
+        for asked in (request(tmp_path), request(tmp_path, backend="hardware"))
+    ]
+    assert "output bearing, not stated" not in found[0]
+    assert "output bearing, not stated" in found[1]
