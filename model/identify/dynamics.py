@@ -178,7 +178,8 @@ def _without_runaways(
             value="; ".join(f"{name}: {words}" for name, words in why.items()),
             limit=f"known within {100.0 * WIDEST:g} %, from {LOWEST_HZ:g} Hz to "
             f"{HIGHEST_SHARE:g} of the sampling rate",
-            remedy="Use faster steps, more inertia at the output, or a finer output encoder.",
+            remedy="Use faster steps, more inertia at the output, a finer output encoder, "
+            "or a higher sampling rate.",
         )
     said = [f"The {name} rung is not used: {words}." for name, words in why.items() if words]
     return {name: found for name, found in answers.items() if not why[name]}, said
