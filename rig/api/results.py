@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, overload
 
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
-from rig.api.tables import TableView
-from rig.content.wording import metric_text, show
+from rig.analysis.rows import LIMIT, estimate_grid, metric_grid
+from rig.api.tables import Tabular
+from rig.content.grid import Column, Grid, columns
+from rig.content.wording import show
 from rig.errors import RigError
 from rig.extras import optional
 
@@ -73,7 +75,7 @@ class Value:
         return f"{self.title}: {self.shown}{doubt}"
 
 
-class Result(Mapping[str, Value]):
+class Result(Tabular, Mapping[str, Value]):
     """What one analysis found of one run: `result["coulomb"]` is a `Value`; iterating gives the names."""
 
     def __init__(self, fit: Fit) -> None:
@@ -192,30 +194,23 @@ class Result(Mapping[str, Value]):
         self.fit = store(self.fit, datetime.now().astimezone().isoformat(timespec="seconds"))
         return self.fit.stored
 
-    def __repr__(self) -> str:
-        return self._view().text()
-
-    def _repr_html_(self) -> str:
-        return self._view().html()
-
     @property
     def _result(self) -> Analysed:
         return self.fit.result
 
-    def _view(self) -> TableView:
+    def _grid(self) -> Grid:
         keys = key_names(self._result.quantities, self)
         names = [*keys, *(name for name in self if name not in keys)]
-        rows = [
-            (name, self[name].shown, self[name].identifiable, self[name].title) for name in names
-        ]
-        metadata = self.fit.recording.metadata
-        title = f"{self.kind} of run {self.run_id} ({metadata.origin.upper()})"
-        remarks = (
-            *(f"tare: {words}" for words in self.tare),
-            *(f"warning: {text}" for text in self.warnings),
-        )
-        return TableView(
-            title, ("name", "value ± U (95 %)", "identifiable", "quantity"), rows, remarks
+        grid = estimate_grid(self._result).without(LIMIT, "remark")
+        rows = dict(zip(self, grid.rows, strict=True))
+        origin = self.fit.recording.metadata.origin.upper()
+        remarks = [f"tare: {words}" for words in self.tare]
+        remarks += [f"warning: {text}" for text in self.warnings]
+        return Grid(
+            f"{self.kind} of run {self.run_id} ({origin})",
+            (Column("name"), *grid.columns),
+            [(name, *rows[name]) for name in names],
+            "\n".join(remarks),
         )
 
 
@@ -289,7 +284,7 @@ class Results(Sequence[Result]):
         return "".join(one._repr_html_() for one in self)
 
 
-class Comparison:
+class Comparison(Tabular):
     """A parameter set held against a run: what it says, what the run identified, and how well it predicts the run."""
 
     def __init__(
@@ -317,13 +312,7 @@ class Comparison:
         """A figure of the comparison: by its name, by the number it has in the paper, or the first one."""
         return _draw(self._scored.plots, which, self._origin, f"comparison with {self.gear.name}")
 
-    def __repr__(self) -> str:
-        return self._view().text()
-
-    def _repr_html_(self) -> str:
-        return self._view().html()
-
-    def _view(self) -> TableView:
+    def _grid(self) -> Grid:
         rows = [
             (
                 row.path,
@@ -334,12 +323,16 @@ class Comparison:
             )
             for row in self.rows
         ]
-        measures = (
-            f"{self._scored.quantity(name).titled(name)}: "
-            f"{metric_text(self._scored.quantity(name), float(value))}"
-            for name, value in self.metrics.items()
+        merits = [
+            f"{title}: {' / '.join(texts)}" for title, *texts in metric_grid(self._scored).rows
+        ]
+        nothing = [] if rows else ["This run identifies no value that a parameter set holds."]
+        heads = columns(
+            "parameter",
+            ("set", "number"),
+            ("run ± U (SI)", "number"),
+            ("unit", "unit"),
+            ("agrees", "word"),
         )
-        nothing = () if rows else ("This run identifies no value that a parameter set holds.",)
-        headings = ("parameter", "set", "run ± U (SI)", "unit", "agrees")
         title = f"{self._scored.kind} of run {self._scored.run} against {self.gear.name}"
-        return TableView(title, headings, rows, (*nothing, *measures, *self.warnings))
+        return Grid(title, heads, rows, "\n".join([*nothing, *merits, *self.warnings]))

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 from experiments.recording import Segment
-from rig.api.tables import TableView
+from rig.api.tables import Tabular
+from rig.content.grid import Grid, columns
 from rig.errors import RigError
 from rig.extras import optional
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from model.arrays import FloatArray
 
 
-class Segments(Sequence[Segment]):
+class Segments(Tabular, Sequence[Segment]):
     """The labelled intervals of a run, in the order they were recorded; a table where it is shown."""
 
     def __init__(self, segments: Sequence[Segment], run_id: str) -> None:
@@ -45,16 +46,10 @@ class Segments(Sequence[Segment]):
         frame = optional("pandas", "a data frame of segments").DataFrame
         return frame([vars(segment) for segment in self._segments], columns=list(_FIELDS))
 
-    def __repr__(self) -> str:
-        return self._view().text()
-
-    def _repr_html_(self) -> str:
-        return self._view().html()
-
-    def _view(self) -> TableView:
-        rows = [[_cell(getattr(one, name)) for name in _FIELDS] for one in self._segments]
+    def _grid(self) -> Grid:
+        rows = [tuple(_cell(getattr(one, name)) for name in _FIELDS) for one in self._segments]
         title = f"{len(self._segments)} segments of run {self._run_id} (set-points in SI)"
-        return TableView(title, _FIELDS, rows)
+        return Grid(title, columns(*_FIELDS), rows)
 
 
 _FIELDS = ("index", "label", "start", "stop", "setpoint", "direction", "repeat")
@@ -64,7 +59,7 @@ def _cell(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-class Run:
+class Run(Tabular):
     """One recording: executed, loaded, imported or simulated. Rows are read when they are asked for.
 
     `run["torque"]` is a channel in SI over all rows, `run.time` the seconds since the first row. A run that came
@@ -203,12 +198,6 @@ class Run:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __repr__(self) -> str:
-        return self._view().text()
-
-    def _repr_html_(self) -> str:
-        return self._view().html()
-
     @property
     def _axis_name(self) -> str:
         return "row" if self.metadata.time_base == "none" else "time"
@@ -232,7 +221,7 @@ class Run:
             "sha256": metadata.sha256,
         }
 
-    def _view(self) -> TableView:
+    def _grid(self) -> Grid:
         metadata = self.metadata
         words = (metadata.experiment or "recording", metadata.origin.upper(), self.outcome)
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
@@ -243,7 +232,8 @@ class Run:
             for name, channel in self.recording.signals.items()
         ]
         counts = f"{len(self.recording.segments)} segments, {len(self.events)} events"
-        return TableView(title, ("channel", "unit", "what"), rows, (counts, *self.warnings))
+        remarks = "\n".join((counts, *self.warnings))
+        return Grid(title, columns("channel", ("unit", "unit"), "what"), rows, remarks)
 
 
 SHOWN_CHANNELS = 4

@@ -1,12 +1,11 @@
-"""Tables in a terminal and in a notebook: the same cells, as text that fits a screen or as HTML."""
+"""Tables in a terminal and in a notebook: a grid as text that fits a screen, and as HTML."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
-from dataclasses import dataclass
 from html import escape
 
+from rig.content.grid import Grid
 from rig.content.wording import visible
 
 WIDTH = 100
@@ -17,40 +16,45 @@ CELL = 44
 """Letters of a cell, after which it is cut in a terminal."""
 
 
-@dataclass(frozen=True)
-class TableView:
-    """A titled table: headings, rows of words, and what stands under it."""
+class Tabular:
+    """What is shown as a table where it is the value of an expression; each line of its note is a remark."""
 
-    title: str
-    headings: tuple[str, ...]
-    rows: Sequence[Sequence[str]]
-    remarks: tuple[str, ...] = ()
+    def _grid(self) -> Grid:
+        raise NotImplementedError
 
-    def text(self) -> str:
-        """For a terminal: no more rows than fit a screen, and how many more there are."""
-        shown = [[_cut(visible(cell)) for cell in row] for row in self.rows[:ROWS]]
-        columns = [*zip(self.headings, *shown, strict=True)]
-        widths = [max(map(len, column)) for column in columns]
-        lines = [visible(self.title)]
-        for row in (self.headings, *shown):
-            cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-            lines.append("  ".join(cells).rstrip())
-        lines += _more(len(self.rows) - ROWS)
-        lines = [_cut(line, WIDTH) for line in lines]
-        for remark in self.remarks[:REMARKS]:
-            lines += textwrap.wrap(visible(remark), WIDTH, subsequent_indent="  ")
-        return "\n".join([*lines, *_more(len(self.remarks) - REMARKS)])
+    def __repr__(self) -> str:
+        return text_of(self._grid())
 
-    def html(self) -> str:
-        """For a notebook: every row; what comes from files is escaped."""
-        head = "".join(f"<th>{escape(heading)}</th>" for heading in self.headings)
-        body = "".join(
-            f"<tr>{''.join(f'<td>{escape(visible(cell))}</td>' for cell in row)}</tr>"
-            for row in self.rows
-        )
-        under = "".join(f"<p>{escape(visible(remark))}</p>" for remark in self.remarks)
-        caption = f"<caption>{escape(visible(self.title))}</caption>"
-        return f"<table>{caption}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{under}"
+    def _repr_html_(self) -> str:
+        return html_of(self._grid())
+
+
+def text_of(grid: Grid) -> str:
+    """A table for a terminal: no more rows than fit a screen, and how many more there are."""
+    shown = [grid.headings, *([_cut(visible(cell)) for cell in row] for row in grid.rows[:ROWS])]
+    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
+    lines = [visible(grid.title)]
+    for row in shown:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        lines.append("  ".join(cells).rstrip())
+    lines = [_cut(line, WIDTH) for line in (*lines, *_more(len(grid.rows) - ROWS))]
+    remarks = grid.note.splitlines()
+    for remark in remarks[:REMARKS]:
+        lines += textwrap.wrap(visible(remark), WIDTH, subsequent_indent="  ")
+    return "\n".join([*lines, *_more(len(remarks) - REMARKS)])
+
+
+def html_of(grid: Grid) -> str:
+    """A table for a notebook: every row; what comes from files is escaped."""
+
+    def cells(texts: tuple[str, ...], tag: str) -> str:
+        return "".join(f"<{tag}>{escape(visible(text))}</{tag}>" for text in texts)
+
+    body = "".join(f"<tr>{cells(row, 'td')}</tr>" for row in grid.rows)
+    under = "".join(f"<p>{escape(visible(remark))}</p>" for remark in grid.note.splitlines())
+    caption = f"<caption>{escape(visible(grid.title))}</caption>"
+    head = f"<thead><tr>{cells(grid.headings, 'th')}</tr></thead>"
+    return f"<table>{caption}{head}<tbody>{body}</tbody></table>{under}"
 
 
 def _more(count: int) -> list[str]:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rig.analysis.fit_run import Choices
 from rig.analysis.validate import validate_runs
 from rig.api.runs import Run
-from rig.api.tables import TableView
+from rig.api.tables import Tabular
+from rig.content.data import data_grid
+from rig.content.grid import Grid
 from rig.errors import RigError
 from rig.extras import optional
 
@@ -23,7 +26,7 @@ if TYPE_CHECKING:
     OneRun = Run | str | Path
 
 
-class Validated:
+class Validated(Tabular):
     """A ladder of models, each with its hold-out error, skill against the null model, and BIC."""
 
     def __init__(self, validation: Validation) -> None:
@@ -51,17 +54,10 @@ class Validated:
 
         return draw_figure(self.validation.plot(), self.validation.origin)
 
-    def __repr__(self) -> str:
-        return self._view().text()
-
-    def _repr_html_(self) -> str:
-        return self._view().html()
-
-    def _view(self) -> TableView:
-        table = self.validation.table()
-        rows = [[str(cell) for cell in row] for row in table.rows]
-        remarks = (table.note, f"least hold-out error: {self.best}; least BIC: {self.best_by_bic}")
-        return TableView(table.title, table.columns, rows, remarks)
+    def _grid(self) -> Grid:
+        grid = data_grid(self.validation.table())
+        best = f"least hold-out error: {self.best}; least BIC: {self.best_by_bic}"
+        return replace(grid, note=f"{grid.note}\n{best}")
 
 
 def validate(

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from experiments.errors import AnalysisError
-from rig.api.tables import ROWS, WIDTH, TableView
+from rig.api.tables import ROWS, WIDTH, html_of, text_of
+from rig.content.grid import Grid, columns
 from rig.errors import RigError
 from tests.rig.api.recordings import RATE, made, swinging
 
@@ -82,11 +83,11 @@ def test_a_run_fits_a_screen_and_is_a_table_in_a_notebook() -> None:
 
 
 def test_a_long_table_is_cut_and_says_by_how_much() -> None:
-    table = TableView("many", ("a", "b"), [("x" * 200, str(k)) for k in range(ROWS + 5)])
-    lines = table.text().splitlines()
+    table = Grid("many", columns("a", "b"), [("x" * 200, str(k)) for k in range(ROWS + 5)])
+    lines = text_of(table).splitlines()
     assert lines[-1] == "... and 5 more"
     assert max(map(len, lines)) <= WIDTH
-    assert table.html().count("<tr>") == ROWS + 6
+    assert html_of(table).count("<tr>") == ROWS + 6
 
 
 def test_a_figure_shows_channels_over_time_one_under_the_other() -> None:
