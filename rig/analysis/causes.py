@@ -14,14 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 from experiments.recording import Recording, RunMetadata
 from model.identify.estimate import (
     NORMAL_COVERAGE_FACTOR,
     BudgetLine,
     Cause,
-    Distribution,
+    Estimate,
     Ground,
     coverage_factor_of,
 )
@@ -108,9 +107,9 @@ def common_grounds(first: Grounds, second: Grounds) -> frozenset[Ground]:
 
 
 def combined_uncertainty(
-    first: Mapping[str, Any], second: Mapping[str, Any], common: frozenset[Ground]
+    first: Estimate, second: Estimate, common: frozenset[Ground]
 ) -> CombinedUncertainty | None:
-    """U of the difference of two estimates as the analysis store keeps them; None where one has no uncertainty."""
+    """U of the difference of two estimates; None where one has no uncertainty."""
     a, b = _parts(first), _parts(second)
     if a is None or b is None:
         return None
@@ -134,31 +133,28 @@ def _expanded(lines: Sequence[BudgetLine]) -> float:
     )
 
 
-def _parts(estimate: Mapping[str, Any]) -> dict[_Part, BudgetLine] | None:
+def _parts(estimate: Estimate) -> dict[_Part, BudgetLine] | None:
     """The budget by source; lines of type A are numbered, as two of one name are still two causes."""
-    whole = estimate.get("expanded_uncertainty")
-    if whole is None:
+    whole = estimate.expanded_uncertainty
+    if not math.isfinite(whole):
         return None
     # One that was stated with k = 2 keeps the U that it was stated with.
-    stated = 1.0 if "coverage_factor" in estimate else 2.0 / NORMAL_COVERAGE_FACTOR
+    stated = 2.0 / NORMAL_COVERAGE_FACTOR if estimate.stated_coverage_factor == 2.0 else 1.0
     parts: dict[_Part, BudgetLine] = {}
-    for index, line in enumerate(estimate.get("budget") or ()):
-        if line.get("standard_uncertainty") is None:
-            return None
+    for index, line in enumerate(estimate.budget):
         part: _Part = (f"A, line {index}", None)
-        if line["kind"] == "B":
-            cause = line.get("cause")
-            part = (str(line["source"]), Cause(cause) if cause else None)
+        if line.kind == "B":
+            part = (line.source, line.cause)
         # Two lines of type B with one source are one error; how well each is known is not told apart.
         before = parts[part].standard_uncertainty if part in parts else 0.0
         parts[part] = BudgetLine(
             part[0],
-            line["kind"],
-            math.hypot(before, stated * float(line["standard_uncertainty"])),
-            degrees_of_freedom=line.get("degrees_of_freedom") or math.inf,
-            distribution=Distribution(line.get("distribution", Distribution.NORMAL)),
+            line.kind,
+            math.hypot(before, stated * line.standard_uncertainty),
+            degrees_of_freedom=line.degrees_of_freedom,
+            distribution=line.distribution,
         )
-    return parts or {("interval", None): BudgetLine("", "A", float(whole) / NORMAL_COVERAGE_FACTOR)}
+    return parts or {("interval", None): BudgetLine("", "A", whole / NORMAL_COVERAGE_FACTOR)}
 
 
 def _is_shared(part: _Part, common: frozenset[Ground]) -> bool:
@@ -166,7 +162,7 @@ def _is_shared(part: _Part, common: frozenset[Ground]) -> bool:
     return cause is not None and cause.grounds <= common
 
 
-def own_uncertainty(estimate: Mapping[str, Any], common: frozenset[Ground]) -> float:
+def own_uncertainty(estimate: Estimate, common: frozenset[Ground]) -> float:
     """U of one estimate without the causes that it shares with others which rest on the
     same grounds; NaN unknown.
     """

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.quantity import Quantity
-from model.identify.estimate import Ground
+from model.identify.estimate import Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.store import Analysis
@@ -203,7 +203,7 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             if change.name.split(": ")[1] in SUBJECT
         )
         common = common_grounds(a.grounds[kind], b.grounds[kind])
-        first, second = (a.content["result"].get("parameters", {}) for a in (left, right))
+        first, second = left.result.estimates, right.result.estimates
         for name in dict.fromkeys((*first, *second)):
             quantity = (left if name in first else right).quantity(name)
             shown = Change(
@@ -246,8 +246,8 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
 
 def _compared(
     shown: Change,
-    first: Mapping[str, Any] | None,
-    second: Mapping[str, Any] | None,
+    first: Estimate | None,
+    second: Estimate | None,
     common: frozenset[Ground],
     *,
     quantity: Quantity,
@@ -256,19 +256,18 @@ def _compared(
     """What the difference of two estimates means, added to how they are shown."""
     if first is None or second is None:
         return replace(shown, note="found in one of the two only")
-    unit = str(first.get("unit", ""))
+    unit = first.unit
     shown = replace(shown, unit=unit)
-    values = first.get("value"), second.get("value")
-    if values[0] is None or values[1] is None or unit != str(second.get("unit", "")):
+    if math.isnan(first.value + second.value) or unit != second.unit:
         return replace(shown, note="cannot be compared")
-    change = _away(quantity, float(values[0]), float(values[1]))
+    change = _away(quantity, first.value, second.value)
     shown = replace(shown, difference=change)
     combined = combined_uncertainty(first, second, common)
     if combined is None:
         return replace(shown, note="no uncertainty is known")
     text = value_text(change, combined.independent, unit, quantity)
     shown = replace(shown, uncertainty=combined.independent, shown=text)
-    unknown = [e for e in (first, second) if e.get("identifiability") == "no"]
+    unknown = [e for e in (first, second) if e.identifiable == "no"]
     if unknown or other_subject:
         note = (
             "not identifiable from one of the runs"
@@ -301,10 +300,10 @@ def _away(quantity: Quantity, first: float, second: float) -> float:
     return 0.0 if abs(change) <= SAME_NUMBER * max(abs(first), abs(second)) else change
 
 
-def _shown(estimate: Mapping[str, Any] | None, quantity: Quantity | None = None) -> str:
+def _shown(estimate: Estimate | None, quantity: Quantity) -> str:
     """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
-    value = None if estimate is None else estimate.get("value")
-    if estimate is None or value is None:
+    if estimate is None or math.isnan(estimate.value):
         return "-"
-    unit = str(estimate.get("unit", "1"))
-    return value_text(float(value), estimate.get("expanded_uncertainty"), unit, quantity)
+    u = estimate.expanded_uncertainty
+    doubt = u if math.isfinite(u) else None
+    return value_text(estimate.value, doubt, estimate.unit, quantity)

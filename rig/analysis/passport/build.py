@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from experiments.quantity import Quantity
+from model.identify.estimate import Estimate
 from rig.analysis.passport.chart import BASELINE_RUNS, RULES
 from rig.analysis.passport.content import Missing, Passport, PassportSeries
 from rig.analysis.passport.draw import point_table, spectrum_plots
@@ -86,9 +86,9 @@ def _followed(analysed: Sequence[AnalysedRun]) -> list[FollowedQuantity]:
     return quantities
 
 
-def _sizes(quantity: Quantity, estimates: Mapping[str, Mapping[str, Any]]) -> dict[str, float]:
+def _sizes(quantity: Quantity, estimates: Mapping[str, Estimate]) -> dict[str, float]:
     return {
-        quantity.member(name): float(estimate["value"])
+        quantity.member(name): estimate.value
         for name, estimate in estimates.items()
         if quantity.matches(name) and usable(estimate)
     }
@@ -105,7 +105,7 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
         for quantity in expected:
             estimate = one.estimates.get(quantity.key)
             if quantity.kind == one.analysis.kind and estimate is not None and not usable(estimate):
-                why = estimate.get("note") or "not identifiable from this run"
+                why = estimate.note or "not identifiable from this run"
                 missing.append(Missing(f"{quantity.title}: {why}", one.run.run_id))
         if takes_tare(one.analysis.kind) and one.facts.get("torque of") != "gear":
             missing.append(_without_tare(one))

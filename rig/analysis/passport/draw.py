@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
 from experiments.quantity import Quantity
 from experiments.result import Plot, Series, Table
+from model.identify.estimate import Estimate
 from rig.analysis.passport.content import (
     CatalogueLimit,
     ControlLimits,
@@ -194,14 +194,13 @@ def _spectrum(quantity: Quantity, one: AnalysedRun) -> dict[float, tuple[float, 
             continue
         order = order_of(quantity.member(name), ratio)
         if math.isfinite(order):
-            u = estimate.get("expanded_uncertainty")
-            spectrum[order] = (float(estimate["value"]), float(u) if u is not None else 0.0)
+            u = estimate.expanded_uncertainty
+            spectrum[order] = (estimate.value, u if math.isfinite(u) else 0.0)
     return spectrum
 
 
-def _shown(estimate: Mapping[str, Any]) -> bool:
-    value = estimate.get("value")
-    return value is not None and value > 0.0 and estimate.get("identifiability") != "no"
+def _shown(estimate: Estimate) -> bool:
+    return estimate.value > 0.0 and estimate.identifiable != "no"
 
 
 def point_table(series: PassportSeries) -> Table:

@@ -9,10 +9,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from experiments.recording import Origin, Recording
-from model.identify.estimate import Ground
+from model.identify.estimate import Estimate, Ground
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.fit import NOT_SEALED
 from rig.analysis.in_force import in_force_by_kind
@@ -38,7 +37,7 @@ class AnalysedRun:
     facts: Mapping[str, str]
     changing: Mapping[str, str]
     grounds: Grounds
-    estimates: Mapping[str, Mapping[str, Any]]
+    estimates: Mapping[str, Estimate]
     housing_temperature: float | None
 
 
@@ -211,6 +210,6 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
         facts=facts,
         changing=changing,
         grounds=grounds,
-        estimates=analysis.content["result"].get("parameters", {}),
+        estimates=result.estimates,
         housing_temperature=None if temperature is None or math.isnan(temperature) else temperature,
     )

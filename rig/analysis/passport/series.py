@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 from model.gear_file import gear_from_mapping
+from model.identify.estimate import Estimate
 from rig.analysis.causes import common_grounds, own_uncertainty
 from rig.analysis.passport.chart import control_limits, signals_of
 from rig.analysis.passport.content import (
@@ -52,13 +52,9 @@ def series_of(
     return series
 
 
-def usable(estimate: Mapping[str, Any] | None) -> bool:
+def usable(estimate: Estimate | None) -> bool:
     """Whether a number may be followed: it is there, and the data could tell it."""
-    return (
-        estimate is not None
-        and estimate.get("value") is not None
-        and estimate.get("identifiability") != "no"
-    )
+    return estimate is not None and not math.isnan(estimate.value) and estimate.identifiable != "no"
 
 
 def _one_series(
@@ -68,7 +64,7 @@ def _one_series(
     members: Sequence[AnalysedRun],
     baseline: int,
 ) -> PassportSeries:
-    values = [float(one.estimates[quantity.key]["value"]) for one in members]
+    values = [one.estimates[quantity.key].value for one in members]
     control = control_limits(values, [one.run.run_id for one in members], baseline)
     signals = signals_of(values, control) if control is not None else ((),) * len(values)
     temperature = _mean([one.housing_temperature for one in members[:baseline]])
@@ -78,7 +74,7 @@ def _one_series(
     )
     limit = _catalogue_limit(quantity, members[-1])
     origin = members[0].origin
-    unit = str(members[0].estimates[quantity.key].get("unit", ""))
+    unit = members[0].estimates[quantity.key].unit
     size = max(abs(value) for value in values)
     factor, shown = laboratory_unit(unit, size, quantity.quantity.shown)
     notes = _notes(points, control, limit, (factor, shown), baseline)
@@ -125,7 +121,7 @@ def _point(
 ) -> PassportPoint:
     one = members[index]
     estimate = one.estimates[key]
-    value = float(estimate["value"])
+    value = estimate.value
     remarks = list(_changes(members[index - 1], one)) if index else []
     if temperature is not None and one.housing_temperature is not None:
         warmer = one.housing_temperature - temperature
@@ -133,8 +129,8 @@ def _point(
             remarks.append(
                 f"housing {abs(warmer):.1f} K {'warmer' if warmer > 0 else 'colder'} than in the first runs"
             )
-    if estimate.get("identifiability") == "weakly":
-        remarks.append(f"weakly identifiable: {estimate.get('note') or 'wide interval'}")
+    if estimate.identifiable == "weakly":
+        remarks.append(f"weakly identifiable: {estimate.note or 'wide interval'}")
     within = None
     if control is not None:
         own = own_uncertainty(estimate, common_grounds(members[0].grounds, one.grounds))
@@ -146,10 +142,10 @@ def _point(
         path=one.run.path,
         start=one.run.start,
         value=value,
-        low=_number(estimate.get("low")),
-        high=_number(estimate.get("high")),
-        expanded_uncertainty=_number(estimate.get("expanded_uncertainty")),
-        identifiability=str(estimate.get("identifiability", "yes")),
+        low=estimate.low,
+        high=estimate.high,
+        expanded_uncertainty=estimate.expanded_uncertainty,
+        identifiability=estimate.identifiable,
         analysis=f"{one.analysis.path.parent.name}/{one.analysis.path.name}",
         signals=signals,
         within_uncertainty=within,
@@ -171,10 +167,6 @@ def _changes(before: AnalysedRun, after: AnalysedRun) -> list[str]:
             f"{name}: {then or 'unknown'} → {now or 'unknown'}" if short else f"{name} changed"
         )
     return changes
-
-
-def _number(value: object) -> float:
-    return float(value) if isinstance(value, (int, float)) else math.nan
 
 
 def _catalogue_limit(quantity: FollowedQuantity, newest: AnalysedRun) -> CatalogueLimit | None:

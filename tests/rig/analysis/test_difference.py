@@ -293,7 +293,8 @@ def test_an_estimate_without_an_uncertainty_is_compared_without_a_verdict(
     stored = analyse(runs[0], estimate(RUNNING, 0.08))
     analyse(runs[1], estimate(RUNNING, 0.09))
     told = json.loads(stored.path.read_text(encoding="utf-8"))
-    told["result"]["parameters"][RUNNING] |= {"expanded_uncertainty": None, "budget": []}
+    nothing = dict.fromkeys(("expanded_uncertainty", "low", "high"))
+    told["result"]["parameters"][RUNNING] |= {**nothing, "budget": []}
     stored.path.unlink()
     stored.path.write_text(json.dumps(told), encoding="utf-8")
     reseal(stored.path)
