@@ -135,8 +135,6 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
 
     return CampaignOrder(
         walk=walked,
-        serial=pattern.serial,
-        folder=pattern.folder,
         bench=bench_for(pattern).id,
         created=now_text(),
         now=now_text,

@@ -41,14 +41,22 @@ class CampaignOrder:
     """
 
     walk: Walk
-    serial: str
-    folder: Path
     bench: str
     created: str
     now: Callable[[], str]
     acceptance: Acceptance | None = None
     beside: bool = False
     anew: bool = False
+
+    @property
+    def serial(self) -> str:
+        """The serial number of the gear, as the orders of its runs have it."""
+        return self.walk.stages[0].order.serial
+
+    @property
+    def folder(self) -> Path:
+        """Where its runs go."""
+        return self.walk.stages[0].order.folder
 
 
 @dataclass(frozen=True, kw_only=True)

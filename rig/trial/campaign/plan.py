@@ -24,6 +24,7 @@ from experiments.errors import PlanError
 from experiments.parameters import make_parameters
 from model import quantities
 from model.errors import ParameterError
+from rig.bench.backends.order import WORDS
 from rig.errors import ConfigurationError
 
 FORMAT = "campaign-1"
@@ -76,14 +77,14 @@ STAGE = (
     Key(
         name="name",
         kind="text",
-        what="which protocol is run",
+        what=WORDS["protocol"].help,
         allowed="a protocol of this program",
         default="required",
     ),
     Key(
         name="values",
         kind="table",
-        what="its parameters that differ from their defaults",
+        what=WORDS["values"].help,
         allowed="names and ranges of the protocol",
         default="none",
     ),

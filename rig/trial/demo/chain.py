@@ -221,8 +221,6 @@ def campaign_order(order: DemoOrder, *, beside: bool) -> CampaignOrder:
     )
     return CampaignOrder(
         walk=replace(walked, stages=stages),
-        serial=order.serial,
-        folder=order.folder,
         bench=bench_for(pattern).id,
         created=order.created,
         now=lambda: order.created,

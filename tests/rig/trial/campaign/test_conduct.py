@@ -34,6 +34,7 @@ PLAN = CampaignPlan(
     stages=(Stage("motor-tare", TARE), Stage("home", {})),
     path="short.toml",
 )
+TYPED = "I-HAVE-LOOKED-AT-THE-RIG"
 
 
 def order(folder: Path, **changes: object) -> CampaignOrder:
@@ -47,8 +48,6 @@ def order(folder: Path, **changes: object) -> CampaignOrder:
     )
     wanted = CampaignOrder(
         walk=walk(PLAN, pattern),
-        serial=SERIAL,
-        folder=folder,
         bench=bench_for(pattern).id,
         created=FIRST_DAY,
         now=lambda: FIRST_DAY,
@@ -62,6 +61,7 @@ class Ran:
 
     stop_at: str = ""
     protocols: list[str] = field(default_factory=list)
+    confirmed: list[str] = field(default_factory=list)
     stop: StopRequest = field(default_factory=StopRequest)
 
     def crew(self) -> Crew:
@@ -71,7 +71,16 @@ class Ran:
             if name == self.stop_at:
                 self.stop.stop()
 
-        return Crew(stop=self.stop, ask=lambda prompt: prompt.consent or "done", begun=begun)
+        def confirm(order: Order, planned: object) -> str:
+            self.confirmed.append(order.protocol)
+            return TYPED
+
+        return Crew(
+            stop=self.stop,
+            ask=lambda prompt: prompt.consent or "done",
+            confirm=confirm,
+            begun=begun,
+        )
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +89,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CampaignRepor
     ran = Ran()
     report = conduct(order(folder), ran.crew())
     assert ran.protocols == ["motor-tare", "home"]
+    assert ran.confirmed == ran.protocols
     return folder, report
 
 
@@ -102,6 +112,17 @@ def test_a_whole_campaign_is_complete_analysed_and_not_judged_without_limits(
     assert report.verdict.verdict == "NOT JUDGED"
     assert not report.problems
     assert report.as_json()["complete"] is True
+
+
+def test_what_arms_its_runs_is_asked_for_each_and_kept_nowhere(
+    whole: tuple[Path, CampaignReport],
+) -> None:
+    folder, report = whole
+    kept = {path.suffix: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    assert {".jsonl", ".h5", ".json"} <= set(kept)
+    for path in folder.rglob("*"):
+        assert not path.is_file() or TYPED.encode() not in path.read_bytes(), path
+    assert TYPED not in str(report.as_json())
 
 
 def test_a_stop_ends_it_and_the_same_order_goes_on_behind_what_counts(tmp_path: Path) -> None:
