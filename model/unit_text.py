@@ -33,6 +33,7 @@ from model.units import (
     WORDS,
     Powers,
     Word,
+    by_size,
 )
 
 
@@ -306,3 +307,15 @@ def _unknown(text: str, remedy: str = "") -> ParameterError:
     near = difflib.get_close_matches(text, [*COMMON, *_terms()], n=1)
     hint = f'Did you mean "{near[0]}"?' if near else "Convert the column, or give SI and a scale."
     return ParameterError("has a unit that is not known", remedy=remedy or hint)
+
+
+def amount_in_words(amount: float, unit: str, size: float, shown: str = "") -> str:
+    """An amount [unit] of a number of this size [unit], to three digits in the unit in which that number is read.
+
+    `shown` is the unit that is declared for it; where that is nothing, or of something else, its size decides.
+    """
+    if not shown or scale_in(shown, unit) is None:
+        shown = by_size(unit, size)
+    factor = 1.0 if shown == unit else scale_in(shown, unit) or 1.0
+    said = "" if shown == "1" else f" {shown}"
+    return f"{amount / factor:.3g}{said}"

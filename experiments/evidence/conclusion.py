@@ -29,6 +29,7 @@ from experiments.recording import Recording
 from experiments.result import Result, Table, checks_to_mapping
 from model.identify.estimate import Estimate
 from model.identify.orders.aliases import SamplingWindow
+from model.unit_text import amount_in_words
 
 LARGEST_CORRELATION = 0.1
 """Correlation with a parameter on its bound above which a number is not called identified.
@@ -158,17 +159,22 @@ def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
     u = estimate.expanded_uncertainty
     if not (math.isfinite(estimate.value) and math.isfinite(u)):
         return replace(estimate, identifiable="no", note="no value with an uncertainty")
+
+    def words(amount: float) -> str:
+        size = max(abs(estimate.value), u)
+        return amount_in_words(amount, estimate.unit, size, quantity.shown)
+
     target = quantity.target_for(estimate.value, estimate.unit)
     is_within_target = target is not None and u <= target
     if abs(estimate.value) <= u and quantity.is_above_zero:
-        note = f"must be above zero, and U of {u:.3g} {estimate.unit} reaches it: not measured"
+        note = f"must be above zero, and U of {words(u)} reaches it: not measured"
         return replace(estimate, identifiable="no", note=note)
     if abs(estimate.value) <= u and not quantity.is_circular:
-        note = f"not distinguishable from zero, below {abs(estimate.value) + u:.3g} {estimate.unit}"
+        note = f"not distinguishable from zero, below {words(abs(estimate.value) + u)}"
         estimate = replace(estimate, note=note)
         return _not_on_assumed(estimate) if is_within_target else _weakly(estimate, note)
     if target is not None and not is_within_target:
-        return _weakly(estimate, f"U is above {target:.3g} {estimate.unit}")
+        return _weakly(estimate, f"U is above {words(target)}")
     share = u / abs(estimate.value) if estimate.value else 0.0
     if target is None and share > LARGEST_SHARE and not quantity.is_circular:
         return _weakly(estimate, f"U is {100.0 * share:.0f} % of the value")

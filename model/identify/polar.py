@@ -16,6 +16,7 @@ import scipy  # pyright: ignore[reportMissingTypeStubs]
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
+from model.unit_text import amount_in_words
 
 NORMAL_QUANTILE = 1.959963984540054
 ALMOST_NORMAL = 8.0
@@ -95,7 +96,8 @@ def polar(
     distance = length / determinant if determinant > 0.0 else 0.0
     significant = distance > SIGNIFICANT
     verdict = "yes" if significant else "weakly"
-    note = "" if significant else f"not distinguishable from zero, below {high:.3g} {unit}"
+    below = amount_in_words(high, unit, high)
+    note = "" if significant else f"not distinguishable from zero, below {below}"
     amplitude = Estimate(
         name=f"amplitude_{label}",
         value=size,

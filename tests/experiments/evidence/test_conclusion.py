@@ -93,15 +93,15 @@ def of(*estimates: Estimate, **more: object) -> Result:
         ("aimed", 1.0, 0.29, "yes", ""),
         ("aimed", 1.0, 0.31, "weakly", "U is above 0.3"),
         # An answer: whatever it is, it is small.
-        ("aimed", 0.1, 0.2, "yes", "not distinguishable from zero, below 0.3 N m"),
+        ("aimed", 0.1, 0.2, "yes", "not distinguishable from zero, below 300 mN m"),
         # Zero is a value like any other of a place, and still nobody knows on which side of it the place lies.
-        ("place", 0.0, 0.2, "weakly", "not distinguishable from zero, below 0.2"),
+        ("place", 0.0, 0.2, "weakly", "not distinguishable from zero, below 200 mN m"),
         ("place", 0.3, 0.2, "weakly", "U is 67 % of the value"),
         ("place", 3.0, 0.2, "yes", ""),
-        ("aimed_place", 0.0, 0.2, "yes", "not distinguishable from zero, below 0.2"),
-        ("aimed_place", 0.0, 0.4, "weakly", "not distinguishable from zero, below 0.4"),
+        ("aimed_place", 0.0, 0.2, "yes", "not distinguishable from zero, below 200 mN m"),
+        ("aimed_place", 0.0, 0.4, "weakly", "not distinguishable from zero, below 400 mN m"),
         ("amplitude_2", 1.0, 0.2, "yes", ""),
-        ("amplitude_2", 0.1, 0.2, "yes", "not distinguishable from zero, below 0.3"),
+        ("amplitude_2", 0.1, 0.2, "yes", "not distinguishable from zero, below 300 mN m"),
         # On a circle zero is a place like any other.
         ("phase", 0.0, 0.2, "yes", ""),
     ],
@@ -222,3 +222,12 @@ def test_a_check_is_stored_in_the_words_of_0_1_0_and_read_back() -> None:
     assert checks_from_mapping(stored) == checks
     with pytest.raises(ValueError, match="outcome 'splendid'"):
         checks_from_mapping([{"name": "gaps", "outcome": "splendid"}])
+
+
+def test_a_note_speaks_in_the_unit_of_its_row() -> None:
+    torque = Quantity(name="t", title="", unit="N m", shown="mN m", target_uncertainty=0.01)
+    small = Estimate(name="t", value=0.001, unit="N m", low=-0.0611, high=0.0631)
+    assert "below 63." in judged(torque, small).note
+    assert judged(torque, small).note.endswith("mN m")
+    plain = dataclasses.replace(torque, shown="")
+    assert judged(plain, small).note.endswith("mN m")
