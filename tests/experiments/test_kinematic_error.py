@@ -227,6 +227,8 @@ def test_repeats_are_pooled_and_scored_on_each_other(bench: Bench, gear: Harmoni
     assert result.metrics["mse_on_other_repeats"] < 1.0
     for name in ("amplitude_2", "transmission_accuracy_forward"):
         assert "between repeats" in [line.source for line in result.estimates[name].budget], name
+    one, other = (result.estimates[n] for n in ("amplitude_2", "figure_16_error_amplitude"))
+    assert (one.value, one.expanded_uncertainty) == (other.value, other.expanded_uncertainty)
 
 
 def test_the_spring_is_as_well_known_as_a_run_or_the_set_says(gear: HarmonicDrive) -> None:

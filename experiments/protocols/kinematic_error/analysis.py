@@ -143,6 +143,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             else e
             for name, e in relation.estimates.items()
         }
+        # Of several repeats the relation has the first; the order's own number is that of all.
+        error = estimates.get(f"amplitude_{relation.order:g}")
+        if error is not None:
+            estimates["figure_16_error_amplitude"] = replace(
+                error, name="figure_16_error_amplitude"
+            )
         options["figure_16"] = relation.sentence
     return Result(
         run=recording.metadata.run_id,
