@@ -12,7 +12,7 @@ the statement cautious, and U_c without what is shared stands beside it (`rig.an
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,8 @@ from model.identify.estimate import Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.store import Analysis
-from rig.content.grid import Fact
-from rig.content.wording import laboratory_unit, number, value_text
+from rig.content.grid import Fact, Grid, columns
+from rig.content.wording import laboratory_unit, number, readable, value_text
 from rig.program import PROGRAM_KEYS
 from rig.runfile.facts import GROUPS as RUN_GROUPS
 from rig.runfile.facts import flat, run_facts
@@ -116,6 +116,34 @@ class Difference:
             "compared": dict(self.compared),
             "changes": [change.as_json() for change in self.changes],
         }
+
+
+def change_grid(changes: Sequence[Change]) -> Grid:
+    """Changes in the units of a laboratory; results name their kind of fit where there are several."""
+    kinds = {change.name.partition(": ")[0] for change in changes if change.group == "results"}
+    heads = columns(
+        "group",
+        ("what", "quantity"),
+        "first",
+        "second",
+        ("difference ± U_c", "number"),
+        ("significance", "word"),
+        "remark",
+    )
+    rows = [_change_row(change, several_kinds=len(kinds) > 1) for change in changes]
+    return Grid("Differences", heads, rows)
+
+
+def _change_row(change: Change, *, several_kinds: bool) -> tuple[str, ...]:
+    is_result = change.group == "results"
+    kind, _, name = change.name.partition(": ") if is_result else ("", "", change.name)
+    words = change.title or readable(name) or kind
+    what = f"{kind}: {words}" if name and kind and several_kinds else words
+    row = (change.group, what, change.in_words(change.first), change.in_words(change.second))
+    if change.difference is None or change.uncertainty is None:
+        return (*row, "", "", change.note)
+    meaning = {None: "", True: "significant", False: "within U"}[change.significant]
+    return (*row, change.shown, meaning, change.note)
 
 
 def difference(first: str | Path, second: str | Path) -> Difference:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rich.table import Table
-
-from rig.analysis.difference import Change, Difference
+from rig.analysis.difference import Difference, change_grid
 from rig.analysis.judging import GearVerdict
 from rig.analysis.passport.analyse import Analysed
-from rig.analysis.passport.content import Passport, PassportSeries
+from rig.analysis.passport.content import Passport
+from rig.analysis.passport.rows import series_grid
 from rig.commands.result_tables import print_verdict
-from rig.commands.terminal import console, table
+from rig.commands.terminal import STYLES, console, painted
 from rig.commands.visible import Text
-from rig.content.wording import number
-
-_STATE_COLOURS = {"in control": "green", "to be watched": "yellow", "out of control": "bold red"}
 
 
 def print_difference(
@@ -48,41 +44,9 @@ def print_difference(
         )
         out.print(Text(title, style="bold" if changes else "dim"))
         if shown:
-            out.print(_change_table(shown, results=group == "results"))
+            out.print(painted(change_grid(shown).without("group").without_empty()))
     if not compared.differs:
         out.print("Nothing differs but number and time.")
-
-
-def _change_table(changes: Sequence[Change], *, results: bool) -> Table:
-    headings = (
-        "what",
-        "first",
-        "second",
-        *(("difference", "significant", "remark") if results else ()),
-    )
-    rows = table(*headings, overflow="fold", box=None, header_style="dim")
-    for change in changes:
-        kind = change.name.partition(": ")[0] + ": " if results and change.title else ""
-        what = f"{kind}{change.title or change.name}"
-        row = [
-            Text(what),
-            Text(change.in_words(change.first)),
-            Text(change.in_words(change.second)),
-        ]
-        if results:
-            row += [Text(change.shown), _significance(change), Text(change.note)]
-        rows.add_row(*row)
-    return rows
-
-
-def _significance(change: Change) -> Text:
-    if change.significant is None:
-        return Text("")
-    return (
-        Text("yes", style="bold yellow")
-        if change.significant
-        else Text("no: within U_c", style="dim")
-    )
 
 
 def print_passport(
@@ -105,20 +69,14 @@ def print_passport(
     out.print(f"{len(passport.runs)} runs, {first} to {last}")
     print_verdict(out, judged)
     if passport.series:
-        out.print(_series_table(passport.series))
+        grid = series_grid(passport.series)
+        out.print(painted(grid.without("signals", "catalogue limit", "remarks")))
     for series in passport.series:
         for point in series.points:
             for signal in point.signals:
                 text = f"{series.title}, {point.run}: {passport.rules[signal]}"
                 text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
-                out.print(
-                    Text(
-                        text,
-                        style=_STATE_COLOURS[
-                            "out of control" if signal == "1" else "to be watched"
-                        ],
-                    )
-                )
+                out.print(Text(text, style=STYLES["bad" if signal == "1" else "warning"]))
     for heading, lines in (
         ("Missing", passport.missing),
         ("Runs that do not count", passport.left_out),
@@ -128,39 +86,3 @@ def print_passport(
         for line in lines:
             remedy = f"  →  {line.remedy}" if line.remedy else ""
             out.print(Text(f"  {line.run + ': ' if line.run else ''}{line.what}{remedy}"))
-
-
-def _series_table(series: Sequence[PassportSeries]) -> Table:
-    measured = ("runs", "newest", "U (95 %)")
-    rows = table(
-        "quantity",
-        *measured,
-        "unit",
-        "centre",
-        "control limits",
-        "state",
-        numbers=(*measured, "centre"),
-        overflow="fold",
-        box=None,
-        header_style="bold",
-        pad_edge=False,
-    )
-    for one in series:
-        newest, control = one.points[-1], one.control
-        centre = "-" if control is None else number(control.centre / one.factor, 4)
-        limits = (
-            "-"
-            if control is None
-            else " … ".join(number(v / one.factor, 4) for v in (control.lower, control.upper))
-        )
-        rows.add_row(
-            Text(one.title),
-            str(len(one.points)),
-            number(newest.value / one.factor, 4),
-            number(newest.expanded_uncertainty / one.factor, 2),
-            one.display_unit,
-            centre,
-            limits,
-            Text(one.state, style=_STATE_COLOURS.get(one.state, "dim")),
-        )
-    return rows

@@ -69,13 +69,22 @@ STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim
 
 
 def painted(grid: Grid, **look: Any) -> Table:
-    """A grid as a table of results; see `ruled_table`. Numbers, units and words stand on one line."""
+    """A grid as a table of results. Numbers, units and words stand on one line; text goes on in the next."""
+    from rich import box
+    from rich.table import Table
+
     from rig.commands.visible import Text
     from rig.content.grid import tone_of
 
-    numbers = [one.heading for one in grid.columns if one.kind == "number"]
-    whole = [one.heading for one in grid.columns if one.kind in ("number", "unit", "word")]
-    rows = ruled_table(*grid.headings, numbers=numbers, whole=whole, **look)
+    rows = Table(**{"title_justify": "left", "box": box.SIMPLE_HEAD, "pad_edge": False, **look})
+    for column in grid.columns:
+        whole = column.kind in ("number", "unit", "word")
+        rows.add_column(
+            column.heading,
+            justify="right" if column.kind == "number" else "left",
+            no_wrap=whole,
+            overflow="ellipsis" if whole else "fold",
+        )
     for row in grid.rows:
         cells = [
             Text(text, style=STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")

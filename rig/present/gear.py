@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 
 from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.passport.content import Passport, PassportSeries
+from rig.analysis.passport.rows import newest_pair
 from rig.content.data import data_grid
 from rig.content.grid import Grid, columns, tone_of
 from rig.content.page import Page, Section, Signature, State, annexes_of
-from rig.content.wording import days_text, decimals_of, fixed, number
+from rig.content.wording import days_text
 from rig.present import catalogue, definitions
 from rig.present.gear_runs import gear_alarms, gear_files, newest_fits
 from rig.present.provenance import provenance_of, provenance_sections
@@ -155,14 +156,8 @@ def _newest(series: Sequence[PassportSeries]) -> list[tuple[str, str, str, str]]
     """The newest value of every quantity with its state."""
     rows = []
     for one in series:
-        newest = one.points[-1]
-        value, doubt = newest.value / one.factor, newest.expanded_uncertainty / one.factor
-        decimals = decimals_of(doubt)
-        words = number(value)
-        if decimals is not None:
-            words = f"{fixed(value, decimals)} ± {fixed(doubt, decimals)}"
-        text = f"{words} {one.display_unit}".rstrip()
-        rows.append((one.kind, f"{one.title} ({one.state})", text, newest.identifiability))
+        text = f"{newest_pair(one)} {one.display_unit}".rstrip()
+        rows.append((one.kind, f"{one.title} ({one.state})", text, one.points[-1].identifiability))
     return rows
 
 

@@ -12,6 +12,7 @@ from PySide6.QtCore import QSignalBlocker, Signal
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QComboBox, QFileDialog, QGridLayout, QSizePolicy, QWidget
 
+from rig.content.grid import Grid, columns
 from rig.extras import require
 from rig.fleet.lot import Lot, LotGear, lot_of, why_of
 from rig.fleet.lot_quantity import LotQuantity
@@ -42,7 +43,7 @@ MOST_LISTED = 2000
 """Gears of the list; the filter finds the others."""
 WIDEST = 200
 """Pixels of a column at first: all of them fit beside the plots."""
-COLUMNS = ("gear", "bench", "verdict", "why")
+COLUMNS = columns("gear", "bench", ("verdict", "word"), "why")
 ChooseFolder = Callable[[QWidget], str]
 
 
@@ -76,7 +77,7 @@ class FleetPage(QWidget):
         self.quantity, self.beside = (
             choice_box(name, letters=14) for name in ("Quantity", "Over it")
         )
-        self.gears = GridTable(session, "Gears", ("verdict",), widest=WIDEST)
+        self.gears = GridTable(session, "Gears", widest=WIDEST)
         self.plots = LotPlots(session)
         self.count, self.says = text_label("", "muted", wraps=True), text_label("", wraps=True)
         self.open_run = push_button(
@@ -206,7 +207,7 @@ class FleetPage(QWidget):
         ]
         with QSignalBlocker(self.gears):
             self.gears.clearSelection()
-            self.gears.show_rows(COLUMNS, rows)
+            self.gears.show_grid(Grid("Gears", COLUMNS, rows))
         if before is not None:
             self.choose_gear(before.gear)
         self._count()

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rig.content.grid import Grid, columns
 from rig.present.preview.plan import percent
 from rig.run.progress import in_words
 from rig.trial.campaign.walk import Walk
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 
-COLUMNS = ("run", "protocol", "nominal", "at most", "nearest limit", "margin left", "done as")
+COLUMNS = columns(
+    ("run", "number"),
+    "protocol",
+    ("nominal", "number"),
+    ("at most", "number"),
+    "nearest limit",
+    ("margin left", "number"),
+    "done as",
+)
 
 
 class WalkTable(GridTable):
@@ -22,7 +31,7 @@ class WalkTable(GridTable):
     def show_walk(self, walked: Walk | None, done: Sequence[str] = ()) -> None:
         """A walked campaign; `done` names the run that counts already for each of its stages, "" for none."""
         rows = [] if walked is None else walk_rows(walked, done)
-        self.show_rows(COLUMNS, rows, (True, False, True, True, False, True, False))
+        self.show_grid(Grid("", COLUMNS, rows))
 
 
 def walk_rows(walked: Walk, done: Sequence[str] = ()) -> list[tuple[str, ...]]:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QComboBox, QWidget
 
-from rig.analysis.difference import Change, Difference, difference
-from rig.content.wording import readable
+from rig.analysis.difference import Change, Difference, change_grid, difference
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -19,7 +18,6 @@ from rig.window.shell.stack import (
 )
 from rig.window.work.background import LatestTask
 
-COLUMNS = ("group", "what", "first", "second", "difference ± U_c", "significance", "remark")
 EVERYTHING = "everything that differs"
 WIDEST = 170
 """Pixels of a column at first, so that the significance of a result is in view."""
@@ -36,7 +34,7 @@ class DifferenceView(QWidget):
         self.group = choice_box("Which group")
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToContents)
         self.group.currentIndexChanged.connect(lambda _: self._fill())
-        self.table = GridTable(session, "Differences", judged=("significance",), widest=WIDEST)
+        self.table = GridTable(session, "Differences", widest=WIDEST)
         self._comparing = LatestTask(self, self._take, self.says.setText)
         head = in_row(text_label("show"), self.group, (self.says, 1))
         self.setLayout(in_column(self.title, head, (self.table, 1), margins=(8, 8, 8, 4)))
@@ -46,7 +44,7 @@ class DifferenceView(QWidget):
         self.difference = None
         self.title.setText("Difference")
         self.group.clear()
-        self.table.show_rows(COLUMNS, ())
+        self.table.show_grid(change_grid(()))
         self.says.setText("Reading both runs …")
         self._comparing.start(lambda: difference(first, second))
 
@@ -74,29 +72,9 @@ class DifferenceView(QWidget):
             return
         group = self.group.currentData()
         changes = self.difference.of(group) if group else self.difference.changes
-        kinds = {change.name.partition(": ")[0] for change in changes if change.group == "results"}
-        rows = [
-            change_row(change, several_kinds=len(kinds) > 1) for change in _results_first(changes)
-        ]
-        self.table.show_rows(COLUMNS, rows, (False, False, True, True, True, False, False))
+        self.table.show_grid(change_grid(_results_first(changes)))
 
 
 def _results_first(changes: Sequence[Change]) -> list[Change]:
     """The order in which a reader asks: what came out, then why."""
     return sorted(changes, key=lambda change: change.group != "results")
-
-
-def change_row(change: Change, *, several_kinds: bool = True) -> tuple[str, ...]:
-    """One line under `COLUMNS`; results name their kind of fit where there are several."""
-    kind, _, name = (
-        change.name.partition(": ") if change.group == "results" else ("", "", change.name)
-    )
-    words = change.title or readable(name) or kind
-    first, second = change.in_words(change.first), change.in_words(change.second)
-    what = f"{kind}: {words}" if name and kind and several_kinds else words
-    if change.difference is None or change.uncertainty is None:
-        return (change.group, what, first, second, "", "", change.note)
-    verdict = (
-        "" if change.significant is None else "significant" if change.significant else "within U"
-    )
-    return (change.group, what, first, second, change.shown, verdict, change.note)

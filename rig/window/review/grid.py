@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import QHeaderView, QTableWidget, QTableWidgetItem
 
-from rig.content.grid import Grid, tone_of
+from rig.content.grid import Column, Grid, tone_of
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -21,41 +19,32 @@ WIDEST = 320
 
 
 class GridTable(QTableWidget):
-    """A table of text. `judged` names the columns whose words are coloured as verdicts."""
+    """A table of text. `show_grid` fills it; words of a verdict have the colours of their tones."""
 
-    def __init__(
-        self, session: WindowSession, name: str, judged: Sequence[str] = (), *, widest: int = WIDEST
-    ) -> None:
+    def __init__(self, session: WindowSession, name: str, *, widest: int = WIDEST) -> None:
         super().__init__(0, 0)
-        self._session, self._judged, self._widest = session, judged, widest
-        self._columns: tuple[str, ...] = ()
+        self._session, self._widest = session, widest
+        self._columns: tuple[Column, ...] = ()
         row_by_row(self, name)
         session.theme_changed.connect(self._colour)
 
     def show_grid(self, grid: Grid) -> None:
-        """Other contents; a word of a verdict has the colour of its tone."""
-        self._judged = [one.heading for one in grid.columns if one.kind == "word"]
-        self.show_rows(grid.headings, grid.rows, [one.kind == "number" for one in grid.columns])
-
-    def show_rows(
-        self, columns: Sequence[str], rows: Sequence[Sequence[str]], numeric: Sequence[bool] = ()
-    ) -> None:
         """Other contents."""
-        self._columns = tuple(columns)
-        self.setColumnCount(len(columns))
-        self.setHorizontalHeaderLabels(list(columns))
-        self.setRowCount(len(rows))
+        self._columns = grid.columns
+        self.setColumnCount(len(grid.columns))
+        self.setHorizontalHeaderLabels(grid.headings)
+        self.setRowCount(len(grid.rows))
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        for place, numbers in enumerate(numeric):
-            if numbers:
+        for place, column in enumerate(grid.columns):
+            if column.kind == "number":
                 heading = self.horizontalHeaderItem(place)
                 assert heading is not None
                 heading.setTextAlignment(right)
-        for number, row in enumerate(rows):
-            for place, text in enumerate(row):
+        for number, row in enumerate(grid.rows):
+            for place, (text, column) in enumerate(zip(row, grid.columns, strict=True)):
                 item = QTableWidgetItem(text)
                 set_tip(item, text)
-                if place < len(numeric) and numeric[place]:
+                if column.kind == "number":
                     item.setTextAlignment(right)
                 self.setItem(number, place, item)
         self._colour(self._session.palette)
@@ -63,7 +52,7 @@ class GridTable(QTableWidget):
 
     def texts(self, column: str) -> list[str]:
         """What stands in a column."""
-        place = self._columns.index(column)
+        place = [one.heading for one in self._columns].index(column)
         return [self._cell(row, place).text() for row in range(self.rowCount())]
 
     def _cell(self, row: int, place: int) -> QTableWidgetItem:
@@ -81,8 +70,8 @@ class GridTable(QTableWidget):
                 self.setColumnWidth(place, self._widest)
 
     def _colour(self, palette: Palette) -> None:
-        for place, name in enumerate(self._columns):
-            if name not in self._judged:
+        for place, column in enumerate(self._columns):
+            if column.kind != "word":
                 continue
             for row in range(self.rowCount()):
                 item = self._cell(row, place)

@@ -9,6 +9,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QWidget
 
 from rig.analysis.validate import Validation
+from rig.content.data import data_grid
+from rig.content.grid import Grid
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.plot.result_plot import ResultPlot
 from rig.window.review.grid import GridTable
@@ -40,7 +42,7 @@ class ModelsView(QWidget):
         self.says.setText("Every model is fitted to all runs but one, and judged on that one …")
         self.plot.clear_data()
         self.plot.set_labels("", "", "")
-        self.table.show_rows((), ())
+        self.table.show_grid(Grid("", (), ()))
         words = ["validate", *(str(path) for path in paths), "--json"]
         self._judging = BackgroundCommand(words, self, self._take)
         self._judging.start()
@@ -65,5 +67,4 @@ class ModelsView(QWidget):
         )
         self.plot.set_mark(ORIGIN_WORDS.get(found.origin, found.origin))
         self.plot.show_data(found.plot())
-        rows = [tuple(str(cell) for cell in row) for row in table.rows]
-        self.table.show_rows(table.columns, rows, (False, *(True for _ in table.columns[1:])))
+        self.table.show_grid(data_grid(table))

@@ -21,8 +21,9 @@ from rig.analysis.fit import LEFT_AWAY
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.judging import GearVerdict, not_judged
 from rig.analysis.passport.followed import watched_kinds
+from rig.analysis.passport.rows import missing_grid, series_grid
 from rig.analysis.tare import find_tare, takes_tare
-from rig.content.wording import fixed, number
+from rig.content.grid import Grid, columns
 from rig.gears.acceptance import acceptance_for
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.present.certificate.gather import certified
@@ -45,22 +46,11 @@ from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
 from rig.window.work.verdicts import SIGNS, ListedVerdict, listed_verdict
 
 if TYPE_CHECKING:
-    from rig.analysis.passport.content import Passport, PassportPoint, PassportSeries
+    from rig.analysis.passport.content import Passport
 
-STATE_COLUMNS = (
-    "what",
-    "newest",
-    "unit",
-    "state",
-    "signals",
-    "centre",
-    "control limits",
-    "catalogue limit",
-    "runs",
-    "remarks",
+RUN_COLUMNS = columns(
+    ("#", "number"), "started", "protocol", "outcome", "verdict", "operator", "file"
 )
-RUN_COLUMNS = ("#", "started", "protocol", "outcome", "verdict", "operator", "file")
-MISSING_COLUMNS = ("what", "run", "what to do")
 
 
 class PassportView(QWidget):
@@ -105,7 +95,7 @@ class PassportView(QWidget):
             act=lambda: self.report_requested.emit(self._serial, ".pdf"),
         )
         self.charts = PlotGallery(session)
-        self.state = GridTable(session, "What the charts say", judged=("state",))
+        self.state = GridTable(session, "What the charts say")
         self.runs = GridTable(session, "Runs of the gear")
         self.missing = GridTable(session, "What is missing")
         self.runs.activated.connect(lambda index: self._open_run(index.row()))
@@ -211,10 +201,7 @@ class PassportView(QWidget):
         )
         self.mark.setText(passport.mark)
         self.charts.show_plots(passport.plots, passport.mark, keep=True)
-        numeric = (False, True, False, False, False, True, True, True, True, False)
-        self.state.show_rows(
-            STATE_COLUMNS, [state_row(series) for series in passport.series], numeric
-        )
+        self.state.show_grid(series_grid(passport.series))
         rows = [
             (
                 str(run.number),
@@ -227,10 +214,10 @@ class PassportView(QWidget):
             )
             for run in passport.runs
         ]
-        self.runs.show_rows(RUN_COLUMNS, rows, (True,))
-        gaps = [(m.what, m.run, m.remedy) for m in (*passport.missing, *passport.left_out)]
-        self.missing.show_rows(MISSING_COLUMNS, gaps)
-        self.tabs.setTabText(3, f"Missing ({len(gaps)})" if gaps else "Nothing missing")
+        self.runs.show_grid(Grid("Runs of the gear", RUN_COLUMNS, rows))
+        gaps = missing_grid((*passport.missing, *passport.left_out))
+        self.missing.show_grid(gaps)
+        self.tabs.setTabText(3, f"Missing ({len(gaps.rows)})" if gaps.rows else "Nothing missing")
         self.says.setText("\n".join((summary(passport), *self._refusals)))
         self._show_lacking()
 
@@ -361,42 +348,3 @@ def summary(passport: Passport) -> str:
         if series.state in ("out of control", "to be watched")
     ]
     return f"{count}. " + (f"To be looked at: {'; '.join(out)}." if out else "No run stands out.")
-
-
-def state_row(series: PassportSeries) -> tuple[str, ...]:
-    """What a chart says of the newest run, under `STATE_COLUMNS`, in the unit of the laboratory."""
-    newest = series.points[-1]
-    value = f"{number(newest.value / series.factor)} ± {number(newest.expanded_uncertainty / series.factor, 2)}"
-    control, limit = series.control, series.limit
-    centre = number(control.centre / series.factor) if control else "–"
-    limits = (
-        f"{number(control.lower / series.factor)} … {number(control.upper / series.factor)}"
-        if control
-        else "–"
-    )
-    catalogue = f"{number(limit.value / series.factor)} ({limit.provenance})" if limit else "–"
-    remarks = "; ".join((*newest.remarks, *series.notes))
-    return (
-        _title(series),
-        value,
-        series.display_unit,
-        series.state,
-        _signals(newest),
-        centre,
-        limits,
-        catalogue,
-        fixed(len(series.points), 0),
-        remarks,
-    )
-
-
-def _title(series: PassportSeries) -> str:
-    conditions = ", ".join(f"{name} {value}" for name, value in series.conditions.items())
-    return f"{series.title} ({conditions})" if conditions else series.title
-
-
-def _signals(point: PassportPoint) -> str:
-    if not point.signals:
-        return "none"
-    words = f"rule {', '.join(point.signals)}"
-    return f"{words}; within U" if point.within_uncertainty else words

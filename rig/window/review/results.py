@@ -19,6 +19,7 @@ from model.gear import HarmonicDrive
 from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import estimate_grid
 from rig.analysis.tare import takes_tare
+from rig.content.grid import columns
 from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
@@ -317,4 +318,12 @@ def comparison_rows(
     return rows
 
 
-COMPARISON_COLUMNS = ("parameter", "set", "run", "± U", "unit", "|Δ| / U", "agrees")
+COMPARISON_COLUMNS = columns(
+    "parameter",
+    ("set", "number"),
+    ("run", "number"),
+    ("± U", "number"),
+    ("unit", "unit"),
+    ("|Δ| / U", "number"),
+    ("agrees", "word"),
+)

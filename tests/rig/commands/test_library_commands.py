@@ -124,9 +124,9 @@ def test_diff_says_what_differs_and_ends_with_zero(rig: Rig, three: Path) -> Non
     for word in (
         "00001-friction-A1  against  00002-friction-A1",
         "parameters: 0 of",
-        "friction: running torque 1000 r/min",
+        "running torque 1000 r/min",
         "81.00 ± 0.20 mN m",
-        "yes",
+        "significant",
     ):
         assert word in rig.out
     assert "\n speeds " not in rig.out

@@ -141,8 +141,8 @@ def test_the_passport_of_a_gear_has_charts_after_its_runs_were_fitted(
     qtbot.waitUntil(lambda: not view.is_busy and view.passport is not None, timeout=LONGEST)
     assert set(view.state.texts("runs")) == {"2"}
     assert set(view.state.texts("state")) == {"no control limits yet"}
-    row = view.state.texts("what").index(
-        next(t for t in view.state.texts("what") if "500 r/min" in t)
+    row = view.state.texts("quantity").index(
+        next(t for t in view.state.texts("quantity") if "500 r/min" in t)
     )
     assert view.state.texts("catalogue limit")[row] in ("–", "100 (recalled)")
     assert view.charts.plot.mark == "SIMULATED"

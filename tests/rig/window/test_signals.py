@@ -173,7 +173,8 @@ def test_cursors_measure_what_lies_between_them(
 def test_crossed_cursors_turn_the_difference_round(recording: Recording) -> None:
     (one,) = stretches_of(recording, ["input_angle"], 0.5, 1.0)
     straight, crossed = (
-        dict(zip(COLUMNS, stretch_row(one, crossed=c), strict=True)) for c in (False, True)
+        dict(zip([at.heading for at in COLUMNS], stretch_row(one, crossed=c), strict=True))
+        for c in (False, True)
     )
     assert crossed["at A"] == straight["at B"]
     assert crossed["B − A"].startswith("−")

@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from experiments.result import Result
-from rig.analysis.difference import Change
+from rig.analysis.difference import Change, change_grid
 from rig.analysis.result_data import result_from_mapping
-from rig.window.review.difference import change_row
 from rig.window.review.table_model import gear_words
 from rig.window.run.outcome_view import remarks, result_lines, verdict_line
 from tests.rig.window.reviewing import indexed
@@ -103,7 +102,7 @@ def test_the_end_of_a_run_says_what_its_gear_is_worth_and_why() -> None:
 def test_a_difference_is_told_in_the_units_of_a_laboratory(
     change: Change, row: tuple[str, ...]
 ) -> None:
-    assert change_row(change, several_kinds=False) == row
+    assert change_grid([change]).rows == [row]
 
 
 def test_a_bare_motor_has_no_gear() -> None:

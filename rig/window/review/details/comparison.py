@@ -13,6 +13,7 @@ from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.result_data import quantities_for
+from rig.content.grid import Grid
 from rig.content.wording import metric_text
 from rig.window.review.grid import GridTable
 from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
@@ -33,7 +34,7 @@ class ComparisonView(QWidget):
         self._session = session
         self._content: Mapping[str, Any] = {}
         self.title = text_label("", "heading", wraps=True)
-        self.table = GridTable(session, "Parameter set against run", judged=("agrees",))
+        self.table = GridTable(session, "Parameter set against run")
         self.nothing = text_label(
             "This run identifies no value that the parameter set holds.", "muted"
         )
@@ -52,9 +53,7 @@ class ComparisonView(QWidget):
         kind, run, against = (content.get(key, "") for key in ("kind", "run", "parameter_set"))
         self.title.setText(f"{kind}: run {run} against the set {against}")
         set_tip(self.title, str(parameters))
-        self.table.show_rows(
-            COMPARISON_COLUMNS, rows, (False, True, True, True, False, True, False)
-        )
+        self.table.show_grid(Grid("", COMPARISON_COLUMNS, rows))
         self.table.setVisible(bool(rows))
         self.nothing.setVisible(not rows)
         self._write()

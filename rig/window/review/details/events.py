@@ -8,6 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
 from experiments.recording import Event, Recording
+from rig.content.grid import Grid, columns
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -17,7 +18,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 
-COLUMNS = ("time [s]", "level", "source", "code", "what")
+COLUMNS = columns(("time [s]", "number"), ("level", "word"), "source", "code", "what")
 FILTERS = ("everything", "notes and answers", "warnings and errors")
 
 
@@ -30,7 +31,7 @@ class RunEventsView(QWidget):
         super().__init__()
         self._events: tuple[tuple[float, Event], ...] = ()
         self._shown: list[tuple[float, Event]] = []
-        self.table = GridTable(session, "Events and notes", judged=("level",))
+        self.table = GridTable(session, "Events and notes")
         self.filter = choice_box("Which events", FILTERS)
         self.filter.currentIndexChanged.connect(lambda _: self._fill())
         self.count = text_label("", "muted")
@@ -53,7 +54,7 @@ class RunEventsView(QWidget):
         wanted = FILTERS.index(self.filter.currentText())
         self._shown = [pair for pair in self._events if _passes(pair[1], wanted)]
         rows = [(f"{moment:.3f}", e.level, e.source, e.code, e.text) for moment, e in self._shown]
-        self.table.show_rows(COLUMNS, rows, (True,))
+        self.table.show_grid(Grid("Events and notes", COLUMNS, rows))
         self.count.setText(_count(self._shown, len(self._events)))
 
 

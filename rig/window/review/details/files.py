@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from experiments.finding import Finding
 from rig.analysis.store import Analysis, analysis_folder
+from rig.content.grid import Grid, columns
 from rig.runfile.verify import verify_run
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
@@ -17,7 +18,7 @@ from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import LatestTask
 
-COLUMNS = ("#", "kind of fit", "made", "tare", "program", "file")
+COLUMNS = columns(("#", "number"), "kind of fit", "made", "tare", "program", "file")
 Opener = Callable[[QUrl], object]
 
 
@@ -76,7 +77,7 @@ class RunFilesView(QWidget):
                     a.path.name,
                 )
             )
-        self.table.show_rows(COLUMNS, rows, (True,))
+        self.table.show_grid(Grid("Analyses", COLUMNS, rows))
         where = analysis_folder(path).name
         self.says.setText(
             problem

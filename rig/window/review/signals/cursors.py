@@ -9,6 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QCheckBox, QDoubleSpinBox, QWidget
 
+from rig.content.grid import Grid, columns
 from rig.content.wording import fixed, number
 from rig.window.plot.plots import LabPlot
 from rig.window.review.grid import GridTable
@@ -30,17 +31,17 @@ DECIMALS = 4
 """Decimals of a cursor's time [s]: a tenth of a cycle at 1 kHz."""
 DIGITS = 6
 """Digits of a number between the cursors: counts need no more."""
-COLUMNS = (
+COLUMNS = columns(
     "channel",
-    "unit",
-    "at A",
-    "at B",
-    "B − A",
-    "mean",
-    "std. dev.",
-    "min",
-    "max",
-    "slope [/s]",
+    ("unit", "unit"),
+    ("at A", "number"),
+    ("at B", "number"),
+    ("B − A", "number"),
+    ("mean", "number"),
+    ("std. dev.", "number"),
+    ("min", "number"),
+    ("max", "number"),
+    ("slope [/s]", "number"),
 )
 FIELD_WIDTH = 110
 """Pixels of a field for a time."""
@@ -135,7 +136,7 @@ class Cursors(QWidget):
         """What lies between them."""
         a, b = self.moments
         rows = [stretch_row(one, crossed=b < a) for one in stretches]
-        self.table.show_rows(COLUMNS, rows, (False, False, *[True] * 8))
+        self.table.show_grid(Grid("Between the cursors", COLUMNS, rows))
         wanted = self.table.horizontalHeader().height() + 4
         wanted += self.table.horizontalScrollBar().sizeHint().height()
         wanted += sum(self.table.rowHeight(row) for row in range(self.table.rowCount()))

@@ -1,0 +1,70 @@
+"""A passport in rows: what every chart says of the newest run, and what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rig.analysis.passport.content import Missing, PassportPoint, PassportSeries
+from rig.content.grid import Grid, columns
+from rig.content.wording import decimals_of, fixed, number
+
+
+def series_grid(series: Sequence[PassportSeries]) -> Grid:
+    """Every chart in the unit of the laboratory: the newest value, its state, and the limits about it."""
+    heads = columns(
+        ("quantity", "quantity"),
+        ("newest ± U (95 %)", "number"),
+        ("unit", "unit"),
+        ("state", "word"),
+        "signals",
+        ("centre", "number"),
+        ("control limits", "number"),
+        ("catalogue limit", "number"),
+        ("runs", "number"),
+        "remarks",
+    )
+    return Grid("What the charts say", heads, [_series_row(one) for one in series])
+
+
+def _series_row(series: PassportSeries) -> tuple[str, ...]:
+    newest, control, limit, factor = series.points[-1], series.control, series.limit, series.factor
+    centre = limits = "–"
+    if control is not None:
+        centre = number(control.centre / factor)
+        limits = f"{number(control.lower / factor)} … {number(control.upper / factor)}"
+    conditions = ", ".join(f"{name} {value}" for name, value in series.conditions.items())
+    return (
+        f"{series.title} ({conditions})" if conditions else series.title,
+        newest_pair(series),
+        series.display_unit,
+        series.state,
+        _signals(newest),
+        centre,
+        limits,
+        f"{number(limit.value / factor)} ({limit.provenance})" if limit else "–",
+        str(len(series.points)),
+        "; ".join((*newest.remarks, *series.notes)),
+    )
+
+
+def newest_pair(series: PassportSeries) -> str:
+    """The newest value ± U in the unit of the series, rounded by U."""
+    newest = series.points[-1]
+    value, doubt = newest.value / series.factor, newest.expanded_uncertainty / series.factor
+    decimals = decimals_of(doubt)
+    if decimals is None:
+        return number(value)
+    return f"{fixed(value, decimals)} ± {fixed(doubt, decimals)}"
+
+
+def _signals(point: PassportPoint) -> str:
+    if not point.signals:
+        return "none"
+    words = f"rule {', '.join(point.signals)}"
+    return f"{words}; within U" if point.within_uncertainty else words
+
+
+def missing_grid(missing: Sequence[Missing]) -> Grid:
+    """What a whole passport would have besides, of which run, and what to do about it."""
+    rows = [(one.what, one.run, one.remedy) for one in missing]
+    return Grid("What is missing", columns("what", "run", "what to do"), rows)
