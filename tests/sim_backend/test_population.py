@@ -63,24 +63,27 @@ AROUND = np.linspace(0.0, 2.0 * np.pi, 20_000)
 
 
 @functools.cache
-def curves(seed: int, which: str) -> tuple[np.ndarray, np.ndarray]:
-    """What an encoder's orders up to 8 and those above add over its own revolution [arcsec]."""
-    series = getattr(stated(population()[seed]), f"{which}_encoder").series
+def widths(place: int, which: str) -> tuple[float, float]:
+    """How much an encoder's orders change over its own revolution [arcsec]: all, and those above 8."""
+    series = getattr(stated(population()[place]), f"{which}_encoder").series
     slow, fine = (
         series_value([h for h in series if (h.order > 8.5) == above], AROUND) / ARCSEC
         for above in (False, True)
     )
-    return slow, fine
+    return float(np.ptp(slow + fine)), float(np.ptp(fine))
+
+
+def widths_of(one: Drawn, which: str) -> tuple[float, float]:
+    return widths(next(k for k, other in enumerate(population()) if other is one), which)
 
 
 def half_width(one: Drawn, which: str) -> float:
-    slow, fine = curves(population().index(one), which)
-    return 0.5 * float(np.ptp(slow + fine))
+    return 0.5 * widths_of(one, which)[0]
 
 
 def fine_share(one: Drawn) -> float:
-    slow, fine = curves(population().index(one), "output")
-    return float(np.ptp(fine) / np.ptp(slow + fine))
+    whole, fine = widths_of(one, "output")
+    return fine / whole
 
 
 # Entry of the table: what it is of one draw, its bounds, and whether its logarithm is uniform.

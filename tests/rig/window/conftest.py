@@ -58,10 +58,13 @@ MakePrepared = Callable[..., PreparedRun]
 
 @pytest.fixture(autouse=True)
 def collector_in_the_main_thread() -> Iterator[None]:
-    """No other thread takes a window apart: what a test leaves is collected here, as by `shell.collector`."""
+    """No other thread takes a window apart: what a test leaves is collected here, as by `shell.collector`.
+
+    At its end the test still holds its windows: they outlive this collection, and go with the next test's.
+    """
     gc.disable()
     yield
-    gc.collect(0)
+    gc.collect(1)
     gc.enable()
 
 
