@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
 
 from drivers.port import Command, Mode
 from model.errors import ModelError
-from model.kinematic_error import series_value
+from model.gear import Harmonic
 from model.linear import dynamic_parameters
 from model.units import ARCMIN, ARCSEC
 from sim_backend.condition import Sideband, Stated
@@ -59,7 +59,17 @@ def amplitude(wave: Sideband) -> float:
     return math.hypot(wave.cosine, wave.sine) / ARCSEC
 
 
-AROUND = np.linspace(0.0, 2.0 * np.pi, 20_000)
+PLACES = 20_000
+"""Even steps of a revolution at which the orders of an encoder are added up."""
+
+
+def around(series: Sequence[Harmonic]) -> np.ndarray:
+    """The sum of whole orders over a revolution, by the inverse transform of their amplitudes."""
+    spectrum = np.zeros(PLACES // 2 + 1, dtype=complex)
+    for harmonic in series:
+        assert harmonic.order == round(harmonic.order)
+        spectrum[round(harmonic.order)] += complex(harmonic.cosine, -harmonic.sine)
+    return np.fft.irfft(spectrum, PLACES) * (PLACES / 2)
 
 
 @functools.cache
@@ -67,8 +77,7 @@ def widths(place: int, which: str) -> tuple[float, float]:
     """How much an encoder's orders change over its own revolution [arcsec]: all, and those above 8."""
     series = getattr(stated(population()[place]), f"{which}_encoder").series
     slow, fine = (
-        series_value([h for h in series if (h.order > 8.5) == above], AROUND) / ARCSEC
-        for above in (False, True)
+        around([h for h in series if (h.order > 8.5) == above]) / ARCSEC for above in (False, True)
     )
     return float(np.ptp(slow + fine)), float(np.ptp(fine))
 
