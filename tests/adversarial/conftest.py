@@ -54,7 +54,6 @@ ACCEPTANCE = Acceptance(
     ),
     path="test.toml",
 )
-SETTINGS = {"friction": {"genetic": False}}
 
 
 def judged(result: Result, recording: Recording) -> GearVerdict:
@@ -99,7 +98,7 @@ def honest(runs: dict[str, Recording], tare: Result) -> Callable[[str], Honest]:
 
     def of(kind: str) -> Honest:
         recording = runs[kind]
-        evidence = Evidence(shipped_gear(), settings=dict(SETTINGS.get(kind, {})))
+        evidence = Evidence(shipped_gear())
         if catalogue.load(kind).takes_tare:
             evidence = dataclasses.replace(
                 evidence,

@@ -146,10 +146,7 @@ def pairs_of(seed: int, population: Any) -> Line:
                 words = f"{protocol}, run {number} of {len(wanted)}: {report.message}"
                 return {"outcome": "failed", "words": words}
             paths.append(report.path)
-        first, second = (
-            fit.result.estimates
-            for fit in fit_files(paths[1:], tare=paths[0], settings={"genetic": False})
-        )
+        first, second = (fit.result.estimates for fit in fit_files(paths[1:], tare=paths[0]))
     both = [q for q in QUANTITIES if q in first and q in second]
     return {"numbers": [pair_line(first[q], second[q]) for q in both]}
 

@@ -37,12 +37,10 @@ from model.units import DEGREE, REVOLUTION, RPM
 from tests.experiments.synthetic import Bench, record
 from tests.model.identify.rigs import SPEEDS, sweep
 
-QUICK = {"genetic": False}
-
 
 @pytest.fixture(scope="module")
 def result(friction_run: Recording, gear: HarmonicDrive, tare: Result) -> Result:
-    return friction.analyse(friction_run, Evidence(gear, tare))
+    return friction.analyse(friction_run, Evidence(gear, tare, settings={"genetic": True}))
 
 
 def test_the_gears_friction_is_recovered_behind_the_motors(
@@ -79,7 +77,7 @@ def test_the_budget_of_the_coulomb_friction_has_all_of_type_b(result: Result) ->
 def test_without_a_tare_it_is_motor_and_gear_and_nothing_is_claimed(
     friction_run: Recording, gear: HarmonicDrive
 ) -> None:
-    result = friction.analyse(friction_run, Evidence(gear, settings=QUICK))
+    result = friction.analyse(friction_run, Evidence(gear))
     assert result.options["torque_is_of"] == "motor + gear"
     assert any("motor and gear together" in w for w in result.warnings)
     assert result.estimates["coulomb"].value > 1.2 * gear.mesh_friction.coulomb
@@ -95,7 +93,7 @@ def test_a_tare_that_does_not_cover_the_speeds_is_not_used(
         motor_tare_declaration.Parameters(speeds_rpm=(100.0, 300.0, 1000.0)), gear
     )
     short = motor_tare.analyse(record(plan, bare, "motor-tare"), Evidence(gear))
-    result = friction.analyse(friction_run, Evidence(gear, short, settings=QUICK))
+    result = friction.analyse(friction_run, Evidence(gear, short))
     assert result.options["torque_is_of"] == "motor + gear"
     assert any("was not used" in w for w in result.warnings)
 
@@ -108,7 +106,7 @@ def test_holds_that_are_faster_than_the_tare_are_left_out_and_named(
         tare.tables[0], rows=tuple(r for r in tare.tables[0].rows if float(r[0]) < half)
     )
     slower = dataclasses.replace(tare, tables=(table, *tare.tables[1:]))
-    left = friction.analyse(friction_run, Evidence(gear, slower, settings=QUICK))
+    left = friction.analyse(friction_run, Evidence(gear, slower))
     assert left.options["torque_is_of"] == "gear"
     assert left.metrics["points"] < result.metrics["points"]
     assert any("were left out. Repeat the tare" in w for w in left.warnings)
@@ -214,7 +212,7 @@ def test_the_zero_cancels_in_the_half_difference_and_stands_in_the_half_sum(
     )
     segments = tuple(s for s in run.segments if not s.label.startswith("torque-zero"))
     unzeroed = dataclasses.replace(run, segments=segments)
-    result = friction.analyse(unzeroed, Evidence(gear, tare, settings=QUICK))
+    result = friction.analyse(unzeroed, Evidence(gear, tare))
     assert any("no servo-off segment" in w for w in result.warnings)
     assert result.estimates["coulomb"].value == pytest.approx(gear.mesh_friction.coulomb, rel=0.01)
     assert result.estimates["offset"].value == pytest.approx(0.01, abs=3e-4)
@@ -235,9 +233,9 @@ def test_a_drifting_reference_speed_is_said_and_a_large_drift_is_refused(
         )
         if refused:
             with pytest.raises(AnalysisError, match="drifted"):
-                friction.analyse(warm, Evidence(gear, settings=QUICK))
+                friction.analyse(warm, Evidence(gear))
         else:
-            result = friction.analyse(warm, Evidence(gear, settings=QUICK))
+            result = friction.analyse(warm, Evidence(gear))
             assert any("drifted" in w for w in result.warnings)
             assert result.metrics["bracket_drift"] == pytest.approx(0.1, abs=0.03)
 
@@ -254,7 +252,7 @@ def test_friction_that_varies_over_the_output_is_brought_to_its_mean(
     run = dataclasses.replace(
         friction_run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": varied})
     )
-    result = friction.analyse(run, Evidence(gear, tare, settings=QUICK))
+    result = friction.analyse(run, Evidence(gear, tare))
     before = reproducibility(measure_friction(run, Evidence(gear, tare)).bracket)
     assert result.metrics["reproducibility"] < 0.5 * before
     assert result.metrics["friction_over_output_order_1"] == pytest.approx(0.02, rel=0.3)
@@ -280,7 +278,7 @@ def test_holds_in_which_the_input_stops_and_goes_are_left_out_and_named(
             torque[rows] -= round(s.direction * 0.006 / friction_run.signals["torque"].scale)
     arrays = {**source.arrays, "input_angle": angle, "torque": torque}
     stuck = dataclasses.replace(friction_run, source=dataclasses.replace(source, arrays=arrays))
-    result = friction.analyse(stuck, Evidence(gear, tare, settings=QUICK))
+    result = friction.analyse(stuck, Evidence(gear, tare))
     assert any(f"at {slowest / RPM:.2g} r/min" in w and "left out" in w for w in result.warnings)
     assert result.metrics["slowest_speed"] > 1.1 * slowest
     static = result.estimates["static"]
@@ -313,15 +311,19 @@ def test_a_slowest_speed_that_saw_little_of_the_bend_is_said_and_the_interval_de
     parameters = friction_declaration.Parameters(lowest_rpm=40.0, points=9)
     result = load("friction").analyse(
         record(friction_plan.plan(parameters, gear), bench, "friction"),
-        Evidence(gear, tare, settings=QUICK),
+        Evidence(gear, tare),
     )
     assert any("slowest speed" in w for w in result.warnings)
     shape = result.estimates["shape"]
     assert abs(shape.value - gear.mesh_friction.shape) <= shape.expanded_uncertainty
 
 
-def test_the_genetic_search_finds_no_better_minimum(result: Result) -> None:
+def test_the_genetic_search_finds_no_better_minimum_where_it_is_asked_for(
+    result: Result, friction_run: Recording, gear: HarmonicDrive
+) -> None:
     assert result.metrics["genetic_chi_square_excess"] > -1e-6
+    unasked = friction.analyse(friction_run, Evidence(gear)).metrics
+    assert not [name for name in unasked if name.startswith("genetic")]
 
 
 def test_identified_friction_goes_into_the_parameter_set(
@@ -341,9 +343,7 @@ def test_the_published_balance_is_kept_with_its_numbers(
     friction_run: Recording, gear: HarmonicDrive, tare: Result
 ) -> None:
     """Equation 20 as printed needs 3.9 times the mesh friction for the same torque."""
-    result = friction.analyse(
-        friction_run, Evidence(gear, tare, settings={**QUICK, "balance": "published"})
-    )
+    result = friction.analyse(friction_run, Evidence(gear, tare, settings={"balance": "published"}))
     identified = friction.identified(result, gear)
     assert identified.options.torque_balance == "published"
     assert result.estimates["coulomb"].value == pytest.approx(
@@ -468,7 +468,7 @@ ENTERED = {
 def test_an_output_bearing_that_is_entered_is_subtracted_with_its_uncertainty(
     friction_run: Recording, gear: HarmonicDrive, tare: Result, result: Result
 ) -> None:
-    entered = friction.analyse(friction_run, Evidence(gear, tare, settings={**QUICK, **ENTERED}))
+    entered = friction.analyse(friction_run, Evidence(gear, tare, settings=ENTERED))
     force = 0.5 / (gear.ratio * mesh_lever(gear))
     before, after = (r.estimates["coulomb"] for r in (result, entered))
     assert after.value == pytest.approx(before.value - force, abs=0.02)
@@ -493,7 +493,7 @@ def test_a_number_without_uncertainty_or_source_is_not_taken(
     friction_run: Recording, gear: HarmonicDrive, settings: dict[str, object], words: str
 ) -> None:
     with pytest.raises(AnalysisError, match=words):
-        friction.analyse(friction_run, Evidence(gear, settings={**QUICK, **settings}))
+        friction.analyse(friction_run, Evidence(gear, settings=settings))
 
 
 def test_points_off_the_curve_are_refused(friction_run: Recording, gear: HarmonicDrive) -> None:
@@ -513,7 +513,7 @@ def test_points_off_the_curve_are_refused(friction_run: Recording, gear: Harmoni
         friction_run, source=dataclasses.replace(source, arrays={**source.arrays, "torque": counts})
     )
     with pytest.raises(AnalysisError, match="do not lie on the curve"):
-        friction.analyse(bent, Evidence(gear, settings=QUICK))
+        friction.analyse(bent, Evidence(gear))
 
 
 def test_a_thermometer_that_is_off_moves_what_is_brought_to_20_degrees_alone() -> None:

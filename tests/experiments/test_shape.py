@@ -41,7 +41,7 @@ def test_one_sweep_over_seven_speeds_is_weakly_and_the_plan_says_it_before(
     check = next(c for c in static_checks(planned, tmp_path) if c.name == "points")
     assert (check.result, f"{check.evidence}.") == ("warning", said)
     run = record(planned.plan, bench, "friction", parameters=dataclasses.asdict(THIN))
-    result = friction.analyse(run, Evidence(gear, tare, settings={"genetic": False}))
+    result = friction.analyse(run, Evidence(gear, tare))
     assert said in result.warnings
     told = [e.identifiable for name, e in result.estimates.items() if name in CURVE.names]
     assert len(told) >= 5

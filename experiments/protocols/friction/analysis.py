@@ -87,7 +87,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
     Settings: channel ("torque"), balance ("energy" or "published", the gear's own), bracket_limit
     (0.03; above it a warning), bracket_refusal (0.25; above it refused), chi_square_limit (4 per degree
-    of freedom; above it refused), genetic (True: the paper's search beside it), seed of that search (0);
+    of freedom; above it refused), genetic (False; True: the paper's search beside it), seed of that search (0);
     dry_per_kelvin, viscous_per_kelvin: value and U of the gear's temperature coefficients [1/K], with
     per_kelvin_source; output_bearing, output_bearing_viscous: value and U of the bench's output bearing
     [N m], [N m s/rad], with output_bearing_date and output_bearing_source.
@@ -106,7 +106,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             chi_square_limit=chi_square_limit,
         )
         metrics = dict(fit.metrics)
-        if settings.get("genetic", True):
+        if settings.get("genetic", False):
             metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
     brought = _brought(measured, fit)
     metrics["torque_zero_drift"] = measured.zero.drift
