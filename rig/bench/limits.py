@@ -27,7 +27,7 @@ from model.motor import ServoMotor
 from model.units import RPM
 from rig.errors import ConfigurationError
 
-Tier = Literal["drive", "rig", "protocol"]
+_Tier = Literal["drive", "rig", "protocol"]
 
 MOTOR_TORQUE = "motor_torque"
 INPUT_SPEED = "input_speed"
@@ -52,20 +52,20 @@ UNITS: Mapping[str, str] = {
 }
 """Every limited quantity and its unit; torques at the motor except the torsion torque, which is at the output."""
 
-SETPOINT_SHARE = 0.8
+_SETPOINT_SHARE = 0.8
 """Share of a rating that set-points and predictions may use."""
 TRIP_SHARE = 0.95
 """Share of the repeated peak torque at which the torsion of the gear trips."""
-NEVER_SHARE = 0.5
+_NEVER_SHARE = 0.5
 """Share of the ratcheting and the buckling torque beyond which no torsion may go: a tooth that jumped once has
 damaged the gear, and its torque is known for a unit that was mounted and lubricated as it should be."""
 STEP_FACTOR = 2.0
 """Peak over static torque when a torque or an acceleration is applied at once to an undamped spring and mass."""
 SPEED_ROOM = 1.25
 """A protocol may exceed its own highest set-point by this factor (overshoot) ..."""
-SPEED_ROOM_ABSOLUTE = 5.0
+_SPEED_ROOM_ABSOLUTE = 5.0
 """... and this much [rad/s]."""
-HOTTEST_HOUSING = 70.0
+_HOTTEST_HOUSING = 70.0
 """degC; grease and encoder of the unit."""
 
 
@@ -75,7 +75,7 @@ class Limit:
 
     quantity: str
     value: float
-    tier: Tier
+    tier: _Tier
     origin: str
     provenance: str = "computed"
 
@@ -232,10 +232,10 @@ def derive_limits(
     torque = min(e.value for e in entries if e.quantity == MOTOR_TORQUE)
     entries += _ramp_limits(motor, gear, load, gear_mounted, torque)
     if plan_speed is not None:
-        room = SPEED_ROOM * plan_speed + SPEED_ROOM_ABSOLUTE
+        room = SPEED_ROOM * plan_speed + _SPEED_ROOM_ABSOLUTE
         origin = (
             f"highest set-point {plan_speed / RPM:.4g} r/min x {SPEED_ROOM:g} + "
-            f"{SPEED_ROOM_ABSOLUTE / RPM:.3g} r/min"
+            f"{_SPEED_ROOM_ABSOLUTE / RPM:.3g} r/min"
         )
         entries.append(Limit(INPUT_SPEED, room, "protocol", origin))
     return Limits(tuple(entries))
@@ -273,8 +273,8 @@ def _drive_tier(motor: ServoMotor) -> Iterable[Limit]:
 def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
     peak = gear.ratings.repeated_peak_torque
     provenance = _provenance(gear, "ratings.repeated_peak_torque")
-    allowed = SETPOINT_SHARE * peak
-    words = f"{SETPOINT_SHARE:g} x repeated peak {peak:g} N m"
+    allowed = _SETPOINT_SHARE * peak
+    words = f"{_SETPOINT_SHARE:g} x repeated peak {peak:g} N m"
     yield Limit(
         MOTOR_TORQUE,
         allowed / load.ratio,
@@ -295,9 +295,9 @@ def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
     for name in ("ratcheting_torque", "buckling_torque"):
         never = getattr(gear.ratings, name)
         if never is not None:
-            words_never = f"{NEVER_SHARE:g} x {name.replace('_', ' ')} {never:g} N m"
+            words_never = f"{_NEVER_SHARE:g} x {name.replace('_', ' ')} {never:g} N m"
             origin = _provenance(gear, f"ratings.{name}")
-            yield Limit(TORSION_TORQUE, NEVER_SHARE * never, "rig", words_never, origin)
+            yield Limit(TORSION_TORQUE, _NEVER_SHARE * never, "rig", words_never, origin)
     alpha = allowed * load.ratio / (STEP_FACTOR * load.output_inertia)
     for quantity in (ACCELERATION, DECELERATION, QUICK_STOP_DECELERATION):
         yield Limit(
@@ -309,7 +309,7 @@ def _gear_tier(gear: HarmonicDrive, load: Load) -> Iterable[Limit]:
     average = gear.ratings.average_input_speed
     provenance = _provenance(gear, "ratings.average_input_speed")
     yield Limit(AVERAGE_SPEED, average, "rig", f"average input speed of {gear.name}", provenance)
-    yield Limit(HOUSING_TEMPERATURE, HOTTEST_HOUSING, "rig", "grease and encoder", "assumed")
+    yield Limit(HOUSING_TEMPERATURE, _HOTTEST_HOUSING, "rig", "grease and encoder", "assumed")
 
 
 def _ramp_limits(
@@ -319,7 +319,7 @@ def _ramp_limits(
     friction = motor.coulomb_friction + motor.viscous_friction * motor.rated_speed
     friction += gear.ratings.running_torque if gear_mounted else 0.0
     words = f"motor torque limit {torque:.3g} N m over {load.total_inertia:.3g} kg m2"
-    usable = SETPOINT_SHARE * torque
+    usable = _SETPOINT_SHARE * torque
     driving = max(usable - friction, 0.1 * usable) / load.total_inertia
     yield Limit(ACCELERATION, driving, "drive", f"{words}, friction {friction:.2g} N m taken off")
     yield Limit(DECELERATION, driving, "drive", f"{words}, friction {friction:.2g} N m taken off")

@@ -88,7 +88,7 @@ def campaign(
 
 
 @dataclass(frozen=True)
-class Conducted:
+class _Conducted:
     """A campaign as far as it came, and the files of its certificate."""
 
     campaign: CampaignReport
@@ -144,7 +144,7 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
     )
 
 
-def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> Conducted:
+def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:
     from rig.trial.campaign.conduct import conduct
 
     report = conduct(order, crew)
@@ -157,7 +157,7 @@ def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> Conducted:
             order.now(),
             _rests_on(report, certificate),
         )
-    return Conducted(report, certificate)
+    return _Conducted(report, certificate)
 
 
 def _rests_on(report: CampaignReport, certificate: list[str]) -> dict[str, Any]:
@@ -175,7 +175,7 @@ def _rests_on(report: CampaignReport, certificate: list[str]) -> dict[str, Any]:
 
 def _conducted_for_a_program(
     order: CampaignOrder, pattern: Order, events: bool, stdin_control: bool
-) -> Conducted:
+) -> _Conducted:
     """A campaign whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.analysis.store import json_ready

@@ -14,7 +14,7 @@ from rig.commands.terminal import echo
 
 FOLDER = "--runs"
 """The folder of runs and gear cards, wherever one is read or written."""
-NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder": FOLDER}
+_NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder": FOLDER}
 """What the flag was called; a command that has one of these itself means something else by it."""
 
 
@@ -27,7 +27,7 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments, each earlier name taken for the present one."""
         own = {name for parameter in self.params for name in parameter.opts}
-        names = {old: now for old, now in NAMED_BEFORE.items() if old not in own and now in own}
+        names = {old: now for old, now in _NAMED_BEFORE.items() if old not in own and now in own}
         return super().parse_args(ctx, [_renamed(word, names) for word in args])
 
     def invoke(self, ctx: Any) -> Any:

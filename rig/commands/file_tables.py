@@ -22,8 +22,8 @@ from rig.library.index import IndexedRun
 from rig.present.run_words import acquisition_facts, duration_text, world_facts
 from rig.runfile.header import ORIGIN_WORDS
 
-SHOWN_SEGMENTS = 24
-SHOWN_EVENTS = 20
+_SHOWN_SEGMENTS = 24
+_SHOWN_EVENTS = 20
 _LOOK: dict[str, Any] = {"box": None, "header_style": "bold", "pad_edge": False}
 _COLOURS = {"error": "bold red", "warning": "yellow"}
 WIDE = 110
@@ -157,7 +157,7 @@ def recording_as_json(
     from rig.analysis.in_force import in_force_by_kind
 
     m = recording.metadata
-    ranges = channel_ranges(recording)
+    ranges = _channel_ranges(recording)
     return {
         "run": m.run_id,
         "file": str(path),
@@ -169,7 +169,7 @@ def recording_as_json(
         "started": m.start_time,
         "ended": m.end_time,
         "operator": m.operator,
-        "gear": run_gear(m.gear),
+        "gear": _run_gear(m.gear),
         "gear_serial": m.gear_serial,
         "ratio": m.ratio,
         "mounting": m.mounting,
@@ -222,7 +222,7 @@ def recording_as_json(
     }
 
 
-def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
+def _channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
     """Smallest and largest SI value of every channel, in constant memory; NaN for a run without rows."""
     ranges: dict[str, tuple[float, float]] = {}
     for name in recording.signals:
@@ -244,7 +244,7 @@ def listed_as_json(run: IndexedRun, judged: JudgedRun | None) -> dict[str, Any]:
     }
 
 
-def run_gear(gear: Any) -> str:
+def _run_gear(gear: Any) -> str:
     """The part number of a gear, "" without one."""
     return gear.name if gear is not None else ""
 
@@ -275,7 +275,7 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         ("operator", m.operator or "-"),
         (
             "gear",
-            f"{_gear_text(run_gear(m.gear), m.gear_serial)}{ratio}"
+            f"{_gear_text(_run_gear(m.gear), m.gear_serial)}{ratio}"
             if m.gear_mounted
             else "none mounted",
         ),
@@ -310,7 +310,7 @@ def _channel_table(recording: Recording) -> Table:
     channels = table(
         "channel", "what", "unit", *numbers, numbers=numbers, title="Channels", **_LOOK
     )
-    ranges = channel_ranges(recording)
+    ranges = _channel_ranges(recording)
     for name, signal in recording.signals.items():
         low, high = ranges[name]
         quantum = f"{signal.quantum:.4g}" if signal.quantum else "-"
@@ -319,9 +319,9 @@ def _channel_table(recording: Recording) -> Table:
 
 
 def _segment_table(recording: Recording) -> Table:
-    shown, left = recording.segments[:SHOWN_SEGMENTS], len(recording.segments) - SHOWN_SEGMENTS
+    shown, left = recording.segments[:_SHOWN_SEGMENTS], len(recording.segments) - _SHOWN_SEGMENTS
     title = "Segments" + (
-        f" (the first {SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else ""
+        f" (the first {_SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else ""
     )
     numbers = ("from row", "to row", "set-point (SI)", "r/min", "direction", "repeat")
     segments = table("#", "label", *numbers, numbers=("#", *numbers), title=title, **_LOOK)
@@ -344,11 +344,11 @@ def _rpm(segment: Segment) -> str:
 
 
 def _event_table(events: Sequence[Event]) -> Table:
-    left = len(events) - SHOWN_EVENTS
-    title = "Events" + (f" (the last {SHOWN_EVENTS}; {left} more with --json)" if left > 0 else "")
+    left = len(events) - _SHOWN_EVENTS
+    title = "Events" + (f" (the last {_SHOWN_EVENTS}; {left} more with --json)" if left > 0 else "")
     headings = ("time (UTC)", "level", "code", "source", "text")
     rows = table(*headings, overflow="fold", title=title, **_LOOK)
-    for e in events[-SHOWN_EVENTS:]:
+    for e in events[-_SHOWN_EVENTS:]:
         rows.add_row(
             _moment(e.time_ns)[11:23],
             Text(e.level, style=_COLOURS.get(e.level, "")),

@@ -12,12 +12,12 @@ from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
-RunArgument = Annotated[
+_RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run file (.h5), or a growing or dead one (.h5.part).")
 ]
 
 
-class TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+class _TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """Formats of tables of numbers."""
 
     csv = "csv"
@@ -110,7 +110,7 @@ def _day(text: str | None, flag: str) -> str | None:
         raise typer.BadParameter(f"{text!r} is no day; write YYYY-MM-DD", param_hint=flag) from None
 
 
-def show(run: RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
+def show(run: _RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
     from rig.analysis.judging import judge_file
     from rig.commands.file_tables import print_recording, recording_as_json
@@ -128,10 +128,10 @@ def show(run: RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -
 
 
 def export(
-    run: RunArgument,
+    run: _RunArgument,
     format: Annotated[
-        TableFormat, typer.Option("--format", help="Text or MATLAB 5.")
-    ] = TableFormat.csv,
+        _TableFormat, typer.Option("--format", help="Text or MATLAB 5.")
+    ] = _TableFormat.csv,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Beside the run without it."),
@@ -152,7 +152,7 @@ def export(
     target = output or run.with_name(f"{name}.{format.value}")
     recording = open_run(run)
     try:
-        write = export_csv if format is TableFormat.csv else export_mat
+        write = export_csv if format is _TableFormat.csv else export_mat
         rows = write(recording, target, overwrite=force)
     finally:
         close_recording(recording)

@@ -31,7 +31,7 @@ By = Annotated[
 Json = Annotated[
     bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
 ]
-HelpFlag = Annotated[
+_HelpFlag = Annotated[
     bool, typer.Option("--help", "-h", help="Show this and the flags of every fact, and exit.")
 ]
 
@@ -99,7 +99,7 @@ def set_(
         bool, typer.Option("--confirm", help="Confirm the card as it then is.")
     ] = False,
     json: Json = False,
-    show_help: HelpFlag = False,
+    show_help: _HelpFlag = False,
 ) -> None:
     """Write down facts of a gear, such as --mounting flexspline-fixed --hours 120; an empty value forgets one.
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 
-class FileKind(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+class _FileKind(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """Kinds of files that can be imported."""
 
     csv = "csv"
@@ -22,14 +22,14 @@ class FileKind(str, Enum):  # noqa: UP042  StrEnum has another str() that shows 
     mdf = "mdf"
 
 
-class MountingChoice(str, Enum):  # noqa: UP042
+class _MountingChoice(str, Enum):  # noqa: UP042
     """Which part of the gear is fixed."""
 
     circular_spline_fixed = "circular-spline-fixed"
     flexspline_fixed = "flexspline-fixed"
 
 
-class TimeBaseChoice(str, Enum):  # noqa: UP042
+class _TimeBaseChoice(str, Enum):  # noqa: UP042
     """What stamped the rows of a foreign recording."""
 
     hardware = "hardware"
@@ -39,7 +39,7 @@ class TimeBaseChoice(str, Enum):  # noqa: UP042
 
 
 Kind = Annotated[
-    FileKind,
+    _FileKind,
     typer.Argument(
         help="csv (any delimited text, TwinCAT scope, LabVIEW .lvm, also .gz), mat (MATLAB 4 to 7.3), "
         "npz (NumPy), hdf5 (columns by path), json (a list of objects), parquet, tdms (LabVIEW), "
@@ -85,7 +85,7 @@ NoTime = Annotated[
     bool, typer.Option("--no-time", help="The recording has no time base; only angles count.")
 ]
 TimeBaseFlag = Annotated[
-    TimeBaseChoice | None,
+    _TimeBaseChoice | None,
     typer.Option(
         "--time-base",
         help="What stamped the rows; without it device, and nominal with --rate.",
@@ -107,7 +107,7 @@ Ratio = Annotated[
     float | None, typer.Option("--ratio", help="Input revolutions per output revolution.")
 ]
 MountingFlag = Annotated[
-    MountingChoice | None, typer.Option("--mounting", help="Which part of the gear was fixed.")
+    _MountingChoice | None, typer.Option("--mounting", help="Which part of the gear was fixed.")
 ]
 OutputSense = Annotated[
     int,

@@ -38,7 +38,7 @@ def acceptance_of(named: str, folder: Path, serial: str) -> Acceptance | None:
     return acceptance_named(named) if named else acceptance_for(folder, serial)
 
 
-def folder_of(path: Path | None) -> Path:
+def _folder_of(path: Path | None) -> Path:
     """The folder of runs in which a run lies, beside its gear's card."""
     return path.parent if path is not None else Path()
 
@@ -47,7 +47,7 @@ def judged_run(one: Analysed, path: Path | None, named: str = "") -> GearVerdict
     """The verdict on what one run measures, by the acceptance file that was named or that of its gear's card."""
     from rig.analysis.judging import judge_run
 
-    return judge_run(one, acceptance_of(named, folder_of(path), one.serial))
+    return judge_run(one, acceptance_of(named, _folder_of(path), one.serial))
 
 
 def verdict_text(line: Verdict) -> str:

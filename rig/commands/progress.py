@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     Listeners = tuple[Callable[[Progress], None], Callable[[Event], None]]
     """What to call with progress, and with events."""
 
-REDRAW_INTERVAL = 0.1
+_REDRAW_INTERVAL = 0.1
 """s of wall time between two redraws; a rig in virtual time reports far more often."""
 
 
@@ -53,11 +53,11 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
             what="preflight",
             margin="-",
         )
-        last = [-REDRAW_INTERVAL]
+        last = [-_REDRAW_INTERVAL]
 
         def on_progress(now: Progress) -> None:
             instant = time.monotonic()
-            if instant - last[0] < REDRAW_INTERVAL:
+            if instant - last[0] < _REDRAW_INTERVAL:
                 return
             last[0] = instant
             bar.update(

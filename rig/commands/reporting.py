@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from rig.present.build import Reports
 
 
-SUFFIXES = (".html", ".htm", ".pdf")
-DEMONSTRATION = Path("rig-demo")
+_SUFFIXES = (".html", ".htm", ".pdf")
+_DEMONSTRATION = Path("rig-demo")
 """Where a demonstration goes, unless somebody says otherwise."""
 
 
@@ -54,7 +54,7 @@ Format = Annotated[
         "--format", help="Instead of the suffix of the file; both writes the two side by side."
     ),
 ]
-PerRun = Annotated[
+_PerRun = Annotated[
     bool,
     typer.Option("--per-run", help="A report of its own for every run, into the folder --output."),
 ]
@@ -66,14 +66,14 @@ Gear = Annotated[
         help="The report of a gear over its life, from the runs in --runs.",
     ),
 ]
-PassportHere = Annotated[
+_PassportHere = Annotated[
     bool,
     typer.Option(
         "--passport",
         help="With --gear: print it here, with control limits, instead of writing a page; the exit code is 0.",
     ),
 ]
-AnewWithTare = Annotated[
+_AnewWithTare = Annotated[
     Path | None,
     typer.Option(
         "--tare",
@@ -81,10 +81,10 @@ AnewWithTare = Annotated[
         help="Analyse anew with this motor-tare run; found by itself without it.",
     ),
 ]
-AnewWithoutTare = Annotated[
+_AnewWithoutTare = Annotated[
     bool, typer.Option("--no-tare", help="Analyse anew, and subtract no tare.")
 ]
-Refit = Annotated[
+_Refit = Annotated[
     bool,
     typer.Option("--refit", help="Analyse every run anew instead of reading what is in force."),
 ]
@@ -101,16 +101,16 @@ def report(
     runs: Runs = None,
     output: Output = None,
     format_: Format = None,
-    per_run: PerRun = False,
+    per_run: _PerRun = False,
     gear: Gear = "",
     folders: Folders = None,
-    passport: PassportHere = False,
+    passport: _PassportHere = False,
     analyse: Analyse = False,
     origin: OriginWord = "",
     baseline: Baseline = 10,
-    tare: AnewWithTare = None,
-    no_tare: AnewWithoutTare = False,
-    refit: Refit = False,
+    tare: _AnewWithTare = None,
+    no_tare: _AnewWithoutTare = False,
+    refit: _Refit = False,
     parameters: Parameters = None,
     models: Models = False,
     acceptance: AcceptanceFile = "",
@@ -173,7 +173,7 @@ def _places_per_run(
     """Each run with the files of its report. Raises `BadParameter` for a folder that is named as a file, and
     for runs whose reports would have one name.
     """
-    if folder.suffix.lower() in SUFFIXES:
+    if folder.suffix.lower() in _SUFFIXES:
         raise typer.BadParameter(
             f"{folder}: with --per-run it is a folder; --format chooses html, pdf or both",
             param_hint="--output",
@@ -234,7 +234,7 @@ def suffixes_of(output: Path, format_: ReportFormat | None) -> tuple[str, ...]:
         return (".html", ".pdf")
     if format_ is not None:
         return (f".{format_.value}",)
-    if output.suffix.lower() not in SUFFIXES:
+    if output.suffix.lower() not in _SUFFIXES:
         raise typer.BadParameter(f"{output}: a report is .html or .pdf", param_hint="--output")
     return (output.suffix,)
 
@@ -244,7 +244,7 @@ def suffixes_of(output: Path, format_: ReportFormat | None) -> tuple[str, ...]:
     "seed",
     "world",
     world=OF_MANY_RUNS,
-    folder=f"Folder for runs, report and parameter set; {DEMONSTRATION}.",
+    folder=f"Folder for runs, report and parameter set; {_DEMONSTRATION}.",
     seed="Seed of the simulated bench, and serial number of the gear; 0.",
 )
 def demo(
@@ -265,7 +265,7 @@ def demo(
     from rig.trial.demo.chain import DemoOrder, demonstrate
 
     created = datetime.now().astimezone().isoformat(timespec="seconds")
-    order = DemoOrder(**{"folder": DEMONSTRATION, "seed": 0, **said}, created=created)
+    order = DemoOrder(**{"folder": _DEMONSTRATION, "seed": 0, **said}, created=created)
     try:
         stop = StopRequest()
         with pressed_by_signals(stop), progress(quiet=json) as show:

@@ -153,7 +153,7 @@ def run(
     raise typer.Exit(code_of_run(report.outcome, ending.verdict.verdict, required=require_verdict))
 
 
-REPEATABLE = (
+_REPEATABLE = (
     "folder",
     "operator",
     "config",
@@ -178,7 +178,7 @@ def _repeated(context: typer.Context, run: str, order: Order) -> Order:
         flag.opts[0]
         for flag in context.command.params
         if flag.name is not None
-        and flag.name not in REPEATABLE
+        and flag.name not in _REPEATABLE
         and (source := context.get_parameter_source(flag.name)) is not None
         and source.name == "COMMANDLINE"
     ]

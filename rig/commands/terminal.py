@@ -64,7 +64,7 @@ def ruled_table(*headings: str, **look: Any) -> Table:
     return table(*headings, box=box.SIMPLE_HEAD, pad_edge=False, **look)
 
 
-STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim"}
+_STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim"}
 """How the tone of a word looks on a terminal."""
 
 
@@ -87,7 +87,7 @@ def painted(grid: Grid, **look: Any) -> Table:
         )
     for row in grid.rows:
         cells = [
-            Text(text, style=STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")
+            Text(text, style=_STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")
             for text, one in zip(row, grid.columns, strict=True)
         ]
         rows.add_row(*cells)

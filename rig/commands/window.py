@@ -55,12 +55,12 @@ def live(
     order = Order(protocol="", **said)
     if order.config is not None and not order.config.is_file():
         raise ConfigurationError("there is no such file", where="--config", value=str(order.config))
-    refuse_wrong_rig(order.backend)
-    refuse_wrong_folder(order.folder)
+    _refuse_wrong_rig(order.backend)
+    _refuse_wrong_folder(order.folder)
     raise typer.Exit(open_window(order.folder, order.backend, order.config, theme, page))
 
 
-def refuse_wrong_rig(backend: str) -> None:
+def _refuse_wrong_rig(backend: str) -> None:
     """Raise `ConfigurationError` for a rig that does not exist, before a window is opened for it."""
     from rig.bench.backends.registry import BACKENDS, REPLAY
     from rig.errors import ConfigurationError
@@ -83,7 +83,7 @@ def refuse_wrong_rig(backend: str) -> None:
         )
 
 
-def refuse_wrong_folder(folder: Path) -> None:
+def _refuse_wrong_folder(folder: Path) -> None:
     """Raise `ConfigurationError` for a folder of runs in which nothing can be written."""
     from rig.errors import ConfigurationError
     from rig.run.preflight import folder_problem

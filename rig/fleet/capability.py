@@ -26,7 +26,7 @@ import numpy as np
 LEAST_GEARS = 10
 """Gears below which no capability is told: the interval of C_p reaches from 0.55 to 1.45 times the value of ten."""
 CONFIDENCE = 0.95
-NOT_NORMAL = 1.035
+_NOT_NORMAL = 1.035
 """Modified A^2 above which a normal distribution is refused at 1 %."""
 Interval = tuple[float, float]
 
@@ -51,7 +51,7 @@ class Capability:
     @property
     def is_normal(self) -> bool:
         """Whether nothing speaks against a normal distribution at 1 %."""
-        return self.anderson_darling <= NOT_NORMAL
+        return self.anderson_darling <= _NOT_NORMAL
 
 
 def capability(

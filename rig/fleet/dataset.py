@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 FOLDER_NAME = "fleet-results"
-ROWS_PER_FILE = 50_000
+_ROWS_PER_FILE = 50_000
 """Rows that a file has at least once the files have been put together."""
 _PART = re.compile(r"part-(\d{8})\.parquet\Z")
 Identity = tuple[str, str]
@@ -167,7 +167,7 @@ class DataSet:
                 or number in touched
                 or self._has_foreign(path, number, owners)
             )
-            if rows >= ROWS_PER_FILE:
+            if rows >= _ROWS_PER_FILE:
                 if due:
                     yield group
                 group, rows, due = [], 0, False

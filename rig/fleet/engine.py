@@ -26,17 +26,17 @@ if TYPE_CHECKING:
 
 BATCH_SECONDS = 2.0
 """Work of one task [s]: long against what a task costs the scheduler, short against what is lost with a worker."""
-FIRST_GUESS = 0.5
+_FIRST_GUESS = 0.5
 """Seconds of a piece of work of a kind of which none is done yet."""
-LARGEST_BATCH = 500
+_LARGEST_BATCH = 500
 """Pieces of one batch."""
 CONNECT_TIMEOUT = "10s"
 """How long a scheduler is called before it does not answer."""
 SETTINGS: dict[str, Any] = {"distributed.worker.profile.enabled": False}
 """What is set in the processes that are made here: by a profile of every second, kept for an hour, they would grow."""
-TASKS_PER_SECOND = 50.0
+_TASKS_PER_SECOND = 50.0
 """Tasks that one scheduler is given: with more than a hundred workers a batch is longer than `BATCH_SECONDS`."""
-COUNTED_AGAIN = 1.0
+_COUNTED_AGAIN = 1.0
 """s after which the workers are counted again: some may have joined, others have left."""
 AHEAD = 2
 """Batches underway for every thread of the workers."""
@@ -109,8 +109,8 @@ class Batches(Generic[SomePiece]):
             return [self._suspects.popleft()]
         batch: list[SomePiece] = []
         expected = 0.0
-        while self._waiting and len(batch) < LARGEST_BATCH:
-            expected += self._seconds.get(self._waiting[0].kind, FIRST_GUESS)
+        while self._waiting and len(batch) < _LARGEST_BATCH:
+            expected += self._seconds.get(self._waiting[0].kind, _FIRST_GUESS)
             if batch and expected > self._batch_seconds:
                 break
             batch.append(self._waiting.popleft())
@@ -118,7 +118,7 @@ class Batches(Generic[SomePiece]):
 
     def suit(self, threads: int) -> None:
         """Hand out batches from here on that keep so many threads busy with few enough tasks."""
-        self._batch_seconds = max(self._least_seconds, threads / TASKS_PER_SECOND)
+        self._batch_seconds = max(self._least_seconds, threads / _TASKS_PER_SECOND)
 
     def suspect(self, batch: Sequence[SomePiece]) -> None:
         """Hand out these pieces again, each alone."""
@@ -126,11 +126,11 @@ class Batches(Generic[SomePiece]):
 
     def learn(self, batch: Sequence[SomePiece], seconds: float) -> None:
         """What a batch took, shared among its kinds by what they were expected to take."""
-        expected = [self._seconds.get(piece.kind, FIRST_GUESS) for piece in batch]
+        expected = [self._seconds.get(piece.kind, _FIRST_GUESS) for piece in batch]
         factor = seconds / max(sum(expected), 1e-9)
         for kind in {piece.kind for piece in batch}:
             before = self._seconds.get(kind)
-            now = max((FIRST_GUESS if before is None else before) * factor, 1e-3)
+            now = max((_FIRST_GUESS if before is None else before) * factor, 1e-3)
             self._seconds[kind] = now if before is None else 0.5 * (before + now)
 
 
@@ -191,7 +191,7 @@ def _work_on(
     threads, counted = 0, -math.inf
     try:
         while batches or underway:
-            if time.monotonic() - counted > COUNTED_AGAIN or not underway:
+            if time.monotonic() - counted > _COUNTED_AGAIN or not underway:
                 threads, counted = _threads_of(client), time.monotonic()
                 batches.suit(threads)
             for _ in range(AHEAD * max(threads, 1) - len(underway)):

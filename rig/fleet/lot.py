@@ -23,11 +23,11 @@ from rig.fleet.lot_words import limit_words, value_words
 from rig.gears.acceptance import Acceptance, acceptance_named
 
 _BEYOND = ("FAIL", "MARGINAL")
-SHOWN_GEARS = 10
+_SHOWN_GEARS = 10
 """Gears to look at that a report names."""
-FAR_OUT = 3.5
+_FAR_OUT = 3.5
 """Robust standard deviations from the median above which a gear is unlike the others (Iglewicz and Hoaglin 1993)."""
-LEAST_TO_COMPARE = 10
+_LEAST_TO_COMPARE = 10
 """Gears below which none is called unlike the others."""
 _VERDICTS: tuple[VerdictOutcome, ...] = ("PASS", "MARGINAL", "FAIL", "NOT JUDGED")
 
@@ -71,7 +71,7 @@ class Lot:
     @property
     def to_look_at(self) -> tuple[LotGear, ...]:
         """The gears to look at first: what fails, is marginal, is unlike the others, is nearest to a limit."""
-        return tuple(sorted(filter(why_of, self.gears), key=_urgency)[:SHOWN_GEARS])
+        return tuple(sorted(filter(why_of, self.gears), key=_urgency)[:_SHOWN_GEARS])
 
     @property
     def not_judged(self) -> dict[str, list[str]]:
@@ -237,7 +237,7 @@ def _unlike(quantities: Sequence[LotQuantity]) -> dict[str, list[str]]:
     found: dict[str, list[tuple[float, str]]] = defaultdict(list)
     for one in quantities:
         rows = one.measured
-        if len(rows) < LEAST_TO_COMPARE or one.quantity.is_circular:
+        if len(rows) < _LEAST_TO_COMPARE or one.quantity.is_circular:
             continue
         values = np.array([row.value for row in rows], dtype=float)
         from_median = values - np.median(values)
@@ -245,7 +245,7 @@ def _unlike(quantities: Sequence[LotQuantity]) -> dict[str, list[str]]:
         if not scale > 0.0:
             continue
         for row, distance in zip(rows, from_median / scale, strict=True):
-            if abs(distance) > FAR_OUT:
+            if abs(distance) > _FAR_OUT:
                 side = "above" if distance > 0 else "below"
                 words = (
                     f"{one.title}: {abs(distance):.1f} robust standard deviations {side} the median"

@@ -16,8 +16,8 @@ from rig.fleet.lot_quantity import LotQuantity
 from rig.fleet.lot_rows import LotRow
 
 SECONDS_PER_DAY = 86400.0
-SECONDS_PER_MONTH = 30 * SECONDS_PER_DAY
-LEAST_DAYS = 3
+_SECONDS_PER_MONTH = 30 * SECONDS_PER_DAY
+_LEAST_DAYS = 3
 """Days below which no drift is told: that of hours says nothing of a month."""
 CONFIDENCE = 0.95
 
@@ -80,9 +80,9 @@ def _slope(rows: Sequence[LotRow]) -> tuple[float, float] | None:
     """Slope per 30 days with the half-width of its interval; None for fewer than three days."""
     timed = [row for row in rows if row.started is not None]
     x = np.array([row.started for row in timed], dtype=float)
-    if len(np.unique(x // SECONDS_PER_DAY)) < LEAST_DAYS:
+    if len(np.unique(x // SECONDS_PER_DAY)) < _LEAST_DAYS:
         return None
-    x = (x - x.mean()) / SECONDS_PER_MONTH
+    x = (x - x.mean()) / _SECONDS_PER_MONTH
     y = _values(timed)
     spread = float(x @ x)
     slope = float(x @ (y - y.mean())) / spread

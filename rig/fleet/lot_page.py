@@ -21,9 +21,9 @@ from rig.present.page import write_page
 from rig.present.report import drawn, marks_of, page_facts, program_version, shown
 from rig.runfile.seal import file_sha256
 
-MOST_DRAWN = 12
+_MOST_DRAWN = 12
 """Quantities with figures of their own: those with limits first."""
-MOST_NAMED = 8
+_MOST_NAMED = 8
 """Gears that a reason names; of more their number is told."""
 
 
@@ -35,7 +35,7 @@ def write_lot_report(lot: Lot, path: Path, created: str) -> Path:
 def lot_page(lot: Lot, created: str) -> Page:
     """Everything that the report of a lot shows; `created` is its calendar time (ISO 8601)."""
     rows = lot.data.rows
-    drawn_ones = [one for one in lot.quantities if one.measured][:MOST_DRAWN]
+    drawn_ones = [one for one in lot.quantities if one.measured][:_MOST_DRAWN]
     sections = (
         *_parts(lot, drawn_ones),
         Section(title="Provenance", anchor="provenance", grids=(_files(lot),)),
@@ -211,8 +211,8 @@ def _unknown(lot: Lot) -> Section:
 
 
 def _named(gears: Sequence[str]) -> str:
-    names = ", ".join(gears[:MOST_NAMED])
-    return names if len(gears) <= MOST_NAMED else f"{names} and {len(gears) - MOST_NAMED} more"
+    names = ", ".join(gears[:_MOST_NAMED])
+    return names if len(gears) <= _MOST_NAMED else f"{names} and {len(gears) - _MOST_NAMED} more"
 
 
 def _bench_grid(one: LotQuantity) -> Grid:
@@ -296,8 +296,8 @@ def _terms(quantities: Sequence[LotQuantity]) -> Iterator[tuple[str, str]]:
 
 def _several(names: Sequence[str]) -> str:
     return (
-        ", ".join(names[:MOST_NAMED])
-        + (f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else "")
+        ", ".join(names[:_MOST_NAMED])
+        + (f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else "")
         or "not stated"
     )
 

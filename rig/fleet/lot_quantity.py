@@ -21,7 +21,7 @@ SAME = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class LotLimits:
+class _LotLimits:
     """What a quantity must keep: SI values of its two sides, None where one is free; `note` what is doubtful of it."""
 
     lower: float | None = None
@@ -41,7 +41,7 @@ class LotQuantity:
     quantity: Quantity
     unit: str
     rows: tuple[LotRow, ...]
-    limits: LotLimits | None
+    limits: _LotLimits | None
     capability: Capability | str
     """Or why there is none."""
 
@@ -94,7 +94,7 @@ def lot_quantity(rows: Sequence[LotRow], accepted: Mapping[str, Acceptance | Non
 
 def _limits_of(
     rows: Sequence[LotRow], accepted: Mapping[str, Acceptance | None]
-) -> LotLimits | None:
+) -> _LotLimits | None:
     """The limits by which these rows were judged, and whether their acceptance file still has them."""
     limited = [row for row in rows if row.limit_value is not None]
     if not limited:
@@ -108,7 +108,7 @@ def _limits_of(
         ):
             if not _is_same(here, there):
                 conflict = f"gears were judged by different {side} limits"
-                return LotLimits(source=source, conflict=conflict)
+                return _LotLimits(source=source, conflict=conflict)
     files = {row.acceptance for row in limited}
     named = [limit for name in files for limit in _limits_on(rows[0], accepted.get(name))]
     lowest = max((one.lower for one in named if one.lower is not None), default=None)
@@ -116,7 +116,7 @@ def _limits_of(
     note = ""
     if named and not (_is_same(lower, lowest) and _is_same(upper, highest)):
         note = "the acceptance file has changed since the runs were fitted: rig fleet fit judges them anew"
-    return LotLimits(lower=lower, upper=upper, source=source, note=note)
+    return _LotLimits(lower=lower, upper=upper, source=source, note=note)
 
 
 def _is_same(one: float | None, other: float | None) -> bool:

@@ -6,7 +6,6 @@ the same runs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -99,7 +98,7 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
         connection.execute(
             f"CREATE TABLE here AS SELECT * FROM results WHERE coalesce(origin, '') = ? AND {where}"
             f" AND kind IN (SELECT unnest(?))",
-            [chosen, part, part, list(kinds_of_gears())],
+            [chosen, part, part, list(_kinds_of_gears())],
         )
         named = "gear IS NOT NULL AND gear NOT IN ('', 'unknown')"
         gears = rows_of(f"SELECT DISTINCT gear FROM here WHERE {named} ORDER BY gear")
@@ -156,7 +155,7 @@ ORDER BY kind, quantity, gear
 """
 
 
-def kinds_of_gears() -> tuple[str, ...]:
+def _kinds_of_gears() -> tuple[str, ...]:
     """The kinds of analysis that are of a gear: not those of a bare motor, and none without a protocol."""
     return tuple(name for name in catalogue.names() if catalogue.load(name).gear_mounted)
 
@@ -165,7 +164,7 @@ def _key_families() -> tuple[list[str], list[str]]:
     """Kind and name of every quantity that a reader looks for first."""
     pairs = [
         (kind, quantity.name)
-        for kind in kinds_of_gears()
+        for kind in _kinds_of_gears()
         for quantity in catalogue.load(kind).quantities
         if quantity.is_key
     ]
@@ -184,8 +183,3 @@ def _counted(gears_by_origin: dict[str, int]) -> str:
     if "hardware" in gears_by_origin or not gears_by_origin:
         return "hardware"
     return max(gears_by_origin, key=lambda word: gears_by_origin[word])
-
-
-def values_of(rows: Sequence[LotRow]) -> list[float]:
-    """The measured values."""
-    return [row.value for row in rows if row.value is not None and row.is_measured]

@@ -23,7 +23,7 @@ TARES = 8
 """Analysed tares that are kept at hand; each holds an open file."""
 GEARS = 256
 """Gears whose acceptance file is kept at hand."""
-FOLDERS = 16
+_FOLDERS = 16
 """Folders whose index is kept at hand."""
 
 
@@ -47,7 +47,7 @@ class Neighbours(Surroundings):
         if library is None:
             library = self._libraries[folder] = LibraryIndex(folder, once=True)
         self._libraries.move_to_end(folder)
-        if len(self._libraries) > FOLDERS:
+        if len(self._libraries) > _FOLDERS:
             self._libraries.popitem(last=False)
         return library
 

@@ -21,7 +21,7 @@ SCHEMA_VERSION = 2
 SCHEMA_KEY = "harmonic-rig-fleet-schema"
 """The key of the version in the metadata of every Parquet file."""
 
-ColumnType = Literal["text", "number", "count", "truth", "day", "time"]
+_ColumnType = Literal["text", "number", "count", "truth", "day", "time"]
 Row = dict[str, Any]
 
 
@@ -30,7 +30,7 @@ class Column:
     """One column: its name, its type, and what stands in it."""
 
     name: str
-    type: ColumnType
+    type: _ColumnType
     meaning: str
 
 

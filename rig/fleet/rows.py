@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 EMPTY: Row = dict.fromkeys(NAMES)
 
 
-def compact_json(content: Any) -> str:
+def _compact_json(content: Any) -> str:
     """One line of JSON, its keys in order."""
     import json
 
     return json.dumps(json_ready(content), sort_keys=True, ensure_ascii=False, allow_nan=False)
 
 
-def run_part(recording: Recording) -> Row:
+def _run_part(recording: Recording) -> Row:
     """The columns that tell of the run itself."""
     metadata = recording.metadata
     started, day = _moments(metadata.start_time)
@@ -51,7 +51,7 @@ def run_part(recording: Recording) -> Row:
         "protocol": metadata.experiment,
         "temperature": _mean(recording, "housing_temperature"),
         "ambient_temperature": _mean(recording, "ambient_temperature"),
-        "conditions": compact_json(metadata.conditions),
+        "conditions": _compact_json(metadata.conditions),
         "run_sha256": metadata.sha256,
         "program_version": program_version(),
     }
@@ -63,14 +63,14 @@ def rows_of_fit(fit: Fit, verdict: GearVerdict, shared: Row) -> list[Row]:
     `shared` are the columns that are the same for all of them and that the fit does not know itself.
     """
     result, tare = fit.result, fit.tare_as_json()
-    common = EMPTY | run_part(fit.recording) | shared
+    common = EMPTY | _run_part(fit.recording) | shared
     common |= {
         "kind": result.kind,
         "warnings": len(result.warnings),
         "tare": str(tare.get("run", "")),
         "tare_sha256": str(tare.get("sha256", "")),
         "tare_because": "; ".join(fit.found_tare.because),
-        "settings": compact_json(fit.settings),
+        "settings": _compact_json(fit.settings),
         "gear_set_sha256": fit.gear_source.sha256,
         "gear_set_source": fit.gear_source.source,
         "analysis_version": catalogue.load(result.kind).version,
@@ -100,7 +100,7 @@ def rows_of_fit(fit: Fit, verdict: GearVerdict, shared: Row) -> list[Row]:
 
 def row_of_failure(shared: Row, error: BaseException, recording: Recording | None) -> Row:
     """The one row of a run that could not be read or analysed."""
-    told = run_part(recording) if recording is not None else {}
+    told = _run_part(recording) if recording is not None else {}
     failed = {"quantity": "", "failure": failure_of(error), "failure_kind": type(error).__name__}
     judged = {"run_verdict": "NOT JUDGED", "run_reason": "the run is not analysed"}
     return EMPTY | {"program_version": program_version()} | told | shared | failed | judged
@@ -180,4 +180,4 @@ def _moments(text: str) -> tuple[datetime | None, Any]:
 
 def settings_part(settings: Mapping[str, Any]) -> str:
     """The settings of a job as the rows keep them."""
-    return compact_json(settings)
+    return _compact_json(settings)

@@ -42,12 +42,12 @@ if TYPE_CHECKING:
     from rig.run.parts import RunReport
 
 OPERATOR = "rig fleet simulate"
-MAKING = ".making"
+_MAKING = ".making"
 """Where a day is made before it has its name."""
-FIRST_HOUR = clock_time(8, 0, tzinfo=UTC)
-BETWEEN_RUNS = 60.0
+_FIRST_HOUR = clock_time(8, 0, tzinfo=UTC)
+_BETWEEN_RUNS = 60.0
 """s from the end of one run to the start of the next."""
-SEEDS_PER_ORDER = 1_000_000
+_SEEDS_PER_ORDER = 1_000_000
 """Gears and benches of one seed: those of the next have other numbers."""
 
 
@@ -73,12 +73,12 @@ class Production:
     def __post_init__(self) -> None:
         for name in ("gears", "benches", "per_day"):
             value = getattr(self, name)
-            if not 1 <= value < SEEDS_PER_ORDER:
+            if not 1 <= value < _SEEDS_PER_ORDER:
                 raise ConfigurationError(
                     "is no production",
                     where=f"--{name.replace('_', '-')}",
                     value=value,
-                    limit=f"1 to {SEEDS_PER_ORDER - 1}",
+                    limit=f"1 to {_SEEDS_PER_ORDER - 1}",
                 )
         for protocol in (*self.protocols, *self.values):
             if not catalogue.entry(protocol).has_plan:
@@ -93,7 +93,7 @@ class Production:
 
 
 @dataclass(frozen=True)
-class BenchDay:
+class _BenchDay:
     """One day of one bench: which gears it measures."""
 
     bench: int
@@ -121,7 +121,7 @@ class Made:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ProductionReport:
+class _ProductionReport:
     """What a production made; `reused` runs were there already."""
 
     output: Path
@@ -142,13 +142,13 @@ class ProductionReport:
         }
 
 
-def days_of(production: Production) -> list[BenchDay]:
+def days_of(production: Production) -> list[_BenchDay]:
     """The days of all benches: gear 1 to bench 1, gear 2 to bench 2, and so on in turn."""
     days = []
     for bench in range(1, production.benches + 1):
         gears = range(bench, production.gears + 1, production.benches)
         for day, first in enumerate(range(0, len(gears), production.per_day), 1):
-            days.append(BenchDay(bench, day, tuple(gears[first : first + production.per_day])))
+            days.append(_BenchDay(bench, day, tuple(gears[first : first + production.per_day])))
     return sorted(days, key=lambda one: (one.day, one.bench))
 
 
@@ -158,7 +158,7 @@ def simulate_fleet(
     *,
     on_progress: Callable[[Progress], None] = lambda progress: None,
     now: Callable[[], float] = time.monotonic,
-) -> ProductionReport:
+) -> _ProductionReport:
     """Make the days that are not made yet, and gather their truth. The workers must see the same folder.
 
     Raises `ConfigurationError` for a production that cannot be, `RigError` where nothing can be written.
@@ -194,9 +194,9 @@ def simulate_fleet(
             failed += outcome.failed
             tell()
     if all((production.folder / day.name).is_dir() for day in days):
-        shutil.rmtree(production.folder / MAKING, ignore_errors=True)
+        shutil.rmtree(production.folder / _MAKING, ignore_errors=True)
     gather_truth(production.folder, [production.folder / day.name for day in days])
-    return ProductionReport(
+    return _ProductionReport(
         output=production.folder,
         runs=sum(each.values()),
         made=made,
@@ -205,7 +205,7 @@ def simulate_fleet(
     )
 
 
-def make_days(production: Production, days: Sequence[BenchDay]) -> Made:
+def make_days(production: Production, days: Sequence[_BenchDay]) -> Made:
     """Some days of benches, one after the other."""
     began = time.perf_counter()
     made = [_make_day(production, day) for day in days]
@@ -217,11 +217,11 @@ def make_days(production: Production, days: Sequence[BenchDay]) -> Made:
     )
 
 
-def _lost(day: BenchDay, reason: str) -> Made:
+def _lost(day: _BenchDay, reason: str) -> Made:
     return Made(failed=((day.name, reason),))
 
 
-def _runs_of(production: Production, day: BenchDay) -> Iterator[tuple[str, str, int]]:
+def _runs_of(production: Production, day: _BenchDay) -> Iterator[tuple[str, str, int]]:
     """Protocol, serial number and gear of every run of a day, in its order."""
     if tare_kind() not in production.protocols and any(map(takes_tare, production.protocols)):
         yield tare_kind(), f"bench-{day.bench:02d}", 0
@@ -230,11 +230,11 @@ def _runs_of(production: Production, day: BenchDay) -> Iterator[tuple[str, str, 
             yield protocol, f"G-{gear:05d}", gear
 
 
-def _make_day(production: Production, day: BenchDay) -> Made:
+def _make_day(production: Production, day: _BenchDay) -> Made:
     """One day, from where it was cut off if it was."""
     from filelock import FileLock
 
-    making, final = production.folder / MAKING / day.name, production.folder / day.name
+    making, final = production.folder / _MAKING / day.name, production.folder / day.name
     making.parent.mkdir(parents=True, exist_ok=True)
     # A worker of a client that is gone may still be at it.
     with FileLock(f"{making}.lock"):
@@ -243,7 +243,7 @@ def _make_day(production: Production, day: BenchDay) -> Made:
         journal = DayJournal(making, _order_of(production, day))
         before = journal.resume()
         runs = list(before)
-        moment = datetime.combine(production.first_day, FIRST_HOUR) + timedelta(days=day.day - 1)
+        moment = datetime.combine(production.first_day, _FIRST_HOUR) + timedelta(days=day.day - 1)
         for place, turned in enumerate(_runs_of(production, day)):
             if place >= len(before):
                 order = _request(production, day, making=making, moment=moment, turned=turned)
@@ -256,14 +256,14 @@ def _make_day(production: Production, day: BenchDay) -> Made:
     return _made(day, before=before, runs=runs[len(before) :])
 
 
-def _made(day: BenchDay, *, before: Sequence[DayRun], runs: Sequence[DayRun]) -> Made:
+def _made(day: _BenchDay, *, before: Sequence[DayRun], runs: Sequence[DayRun]) -> Made:
     """What came of a day, of which some runs were made before."""
     failed = [(f"{day.name}/{run.name}", run.reason) for run in (*before, *runs) if run.reason]
     kept, made = (sum(not run.reason for run in part) for part in (before, runs))
     return Made(runs=made, kept=kept, failed=tuple(failed))
 
 
-def _order_of(production: Production, day: BenchDay) -> str:
+def _order_of(production: Production, day: _BenchDay) -> str:
     """A hash of all that decides on the runs of a day."""
     asked = [
         *(production.population, production.seed, production.sample_rate),
@@ -283,7 +283,7 @@ def _make_run(order: Order, moment: datetime) -> DayRun:
         report = run_order(order, ask=lambda prompt: "simulated")
     except WordedError as error:
         return DayRun(name=name, reason=str(error))
-    seconds = report.rows / order.sample_rate + BETWEEN_RUNS
+    seconds = report.rows / order.sample_rate + _BETWEEN_RUNS
     reason = "" if report.outcome == "COMPLETED" else f"{report.outcome}: {report.message}"
     if reason:
         _acknowledge(report, order.folder, moment + timedelta(seconds=seconds))
@@ -298,14 +298,14 @@ def _acknowledge(report: RunReport, folder: Path, moment: datetime) -> None:
 
 def _request(
     production: Production,
-    day: BenchDay,
+    day: _BenchDay,
     *,
     making: Path,
     moment: datetime,
     turned: tuple[str, str, int],
 ) -> Order:
     protocol, serial, gear = turned
-    first = production.seed * SEEDS_PER_ORDER
+    first = production.seed * _SEEDS_PER_ORDER
     world: dict[str, Any] = {
         "gear_seed": first + gear,
         "bench_seed": first + day.bench,

@@ -29,7 +29,7 @@ class Folder:
 
 
 @dataclass(frozen=True)
-class Surveyed:
+class _Surveyed:
     """Folders that were looked at."""
 
     headers: int
@@ -47,7 +47,7 @@ def survey(
     headers, done, began = sum(folder.headers for folder in late), 0, time.monotonic()
     if headers <= FEW:
         return
-    for _, outcome in hands.outcomes(Errand(look_over, _lost), late):
+    for _, outcome in hands.outcomes(Errand(_look_over, _lost), late):
         done += outcome.headers
         seconds = time.monotonic() - began
         on_progress(
@@ -57,15 +57,15 @@ def survey(
         )
 
 
-def look_over(folders: Sequence[Folder]) -> Surveyed:
+def _look_over(folders: Sequence[Folder]) -> _Surveyed:
     """Bring the indexes of some folders up to date, one after the other."""
     began = time.perf_counter()
     for folder in folders:
         # What cannot be indexed is told where a run of it is analysed.
         with contextlib.suppress(RunFileError, OSError):
             LibraryIndex(folder.path).refresh()
-    return Surveyed(sum(one.headers for one in folders), time.perf_counter() - began)
+    return _Surveyed(sum(one.headers for one in folders), time.perf_counter() - began)
 
 
-def _lost(folder: Folder, reason: str) -> Surveyed:
-    return Surveyed(folder.headers, 0.0)
+def _lost(folder: Folder, reason: str) -> _Surveyed:
+    return _Surveyed(folder.headers, 0.0)

@@ -30,7 +30,7 @@ from rig.runfile.read import close_recording
 if TYPE_CHECKING:
     from experiments.recording import Recording
 
-KEY_LENGTH = 32
+_KEY_LENGTH = 32
 """Hexadecimal digits of a key: 128 bits."""
 
 
@@ -118,11 +118,11 @@ def lost(task: RunTask, reason: str) -> Done:
         "surroundings": task.surroundings,
         "key": "",
     }
-    row = row_of_failure(shared, KilledWorker(reason), None)
+    row = row_of_failure(shared, _KilledWorker(reason), None)
     return Done(rows=table_bytes([row]), failed=((task.run_file, reason),))
 
 
-class KilledWorker(RuntimeError):
+class _KilledWorker(RuntimeError):
     """A run with which several workers came to their end."""
 
 
@@ -198,4 +198,4 @@ class _Analysis:
         }
         if source.builds_on and footing.gear is not None:
             content["built_on"] = set_sha256(footing.gear)
-        return digest(content)[:KEY_LENGTH]
+        return digest(content)[:_KEY_LENGTH]

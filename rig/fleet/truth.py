@@ -15,10 +15,10 @@ from rig.runfile.read import glance
 if TYPE_CHECKING:
     import pyarrow
 
-DAY_NAME = ".truth.parquet"
+_DAY_NAME = ".truth.parquet"
 
 
-def truth_schema() -> pyarrow.Schema:
+def _truth_schema() -> pyarrow.Schema:
     """The columns: which run of which gear on which bench; its name in the run's truth; its value (SI)."""
     import pyarrow as pa
 
@@ -32,8 +32,8 @@ def keep_truth(folder: Path, name: str) -> None:
     import pyarrow.parquet as pq
 
     rows = [row for run in sealed_runs(folder) for row in _rows(run, name)]
-    table = pa.Table.from_pylist(rows, schema=truth_schema())
-    pq.write_table(table, folder / DAY_NAME, compression=COMPRESSION)
+    table = pa.Table.from_pylist(rows, schema=_truth_schema())
+    pq.write_table(table, folder / _DAY_NAME, compression=COMPRESSION)
 
 
 def gather_truth(folder: Path, days: Sequence[Path]) -> None:
@@ -41,11 +41,11 @@ def gather_truth(folder: Path, days: Sequence[Path]) -> None:
     import pyarrow.parquet as pq
 
     scratch = folder / f".{TRUTH_NAME}.{os.getpid()}.tmp"
-    with pq.ParquetWriter(scratch, truth_schema(), compression=COMPRESSION) as writer:
+    with pq.ParquetWriter(scratch, _truth_schema(), compression=COMPRESSION) as writer:
         for day in days:
-            part = day / DAY_NAME
+            part = day / _DAY_NAME
             if part.is_file():
-                writer.write_table(pq.read_table(part, schema=truth_schema()))
+                writer.write_table(pq.read_table(part, schema=_truth_schema()))
     scratch.replace(folder / TRUTH_NAME)
 
 

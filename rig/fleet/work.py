@@ -33,9 +33,9 @@ from rig.runfile.seal import sealed_sha256
 if TYPE_CHECKING:
     from experiments.contract import Experiment
 
-LIST_SUFFIX = ".txt"
+_LIST_SUFFIX = ".txt"
 """A file of this suffix is a list of runs and folders, one a line."""
-KEPT_FAILURES = frozenset({"AnalysisError"})
+_KEPT_FAILURES = frozenset({"AnalysisError"})
 """Failures that speak of the recording: they are kept like results. All others (a file, a worker) are tried again."""
 
 
@@ -82,7 +82,7 @@ def _named(name: str) -> Iterable[Path]:
     path = Path(name)
     if path.is_dir():
         yield from _in_folder(path)
-    elif path.suffix == LIST_SUFFIX and path.is_file():
+    elif path.suffix == _LIST_SUFFIX and path.is_file():
         for line in path.read_text(encoding="utf-8").splitlines():
             if line.strip():
                 yield from _named(line.strip())
@@ -135,15 +135,11 @@ def work_for(
 
 
 def _is_tried_again(known: Known) -> bool:
-    return bool(known.failure) and known.failure_kind not in KEPT_FAILURES
-
-
-def name_from(base: Path, run: Path) -> str:
-    """How the table names a run: relative to the folder that holds the results where it lies within, else whole."""
-    return _name(base.resolve(), run.resolve())
+    return bool(known.failure) and known.failure_kind not in _KEPT_FAILURES
 
 
 def _name(base: Path, whole: Path) -> str:
+    """How the table names a run: relative to the folder that holds the results where it lies within, else whole."""
     return (whole.relative_to(base) if whole.is_relative_to(base) else whole).as_posix()
 
 

@@ -18,7 +18,7 @@ ANALYSES_SUFFIX = ".analysis"
 """How the folders end that hold the analyses of a run."""
 GONE = "gone"
 """The fingerprint of a file that is not there."""
-FoundFile = tuple[str, str]
+_FoundFile = tuple[str, str]
 """A run file by its path within the folder, with slashes, and its fingerprint."""
 _LEADING_NUMBER = re.compile(r"(\d{1,9})-")
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9._]+")
@@ -78,12 +78,12 @@ def run_files(folder: str | Path) -> tuple[Path, ...]:
     return tuple(sorted(paths, key=lambda path: (run_number(path.name), path.name)))
 
 
-def run_tree(folder: str | Path) -> tuple[list[FoundFile], list[str]]:
+def run_tree(folder: str | Path) -> tuple[list[_FoundFile], list[str]]:
     """The run files of a folder and of all folders in it, in no order; and the folders that cannot be looked into.
 
     Folders of analyses, hidden ones, and links to folders are not entered. Raises `RunFileError` for what is no folder.
     """
-    found: list[FoundFile] = []
+    found: list[_FoundFile] = []
     refused: list[str] = []
     waiting = [""]
     while waiting:
@@ -97,7 +97,7 @@ def run_tree(folder: str | Path) -> tuple[list[FoundFile], list[str]]:
     return found, sorted(refused)
 
 
-def run_level(folder: str | Path) -> list[FoundFile]:
+def run_level(folder: str | Path) -> list[_FoundFile]:
     """The run files of a folder alone, in no order. Raises `RunFileError` for what is no folder."""
     try:
         return _runs_within(folder, "", [])
@@ -105,7 +105,7 @@ def run_level(folder: str | Path) -> list[FoundFile]:
         raise _no_folder(folder, error) from error
 
 
-def _runs_within(folder: str | Path, inside: str, waiting: list[str]) -> list[FoundFile]:
+def _runs_within(folder: str | Path, inside: str, waiting: list[str]) -> list[_FoundFile]:
     """The run files of one folder; the folders in it that may hold runs are added to those that wait."""
     found = []
     with os.scandir(Path(folder, inside)) as entries:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rig.errors import RunFileError
 
-LOCKS = Path("/proc/locks")
+_LOCKS = Path("/proc/locks")
 """Where Linux tells which files are locked."""
 
 
@@ -25,7 +25,7 @@ def is_being_written(part: Path) -> bool:
 def _is_listed(part: Path) -> bool:
     try:
         status = os.stat(part)
-        locks = LOCKS.read_text(encoding="ascii", errors="replace")
+        locks = _LOCKS.read_text(encoding="ascii", errors="replace")
     except OSError:
         return False
     number = f"{os.major(status.st_dev):02x}:{os.minor(status.st_dev):02x}:{status.st_ino}"

@@ -21,12 +21,12 @@ from typing import Any
 
 from rig.errors import RigError
 
-WORTH_A_HELPER = 250
+_WORTH_A_HELPER = 250
 """Files per process from which on it gains more than its start costs (half a second)."""
-MOST_HELPERS = 4
+_MOST_HELPERS = 4
 """Processes: more than these wait for the disk."""
 
-ReadFile = tuple[int, dict[str, Any], str]
+_ReadFile = tuple[int, dict[str, Any], str]
 """Place of a file among those that were asked for, what it says of itself by name, and why it cannot be read."""
 
 
@@ -42,10 +42,10 @@ def read_one(path: Path) -> tuple[dict[str, Any], str]:
 
 def read_many(
     paths: Sequence[Path], processes: int | None = None
-) -> Generator[ReadFile, None, None]:
+) -> Generator[_ReadFile, None, None]:
     """What each of these files says, as it is read, in no order. To close the iterator ends the reading."""
     if processes is None:
-        processes = min(MOST_HELPERS, os.cpu_count() or 1, len(paths) // WORTH_A_HELPER)
+        processes = min(_MOST_HELPERS, os.cpu_count() or 1, len(paths) // _WORTH_A_HELPER)
     waiting = set(range(len(paths)))
     if processes > 1:
         with contextlib.closing(_by_helpers(paths, processes)) as answers:
@@ -56,8 +56,8 @@ def read_many(
         yield place, *read_one(paths[place])
 
 
-def _by_helpers(paths: Sequence[Path], processes: int) -> Generator[ReadFile, None, None]:
-    answers: queue.Queue[ReadFile | None] = queue.Queue()
+def _by_helpers(paths: Sequence[Path], processes: int) -> Generator[_ReadFile, None, None]:
+    answers: queue.Queue[_ReadFile | None] = queue.Queue()
     helpers: list[subprocess.Popen[str]] = []
     try:
         for first in range(processes):
@@ -107,7 +107,7 @@ def _ask(helper: subprocess.Popen[str], share: list[tuple[int, Path]], _: object
 def _listen(
     helper: subprocess.Popen[str],
     share: list[tuple[int, Path]],
-    answers: queue.Queue[ReadFile | None],
+    answers: queue.Queue[_ReadFile | None],
 ) -> None:
     assert helper.stdout is not None
     asked = {place for place, _ in share}

@@ -18,9 +18,8 @@ from rig.runfile.seal import check_seal, file_sha256
 from rig.runfile.sealed import read_sealed
 from rig.trial.campaign import journal as journals
 
-OTHER_RUN_SUFFIXES = (".hdf5", ".nxs")
+_OTHER_RUN_SUFFIXES = (".hdf5", ".nxs")
 """How files of other programs end that are opened as runs."""
-CERTIFICATE_SUFFIXES = (".pdf", ".html", ".json")
 
 
 def runs_in(path: Path) -> list[Path]:
@@ -44,14 +43,14 @@ def links_of(path: Path) -> Iterator[Link]:
         for folder in _folders(path):
             yield from _links_of_folder(folder)
     elif path.suffix == ".jsonl":
-        yield from links_of_campaign(path)
+        yield from _links_of_campaign(path)
     elif path.suffix == ".toml":
         yield _card(path)
     elif not runs_in(path):
-        yield sealed_link("certificate", path)
+        yield _sealed_link("certificate", path)
 
 
-def links_of_campaign(path: Path) -> Iterator[Link]:
+def _links_of_campaign(path: Path) -> Iterator[Link]:
     """A campaign's journal, line by line, and the runs that it names."""
     try:
         journal = journals.read(path)
@@ -140,7 +139,7 @@ def _run_of(path: Path, done: journals.DoneStage) -> Iterator[Link]:
         yield Link("run", Severity.BLOCKS, text, where=str(run), sha256=found)
 
 
-def sealed_link(kind: str, path: Path) -> Link:
+def _sealed_link(kind: str, path: Path) -> Link:
     """A file that has, or must have, a note of its SHA-256 beside it."""
     try:
         _, seal = read_sealed(path)
@@ -176,9 +175,9 @@ def _links_of_folder(folder: Path) -> Iterator[Link]:
                     "run", Severity.WARNS, "is not there, though its note is", where=str(path)
                 )
         else:
-            yield sealed_link("certificate", path)
+            yield _sealed_link("certificate", path)
     for path in sorted((folder / journals.FOLDER).glob("*.jsonl")):
-        yield from links_of_campaign(path)
+        yield from _links_of_campaign(path)
     for path in sorted(cards.cards_folder(folder).glob("*.toml")):
         yield _card(path)
 
@@ -195,4 +194,4 @@ def _folders(path: Path) -> Iterator[Path]:
 
 
 def _is_run(path: Path) -> bool:
-    return path.name.lower().endswith((*RUN_SUFFIXES, *OTHER_RUN_SUFFIXES))
+    return path.name.lower().endswith((*RUN_SUFFIXES, *_OTHER_RUN_SUFFIXES))

@@ -33,11 +33,11 @@ Found = tuple[Path, str]
 """A file and its kind."""
 
 
-class NothingToListError(RigError):
+class _NothingToListError(RigError):
     """A folder without evidence, or without any on that gear."""
 
 
-def manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
+def _manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
     """The manifest of a folder with all folders in it: of everything, or of one gear and what its analyses rest on.
 
     Names are paths from the folder on. Raises `RigError` where the folder holds nothing of that.
@@ -50,13 +50,13 @@ def manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
         tares = [path for path in _tares_of(runs) if path.resolve() not in known]
         found += [one for path in dict.fromkeys(tares) for one in _of_run(path, "tare")]
     if not found:
-        raise NothingToListError(
+        raise _NothingToListError(
             "there is no evidence to list",
             where=str(folder),
             value=f"gear {serial}" if serial else "no run, no card, no certificate",
             remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
         )
-    return Manifest.made_of(_of(serial), entries_of(found, folder))
+    return Manifest.made_of(_of(serial), _entries_of(found, folder))
 
 
 def _of(serial: str) -> str:
@@ -114,7 +114,7 @@ def hold_against(file: Path, folder: Path, serial: str = "") -> HeldManifest:
     where it cannot be read or written.
     """
     if not file.exists():
-        now = manifest_of_folder(folder, serial)
+        now = _manifest_of_folder(folder, serial)
         try:
             with file.open("xb") as stream:
                 stream.write(now.as_bytes())
@@ -128,8 +128,8 @@ def hold_against(file: Path, folder: Path, serial: str = "") -> HeldManifest:
         return HeldManifest(file, now)
     older = read_manifest(file)
     try:
-        now = manifest_of_folder(folder, serial)
-    except NothingToListError:
+        now = _manifest_of_folder(folder, serial)
+    except _NothingToListError:
         now = Manifest.made_of(_of(serial), ())
     if older.of != now.of:
         raise RigError(
@@ -150,7 +150,7 @@ def hold_against(file: Path, folder: Path, serial: str = "") -> HeldManifest:
     return HeldManifest(file, now, changes_since(older, now), older.sha256)
 
 
-def entries_of(found: Iterable[Found], folder: Path) -> Iterator[Entry]:
+def _entries_of(found: Iterable[Found], folder: Path) -> Iterator[Entry]:
     """These files as lines of a manifest; their bytes are read anew."""
     start = folder.resolve()
     for path, kind in found:

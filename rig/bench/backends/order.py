@@ -459,7 +459,7 @@ class Order:
 
 WORDS = words_of(Order)
 """The words of an order, by field."""
-ALWAYS_SAID = ("backend", "folder", "mounting")
+_ALWAYS_SAID = ("backend", "folder", "mounting")
 """Options that are said even as they are by default: a configuration or a card would say otherwise."""
 
 
@@ -473,7 +473,7 @@ def arguments_of(order: Order, names: Iterable[str], gear: Path | None = None) -
     for name in names:
         value = gear if name == "gear" else getattr(order, name)
         text = _world_text(value) if isinstance(value, WorldChoice) else _text(value)
-        if text and (value != usual[name] or name in ALWAYS_SAID):
+        if text and (value != usual[name] or name in _ALWAYS_SAID):
             arguments.append(f"{WORDS[name].option}={text}")
     return arguments
 

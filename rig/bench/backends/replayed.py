@@ -18,7 +18,7 @@ from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.order import Order, Setup
 from rig.errors import ConfigurationError
 
-ENDED_EARLY = frozenset({"ABORTED", "ERROR", "INTERRUPTED"})
+_ENDED_EARLY = frozenset({"ABORTED", "ERROR", "INTERRUPTED"})
 """Outcomes of runs whose plan goes on where the recording ends. A trip ends the replay as it ended the run."""
 
 
@@ -73,7 +73,7 @@ def _refuse_another(path: Path, recorded: RunMetadata, order: Order, setup: Setu
             limit=f"{recorded.experiment} as it was recorded",
             remedy="Ask for it with the recorded values, or analyse it again with `rig fit`.",
         )
-    if recorded.outcome in ENDED_EARLY:
+    if recorded.outcome in _ENDED_EARLY:
         raise ConfigurationError(
             "a run that was ended early cannot be replayed: its plan goes on where the recording ends",
             where=str(path),

@@ -19,8 +19,8 @@ from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, 
 from sim_backend.wire.eds import electronic_data_sheet
 from sim_backend.wire.serve import Addresses, ReadoutLine, TimeSource, make_bench, serve
 
-LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
-NODES = {"drive": DRIVE_NODE, "counter": COUNTER_NODE, "analog_input": ANALOG_INPUT_NODE}
+_LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+_NODES = {"drive": DRIVE_NODE, "counter": COUNTER_NODE, "analog_input": ANALOG_INPUT_NODE}
 """The node-IDs of the simulated devices."""
 SHIPPED = "csf-25-120"
 """The gear that the program brings along."""
@@ -66,21 +66,26 @@ def serve_rig(
     for an address that is not this computer's own, unless `expose` allows it, and `DriverError` for
     a port that is taken.
     """
-    if host not in LOOPBACK and not expose:
+    if host not in _LOOPBACK and not expose:
         raise ConfigurationError(
             "would let other computers command the simulated rig",
             where="--host",
             value=host,
-            limit=", ".join(sorted(LOOPBACK)),
+            limit=", ".join(sorted(_LOOPBACK)),
             remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
         )
     bench = make_bench(**parts_of(order, setup), time=time, faults=faults)
     if sheets is not None:
-        write_sheets(bench, sheets)
+        _write_sheets(bench, sheets)
 
     def served_at(addresses: Addresses) -> None:
         served = Served(
-            addresses.host, addresses.port, addresses.channel, addresses.readout, NODES, bench.title
+            addresses.host,
+            addresses.port,
+            addresses.channel,
+            addresses.readout,
+            _NODES,
+            bench.title,
         )
         if configuration is not None:
             gear = _gear_beside(configuration, order)
@@ -98,7 +103,7 @@ def serve_rig(
     )
 
 
-def write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
+def _write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:
     """The EDS of every device, made from what it really has."""
     written = []
     for name, slave in (

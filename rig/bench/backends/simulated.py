@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from sim_backend.wire.analog_amplifier import ReferenceDevice
     from sim_backend.wire.bench import WireBench
 
-FASTEST_RAMP = 1e5
+_FASTEST_RAMP = 1e5
 """A ramp that is none [rad/s2]: a set-point by voltage may jump."""
 ADJUSTED_VOLTS, ADJUSTED_SCALE = 2e-4, 2e-3
 """How well zero [V] and scale of a reference by voltage are known after it was adjusted: standard uncertainties."""
-VOLTS_PER_INCREMENT = 0.3125e-3
+_VOLTS_PER_INCREMENT = 0.3125e-3
 """Volts per increment of the simulated analogue input."""
 
 
@@ -86,7 +86,7 @@ def parts_of(order: Order, setup: Setup) -> dict[str, Any]:
     }
 
 
-def clock_of(order: Order) -> VirtualClock:
+def _clock_of(order: Order) -> VirtualClock:
     """The clock of a simulated rig: it begins now, unless the order says when."""
     return VirtualClock(time.time_ns() if order.calendar_ns is None else order.calendar_ns)
 
@@ -125,7 +125,7 @@ def simulated(order: Order, setup: Setup) -> AssembledRig:
     """The plant directly behind the port: the fastest rig there is."""
     from sim_backend.direct import SimulatedRig
 
-    clock = clock_of(order)
+    clock = _clock_of(order)
     port = SimulatedRig(**parts_of(order, setup), clock=clock)
     return assembled("sim", port, clock, port, order)
 
@@ -135,7 +135,7 @@ def on_the_wire(order: Order, setup: Setup) -> AssembledRig:
     from sim_backend.wire.bench import WireBench
 
     parts = parts_of(order, setup)
-    bench = WireBench(**parts, clock=clock_of(order))
+    bench = WireBench(**parts, clock=_clock_of(order))
     port = wire_port(bench, parts["motor"])
     return assembled("wire", port, bench.clock, bench, order, lambda: port.nodes)
 
@@ -145,7 +145,7 @@ def on_the_wire_by_position(order: Order, setup: Setup) -> AssembledRig:
     from sim_backend.wire.bench import WireBench
 
     parts = parts_of(order, setup)
-    bench = WireBench(**parts, clock=clock_of(order))
+    bench = WireBench(**parts, clock=_clock_of(order))
     port = wire_port(bench, parts["motor"], position_config(bench, parts["motor"]))
     return assembled("wire-csp", port, bench.clock, bench, order, lambda: port.nodes)
 
@@ -181,7 +181,7 @@ def on_the_wire_with_box(order: Order, setup: Setup) -> AssembledRig:
     from sim_backend.wire.bench import WireBench
 
     parts = parts_of(order, setup)
-    bench = WireBench(**parts, clock=clock_of(order))
+    bench = WireBench(**parts, clock=_clock_of(order))
     port = box_port(bench, parts["motor"])
     return assembled("wire-box", port, bench.clock, bench, order, lambda: port.nodes)
 
@@ -192,7 +192,7 @@ def on_the_wire_by_reference(order: Order, setup: Setup) -> AssembledRig:
 
     parts = parts_of(order, setup)
     bench = WireBench(
-        **parts, clock=clock_of(order), reference=reference_device(order, parts["motor"], setup)
+        **parts, clock=_clock_of(order), reference=reference_device(order, parts["motor"], setup)
     )
     port = wire_port(bench, parts["motor"], reference_config(bench, parts["motor"]))
     return assembled("wire-analog", port, bench.clock, bench, order, lambda: port.nodes)
@@ -215,9 +215,9 @@ def reference_device(order: Order, motor: ServoMotor, setup: Setup = Setup()) ->
     held = DriveLimits(
         torque=per_cent * math.floor(allowed.torque / per_cent),
         speed=RPM * math.floor(allowed.speed / RPM),
-        acceleration=FASTEST_RAMP,
-        deceleration=FASTEST_RAMP,
-        quick_stop_deceleration=FASTEST_RAMP,
+        acceleration=_FASTEST_RAMP,
+        deceleration=_FASTEST_RAMP,
+        quick_stop_deceleration=_FASTEST_RAMP,
     )
     return ReferenceDevice(limits=held)
 
@@ -348,7 +348,7 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
             channel=name,
             unit="degC",
             source=ObjectRef(0x6401, sub, I16, name.replace("_", " ")),
-            volts_per_count=VOLTS_PER_INCREMENT,
+            volts_per_count=_VOLTS_PER_INCREMENT,
             unit_per_volt=32.0,
         )
         for sub, name in ((3, names.HOUSING_TEMPERATURE), (4, names.AMBIENT_TEMPERATURE))

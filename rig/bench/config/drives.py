@@ -23,8 +23,8 @@ from rig.bench.config.parts import (
 
 CIA_402, ANALOG_REFERENCE = "cia-402", "analog-reference"
 """The words for `kind`."""
-SpeedMode = Literal["cyclic velocity", "cyclic position", "profile velocity"]
-TorqueMode = Literal["cyclic torque", "profile torque"]
+_SpeedMode = Literal["cyclic velocity", "cyclic position", "profile velocity"]
+_TorqueMode = Literal["cyclic torque", "profile torque"]
 
 
 class AnyAmplifier(Part):
@@ -80,10 +80,10 @@ class Drive(AnyAmplifier):
     actual_torque: ObjectText = "0x6077:0 I16"
     torque_limit: ObjectText = "0x6072:0 U16"
     torque_limit_unit: Positive | None = Field(default=None, alias="torque_limit_unit_n_m")
-    speed_modes: tuple[SpeedMode, ...] = Field(
+    speed_modes: tuple[_SpeedMode, ...] = Field(
         default=("cyclic velocity", "cyclic position", "profile velocity"), min_length=1
     )
-    torque_modes: tuple[TorqueMode, ...] = ("cyclic torque", "profile torque")
+    torque_modes: tuple[_TorqueMode, ...] = ("cyclic torque", "profile torque")
     abort_connection_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 3
     quick_stop_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 2
     fault_reaction_option: Annotated[int, Field(strict=True, ge=-32768, le=32767)] = 2

@@ -68,7 +68,7 @@ def _unsaid(content: object, place: tuple[str | int, ...] = ()) -> Iterator[Prob
     """Every word that is marked as still to be said."""
     if isinstance(content, str) and content.startswith(TO_BE_SAID):
         asked = content.removeprefix(TO_BE_SAID)
-        yield Problem(path_text(place), "", f"must still be said: {asked}")
+        yield Problem(_path_text(place), "", f"must still be said: {asked}")
     elif isinstance(content, Mapping):
         for name, one in content.items():
             yield from _unsaid(one, (*place, name))
@@ -136,7 +136,7 @@ def _problem(error: Mapping[str, Any]) -> Problem:
         for part in error["loc"]
         if not (isinstance(part, str) and part.startswith("function-"))
     ]
-    path = path_text(place)
+    path = _path_text(place)
     kind, given = str(error["type"]), error.get("input")
     if kind == "extra_forbidden":
         return Problem(path, _shown(given), f"no such word here. {_nearest(place)}")
@@ -151,7 +151,7 @@ def _problem(error: Mapping[str, Any]) -> Problem:
     return Problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
 
 
-def path_text(place: Sequence[str | int]) -> str:
+def _path_text(place: Sequence[str | int]) -> str:
     """counter[0].lines out of ("counter", 0, "lines"); what pydantic adds for unions is left away."""
     text = ""
     for part in place:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rig.trial.campaign.journal import DoneStage, Journal
     from rig.trial.campaign.plan import CampaignPlan
 
-MOUNTED = ("part", "mounting", "mounted_on")
+_MOUNTED = ("part", "mounting", "mounted_on")
 """Facts of a gear card that say that it is the same gear, mounted as it was."""
 _SECONDS_PER_DAY = 86400.0
 
@@ -29,7 +29,7 @@ _SECONDS_PER_DAY = 86400.0
 def facts_of(folder: Path, serial: str, bench: str) -> dict[str, Any]:
     """What a campaign must find again when it goes on: its bench, and how its gear is mounted."""
     card = card_for(folder, serial)
-    mounted = {name: str(getattr(card.facts, name)) if card else "" for name in MOUNTED}
+    mounted = {name: str(getattr(card.facts, name)) if card else "" for name in _MOUNTED}
     return {"bench": bench, "mounted": mounted}
 
 
@@ -54,7 +54,7 @@ def outdated(
 ) -> Iterator[tuple[int, str]]:
     """The stages whose run does not count any more, with the reason."""
     begun = journal.begun.get("mounted", {})
-    moved = [name for name in MOUNTED if begun.get(name) != facts["mounted"][name]]
+    moved = [name for name in _MOUNTED if begun.get(name) != facts["mounted"][name]]
     for index in range(len(journal.begun.get("protocols", ()))):
         done = journal.newest(index)
         if done is None or not done.counts:

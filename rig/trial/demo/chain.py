@@ -33,7 +33,7 @@ CAMPAIGN = "acceptance"
 ACCEPTANCE = "demonstration"
 """The acceptance file of a made-up maker, for simulated rigs only."""
 REPORT, PARAMETERS = "report.html", "identified.toml"
-CERTIFICATE = ("certificate.html", "certificate.pdf")
+_CERTIFICATE = ("certificate.html", "certificate.pdf")
 ORDER = tuple(stage.protocol for stage in shipped_plan(CAMPAIGN).stages)
 
 
@@ -193,7 +193,7 @@ def demonstrate(
         ),
     )
     _refuse_unfinished(order, report)
-    report.journal.with_end(report.verdict.verdict, ", ".join(CERTIFICATE), order.created)
+    report.journal.with_end(report.verdict.verdict, ", ".join(_CERTIFICATE), order.created)
     return _conclude(order, report, tuple(watcher.finished), started)
 
 
@@ -285,7 +285,7 @@ def _conclude(
     certificate = write_certificate(
         order.folder,
         order.serial,
-        [order.folder / name for name in CERTIFICATE],
+        [order.folder / name for name in _CERTIFICATE],
         acceptance=shipped_acceptance(ACCEPTANCE),
         protocols=ORDER,
         created=order.created,

@@ -23,18 +23,18 @@ from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.reference import inspect_reference
 from rig.trial.doctor.second_client import SecondClient, read_again
 
-PROFILES = {
+_PROFILES = {
     "servo amplifier": 402,
     "amplifier by analog reference": 401,
     "counter": 406,
     "analog module": 401,
 }
 """The device profile that belongs to each kind of node."""
-LOST_AFTER = 3
+_LOST_AFTER = 3
 """Heartbeats that may stay away before a node counts as lost: the drivers arm that much."""
-SLOW_HEARTBEAT = 1.5
+_SLOW_HEARTBEAT = 1.5
 """Periods that may pass from one heartbeat to the next."""
-GRAVE_EVENTS = frozenset({"counts-per-revolution"})
+_GRAVE_EVENTS = frozenset({"counts-per-revolution"})
 """What the drivers only warn of, and what makes every angle wrong."""
 _BETWEEN_NS = 1_000_000
 LEVELS: Mapping[str, Severity] = {"error": Severity.BLOCKS, "warning": Severity.WARNS}
@@ -67,17 +67,17 @@ def _told_again(device: RemoteDevice, identity: Identity) -> Identity:
 
 def heartbeat_period_ns(watch: NodeWatch) -> int:
     """The heartbeat period that a node was asked for, or told; 0 where it produces none."""
-    return watch.timeout_ns // LOST_AFTER
+    return watch.timeout_ns // _LOST_AFTER
 
 
 def _identity(group: str, name: str, identity: Identity) -> Finding:
-    kinds = [kind for kind in PROFILES if kind in name]
+    kinds = [kind for kind in _PROFILES if kind in name]
     text = (
         f"{identity.name or 'no name'}, profile {identity.profile}, vendor 0x{identity.vendor_id:08X}, product "
         f"0x{identity.product_code:08X}, serial number {identity.serial_number or 'not told'}"
     )
     # A coupler's terminals count under its own profile.
-    wanted = {PROFILES[kind] for kind in kinds} or {identity.profile}
+    wanted = {_PROFILES[kind] for kind in kinds} or {identity.profile}
     return passed_if(
         "identity",
         identity.profile in wanted,
@@ -149,18 +149,18 @@ def _heartbeat(group: str, watch: NodeWatch, heard: Sequence[int]) -> Finding:
             text,
             remedy,
             where=group,
-            allowed=f"<= {SLOW_HEARTBEAT * asked:g} ms",
+            allowed=f"<= {_SLOW_HEARTBEAT * asked:g} ms",
             unit="ms",
         )
     period = float(np.median(np.diff(np.asarray(heard)))) * 1e-6
     text = f"every {period:.0f} ms over {len(heard)} of them, asked for every {asked:g} ms"
     return passed_if(
         "heartbeat",
-        period <= SLOW_HEARTBEAT * asked,
+        period <= _SLOW_HEARTBEAT * asked,
         text,
         "The node beats more slowly than it was asked to.",
         where=group,
-        allowed=f"<= {SLOW_HEARTBEAT * asked:g} ms",
+        allowed=f"<= {_SLOW_HEARTBEAT * asked:g} ms",
         value=period,
         unit="ms",
         otherwise=Severity.WARNS,
@@ -222,7 +222,7 @@ def inspect_events(events: Iterable[DeviceEvent]) -> Iterable[Finding]:
     counted: dict[tuple[str, str, str], tuple[Severity, int]] = {}
     for event in events:
         severity = LEVELS.get(event.level)
-        if event.code in GRAVE_EVENTS:
+        if event.code in _GRAVE_EVENTS:
             severity = Severity.BLOCKS
         if severity is not None:
             key = (event.source, event.code, event.text)

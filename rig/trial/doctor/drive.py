@@ -14,9 +14,9 @@ from drivers.errors import DriverError
 from experiments.finding import Finding, Severity, passed_if
 
 GROUP = "drive"
-VOLTAGE_BIT = 0x0010
+_VOLTAGE_BIT = 0x0010
 """Statusword bit 4: the power stage has its voltage; clear without main power or with the safe torque off active."""
-ABORT_OPTIONS: Mapping[int, str] = {0: "no action", 1: "fault", 2: "power off", 3: "quick stop"}
+_ABORT_OPTIONS: Mapping[int, str] = {0: "no action", 1: "fault", 2: "power off", 3: "quick stop"}
 """0x6007: what the drive does when the connection is lost."""
 QUICK_STOP_OPTIONS: Mapping[int, str] = {
     0: "power off, the motor coasts",
@@ -30,7 +30,7 @@ QUICK_STOP_OPTIONS: Mapping[int, str] = {
     8: "voltage limit, stays",
 }
 """0x605A: how a quick stop ends."""
-FACTORS = (
+_FACTORS = (
     ("electronic gear", obj.GEAR_MOTOR, obj.GEAR_SHAFT),
     ("position factor", obj.POSITION_FACTOR, obj.POSITION_DIVISOR),
 )
@@ -47,7 +47,7 @@ def inspect_drive(drive: ServoAmplifier, computer: int) -> Iterable[Finding]:
     yield _option(
         drive,
         obj.ABORT_OPTION,
-        ABORT_OPTIONS,
+        _ABORT_OPTIONS,
         "It goes on turning when the computer dies: set 3, quick stop.",
     )
     yield _option(
@@ -57,7 +57,7 @@ def inspect_drive(drive: ServoAmplifier, computer: int) -> Iterable[Finding]:
         "A quick stop leaves the motor coasting: set 2.",
     )
     yield _watches(drive, computer)
-    for factor in FACTORS:
+    for factor in _FACTORS:
         yield from _factor(drive, *factor)
     yield _settings(drive)
 
@@ -81,7 +81,7 @@ def _state(drive: ServoAmplifier) -> Finding:
         )
     if state in POWERED_STATES or state is DriveState.UNKNOWN:
         return Finding("state", Severity.BLOCKS, text, "The servo must be off here.", where=GROUP)
-    if not word & VOLTAGE_BIT:
+    if not word & _VOLTAGE_BIT:
         text += ", no voltage at the power stage"
         return Finding(
             "state",

@@ -48,11 +48,11 @@ from rig.trial.doctor.surroundings import (
 
 STANDING_TIME, LONGEST_STAND = 1.5, 10.0
 """s of cycles that are looked at with the servo off; more where heartbeats are slow, so many at most."""
-HEARTBEATS = 4
+_HEARTBEATS = 4
 """Periods of the slowest heartbeat that are waited for."""
-BLOCK_TIME = 0.02
+_BLOCK_TIME = 0.02
 """s of cycles per exchange: how finely heartbeats are timed."""
-RESULTS = {
+_RESULTS = {
     Severity.PASSED: "ok",
     Severity.NOTES: "ok",
     Severity.WARNS: "warning",
@@ -60,7 +60,7 @@ RESULTS = {
     Severity.NOT_LOOKED_AT: "skipped",
 }
 """The words of `--json` for how a line came out."""
-HARMLESS = frozenset({"calibration", "readout"})
+_HARMLESS = frozenset({"calibration", "readout"})
 """Groups whose failed lines do not make motion unsafe."""
 
 
@@ -91,7 +91,7 @@ def _as_json(finding: Finding) -> dict[str, Any]:
     return finding.as_json() | {
         "group": finding.where,
         "name": finding.what,
-        "result": RESULTS[finding.severity],
+        "result": _RESULTS[finding.severity],
         "evidence": finding.found,
         "limit": finding.allowed,
     }
@@ -116,12 +116,12 @@ def examine(
     on_stage("standing")
     rig = make()
     findings = [*bench_lines(order), disk(order.folder), calendar(rig.clock)]
-    findings += examine_standing(rig, planned)
+    findings += _examine_standing(rig, planned)
     if order.backend == HARDWARE:
         findings += output_assumptions(planned.gear, order.output_bearing)
     findings.append(readout(serial_line, rig.clock))
     refused = any(
-        finding.severity is Severity.BLOCKS and finding.where not in HARMLESS
+        finding.severity is Severity.BLOCKS and finding.where not in _HARMLESS
         for finding in findings
     )
     if stop.level or refused or not moves:
@@ -132,7 +132,7 @@ def examine(
         )
     else:
         on_stage("motion")
-        findings += examine_motion(make(), order, planned, stop)
+        findings += _examine_motion(make(), order, planned, stop)
     return Examination(order.backend, tuple(findings), stop.level > 0)
 
 
@@ -168,7 +168,7 @@ class Part:
 def _take_stand(looked: Looked) -> Iterable[Finding]:
     """Cycles with the servo off, and when each node's heartbeat was heard."""
     port, heard, blocks = looked.rig.port, {}, []
-    cycles = max(1, round(BLOCK_TIME * 1e9 / port.cycle_ns))
+    cycles = max(1, round(_BLOCK_TIME * 1e9 / port.cycle_ns))
     left = round(_standing_time(looked) * 1e9 / port.cycle_ns)
     looked.heard = heard
     while left > 0:
@@ -198,7 +198,7 @@ def _standing_time(looked: Looked) -> float:
         return STANDING_TIME
     devices = looked.rig.nodes().devices
     slowest = max((heartbeat_period_ns(device.watch) for device in devices), default=0)
-    return min(max(STANDING_TIME, HEARTBEATS * slowest * 1e-9), LONGEST_STAND)
+    return min(max(STANDING_TIME, _HEARTBEATS * slowest * 1e-9), LONGEST_STAND)
 
 
 def _note_beats(nodes: RigNodes, heard: dict[int, list[int]]) -> None:
@@ -275,7 +275,7 @@ PARTS: tuple[Part, ...] = (
 """What is looked at while the rig stands open, in this order."""
 
 
-def examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
+def _examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
     """Everything that can be seen with the servo off."""
     port, looked = rig.port, Looked(rig, planned)
     findings: list[Finding] = []
@@ -348,7 +348,7 @@ def _answering(rig: AssembledRig) -> Iterable[Finding]:
 # --- in motion
 
 
-def examine_motion(
+def _examine_motion(
     rig: AssembledRig, order: Order, planned: PlannedRun, stop: StopRequest
 ) -> list[Finding]:
     """Creep, turn, whole turn of the output; recorded into a folder that is thrown away. A trip is

@@ -32,47 +32,47 @@ from rig.bench.limits import kinematic_error_margin, torsion_stiffness
 from rig.trial.doctor.standing import LARGEST_MISSED
 
 CREEP = DEGREE
-CREEP_SPEED = 1.0 * RPM
-TURN_SPEED = 30.0 * RPM
-RATIO_SPEED = 300.0 * RPM
-SKEW_SPEEDS = (900.0 * RPM, -300.0 * RPM, -900.0 * RPM)
+_CREEP_SPEED = 1.0 * RPM
+_TURN_SPEED = 30.0 * RPM
+_RATIO_SPEED = 300.0 * RPM
+_SKEW_SPEEDS = (900.0 * RPM, -300.0 * RPM, -900.0 * RPM)
 """Beside +300 r/min of the output's turn: both ways at two speeds, which tells skew from wind-up."""
-SKEW_TURNS = 20.0
+_SKEW_TURNS = 20.0
 ACCELERATION = 50.0
-CREEP_TOLERANCE = 0.25
+_CREEP_TOLERANCE = 0.25
 """Share by which the creep may differ from a degree: the speed loop rings a little on so short a way."""
 LARGEST_DOUBT = 0.05
 """Share of the ratio above which what was measured says nothing about it."""
 LEAST_COUNTS = 8.0
 """Counts that the output must have to turn by before its sense is believed; with half of them it moves at all."""
-LEAST_TORQUE = 0.01
+_LEAST_TORQUE = 0.01
 """N m that the motion must cost before the sense of the torque is believed."""
 TORQUE_SCALE = 0.2
 """Share by which port and drive may differ in what the motion costs."""
 
 
 @dataclass(frozen=True)
-class DoctorParameters:
+class _DoctorParameters:
     """There is nothing to choose."""
 
 
-def plan(parameters: DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
+def plan(parameters: _DoctorParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     """Servo off, a degree, a turn of the input, a turn of the output, some turns at two speeds both ways, servo off."""
     yield s.ServoOff(0.5, s.SegmentLabel("zero-before"))
     yield s.MoveRevolutions(
-        CREEP / REVOLUTION, CREEP_SPEED, ACCELERATION, 5.0, s.SegmentLabel("creep", CREEP, 1)
+        CREEP / REVOLUTION, _CREEP_SPEED, ACCELERATION, 5.0, s.SegmentLabel("creep", CREEP, 1)
     )
     yield s.HoldTime(0.2)
     yield s.MoveRevolutions(
-        1.0, TURN_SPEED, ACCELERATION, 15.0, s.SegmentLabel("turn", TURN_SPEED, 1)
+        1.0, _TURN_SPEED, ACCELERATION, 15.0, s.SegmentLabel("turn", _TURN_SPEED, 1)
     )
-    yield s.Ramp(RATIO_SPEED, ACCELERATION)
+    yield s.Ramp(_RATIO_SPEED, ACCELERATION)
     turns = gear.ratio + 1.0
-    longest = 2.0 * turns * REVOLUTION / RATIO_SPEED
-    yield s.HoldRevolutions(turns, longest, s.SegmentLabel("output-turn", RATIO_SPEED, 1))
-    for speed in SKEW_SPEEDS:
+    longest = 2.0 * turns * REVOLUTION / _RATIO_SPEED
+    yield s.HoldRevolutions(turns, longest, s.SegmentLabel("output-turn", _RATIO_SPEED, 1))
+    for speed in _SKEW_SPEEDS:
         yield s.Ramp(speed, ACCELERATION)
-        seconds = SKEW_TURNS * REVOLUTION / abs(speed)
+        seconds = _SKEW_TURNS * REVOLUTION / abs(speed)
         direction = 1 if speed > 0.0 else -1
         yield s.HoldTime(seconds, s.SegmentLabel("skew", speed, direction))
     yield s.Ramp(0.0, ACCELERATION)
@@ -94,7 +94,7 @@ EXPERIMENT = Experiment(
     name="doctor",
     title="look over the rig",
     summary="direction of both encoders and the ratio",
-    parameters=DoctorParameters,
+    parameters=_DoctorParameters,
     plan=plan,
     analyse=analyse,
     needs=("input_angle",),
@@ -149,15 +149,15 @@ def _creep(recording: Recording, segment: Segment | None) -> Finding:
     moved = _moved(recording, segment, output=False)
     text = f"told to creep by +1 deg, moved by {moved / DEGREE:+.3f} deg"
     remedy = "Turn `direction` of the motor encoder, or the drive's own sense, until a positive speed counts up."
-    if moved > 0.0 and not abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP:
+    if moved > 0.0 and not abs(moved - CREEP) <= _CREEP_TOLERANCE * CREEP:
         remedy = "Lines and multiplication of the motor encoder do not fit the way it went."
     return passed_if(
         "input direction",
-        abs(moved - CREEP) <= CREEP_TOLERANCE * CREEP,
+        abs(moved - CREEP) <= _CREEP_TOLERANCE * CREEP,
         text,
         remedy,
         where="motion",
-        allowed=f"1 +- {CREEP_TOLERANCE:g} deg",
+        allowed=f"1 +- {_CREEP_TOLERANCE:g} deg",
         value=moved / DEGREE,
         unit="deg",
     )
@@ -217,7 +217,7 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
             where="motion",
         )
     ratio = abs(inner / outer)
-    doubt = ratio * angle_doubt(recording, gear) / abs(outer)
+    doubt = ratio * _angle_doubt(recording, gear) / abs(outer)
     turns = abs(outer) / REVOLUTION
     text = f"{ratio:.4f} +- {doubt:.4f} over {turns:.3f} turns of the output, described as {expected:g}"
     if doubt > LARGEST_DOUBT * expected and abs(ratio - expected) <= doubt:
@@ -245,7 +245,7 @@ def _ratio(recording: Recording, segment: Segment, gear: HarmonicDrive) -> Findi
     )
 
 
-def angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
+def _angle_doubt(recording: Recording, gear: HarmonicDrive) -> float:
     """What two positions of the output may be wrong by [rad]: a count and the accuracy at each end,
     kinematic error between,
     and the wind-up by a friction that changes."""
@@ -296,7 +296,7 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
     text = (
         f"the motion costs {1e3 * port:+.1f} mN m by the port, {1e3 * drive:+.1f} mN m by the drive"
     )
-    if abs(drive) < LEAST_TORQUE:
+    if abs(drive) < _LEAST_TORQUE:
         yield Finding(
             "torque direction",
             Severity.NOT_LOOKED_AT,
@@ -354,7 +354,7 @@ def _against_friction(recording: Recording, segment: Segment, port: float) -> Fi
     """The port alone: friction costs torque in the sense of the motion. How much it should be nobody says here."""
     moved = _moved(recording, segment, output=False)
     text = f"the motion of {moved / DEGREE:+.0f} deg costs {1e3 * port:+.1f} mN m by the port; the drive tells none"
-    if abs(port) < LEAST_TORQUE:
+    if abs(port) < _LEAST_TORQUE:
         text = f"too little to tell it: {text}"
         return Finding("torque direction", Severity.NOT_LOOKED_AT, text, where="motion")
     return passed_if(

@@ -25,7 +25,7 @@ with without_log_files():
 
 TIMED_OUT, TOO_LONG = 0x05040000, 0x05040005
 UPLOAD, ABORTED, NO_MORE_SEGMENTS = 0x40, 0x80, 0x01
-QUIET = logging.NullHandler()
+_QUIET = logging.NullHandler()
 """Keeps the library's log off the terminal where nobody asked for it."""
 
 
@@ -39,7 +39,7 @@ class PumpedClient(LibraryClient):
         self.network = self  # type: ignore[assignment]  # all that it uses of one is `send_message`
         self._bus, self._deadline_ns, self._longest = bus, deadline_ns, longest
         self._until_ns, self._asked, self._request, self._last = 0, (0, 0), 0, bytes(8)
-        logging.getLogger("canopen").addHandler(QUIET)
+        logging.getLogger("canopen").addHandler(_QUIET)
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """What the library sends goes over the pumped bus."""

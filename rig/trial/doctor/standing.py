@@ -15,22 +15,22 @@ from experiments.finding import Finding, Severity, passed_if
 from model.units import ARCSEC
 from rig.run.preflight import LARGEST_ZERO, MISSED_SHARE, STANDING_COUNTS
 
-SOUGHT_ZERO = 0.02
+_SOUGHT_ZERO = 0.02
 """Share of the rated torque that the torque port should not exceed with the servo off: 20 mV of a monitor of 1 V."""
-LARGEST_TORQUE_NOISE = 0.02
+_LARGEST_TORQUE_NOISE = 0.02
 """Share of the rated torque that its noise may have (r.m.s.)."""
 DISAGREEMENT = 0.1
 """Share of the rated torque by which port and drive may differ at rest."""
 LARGEST_MISSED = 0.001
 """Share of cycles that may be missed without a word."""
-ROOM_TEMPERATURES = (-10.0, 60.0)
+_ROOM_TEMPERATURES = (-10.0, 60.0)
 SLOW_RATE, SLOWEST_RATE = 0.99, 0.9
 """Shares of the nominal rate below which something is to be said, and below which it is not the
 rate that was asked for.
 """
-LARGEST_JITTER = 0.1
+_LARGEST_JITTER = 0.1
 """Share of the SYNC period by which it may scatter (r.m.s.)."""
-LARGEST_STEP = 1e9
+_LARGEST_STEP = 1e9
 """ns from one time stamp to the next above which the clock has jumped."""
 
 
@@ -100,7 +100,7 @@ def _time(stand: Stand) -> Iterable[Finding]:
         otherwise=Severity.WARNS if rate >= SLOWEST_RATE * nominal else Severity.BLOCKS,
     )
     jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
-    allowed = LARGEST_JITTER * stand.cycle_ns * 1e-3
+    allowed = _LARGEST_JITTER * stand.cycle_ns * 1e-3
     yield passed_if(
         "jitter",
         jitter <= allowed,
@@ -120,7 +120,7 @@ def _time(stand: Stand) -> Iterable[Finding]:
         where="acquisition",
         otherwise=Severity.WARNS,
     )
-    wrong = int(np.sum((steps <= 0.0) | (steps > LARGEST_STEP)))
+    wrong = int(np.sum((steps <= 0.0) | (steps > _LARGEST_STEP)))
     yield passed_if(
         "clock",
         not wrong,
@@ -146,22 +146,22 @@ def _torque(stand: Stand) -> Iterable[Finding]:
         zero, noise, rated = float(port.mean()), float(port.std()), stand.rated_torque
         yield passed_if(
             "zero",
-            abs(zero) <= SOUGHT_ZERO * rated,
+            abs(zero) <= _SOUGHT_ZERO * rated,
             f"{1e3 * zero:.2f} mN m with the servo off",
             "Trim the monitor's offset, check its cable.",
             where="torque",
-            allowed=f"+-{SOUGHT_ZERO * rated:.3g} N m",
+            allowed=f"+-{_SOUGHT_ZERO * rated:.3g} N m",
             value=zero,
             unit="N m",
             otherwise=Severity.WARNS if abs(zero) <= LARGEST_ZERO * rated else Severity.BLOCKS,
         )
         yield passed_if(
             "noise",
-            noise <= LARGEST_TORQUE_NOISE * rated,
+            noise <= _LARGEST_TORQUE_NOISE * rated,
             f"{1e3 * noise:.3f} mN m r.m.s.",
             "Check shield and ground.",
             where="torque",
-            allowed=f"<= {LARGEST_TORQUE_NOISE * rated:.3g} N m",
+            allowed=f"<= {_LARGEST_TORQUE_NOISE * rated:.3g} N m",
             value=noise,
             unit="N m",
             otherwise=Severity.WARNS,
@@ -209,7 +209,7 @@ def _encoder(stand: Stand, name: str) -> Finding:
 
 
 def _temperatures(stand: Stand) -> Iterable[Finding]:
-    low, high = ROOM_TEMPERATURES
+    low, high = _ROOM_TEMPERATURES
     for name in (names.HOUSING_TEMPERATURE, names.AMBIENT_TEMPERATURE):
         values = stand.si(name)
         if values is not None and len(values):

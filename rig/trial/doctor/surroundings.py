@@ -46,14 +46,14 @@ from rig.run.start import bench_for
 
 ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
 """Bytes that an hour at 1 kHz and a margin take; bytes below which no run should be begun."""
-SOON = timedelta(days=30)
+_SOON = timedelta(days=30)
 """Time before its due date from which on a calibration is reminded of."""
-PLAUSIBLE_YEARS = (2024, 2100)
+_PLAUSIBLE_YEARS = (2024, 2100)
 CALIBRATED = (INPUT_ANGLE, OUTPUT_ANGLE, TORQUE)
 """Channels whose certificate matters to results."""
 
 
-SCOPES: dict[Scope, str] = {
+_SCOPES: dict[Scope, str] = {
     "site": "for everybody at this computer",
     "user": "of this user only: the site's cannot be written",
     "hub": "of this user, as of every hub",
@@ -80,7 +80,7 @@ def bench_lines(order: Order) -> Iterable[Finding]:
     yield passed_if(
         "state folder",
         bench.scope != "user",
-        f"{bench.state}, {'' if bench.scope == 'runs' else 'writable, '}{SCOPES[bench.scope]}",
+        f"{bench.state}, {'' if bench.scope == 'runs' else 'writable, '}{_SCOPES[bench.scope]}",
         "Another user would not meet its latch: make the site's writable for all who run it"
         f" ({', '.join(str(place) for place in bench.elsewhere[:1])}).",
         where="bench",
@@ -133,7 +133,7 @@ def disk(folder: Path) -> Finding:
 def calendar(clock: Clock) -> Finding:
     """Whether the computer's calendar can be the right one."""
     now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
-    low, high = PLAUSIBLE_YEARS
+    low, high = _PLAUSIBLE_YEARS
     return passed_if(
         "calendar",
         low <= now.year < high,
@@ -167,7 +167,7 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
                 "Have it calibrated; reports will say so.",
                 where="calibration",
             )
-        elif due is not None and due - today <= SOON:
+        elif due is not None and due - today <= _SOON:
             text += f": in {(due - today).days} days"
             yield Finding(title, Severity.WARNS, text, "Plan its calibration.", where="calibration")
         else:

@@ -18,7 +18,6 @@ NOTHING = ""
 """Where there is nothing to detect: the counts just stay right."""
 STOP = "STOP"
 ABORT = "ABORT"
-RECORDER = "recorder"
 NO_VALUE = "the readout says that its value is none (?)"
 
 _REFUSED = "preflight"

@@ -14,11 +14,11 @@ from rig.run.parts import OpenRun, SessionParts
 from rig.run.recorder import InlineRecorder, ThreadedRecorder
 from rig.runfile.write import RunWriter
 
-SMALL_SPACE = 1_000_000
+_SMALL_SPACE = 1_000_000
 """Bytes that are left on a disk that is nearly full."""
 
 
-class FullDiskWriter(RunWriter):
+class _FullDiskWriter(RunWriter):
     """A writer whose disk has no room left once `full_at` rows have been taken; what was flushed before stays."""
 
     full_at = 2**62
@@ -55,7 +55,7 @@ class StalledWriter(RunWriter):
         super().append(block)
 
 
-class DrilledRun(BegunRun):
+class _DrilledRun(BegunRun):
     """An open run on a disk that fails."""
 
     def flush(self) -> None:
@@ -69,7 +69,7 @@ class FailingDisk:
 
     how: str
     row: int
-    writer: FullDiskWriter | StalledWriter | None = None
+    writer: _FullDiskWriter | StalledWriter | None = None
     small: int = 0
     """How often too little space was said to be free."""
 
@@ -78,7 +78,7 @@ class FailingDisk:
         refused = self.writer.refused if self.writer is not None else 0
         counted = (
             (refused, "blocks that the disk did not take"),
-            (self.small, f"looks that found {SMALL_SPACE} bytes free"),
+            (self.small, f"looks that found {_SMALL_SPACE} bytes free"),
         )
         return ", ".join(f"{what}: {count}" for count, what in counted if count)
 
@@ -91,15 +91,15 @@ class FailingDisk:
         place = claim_run(parts.order.folder, parts.planned.experiment.name, parts.order.serial)
         header = header_of(parts, description, place.run_id, epoch_ns, start_time)
         if self.how == "disk full":
-            full = FullDiskWriter(place.path, header, compress=False, chunk_rows=1024)
+            full = _FullDiskWriter(place.path, header, compress=False, chunk_rows=1024)
             full.full_at = self.row
             self.writer = full
-            return DrilledRun(place.run_id, full, InlineRecorder(full))
+            return _DrilledRun(place.run_id, full, InlineRecorder(full))
         stalled = StalledWriter(place.path, header, compress=False)
         self.writer = stalled
         rate = 1e9 / parts.rig.port.cycle_ns
         recorder = ThreadedRecorder(stalled, rate, ring_seconds=self.row / rate, smallest_ring=1)
-        return DrilledRun(place.run_id, stalled, recorder)
+        return _DrilledRun(place.run_id, stalled, recorder)
 
     def release(self) -> None:
         """The disk works again."""
@@ -110,4 +110,4 @@ class FailingDisk:
         """Bytes that are said to be free."""
         is_small = self.how == "disk nearly full" and rows > self.row
         self.small += is_small
-        return SMALL_SPACE if is_small else 10**12
+        return _SMALL_SPACE if is_small else 10**12

@@ -42,7 +42,7 @@ IN_PAIRS: tuple[Carrier, ...] = ("sim", "wire")
 
 START_NS = 1_800_000_000_000_000_000
 """The calendar of a drill: the same every time, so that its files are the same."""
-PRESSED = ("nothing", "STOP", "ABORT")
+_PRESSED = ("nothing", "STOP", "ABORT")
 """The operator's words by their level."""
 MILLISECOND = 1_000_000
 STANDING_SPEED = 1.0
@@ -122,7 +122,7 @@ class Happening:
         if self.press is not None:
             before = stop.level
             self.press(stop)
-            self.facts += [f"{PRESSED[stop.level]} pressed"] * (stop.level > before)
+            self.facts += [f"{_PRESSED[stop.level]} pressed"] * (stop.level > before)
         if bench is not None and not self.at_start:
             self._inject(bench, bench.cycle + ahead)
 

@@ -31,7 +31,7 @@ from rig.trial.drill.rigs import Carrier, DrilledRig, Happening, drilled_rig
 
 BLOCK_CYCLES = 20
 """Cycles per exchange of a drill: what a rig in real time at 1 kHz would use."""
-AFTERMATH = 1.0
+_AFTERMATH = 1.0
 """s of rig time that pass, where standstill was not verified, before the truth is looked at: the
 drive stops by itself.
 """
@@ -229,7 +229,7 @@ class Staged:
         finally:
             disk.release()
         if not (report.safe if report is not None else self.said_safe):
-            rig.let_time_pass(AFTERMATH)
+            rig.let_time_pass(_AFTERMATH)
         facts = [happening.evidence() for happening in happenings]
         if failing is not None:
             facts[self.parts.index(failing)] = disk.evidence()

@@ -7,7 +7,7 @@ from importlib import resources
 from rig.errors import ConfigurationError
 
 
-def example_names() -> tuple[str, ...]:
+def _example_names() -> tuple[str, ...]:
     """The names of the worked examples."""
     files = resources.files(__name__).iterdir()
     return tuple(sorted(f.name[:-5] for f in files if f.name.endswith(".toml")))
@@ -15,11 +15,11 @@ def example_names() -> tuple[str, ...]:
 
 def example_text(name: str) -> str:
     """The file of a worked example. Raises `ConfigurationError` for a name that there is not."""
-    if name not in example_names():
+    if name not in _example_names():
         raise ConfigurationError(
             "there is no such worked example",
             where="--example",
             value=repr(name),
-            limit=", ".join(example_names()),
+            limit=", ".join(_example_names()),
         )
     return resources.files(__name__).joinpath(f"{name}.toml").read_text(encoding="utf-8")

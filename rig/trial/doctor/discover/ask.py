@@ -15,7 +15,7 @@ from rig.trial.doctor.discover.proposal import Bus
 
 Tell = Callable[[str, int, int], None]
 """Is told what is being done, how much of it is done, and of how much."""
-OWN_RATE: Final = ("socketcan", "socketcand", "virtual", "udp_multicast")
+_OWN_RATE: Final = ("socketcan", "socketcand", "virtual", "udp_multicast")
 """Interfaces whose bit rate is set elsewhere, or that have none."""
 RATES_SHOWN: Final = (125_000, 250_000, 500_000, 1_000_000)
 
@@ -42,7 +42,7 @@ def _rate_of(
     interface: str, channel: str, arguments: Mapping[str, str | int], clock: WallClock, tell: Tell
 ) -> int:
     """The bit rate: the interface's own, or found by listening."""
-    if interface in OWN_RATE:
+    if interface in _OWN_RATE:
         return 1_000_000
     return find_bit_rate(
         lambda rate, passive: open_raw_bus(

@@ -16,13 +16,13 @@ from drivers.bus.discover import FoundNode
 from drivers.bus.load import load_of
 from rig.bench.config.load import TO_BE_SAID
 
-ROLES: Final = {402: "drive", 406: "counter", 401: "analogue and digital inputs"}
+_ROLES: Final = {402: "drive", 406: "counter", 401: "analogue and digital inputs"}
 """What a node of each device profile is for."""
-USUAL_RATE: Final = 500.0
+_USUAL_RATE: Final = 500.0
 """Hz that a computer without real time keeps."""
 _CSV, _CSP, _PV, _CST, _TQ = 8, 7, 2, 9, 3
 """Bits of 0x6502: cyclic velocity, cyclic position, profile velocity, cyclic torque, profile torque."""
-SHAPED_BY: Final = {
+_SHAPED_BY: Final = {
     "cyclic velocity": "",
     "cyclic position": ": without cyclic velocity the drive is led by positions, whose loop shapes the steps",
     "profile velocity": ": without cyclic velocity the drive's own ramps shape the steps",
@@ -87,7 +87,7 @@ def say(name: str, what: str) -> Word:
 
 def role_of(node: FoundNode) -> str:
     """What a node is for, by its device profile."""
-    return ROLES.get(node.profile, f"none here (profile {node.profile})")
+    return _ROLES.get(node.profile, f"none here (profile {node.profile})")
 
 
 def propose(nodes: Sequence[FoundNode], bus: Bus, bench_id: str) -> Proposal:
@@ -96,7 +96,7 @@ def propose(nodes: Sequence[FoundNode], bus: Bus, bench_id: str) -> Proposal:
     counters = [node for node in nodes if node.profile == 406]
     couplers = [node for node in nodes if node.profile == 401 and node.analog_inputs]
     used = [*drives[:1], *counters, *couplers]
-    rate = min(load_of(max(len(used), 1)).largest_rate(bus.bit_rate), USUAL_RATE)
+    rate = min(load_of(max(len(used), 1)).largest_rate(bus.bit_rate), _USUAL_RATE)
     tables = [
         _rig(rate, bus),
         Table("[bench]", (Word("id", bench_id, "drawn now, for this rig only"),)),
@@ -221,7 +221,7 @@ def _modes(drive: FoundNode) -> Iterator[Word]:
     ]
     why = f"by 0x6502 = 0x{drive.modes:X}"
     if speed:
-        yield Word("speed_modes", speed, why + SHAPED_BY[speed[0]])
+        yield Word("speed_modes", speed, why + _SHAPED_BY[speed[0]])
     else:
         yield say("speed_modes", f"{why} it has no velocity mode that this program uses")
     yield Word("torque_modes", torque, why)
