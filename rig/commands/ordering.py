@@ -88,23 +88,19 @@ def _option(name: str, words: Spoken, help_text: str) -> inspect.Parameter:
         help=help_text,
         rich_help_panel=_PANELS.get(words.group),
     )
-    return inspect.Parameter(
-        name,
-        inspect.Parameter.KEYWORD_ONLY,
-        default=None,
-        annotation=Annotated[words.kind | None, option],
-    )
+    return _parameter(name, Annotated[words.kind | None, option])
 
 
 def _earlier(name: str) -> inspect.Parameter:
     """A word of the world as a flag of its own, as version 0.2.0 had it: read for one version more, and not shown."""
     option = typer.Option("--" + name.replace("_", "-"), hidden=True)
-    return inspect.Parameter(
-        f"{EARLIER}{name}",
-        inspect.Parameter.KEYWORD_ONLY,
-        default=None,
-        annotation=Annotated[str | None, option],
-    )
+    return _parameter(f"{EARLIER}{name}", Annotated[str | None, option])
+
+
+def _parameter(name: str, annotation: Any) -> inspect.Parameter:
+    """A parameter of a command that is None where nothing was said."""
+    kind = inspect.Parameter.KEYWORD_ONLY
+    return inspect.Parameter(name, kind, default=None, annotation=annotation)
 
 
 def _world(text: str | None, earlier: Said, taken: Sequence[str]) -> WorldChoice | None:

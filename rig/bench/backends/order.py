@@ -6,7 +6,7 @@
            |-- entries ----> the protocols of a campaign                              rig.trial.campaign.plan
            |-- rows -------> the page "What a run is asked for"                       docs/reference_pages/order.py
 
-A field that a person says bears a `Spoken`: title, help, option, kind, unit, range. What was said is a mapping from
+A field that a person says bears a `Spoken`: help, group, option, kind, unit, range. What was said is a mapping from
 names of fields to values, and what was not said is not in it; `rig.run.ordering.order_of` makes an `Order` of it, with
 what the configuration, the gear's card and a recorded run know.
 
@@ -22,7 +22,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 from drivers.errors import DriverError
 from rig.errors import ConfigurationError
@@ -45,9 +45,9 @@ UNKNOWN = "unknown"
 class Spoken:
     """How people say a field. `kind` is what text becomes, `factor` leads from `unit` to the field's own (SI)."""
 
-    title: str
     help: str
-    group: Literal["protocol", "gear", "bench", "world", "folder", "verdict"]
+    group: str
+    """What it belongs to: protocol, gear, bench, world, folder, verdict."""
     kind: type = str
     option: str = ""
     """Its flag on the command line; "" where it has none."""
@@ -58,9 +58,9 @@ class Spoken:
     most: float | None = None
 
 
-def spoken(**words: Any) -> dict[str, Spoken]:
+def spoken(help: str, group: str, **words: Any) -> dict[str, Spoken]:
     """The metadata of a field that people say."""
-    return {"spoken": Spoken(**words)}
+    return {"spoken": Spoken(help=help, group=group, **words)}
 
 
 def words_of(kind: type) -> dict[str, Spoken]:
@@ -89,9 +89,8 @@ class WorldChoice:
     gear_seed: int | None = field(
         default=None,
         metadata=spoken(
-            title="individual gear",
-            help="Which individual gear; follows from the serial number.",
-            group="gear",
+            "Which individual gear; follows from the serial number.",
+            "gear",
             kind=int,
             metavar="G",
         ),
@@ -99,9 +98,8 @@ class WorldChoice:
     hours: float = field(
         default=0.0,
         metadata=spoken(
-            title="hours run",
-            help="How long the gear has run [h]: friction, order 2, stiffness and backlash wear at rates of its own.",
-            group="gear",
+            "How long the gear has run [h]: friction, order 2, stiffness and backlash wear at rates of its own.",
+            "gear",
             kind=float,
             metavar="H",
         ),
@@ -109,9 +107,8 @@ class WorldChoice:
     bench_seed: int | None = field(
         default=None,
         metadata=spoken(
-            title="individual bench",
-            help="Which bench: encoders, torque port, motor, bearing; --seed without it.",
-            group="bench",
+            "Which bench: encoders, torque port, motor, bearing; --seed without it.",
+            "bench",
             kind=int,
             metavar="B",
         ),
@@ -119,9 +116,8 @@ class WorldChoice:
     mount: int = field(
         default=1,
         metadata=spoken(
-            title="mounting",
-            help="How often the gear was fitted: a new number is a gear taken off and refitted.",
-            group="gear",
+            "How often the gear was fitted: a new number is a gear taken off and refitted.",
+            "gear",
             kind=int,
             metavar="M",
         ),
@@ -129,10 +125,9 @@ class WorldChoice:
     mount_turn: float | None = field(
         default=None,
         metadata=spoken(
-            title="turn on the flange",
-            help="Angle on the output flange from where mounting 1 had the gear, as the encoder counts [deg]; "
+            "Angle on the output flange from where mounting 1 had the gear, as the encoder counts [deg]; "
             "with mount, because a gear that is turned is fitted anew. Without it nobody knows the angle.",
-            group="gear",
+            "gear",
             kind=float,
             metavar="DEG",
             unit="deg",
@@ -142,9 +137,8 @@ class WorldChoice:
     day: int = field(
         default=1,
         metadata=spoken(
-            title="day",
-            help="Which day: temperature of the room, zero of the torque port.",
-            group="world",
+            "Which day: temperature of the room, zero of the torque port.",
+            "world",
             kind=int,
             metavar="D",
         ),
@@ -152,9 +146,8 @@ class WorldChoice:
     day_correlation: float | None = field(
         default=None,
         metadata=spoken(
-            title="correlation of days",
-            help="How much a day resembles the one before, 0 to 0.95; 0 without it, of a wide bench 0 to 0.4.",
-            group="world",
+            "How much a day resembles the one before, 0 to 0.95; 0 without it, of a wide bench 0 to 0.4.",
+            "world",
             kind=float,
             metavar="R",
         ),
@@ -162,9 +155,8 @@ class WorldChoice:
     number: int | None = field(
         default=None,
         metadata=spoken(
-            title="number",
-            help="Number that owns noise and start angle; the next in the folder.",
-            group="world",
+            "Number that owns noise and start angle; the next in the folder.",
+            "world",
             kind=int,
             metavar="K",
         ),
@@ -172,19 +164,17 @@ class WorldChoice:
     population: Population = field(
         default="narrow",
         metadata=spoken(
-            title="population",
-            help="narrow: gears of one series and a good bench; wide: as different as they come.",
-            group="world",
+            "narrow: gears of one series and a good bench; wide: as different as they come.",
+            "world",
             metavar="NAME",
         ),
     )
     start_state: str = field(
         default=AUTO,
         metadata=spoken(
-            title="start state",
-            help="How warm it starts: auto (as the latest run of this gear, bench, mounting and day ended), ambient, "
+            "How warm it starts: auto (as the latest run of this gear, bench, mounting and day ended), ambient, "
             "or as the RUN ended whose number or file is given.",
-            group="world",
+            "world",
             metavar="STATE",
         ),
     )
@@ -208,18 +198,9 @@ class WorldChoice:
         """The world, with these seeds where none are chosen."""
         from sim_backend.world import VERSION, World
 
-        return World(
-            gear_seed=gear_seed if self.gear_seed is None else self.gear_seed,
-            bench_seed=bench_seed if self.bench_seed is None else self.bench_seed,
-            mount=self.mount,
-            mount_turn=self.mount_turn,
-            day=self.day,
-            number=1 if self.number is None else self.number,
-            population=self.population,
-            hours=self.hours,
-            day_correlation=self.day_correlation,
-            version=VERSION if self.version is None else self.version,
-        )
+        chosen: dict[str, Any] = {f.name: getattr(self, f.name) for f in fields(World)}
+        usual = {"gear_seed": gear_seed, "bench_seed": bench_seed, "number": 1, "version": VERSION}
+        return World(**{**chosen, **{n: v for n, v in usual.items() if chosen[n] is None}})
 
 
 WORLD_WORDS = words_of(WorldChoice)
@@ -306,33 +287,33 @@ class Order:
     """
 
     protocol: str = field(
-        metadata=spoken(title="protocol", help="Which protocol is run.", group="protocol")
+        metadata=spoken(
+            "Which protocol is run.",
+            "protocol",
+        ),
     )
     values: Mapping[str, Any] = field(
         default_factory=dict,
         metadata=spoken(
-            title="parameters",
-            help="Parameters of the protocol that differ from their defaults.",
-            group="protocol",
+            "Parameters of the protocol that differ from their defaults.",
+            "protocol",
             kind=dict,
         ),
     )
     backend: str = field(
         default="sim",
         metadata=spoken(
-            title="rig",
-            help="Which rig: sim (the default), wire (drivers and simulated devices), or hardware (see --config); "
+            "Which rig: sim (the default), wire (drivers and simulated devices), or hardware (see --config); "
             "a run also replay:RUN.h5.",
-            group="bench",
+            "bench",
             option="--backend",
         ),
     )
     serial: str = field(
         default=UNKNOWN,
         metadata=spoken(
-            title="serial number",
-            help="Serial number of the gear; its card tells part, mounting and load inertia.",
-            group="gear",
+            "Serial number of the gear; its card tells part, mounting and load inertia.",
+            "gear",
             option="--gear",
             metavar="SERIAL",
         ),
@@ -340,9 +321,8 @@ class Order:
     operator: str = field(
         default="",
         metadata=spoken(
-            title="operator",
-            help="Who runs it; named wherever hardware moves.",
-            group="bench",
+            "Who runs it; named wherever hardware moves.",
+            "bench",
             option="--operator",
             metavar="NAME",
         ),
@@ -350,9 +330,8 @@ class Order:
     folder: Path = field(
         default=Path("runs"),
         metadata=spoken(
-            title="folder",
-            help="Folder of run files and gear cards; runs, or that of the configuration.",
-            group="folder",
+            "Folder of run files and gear cards; runs, or that of the configuration.",
+            "folder",
             kind=Path,
             option="--runs",
             metavar="DIR",
@@ -361,9 +340,8 @@ class Order:
     seed: int = field(
         default=0,
         metadata=spoken(
-            title="seed",
-            help="Seed of a simulated rig, 0 by default: another one is another bench.",
-            group="bench",
+            "Seed of a simulated rig, 0 by default: another one is another bench.",
+            "bench",
             kind=int,
             option="--seed",
             least=0,
@@ -372,9 +350,8 @@ class Order:
     world: WorldChoice = field(
         default_factory=WorldChoice,
         metadata=spoken(
-            title="simulated world",
-            help="Simulated world, as in gear-seed=5,day=2.",
-            group="world",
+            "Simulated world, as in gear-seed=5,day=2.",
+            "world",
             option="--world",
             metavar="WORD=VALUE,...",
         ),
@@ -382,9 +359,8 @@ class Order:
     gear: HarmonicDrive = field(
         default_factory=_shipped_gear,
         metadata=spoken(
-            title="parameter set",
-            help="Parameter set of the gear (TOML).",
-            group="gear",
+            "Parameter set of the gear (TOML).",
+            "gear",
             kind=Path,
             option="--parameters",
             metavar="FILE",
@@ -393,18 +369,16 @@ class Order:
     mounting: Mounting = field(
         default="circular-spline-fixed",
         metadata=spoken(
-            title="mounting",
-            help="circular-spline-fixed (ratio N, the default) or flexspline-fixed (ratio N + 1); known: by card.",
-            group="gear",
+            "circular-spline-fixed (ratio N, the default) or flexspline-fixed (ratio N + 1); known: by card.",
+            "gear",
             option="--mounting",
         ),
     )
     sample_rate: float = field(
         default=DEFAULT_SAMPLE_RATE,
         metadata=spoken(
-            title="sample rate",
-            help="SYNC rate [Hz]; 1000, or that of the configuration.",
-            group="bench",
+            "SYNC rate [Hz]; 1000, or that of the configuration.",
+            "bench",
             kind=float,
             option="--sample-rate",
             metavar="HZ",
@@ -416,9 +390,8 @@ class Order:
     config: Path | None = field(
         default=None,
         metadata=spoken(
-            title="configuration",
-            help="The rig's configuration (rig.toml): gear, motor, limits, rate, folder.",
-            group="bench",
+            "The rig's configuration (rig.toml): gear, motor, limits, rate, folder.",
+            "bench",
             kind=Path,
             option="--config",
             metavar="FILE",
@@ -427,9 +400,8 @@ class Order:
     block_cycles: int = field(
         default=2000,
         metadata=spoken(
-            title="cycles per exchange",
-            help="Cycles per exchange, 2000 by default; changes no count.",
-            group="bench",
+            "Cycles per exchange, 2000 by default; changes no count.",
+            "bench",
             kind=int,
             option="--block",
             least=1,
@@ -439,9 +411,8 @@ class Order:
     acceptance: str = field(
         default="",
         metadata=spoken(
-            title="acceptance",
-            help="What the gear must show, instead of what its card names: TOML, or a shipped name.",
-            group="verdict",
+            "What the gear must show, instead of what its card names: TOML, or a shipped name.",
+            "verdict",
             option="--acceptance",
             metavar="FILE",
         ),
