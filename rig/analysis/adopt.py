@@ -5,10 +5,13 @@ from __future__ import annotations
 import dataclasses
 import math
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+from rig.content.grid import Grid, columns
+from rig.content.wording import laboratory_unit, number, readable
 
 if TYPE_CHECKING:
     from experiments.quantity import Quantity
@@ -35,6 +38,12 @@ class Comparison:
     parameter: float
     identified: float
     uncertainty: float
+
+    @classmethod
+    def from_json(cls, path: str, row: Mapping[str, Any]) -> Comparison:
+        """What `rig validate --against --json` printed of a value."""
+        values = (row["parameter"], row["identified"], row["expanded_uncertainty"])
+        return cls(path, str(row["unit"]), *map(float, values))
 
     @property
     def normalised_error(self) -> float:
@@ -120,6 +129,37 @@ def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:
             Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * u if u else 0.0)
         )
     return tuple(rows)
+
+
+def comparison_grid(rows: Sequence[Comparison], gear: HarmonicDrive | None) -> Grid:
+    """The values side by side in the units of a laboratory; `gear` knows what they are called."""
+    described = (
+        {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()} if gear else {}
+    )
+    heads = columns(
+        ("parameter", "quantity"),
+        ("set", "number"),
+        ("run", "number"),
+        ("± U", "number"),
+        ("unit", "unit"),
+        ("|Δ| / U", "number"),
+        ("agrees", "word"),
+    )
+    cells = []
+    for row in rows:
+        factor, unit = laboratory_unit(row.unit, row.identified)
+        cells.append(
+            (
+                described.get(row.path, readable(row.path.replace(".", " "))),
+                number(row.parameter / factor),
+                number(row.identified / factor),
+                number(row.uncertainty / factor, 2),
+                unit,
+                number(row.normalised_error, 2),
+                "yes" if row.agrees else "no",
+            )
+        )
+    return Grid("Parameter set against run", heads, cells)
 
 
 def _numbers(gear: HarmonicDrive) -> dict[str, tuple[float, str]]:

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, overload
 
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
+from rig.analysis.adopt import comparison_grid
 from rig.analysis.rows import LIMIT, estimate_grid, metric_grid
 from rig.api.tables import Tabular
-from rig.content.grid import Column, Grid, columns
+from rig.content.grid import Column, Grid
 from rig.content.wording import show
 from rig.errors import RigError
 from rig.extras import optional
@@ -313,26 +314,16 @@ class Comparison(Tabular):
         return _draw(self._scored.plots, which, self._origin, f"comparison with {self.gear.name}")
 
     def _grid(self) -> Grid:
-        rows = [
-            (
-                row.path,
-                f"{row.parameter:.6g}",
-                f"{row.identified:.6g} ± {row.uncertainty:.2g}",
-                row.unit,
-                "yes" if row.agrees else "no",
-            )
-            for row in self.rows
-        ]
+        grid = comparison_grid(self.rows, self.gear)
+        rows = [(one.path, *cells) for one, cells in zip(self.rows, grid.rows, strict=True)]
         merits = [
             f"{title}: {' / '.join(texts)}" for title, *texts in metric_grid(self._scored).rows
         ]
         nothing = [] if rows else ["This run identifies no value that a parameter set holds."]
-        heads = columns(
-            "parameter",
-            ("set", "number"),
-            ("run ± U (SI)", "number"),
-            ("unit", "unit"),
-            ("agrees", "word"),
-        )
         title = f"{self._scored.kind} of run {self._scored.run} against {self.gear.name}"
-        return Grid(title, heads, rows, "\n".join([*nothing, *merits, *self.warnings]))
+        return Grid(
+            title,
+            (Column("name"), *grid.columns),
+            rows,
+            "\n".join([*nothing, *merits, *self.warnings]),
+        )

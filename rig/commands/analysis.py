@@ -9,7 +9,7 @@ import typer
 
 from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import console, echo, nearest, print_json, ruled_table
+from rig.commands.terminal import console, echo, nearest, painted, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -399,9 +399,9 @@ def _print_fits(
 def _print_comparison(
     fitted: Fit, scored: Result, gear: HarmonicDrive, rows: Sequence[Comparison]
 ) -> None:
+    from rig.analysis.adopt import comparison_grid
     from rig.commands.result_tables import print_metrics, print_warnings
     from rig.commands.visible import Text
-    from rig.content.wording import laboratory_unit, number
 
     out = console()
     out.print()
@@ -411,33 +411,9 @@ def _print_comparison(
             style="bold",
         )
     )
-    values, ratio = ("set", "run", "± U"), "|Δ| / U"
-    numbers = (*values, ratio)
-    compared = ruled_table("parameter", *values, "unit", ratio, "agrees?", numbers=numbers)
-    for row in rows:
-        factor, unit = laboratory_unit(row.unit, row.identified)
-        compared.add_row(
-            _name_of(gear, row.path),
-            number(row.parameter / factor),
-            number(row.identified / factor),
-            number(row.uncertainty / factor, 2),
-            unit,
-            number(row.normalised_error, 2),
-            Text("yes", style="green") if row.agrees else Text("no", style="red"),
-        )
     if rows:
-        out.print(compared)
+        out.print(painted(comparison_grid(rows, gear)))
     else:
         out.print(Text("  This run identifies no value that a parameter set holds.", style="dim"))
     print_metrics(out, scored)
     print_warnings(out, tuple(dict.fromkeys((*scored.warnings, *fitted.result.warnings))))
-
-
-def _name_of(gear: HarmonicDrive, path: str) -> str:
-    """A value of the set as people call it: its description and symbol."""
-    from rig.content.wording import readable
-
-    for value in gear.values():
-        if value.path == path:
-            return f"{value.description} {value.symbol}".rstrip()
-    return readable(path.replace(".", " "))

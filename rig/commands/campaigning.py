@@ -12,7 +12,7 @@ import typer
 from rig.commands.judgement import RequireVerdict
 from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
 from rig.commands.running import ORDERED, Events, Json, StdinControl
-from rig.commands.terminal import console, outliving_the_terminal, print_json, ruled_table
+from rig.commands.terminal import console, outliving_the_terminal, painted, print_json
 
 if TYPE_CHECKING:
     from rig.bench.backends.order import Order
@@ -217,21 +217,25 @@ def _certificate(report: CampaignReport, order: CampaignOrder, pattern: Order) -
 
 
 def _print_walk(walked: Walk) -> None:
+    from rig.content.grid import Grid, columns
     from rig.run.progress import in_words
 
     out = console()
-    rows = ruled_table("protocol", "duration", "at most", "nearest limit", "margin")
+    rows = []
     for one in walked.stages:
         nearest = min(one.planned.margins, key=lambda margin: margin.margin, default=None)
-        rows.add_row(
-            one.order.protocol,
-            in_words(one.planned.nominal),
-            in_words(one.planned.longest),
-            nearest.quantity.replace("_", " ") if nearest else "-",
-            f"{100.0 * nearest.margin:.0f} %" if nearest else "-",
+        rows.append(
+            (
+                one.order.protocol,
+                in_words(one.planned.nominal),
+                in_words(one.planned.longest),
+                nearest.quantity.replace("_", " ") if nearest else "-",
+                f"{100.0 * nearest.margin:.0f} %" if nearest else "-",
+            )
         )
+    heads = columns("protocol", "duration", "at most", "nearest limit", ("margin", "number"))
     out.print(walked.plan.title)
-    out.print(rows)
+    out.print(painted(Grid("", heads, rows)))
     out.print(
         f"in all {in_words(walked.nominal)} nominal, {in_words(walked.longest)} at most, prompts not counted"
     )
@@ -240,16 +244,20 @@ def _print_walk(walked: Walk) -> None:
 def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     """How a campaign stands: its runs, the verdict with its reasons, the certificate, what to do next."""
     from rig.commands.result_tables import print_verdict
+    from rig.content.grid import Grid, columns
 
     out = console()
     for words in report.resumed:
         out.print(words, soft_wrap=True)
-    rows = ruled_table("protocol", "run", "outcome")
     done: dict[int, Any] = {run.index: run for run in report.journal.stages}
-    for index, one in enumerate(report.walk.stages):
-        run = done.get(index)
-        rows.add_row(one.order.protocol, run.run if run else "not run", run.outcome if run else "-")
-    out.print(rows)
+    rows = [
+        (
+            one.order.protocol,
+            *((run.run, run.outcome) if (run := done.get(index)) else ("not run", "-")),
+        )
+        for index, one in enumerate(report.walk.stages)
+    ]
+    out.print(painted(Grid("", columns("protocol", "run", "outcome"), rows)))
     for problem in report.problems:
         out.print(f"analysis: {problem}", style="red", soft_wrap=True)
     state = "" if report.is_complete else "INCOMPLETE, "

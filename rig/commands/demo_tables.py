@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemainingColumn
 
 from experiments.result import Result
-from experiments.truth import TruthRow
+from rig.analysis.rows import truth_grid
 from rig.commands.result_tables import print_verdict, print_warnings
-from rig.commands.terminal import console, ruled_table
+from rig.commands.terminal import console, painted
 from rig.commands.visible import Text, plain_column
-from rig.content.wording import number, show
+from rig.content.wording import show
 from rig.trial.demo.chain import ORDER, Demonstration, Finished, Step
 
 
@@ -58,25 +58,6 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
         yield show
 
 
-def _truth_cells(row: TruthRow, result: Result) -> tuple[str | Text, ...]:
-    """One row of the table: found, the measurand and whether U holds it, what the bench sees and whether data do."""
-    estimate = row.estimate
-    quantity = result.quantity(estimate.name)
-    shown, u = show(estimate, quantity), estimate.expanded_uncertainty
-    return (
-        "  " + quantity.titled(estimate.name).removesuffix(", amplitude"),
-        shown.with_uncertainty,
-        shown.number(estimate.value - row.error),
-        _yes_or_no(row.within, f", {number(abs(row.error) / u, 2)} U" if u > 0 else ""),
-        shown.number(estimate.value - row.difference) if row.is_split else "—",
-        _yes_or_no(row.covered),
-    )
-
-
-def _yes_or_no(holds: bool, how_far: str = "") -> Text:
-    return Text("yes", style="green") if holds else Text(f"no{how_far}", style="yellow")
-
-
 def _print_misses(
     out: Console, demonstration: Demonstration, results: Mapping[str, Result]
 ) -> None:
@@ -98,23 +79,19 @@ def _print_misses(
 def print_demonstration(demonstration: Demonstration) -> None:
     """What was found, and where the files are."""
     out = console()
-    numbers = ("found ± U", "measurand", "bench sees")
-    columns = ("quantity", *numbers[:2], "in U", numbers[2], "in 95 %")
-    rows = ruled_table(*columns, numbers=numbers, whole=numbers)
     results = {fit.result.kind: fit.result for fit in demonstration.fits}
-    last = ""
-    for kind, row in demonstration.truth:
-        if row.estimate.name.startswith("phase_"):
-            continue
-        if kind != last:
-            rows.add_row(Text(kind, style="bold"))
-            last = kind
-        rows.add_row(*_truth_cells(row, results[kind]))
     out.print()
     out.print(
         Text("SIMULATED: what was found, and what the simulated gear was made of", style="bold")
     )
-    out.print(rows)
+    for kind, result in results.items():
+        told = [
+            row
+            for row in demonstration.truth
+            if row[0] == kind and not row[1].estimate.name.startswith("phase_")
+        ]
+        grid = truth_grid(told, [result]).without("test", "|Δ| / U")
+        out.print(painted(grid, title=kind, title_style="bold"))
     out.print(
         Text(
             "found ± U is held against the measurand (gear or motor alone, at the run's temperature), the "

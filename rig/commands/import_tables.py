@@ -6,7 +6,8 @@ import dataclasses
 import math
 from typing import Any
 
-from rig.commands.terminal import console, echo, ruled_table
+from rig.commands.terminal import console, echo, painted
+from rig.content.grid import Grid, columns
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.looking import Look
 from rig.runfile.importing.reach import reach_of
@@ -39,9 +40,8 @@ def columns_as_json(listed: list[dict[str, object]], notes: list[str]) -> dict[s
 
 def print_columns(listed: list[dict[str, object]], notes: list[str]) -> None:
     """The columns of files of which nothing is mapped yet, and what to write next."""
-    grid = ruled_table("column", "heading", "unit", "first rows from", "to", "its time")
-    for column in listed:
-        grid.add_row(
+    rows = [
+        (
             str(column["number"]),
             str(column["heading"]),
             str(column["unit"] or "?"),
@@ -49,7 +49,17 @@ def print_columns(listed: list[dict[str, object]], notes: list[str]) -> None:
             _number(column["high"]),
             f"column {column['time']}" if column["time"] else "-",
         )
-    console().print(grid)
+        for column in listed
+    ]
+    heads = columns(
+        "column",
+        "heading",
+        ("unit", "unit"),
+        ("first rows from", "number"),
+        ("to", "number"),
+        "its time",
+    )
+    console().print(painted(Grid("", heads, rows)))
     for note in notes:
         echo(f"  {note}")
     echo("Nothing is mapped yet. Name each channel: --channel NAME=COLUMN:UNIT, or --map FILE.")
@@ -62,11 +72,8 @@ def print_look(name: str, look: Look, options: ImportOptions) -> None:
     echo(
         f"{look.rows} rows, {_number(look.duration_s)} s, {_number(look.rate_hz)} Hz, {look.gaps} gaps"
     )
-    grid = ruled_table(
-        "channel", "column", "unit", "factor", "from", "to", "step", "wraps", "still"
-    )
-    for c in look.channels:
-        grid.add_row(
+    rows = [
+        (
             c.name,
             c.column,
             c.unit,
@@ -77,7 +84,20 @@ def print_look(name: str, look: Look, options: ImportOptions) -> None:
             str(c.wraps or "-"),
             "-" if math.isnan(c.standstill) else f"{100.0 * c.standstill:.0f} %",
         )
-    console().print(grid)
+        for c in look.channels
+    ]
+    heads = columns(
+        "channel",
+        "column",
+        ("unit", "unit"),
+        ("factor", "number"),
+        ("from", "number"),
+        ("to", "number"),
+        ("step", "number"),
+        ("wraps", "number"),
+        ("still", "number"),
+    )
+    console().print(painted(Grid("", heads, rows)))
     for c in look.channels:
         if math.isfinite(c.lag_s):
             echo(f"{c.name} is {c.lag_s:.4g} s behind the derivative of {c.lag_against}")

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.table import Table
 
 from experiments.finding import Severity
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict
-from rig.analysis.rows import LIMIT, estimate_grid, statistical_grid
+from rig.analysis.rows import LIMIT, estimate_grid, metric_grid, statistical_grid
 from rig.commands.judgement import VERDICT_STYLE, verdict_text
 from rig.commands.terminal import painted
 from rig.commands.visible import Text
-from rig.content.wording import metric_text
 
 
 def print_result(
@@ -52,13 +50,8 @@ def print_result(
 
 def print_metrics(out: Console, result: Result) -> None:
     """The figures of merit of a result."""
-    if not result.metrics:
-        return
-    grid = _grid()
-    for name, value in result.metrics.items():
-        quantity = result.quantity(name)
-        grid.add_row(Text(quantity.titled(name)), Text(metric_text(quantity, float(value))))
-    out.print(grid)
+    if result.metrics:
+        out.print(painted(metric_grid(result)))
 
 
 def print_verdict(out: Console, verdict: GearVerdict) -> None:
@@ -89,10 +82,3 @@ def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
     for warning in warnings:
         out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
-
-
-def _grid() -> Table:
-    grid = Table.grid(padding=(0, 2))
-    grid.add_column(style="dim")
-    grid.add_column(justify="right")
-    return grid

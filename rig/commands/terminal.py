@@ -57,19 +57,12 @@ def table(
     return grid
 
 
-def ruled_table(*headings: str, **look: Any) -> Table:
-    """A table of results: one rule below the headings; see `table`."""
-    from rich import box
-
-    return table(*headings, box=box.SIMPLE_HEAD, pad_edge=False, **look)
-
-
-_STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim"}
+STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim"}
 """How the tone of a word looks on a terminal."""
 
 
 def painted(grid: Grid, **look: Any) -> Table:
-    """A grid as a table of results. Numbers, units and words stand on one line; text goes on in the next."""
+    """A grid as a table of results. Numbers and units stand on one line; text goes on in the next."""
     from rich import box
     from rich.table import Table
 
@@ -78,7 +71,7 @@ def painted(grid: Grid, **look: Any) -> Table:
 
     rows = Table(**{"title_justify": "left", "box": box.SIMPLE_HEAD, "pad_edge": False, **look})
     for column in grid.columns:
-        whole = column.kind in ("number", "unit", "word")
+        whole = column.kind in ("number", "unit")
         rows.add_column(
             column.heading,
             justify="right" if column.kind == "number" else "left",
@@ -87,7 +80,7 @@ def painted(grid: Grid, **look: Any) -> Table:
         )
     for row in grid.rows:
         cells = [
-            Text(text, style=_STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")
+            Text(text, style=STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")
             for text, one in zip(row, grid.columns, strict=True)
         ]
         rows.add_row(*cells)

@@ -18,7 +18,7 @@ from rig.commands.analysis import (
     hold_against,
 )
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import console, print_json, ruled_table
+from rig.commands.terminal import console, painted, print_json
 
 if TYPE_CHECKING:
     from rig.analysis.validate import Validation
@@ -108,15 +108,13 @@ def _draw(found: Validation, path: Path) -> None:
 
 def _print(found: Validation) -> None:
     from rig.commands.visible import Text
+    from rig.content.data import data_grid
 
     out, table = console(), found.table()
     out.print()
     out.print(Text(f"{found.kind}: {table.title}", style="bold"))
     out.print(Text(f"  {table.note}", style="dim"))
-    grid = ruled_table(*table.columns, numbers=table.columns[1:])
-    for row in table.rows:
-        grid.add_row(*(f"{cell:,}" if isinstance(cell, int) else str(cell) for cell in row))
-    out.print(grid)
+    out.print(painted(data_grid(table)))
     out.print(
         Text.assemble("  least hold-out error  ", (found.best.name, "bold")),
         soft_wrap=True,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
@@ -19,7 +19,6 @@ from model.gear import HarmonicDrive
 from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import estimate_grid
 from rig.analysis.tare import takes_tare
-from rig.content.grid import columns
 from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
@@ -285,45 +284,3 @@ class ResultsView(QWidget):
             text = result_page(self._shown[0], self._session.palette, self._shown[1])
             self.page.setHtml(text)
             self.page.setVisible(bool(text))
-
-
-def comparison_rows(
-    content: Mapping[str, object], gear: HarmonicDrive | None
-) -> list[tuple[str, ...]]:
-    """What `rig validate --against --json` found, a row per value of the parameter set."""
-    from rig.content.wording import laboratory_unit, number, readable
-
-    described = (
-        {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}
-        if gear is not None
-        else {}
-    )
-    rows = []
-    comparison = content.get("comparison")
-    for path, row in comparison.items() if isinstance(comparison, Mapping) else ():
-        identified = row["identified"]
-        factor, unit = laboratory_unit(row["unit"], identified)
-        ratio = row["normalised_error"]
-        rows.append(
-            (
-                described.get(path, readable(path.replace(".", " "))),
-                number(row["parameter"] / factor),
-                number(identified / factor),
-                number(row["expanded_uncertainty"] / factor, 2),
-                unit,
-                "∞" if ratio is None else number(ratio, 2),
-                "yes" if row["agrees"] else "no",
-            )
-        )
-    return rows
-
-
-COMPARISON_COLUMNS = columns(
-    "parameter",
-    ("set", "number"),
-    ("run", "number"),
-    ("± U", "number"),
-    ("unit", "unit"),
-    ("|Δ| / U", "number"),
-    ("agrees", "word"),
-)

@@ -12,11 +12,10 @@ from experiments.quantity import bare_quantity, quantity_of
 from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
+from rig.analysis.adopt import Comparison, comparison_grid
 from rig.analysis.result_data import quantities_for
-from rig.content.grid import Grid
 from rig.content.wording import metric_text
 from rig.window.review.grid import GridTable
-from rig.window.review.results import COMPARISON_COLUMNS, comparison_rows
 from rig.window.review.words import facts_html
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -49,11 +48,12 @@ class ComparisonView(QWidget):
     def show_comparison(self, content: Mapping[str, Any], parameters: Path) -> None:
         """What was told of a run and a parameter set."""
         self._content = content
-        rows = comparison_rows(content, _gear(parameters))
+        compared = content.get("comparison") or {}
+        rows = [Comparison.from_json(path, row) for path, row in compared.items()]
         kind, run, against = (content.get(key, "") for key in ("kind", "run", "parameter_set"))
         self.title.setText(f"{kind}: run {run} against the set {against}")
         set_tip(self.title, str(parameters))
-        self.table.show_grid(Grid("", COMPARISON_COLUMNS, rows))
+        self.table.show_grid(comparison_grid(rows, _gear(parameters)))
         self.table.setVisible(bool(rows))
         self.nothing.setVisible(not rows)
         self._write()
