@@ -66,10 +66,10 @@ class Finding:
     @property
     def sentence(self) -> str:
         """The finding in words: what, what was found, and what to do where something is to be done."""
-        text = f"{self.what}: {self.found}" if self.found else self.what
-        text += f". {self.follows.removesuffix('.')}" if self.follows else ""
-        is_open = self.remedy and self.severity is not Severity.PASSED
-        return f"{text}. {self.remedy}" if is_open else text
+        remedy = "" if self.severity is Severity.PASSED else self.remedy
+        parts = [self.found, self.follows.removesuffix("."), remedy]
+        text = ". ".join(part for part in parts if part)
+        return f"{self.what}: {text}" if text else self.what
 
     def as_json(self) -> dict[str, str | float | None]:
         """The form that every `--json` gives a finding."""

@@ -14,8 +14,8 @@ from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import console, echo, print_json
 
 if TYPE_CHECKING:
+    from experiments.finding import Finding
     from rig.bench.config.apply import ConfiguredRig
-    from rig.bench.config.load import Problem
 
 config = typer.Typer(
     name="config",
@@ -121,7 +121,7 @@ def check(
     from rig.bench.config.schema import RigConfiguration
 
     result = inspect_configuration(file)
-    problems: tuple[Problem, ...]
+    problems: tuple[Finding, ...]
     configured, warnings = None, ()
     if isinstance(result, RigConfiguration):
         problems = missing_files(result, file.parent)
@@ -185,10 +185,11 @@ def certificate(
     echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
 
 
-def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
+def _warnings(configured: ConfiguredRig) -> tuple[Finding, ...]:
     """What can be accepted and should be known: calibrations, missing channels, a guard that nobody reads."""
     from datetime import UTC, datetime
 
+    from experiments.finding import Finding, Severity
     from rig.bench.hub import hub_of
     from rig.bench.identity import new_bench_id
 
@@ -201,44 +202,54 @@ def _warnings(configured: ConfiguredRig) -> tuple[str, ...]:
     inputs = [a for module in configuration.analog_modules for a in module.inputs]
     channels |= {a.channel: a.calibration for a in inputs}
     warnings = [
-        f"{name}: no calibration certificate" for name, c in channels.items() if not c.certificate
+        (name, "no calibration certificate") for name, c in channels.items() if not c.certificate
     ]
     warnings += [
-        f"{name}: the calibration was due on {c.due}"
+        (name, f"the calibration was due on {c.due}")
         for name, c in channels.items()
         if c.due and c.due < today
     ]
     if "torque" not in channels:
         warnings.append(
-            "no torque port: the torque that the drive reports (0x6077) is all there is"
+            ("no torque port", "the torque that the drive reports (0x6077) is all there is")
         )
     if "output_angle" not in channels:
         warnings.append(
-            "no output encoder: kinematic error, torsion and standstill of the output cannot be seen"
+            (
+                "no output encoder",
+                "kinematic error, torsion and standstill of the output cannot be seen",
+            )
         )
     if configuration.guard is None:
-        warnings.append("no guard input: arming cannot look whether the guard is closed")
+        warnings.append(("no guard input", "arming cannot look whether the guard is closed"))
     bus = configuration.bus
     if not (configuration.bench.id or hub_of(bus.interface, bus.channel, bus.arguments)):
         warnings.append(
-            f'no [bench] id: no run is allowed before it has one, such as "{new_bench_id()}"'
+            ("no [bench] id", f'no run is allowed before it has one, such as "{new_bench_id()}"')
         )
-    return tuple(warnings)
+    return tuple(Finding(what, Severity.WARNS, found) for what, found in warnings)
 
 
 def _as_json(
     file: Path,
-    problems: tuple[Problem, ...],
-    warnings: tuple[str, ...],
+    problems: tuple[Finding, ...],
+    warnings: tuple[Finding, ...],
     configured: ConfiguredRig | None,
 ) -> dict[str, Any]:
-    from dataclasses import asdict
-
     answer: dict[str, Any] = {
         "file": str(file),
         "ok": not problems,
-        "problems": [asdict(problem) for problem in problems],
-        "warnings": list(warnings),
+        "problems": [
+            one.as_json()
+            | {
+                "path": one.what,
+                "value": one.found,
+                "reason": ". ".join(part for part in (one.follows, one.remedy) if part),
+            }
+            for one in problems
+        ],
+        "warnings": [warning.sentence for warning in warnings],
+        "findings": [one.as_json() for one in (*problems, *warnings)],
     }
     if configured is not None:
         answer["configuration"] = configured.configuration.model_dump(mode="json", by_alias=True)
@@ -248,15 +259,15 @@ def _as_json(
 
 def _print(
     file: Path,
-    problems: tuple[Problem, ...],
-    warnings: tuple[str, ...],
+    problems: tuple[Finding, ...],
+    warnings: tuple[Finding, ...],
     configured: ConfiguredRig | None,
 ) -> None:
+    from rig.commands.findings import print_findings
+
     out = console()
-    for problem in problems:
-        out.print(str(problem), style="red", soft_wrap=True)
-    for warning in warnings:
-        out.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+    if problems or warnings:
+        print_findings({str(file): (*problems, *warnings)})
     if configured is None:
         out.print(
             f"{file}: {len(problems)} problem{'s' if len(problems) != 1 else ''}",

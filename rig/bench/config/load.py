@@ -10,12 +10,12 @@ import tomllib
 import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from experiments.finding import Finding, Severity
 from rig.bench.config.parts import FOLDER
 from rig.bench.config.schema import FORMAT, Laboratory, RigConfiguration
 from rig.errors import ConfigurationError
@@ -24,17 +24,9 @@ TO_BE_SAID = "SAY: "
 """What a word begins with that a person must still say; what is asked stands behind it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+def _problem(path: str, value: str, reason: str, remedy: str = "") -> Finding:
     """One thing that is wrong with a configuration: path of the value, what was found, why it cannot be."""
-
-    path: str
-    value: str
-    reason: str
-
-    def __str__(self) -> str:
-        shown = f" = {self.value}" if self.value else ""
-        return f"{self.path}{shown}: {self.reason}"
+    return Finding(path, Severity.BLOCKS, value, remedy, follows=reason)
 
 
 def load_configuration(path: str | Path) -> RigConfiguration:
@@ -42,7 +34,7 @@ def load_configuration(path: str | Path) -> RigConfiguration:
     result = inspect_configuration(path)
     if isinstance(result, RigConfiguration):
         return result
-    listed = "".join(f"\n  {problem}" for problem in result)
+    listed = "".join(f"\n  {problem.sentence}" for problem in result)
     count = "one value" if len(result) == 1 else f"{len(result)} values"
     raise ConfigurationError(
         f"{count} cannot be accepted:{listed}\n",
@@ -51,7 +43,7 @@ def load_configuration(path: str | Path) -> RigConfiguration:
     )
 
 
-def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem, ...]:
+def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Finding, ...]:
     """The configuration of a file, or all its problems. Raises `ConfigurationError` for a file that cannot be read."""
     path = Path(path)
     content = _content(path)
@@ -61,14 +53,14 @@ def inspect_configuration(path: str | Path) -> RigConfiguration | tuple[Problem,
     try:
         return RigConfiguration.model_validate(content, context={FOLDER: path.parent})
     except ValidationError as error:
-        return tuple(_problem(entry) for entry in error.errors())
+        return tuple(_refused(entry) for entry in error.errors())
 
 
-def _unsaid(content: object, place: tuple[str | int, ...] = ()) -> Iterator[Problem]:
+def _unsaid(content: object, place: tuple[str | int, ...] = ()) -> Iterator[Finding]:
     """Every word that is marked as still to be said."""
     if isinstance(content, str) and content.startswith(TO_BE_SAID):
         asked = content.removeprefix(TO_BE_SAID)
-        yield Problem(_path_text(place), "", f"must still be said: {asked}")
+        yield _problem(_path_text(place), "", f"must still be said: {asked}")
     elif isinstance(content, Mapping):
         for name, one in content.items():
             yield from _unsaid(one, (*place, name))
@@ -89,9 +81,12 @@ def load_laboratory(path: str | Path) -> Laboratory | None:
     try:
         return Laboratory.model_validate(table)
     except ValidationError as error:
-        problem = _problem({**error.errors()[0], "loc": ("laboratory", *error.errors()[0]["loc"])})
+        problem = _refused({**error.errors()[0], "loc": ("laboratory", *error.errors()[0]["loc"])})
         raise ConfigurationError(
-            problem.reason, where=f"{path}: {problem.path}", value=problem.value or None
+            problem.follows,
+            where=f"{path}: {problem.what}",
+            value=problem.found or None,
+            remedy=problem.remedy,
         ) from error
 
 
@@ -113,7 +108,7 @@ def _content(path: Path) -> dict[str, Any]:
         raise ConfigurationError(f"is not TOML: {error}", where=str(path)) from error
 
 
-def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Problem, ...]:
+def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Finding, ...]:
     """The files that a configuration names and that are not there; `folder` is where it lies itself."""
     named = [("drive.eds", configuration.drive.eds)]
     named += [(f"counter[{i}].eds", c.eds) for i, c in enumerate(configuration.counters)]
@@ -122,7 +117,7 @@ def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Proble
     ]
     named += [(f"rig.{name}", getattr(configuration.rig, name)) for name in ("motor", "gear")]
     return tuple(
-        Problem(where, repr(text), f"there is no file {folder / text}")
+        _problem(where, repr(text), f"there is no file {folder / text}")
         for where, text in named
         if text
         and (where.endswith("eds") or text.endswith(".toml"))
@@ -130,7 +125,7 @@ def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Proble
     )
 
 
-def _problem(error: Mapping[str, Any]) -> Problem:
+def _refused(error: Mapping[str, Any]) -> Finding:
     place = [
         part
         for part in error["loc"]
@@ -139,16 +134,16 @@ def _problem(error: Mapping[str, Any]) -> Problem:
     path = _path_text(place)
     kind, given = str(error["type"]), error.get("input")
     if kind == "extra_forbidden":
-        return Problem(path, _shown(given), f"no such word here. {_nearest(place)}")
+        return _problem(path, _shown(given), "no such word here", _nearest(place))
     if kind == "missing":
-        return Problem(path, "", "is missing")
+        return _problem(path, "", "is missing")
     if path == "format":
-        return Problem(
+        return _problem(
             path, _shown(given), f'is not the format of a rig\'s description; expected "{FORMAT}"'
         )
     reason = str(error["msg"]).removeprefix("Value error, ")
     shown = "" if isinstance(given, Mapping | list) else _shown(given)
-    return Problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
+    return _problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
 
 
 def _path_text(place: Sequence[str | int]) -> str:

@@ -104,7 +104,7 @@ def test_a_description_that_exists_keeps_its_identity(tmp_path: Path) -> None:
 def test_an_identity_that_could_be_no_folder_is_refused(tmp_path: Path, identity: str) -> None:
     problems = inspect_configuration(described(tmp_path, identity))
     assert isinstance(problems, tuple)
-    assert [problem.path for problem in problems] == ["bench.id"]
+    assert [problem.what for problem in problems] == ["bench.id"]
 
 
 def test_a_check_of_a_description_of_before_says_that_the_identity_is_missing(
@@ -265,23 +265,23 @@ def test_the_doctor_shows_bench_and_state_folder(
 ) -> None:
     request = armed(tmp_path, described(tmp_path, "bench-1"))
     identity, folder = bench_lines(request)
-    assert (identity.result, identity.evidence) == ("ok", "bench-1")
-    assert folder.result == "ok"
-    assert str(state / "benches" / "bench-1") in folder.evidence
-    assert "writable" in folder.evidence
+    assert (identity.severity, identity.found) == ("passed", "bench-1")
+    assert folder.severity == "passed"
+    assert str(state / "benches" / "bench-1") in folder.found
+    assert "writable" in folder.found
     monkeypatch.delenv(VARIABLE)
     monkeypatch.setattr(platformdirs, "site_state_path", lambda *_, **__: Path(__file__))
     monkeypatch.setattr(platformdirs, "user_state_path", lambda *_, **__: tmp_path / "user")
     _, folder = bench_lines(request)
-    assert folder.result == "warning"
-    assert str(tmp_path / "user") in folder.evidence
+    assert folder.severity == "warns"
+    assert str(tmp_path / "user") in folder.found
     assert __file__ in folder.remedy
     monkeypatch.setattr(platformdirs, "user_state_path", lambda *_, **__: Path(__file__))
     (line,) = bench_lines(request)
-    assert line.result == "failed"
+    assert line.severity == "blocks"
     assert line.remedy
     (line,) = bench_lines(armed(tmp_path, described(tmp_path, "")))
-    assert (line.group, line.result) == ("bench", "failed")
+    assert (line.where, line.severity) == ("bench", "blocks")
     assert "[bench]" in line.remedy
 
 

@@ -173,10 +173,10 @@ def test_an_expired_certificate_is_a_warning_before_the_run(tmp_path: Path) -> N
         encoder_channel(name, lines=18000, multiplication=4, calibration=counter.calibration)
         for name in ("input_angle", "output_angle")
     ]
-    for today, result in ((date(2026, 9, 1), "ok"), (date(2026, 9, 2), "warning")):
-        found = [c for c in channel_checks(channels, (), today) if c.name == "calibration"]
-        assert {c.result for c in found} == {result}
-        assert "output_angle" in found[1].evidence
+    for today, result in ((date(2026, 9, 1), "passed"), (date(2026, 9, 2), "warns")):
+        found = [c for c in channel_checks(channels, (), today) if c.what == "calibration"]
+        assert {c.severity for c in found} == {result}
+        assert "output_angle" in found[1].found
 
 
 @pytest.mark.parametrize(
@@ -204,15 +204,15 @@ def test_a_rig_that_names_a_certificate_wrongly_is_refused(
     assert old in WITH_CURVE
     found = inspect_configuration(written(tmp_path, WITH_CURVE.replace(old, new)))
     assert not isinstance(found, RigConfiguration)
-    assert found[0].path == path
-    assert words in found[0].reason
+    assert found[0].what == path
+    assert words in found[0].sentence
 
 
 def test_the_certificate_of_another_encoder_is_refused(tmp_path: Path) -> None:
     stored(tmp_path, '# serial_number = "123 456"\n' + HEADER + POINTS)
     found = inspect_configuration(written(tmp_path, WITH_CURVE))
     assert not isinstance(found, RigConfiguration)
-    assert "is of serial number '123 456', the encoder's is ''" in found[0].reason
+    assert "is of serial number '123 456', the encoder's is ''" in found[0].sentence
     own = WITH_CURVE.replace(
         'model = "RON 285"\nserial_number = ""', 'model = "RON 285"\nserial_number = "123 456"'
     )

@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+from experiments.finding import Finding
 from model.motor import shipped_motor
 from model.units import RPM
 from rig.bench import limits as lim
 from rig.bench.backends.hardware import bus_config, can_rig_config, readout_config
 from rig.bench.config.apply import LIMITED, RATED, configured_rig, limits_by_hand
 from rig.bench.config.load import (
-    Problem,
     inspect_configuration,
     load_configuration,
     missing_files,
@@ -47,7 +47,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def problems(folder: Path, text: str) -> tuple[Problem, ...]:
+def problems(folder: Path, text: str) -> tuple[Finding, ...]:
     found = inspect_configuration(written(folder, text))
     assert not isinstance(found, RigConfiguration)
     return found
@@ -174,7 +174,7 @@ def test_a_wrong_value_is_named_with_path_and_reason(
     tmp_path: Path, old: str, new: str, path: str, reason: str
 ) -> None:
     found = problems(tmp_path, replaced(old, new))
-    assert any(problem.path == path and reason in problem.reason for problem in found), [
+    assert any(problem.what == path and reason in problem.sentence for problem in found), [
         str(p) for p in found
     ]
     with pytest.raises(ConfigurationError, match=re.escape(path)):
@@ -187,7 +187,7 @@ def test_every_problem_is_told_at_once(tmp_path: Path) -> None:
         .replace("lines = 18000", "lines = -3")
         .replace("bit_rate", "bitrate")
     )
-    assert {p.path for p in problems(tmp_path, text)} == {
+    assert {p.what for p in problems(tmp_path, text)} == {
         "motor_encoder.lines",
         "counter[0].lines",
         "bus.bitrate",
@@ -224,38 +224,38 @@ def test_objects_are_read_long_and_short() -> None:
 
 def test_only_the_terminals_of_a_coupler_share_a_node(tmp_path: Path) -> None:
     shared = TEMPLATE.replace("node_id = 3", "node_id = 2")
-    assert any("node-ID 2 is given twice" in p.reason for p in problems(tmp_path, shared))
+    assert any("node-ID 2 is given twice" in p.sentence for p in problems(tmp_path, shared))
     terminal = shared.replace(
         '# position = "0x6004:0 U32" ', 'position = "0x2C00:1 U16 at byte 1 of 6" '
     )
     assert terminal != shared
     assert isinstance(inspect_configuration(written(tmp_path, terminal)), RigConfiguration)
     with_drive = terminal.replace("node_id = 2", "node_id = 1", 1)
-    assert any("node-ID 1 is given twice" in p.reason for p in problems(tmp_path, with_drive))
+    assert any("node-ID 1 is given twice" in p.sentence for p in problems(tmp_path, with_drive))
 
 
 def test_another_torque_limit_needs_its_unit(tmp_path: Path) -> None:
     other = everything().replace('torque_limit = "0x6072:0 U16"', 'torque_limit = "0x3001:2 U32"')
     told = re.sub(r"torque_limit_unit_n_m = .*", "", other)
-    assert any("needs torque_limit_unit_n_m" in p.reason for p in problems(tmp_path, told))
+    assert any("needs torque_limit_unit_n_m" in p.sentence for p in problems(tmp_path, told))
     assert isinstance(inspect_configuration(written(tmp_path, other)), RigConfiguration)
 
 
 def test_a_guard_that_can_never_be_closed_is_refused(tmp_path: Path) -> None:
     text = everything().replace("closed = 0x00010000", "closed = 0x00020000")
-    assert any("never be closed" in p.reason for p in problems(tmp_path, text))
+    assert any("never be closed" in p.sentence for p in problems(tmp_path, text))
 
 
 def test_a_guard_on_a_node_that_is_not_there_is_refused(tmp_path: Path) -> None:
     text = re.sub(r"(\[guard\].*\n)node_id = 1", r"\1node_id = 9", everything())
-    assert any("guard.node_id = 9" in p.reason for p in problems(tmp_path, text))
+    assert any("guard.node_id = 9" in p.sentence for p in problems(tmp_path, text))
 
 
 def test_calibration_dates_have_an_order_and_a_certificate(tmp_path: Path) -> None:
     swapped = everything().replace("due = 2027-03-01", "due = 2025-03-01")
-    assert any("before its date" in p.reason for p in problems(tmp_path, swapped))
+    assert any("before its date" in p.sentence for p in problems(tmp_path, swapped))
     bare = everything().replace('certificate = "none: accuracy from the data sheet"\ndate', "date")
-    assert any("without a certificate" in p.reason for p in problems(tmp_path, bare))
+    assert any("without a certificate" in p.sentence for p in problems(tmp_path, bare))
 
 
 def test_files_that_are_not_there_are_named(tmp_path: Path) -> None:
@@ -263,7 +263,7 @@ def test_files_that_are_not_there_are_named(tmp_path: Path) -> None:
         '# eds = ""   ', 'eds = "d.eds" # ', 1
     )
     found = load_configuration(written(tmp_path, text))
-    assert [p.path for p in missing_files(found, tmp_path)] == ["drive.eds", "rig.gear"]
+    assert [p.what for p in missing_files(found, tmp_path)] == ["drive.eds", "rig.gear"]
 
 
 def test_the_drivers_get_what_the_file_says(tmp_path: Path) -> None:
@@ -391,7 +391,7 @@ def test_what_is_wrong_with_a_drive_by_reference_is_named(
     tmp_path: Path, old: str, new: str, path: str, reason: str
 ) -> None:
     found = problems(tmp_path, by_reference(old, new))
-    assert any(path in problem.path and reason in problem.reason for problem in found), found
+    assert any(path in problem.what and reason in problem.sentence for problem in found), found
 
 
 def test_limits_set_by_hand_are_limits_of_the_plan_and_words_of_the_confirmation(
@@ -414,4 +414,4 @@ def test_a_coupler_that_holds_the_amplifier_may_hold_other_inputs(tmp_path: Path
     )
     assert load_configuration(path).analog_modules[0].node_id == 1
     twice = problems(tmp_path, by_reference("node_id = 4", "node_id = 2"))
-    assert any("given twice" in problem.reason for problem in twice)
+    assert any("given twice" in problem.sentence for problem in twice)

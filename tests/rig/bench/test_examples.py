@@ -123,7 +123,7 @@ def test_no_example_is_left_without_facts_and_none_has_been_run() -> None:
 
 def test_a_motor_that_nobody_has_described_is_asked_for() -> None:
     for name in DRIVES:
-        assert [p.path for p in missing_files(example(name), FOLDER)] == ["rig.motor"]
+        assert [p.what for p in missing_files(example(name), FOLDER)] == ["rig.motor"]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -164,12 +164,12 @@ def test_a_run_killed_in_motion_latches_the_folder_until_somebody_acknowledges(
     assert isinstance(refused.exception, LatchedTripError)
     assert "NOT verified" in str(refused.exception)
     (line,) = latch_checks(RigChoice("sim", tmp_path))
-    assert (line.result, line.name) == ("failed", "trip latch")
+    assert (line.severity, line.what) == ("blocks", "trip latch")
     assert "was cut off" in trip_in_words(trip)
     (latched,) = [
-        f for f in bench_lines(order_of("home", {}, {"folder": tmp_path})) if f.name == "latch"
+        f for f in bench_lines(order_of("home", {}, {"folder": tmp_path})) if f.what == "latch"
     ]
-    assert latched.result == "failed"
+    assert latched.severity == "blocks"
     acknowledged = CliRunner().invoke(
         app, ["acknowledge", "--operator", "Ada", "--output", str(tmp_path)]
     )

@@ -82,9 +82,9 @@ def test_all_that_is_marked_is_named_and_what_is_said_makes_a_rig(tmp_path: Path
     assert not isinstance(problems, RigConfiguration)
     assert len(problems) == len(proposal.questions) == text.count('"SAY: ')
     assert {"motor_encoder.lines", "counter[0].lines", "analog_module[0].input[0].object"} <= {
-        problem.path for problem in problems
+        problem.what for problem in problems
     }
-    assert all(problem.reason.startswith("must still be said: ") for problem in problems)
+    assert all(problem.follows.startswith("must still be said: ") for problem in problems)
     lines = [
         f"{line.partition(' = ')[0]} = {ANSWERS[line.partition(' = ')[0]]}"
         if '"SAY: ' in line

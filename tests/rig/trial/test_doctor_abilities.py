@@ -10,10 +10,10 @@ from tests.rig.fake_rig import FakeRig
 def test_every_ability_has_a_line_and_a_lack_says_what_it_means() -> None:
     rig = FakeRig()
     rig.abilities = Abilities(has_quick_stop=False, events=lambda: ())
-    found = {one.name: one for one in inspect_abilities(rig)}
+    found = {one.what: one for one in inspect_abilities(rig)}
     assert list(found) == [line.name for line in LINES]
-    assert found["quick stop"].result == "skipped"
-    assert "set-point of zero" in found["quick stop"].evidence
-    assert found["events of devices"].result == "ok"
-    assert found["limits read back"].result == "ok"
-    assert found["stop past the loop"].result == "skipped"
+    assert found["quick stop"].severity == "not looked at"
+    assert "set-point of zero" in found["quick stop"].found
+    assert found["events of devices"].severity == "passed"
+    assert found["limits read back"].severity == "passed"
+    assert found["stop past the loop"].severity == "not looked at"

@@ -15,8 +15,8 @@ from tests.drivers.foreign_slave import Traits, Wire
 @pytest.mark.parametrize(
     ("period", "factor", "beats", "expected"),
     [
-        (100, 3, False, ["failed"]),
-        (100, 3, True, ["warning"]),
+        (100, 3, False, ["blocks"]),
+        (100, 3, True, ["warns"]),
         (0, 3, False, []),
         (100, 0, False, []),
     ],
@@ -30,5 +30,5 @@ def test_a_node_that_waits_to_be_guarded_is_named(
     if beats:
         assert device.produce_heartbeat(100)
     found = list(_guarding("node 2", device))
-    assert [one.result for one in found] == expected
-    assert all("0x100C" in one.evidence for one in found)
+    assert [one.severity for one in found] == expected
+    assert all("0x100C" in one.found for one in found)

@@ -39,7 +39,7 @@ def test_a_rig_that_is_fine_is_fine(tmp_path: Path) -> None:
         "torque scale",
         "cycles",
     ):
-        assert line(found, "motion", name).result == "ok", name
+        assert line(found, "motion", name).severity == "passed", name
     # Nothing of the motion is kept where the runs go.
     assert not list(tmp_path.iterdir())
 
@@ -59,12 +59,12 @@ def test_a_wrong_channel_is_found_by_moving(
     tmp_path: Path, change: Change, name: str, trips: bool
 ) -> None:
     found = look(tmp_path, lambda: on_the_wire(change), moves=True)
-    assert line(found, "motion", name).result == "failed"
+    assert line(found, "motion", name).severity == "blocks"
     assert not found.is_fine
     # However wrong the channels are, the rig stands in the end, and that was verified.
     run = line(found, "motion", "run")
-    assert "standstill verified" in run.evidence
-    assert ("TRIPPED" in run.evidence) == trips
+    assert "standstill verified" in run.found
+    assert ("TRIPPED" in run.found) == trips
     # A trip is latched where the next run looks, although the recording is thrown away.
     assert (tmp_path / LATCH_NAME).exists() == trips
 
@@ -74,8 +74,8 @@ def test_a_ratio_that_is_described_wrongly_is_found(tmp_path: Path) -> None:
     other = shipped_gear().with_values({"teeth.flexspline": 238, "teeth.circular_spline": 240})
     found = look(tmp_path, on_the_wire, moves=True, gear=other)
     ratio = line(found, "motion", "ratio")
-    assert ratio.result == "failed"
-    assert "described as 119" in ratio.evidence
+    assert ratio.severity == "blocks"
+    assert "described as 119" in ratio.found
     assert ratio.value == pytest.approx(120.0, abs=0.5)
 
 
@@ -85,16 +85,16 @@ def test_the_ratio_of_the_other_mounting_is_recognised(tmp_path: Path) -> None:
         return on_the_wire(lambda c: counter(c, direction=-1), bench=bench)
 
     ratio = line(look(tmp_path, mounted, moves=True), "motion", "ratio")
-    assert ratio.result == "failed"
+    assert ratio.severity == "blocks"
     assert ratio.value == pytest.approx(121.0, abs=0.3)
     assert "121 is the ratio of the other mounting" in ratio.remedy
 
 
 def test_without_an_output_encoder_the_input_is_looked_at(tmp_path: Path) -> None:
     found = look(tmp_path, lambda: on_the_wire(lambda c: replace(c, counters=())), moves=True)
-    assert line(found, "encoders", "output angle").result == "warning"
-    assert line(found, "motion", "input direction").result == "ok"
-    assert line(found, "motion", "output direction and ratio").result == "skipped"
+    assert line(found, "encoders", "output angle").severity == "warns"
+    assert line(found, "motion", "input direction").severity == "passed"
+    assert line(found, "motion", "output direction and ratio").severity == "not looked at"
 
 
 def test_a_drive_that_trips_in_motion_is_latched(tmp_path: Path) -> None:
@@ -102,8 +102,8 @@ def test_a_drive_that_trips_in_motion_is_latched(tmp_path: Path) -> None:
     # rest is never reached.
     found = look(tmp_path, lambda: on_the_wire(lambda c: c, DriveFault(300)), moves=True)
     run = line(found, "motion", "run")
-    assert run.result == "failed"
-    assert "standstill verified" in run.evidence
+    assert run.severity == "blocks"
+    assert "standstill verified" in run.found
     assert (tmp_path / LATCH_NAME).exists()
 
 
@@ -122,6 +122,6 @@ def test_the_operator_stops_it(tmp_path: Path, stage: str) -> None:
     # That somebody stopped it is nothing that failed.
     assert not failed(found)
     if stage == "standing":
-        assert line(found, "motion", "direction and ratio").evidence == "stopped by the operator"
+        assert line(found, "motion", "direction and ratio").found == "stopped by the operator"
     else:
-        assert "ABORTED, standstill verified" in line(found, "motion", "run").evidence
+        assert "ABORTED, standstill verified" in line(found, "motion", "run").found

@@ -42,28 +42,28 @@ from tests.rig.trial.doctor_rigs import (
 def test_what_a_rig_on_the_wire_tells_of_itself(tmp_path: Path) -> None:
     found = look(tmp_path, on_the_wire)
     assert found.is_fine, failed(found)
-    assert line(found, "node 1", "identity").evidence.startswith(
+    assert line(found, "node 1", "identity").found.startswith(
         "Simulated servo amplifier, profile 402"
     )
-    assert "software 1.0" in line(found, "node 3", "firmware").evidence
+    assert "software 1.0" in line(found, "node 3", "firmware").found
     assert line(found, "node 2", "heartbeat").value == pytest.approx(100.0, abs=25.0)
     # Every object that is missing is named, with what follows from it; nothing is cut off.
     objects = line(found, "node 1", "objects")
-    assert objects.value == objects.evidence.count("0x")
-    assert "counts per revolution must stand in the configuration" in objects.evidence
-    assert line(found, "drive", "abort connection option").evidence == "3, quick stop"
+    assert objects.value == objects.found.count("0x")
+    assert "counts per revolution must stand in the configuration" in objects.found
+    assert line(found, "drive", "abort connection option").found == "3, quick stop"
     assert line(found, "drive", "watch over the computer").unit == "ms"
     assert line(found, "drive", "electronic gear").value == 1.0
     assert line(found, "acquisition", "rate").value == pytest.approx(RATE, rel=1e-3)
     skipped = line(found, "motion", "direction and ratio")
-    assert (skipped.result, skipped.evidence) == ("skipped", "not asked to")
+    assert (skipped.severity, skipped.found) == ("not looked at", "not asked to")
 
 
 def test_the_direct_rig_has_no_bus_and_is_examined_all_the_same(tmp_path: Path) -> None:
     wanted = Order(protocol="", sample_rate=RATE)
     found = look(tmp_path, lambda: make_port(wanted))
-    assert line(found, "nodes", "bus").result == "skipped"
-    assert line(found, "torque", "zero").result == "ok"
+    assert line(found, "nodes", "bus").severity == "not looked at"
+    assert line(found, "torque", "zero").severity == "passed"
 
 
 @pytest.mark.parametrize(
@@ -88,12 +88,12 @@ def test_a_fault_is_found_and_keeps_the_rig_still(
 ) -> None:
     found = look(tmp_path, lambda: on_the_wire(lambda c: c, fault), moves=True)
     finding = line(found, group, name)
-    assert finding.result == "failed"
-    assert words in finding.evidence
+    assert finding.severity == "blocks"
+    assert words in finding.found
     assert not found.is_fine
     skipped = line(found, "motion", "direction and ratio")
-    assert (skipped.result, skipped.evidence) == (
-        "skipped",
+    assert (skipped.severity, skipped.found) == (
+        "not looked at",
         "not before the lines that failed are in order",
     )
 
@@ -110,8 +110,8 @@ def test_what_is_left_to_judgement_is_a_warning(
     tmp_path: Path, fault: Fault, name: str, words: str
 ) -> None:
     finding = line(look(tmp_path, lambda: on_the_wire(lambda c: c, fault)), "drive", name)
-    assert finding.result == "warning"
-    assert words in finding.evidence
+    assert finding.severity == "warns"
+    assert words in finding.found
     assert finding.remedy
 
 
@@ -122,11 +122,11 @@ def test_what_is_left_to_judgement_is_a_warning(
             lambda c: motor_encoder(c, lines=2048),
             "told by the devices",
             "counts-per-revolution",
-            "failed",
+            "blocks",
             "32768",
         ),
-        (lambda c: torque_input(c, zero_volts=0.4), "torque", "zero", "failed", "-24"),
-        (lambda c: torque_input(c, zero_volts=0.06), "torque", "zero", "warning", "-3"),
+        (lambda c: torque_input(c, zero_volts=0.4), "torque", "zero", "blocks", "-24"),
+        (lambda c: torque_input(c, zero_volts=0.06), "torque", "zero", "warns", "-3"),
     ],
 )
 def test_a_wrong_description_is_found(
@@ -134,20 +134,22 @@ def test_a_wrong_description_is_found(
 ) -> None:
     found = look(tmp_path, lambda: on_the_wire(change))
     finding = line(found, group, name)
-    assert finding.result == result
-    assert words in finding.evidence
+    assert finding.severity == result
+    assert words in finding.found
     # Port and drive are compared too: 0.4 V are more than they may differ by, 0.06 V are not.
-    assert line(found, "torque", "cross-check").result == ("failed" if words == "-24" else "ok")
+    assert line(found, "torque", "cross-check").severity == (
+        "blocks" if words == "-24" else "passed"
+    )
 
 
 @pytest.mark.parametrize(
     ("due", "result", "words"),
     [
-        ("2021-01-01", "failed", "overdue"),
-        ("2026-10-01", "warning", "in 10 days"),
-        ("2027-01-01", "ok", "certificate 7"),
-        ("next autumn", "warning", "next autumn"),
-        ("", "ok", "no due date"),
+        ("2021-01-01", "blocks", "overdue"),
+        ("2026-10-01", "warns", "in 10 days"),
+        ("2027-01-01", "passed", "certificate 7"),
+        ("next autumn", "warns", "next autumn"),
+        ("", "passed", "no due date"),
     ],
 )
 def test_a_calibration_ends(due: str, result: str, words: str) -> None:
@@ -158,17 +160,17 @@ def test_a_calibration_ends(due: str, result: str, words: str) -> None:
         calibration=Calibration(certificate="certificate 7", due=due),
     )
     (finding,) = surroundings.calibrations([channel], date(2026, 9, 21))
-    assert finding.result == result
-    assert words in finding.evidence
+    assert finding.severity == result
+    assert words in finding.found
 
 
 def test_a_node_that_says_nothing_is_named_and_who_is_there_instead(tmp_path: Path) -> None:
     bench = wire_bench()
     rig = on_the_wire(lambda c: counter(c, node_id=9), bench=bench)
     found = look(tmp_path, lambda: replace(rig, second_bus=bench.bus))
-    assert "node 9" in line(found, "rig", "connection").evidence
+    assert "node 9" in line(found, "rig", "connection").found
     told = "node 1 (profile 402), node 2 (profile 406), node 3 (profile 401)"
-    assert line(found, "nodes", "scan").evidence == told
+    assert line(found, "nodes", "scan").found == told
 
 
 def test_an_open_guard_fails(tmp_path: Path) -> None:
@@ -177,24 +179,24 @@ def test_an_open_guard_fails(tmp_path: Path) -> None:
         lambda: replace(on_the_wire(), real_time=True, guard=lambda: (0, False)),
         moves=True,
     )
-    assert line(found, "safety", "guard").result == "failed"
-    assert line(found, "motion", "direction and ratio").result == "skipped"
+    assert line(found, "safety", "guard").severity == "blocks"
+    assert line(found, "motion", "direction and ratio").severity == "not looked at"
 
 
 def test_a_folder_that_cannot_take_runs_fails(tmp_path: Path) -> None:
     taken = tmp_path / "runs"
     taken.write_text("a file", encoding="utf-8")
-    assert surroundings.disk(taken).result == "failed"
-    assert surroundings.disk(tmp_path / "not" / "yet" / "there").result != "failed"
+    assert surroundings.disk(taken).severity == "blocks"
+    assert surroundings.disk(tmp_path / "not" / "yet" / "there").severity != "blocks"
 
 
 @pytest.mark.parametrize(
     ("fault", "result", "words"),
     [
-        (None, "ok", "rad"),
-        (faults.ReadoutEncoderFault(0), "failed", ""),
-        (faults.ReadoutGarbage(0), "failed", ""),
-        (faults.ReadoutSilent(0), "failed", "does not answer"),
+        (None, "passed", "rad"),
+        (faults.ReadoutEncoderFault(0), "blocks", ""),
+        (faults.ReadoutGarbage(0), "blocks", ""),
+        (faults.ReadoutSilent(0), "blocks", "does not answer"),
     ],
 )
 def test_the_readout_is_asked_once(
@@ -203,9 +205,9 @@ def test_the_readout_is_asked_once(
     bench = wire_bench(*([] if fault is None else [fault]))
     monkeypatch.setattr(surroundings, "open_port", lambda config: bench.serial())
     finding = surroundings.readout(ReadoutConfig(url="/dev/ttyUSB0"), bench.clock)
-    assert finding.result == result
-    assert words in finding.evidence
-    assert finding.remedy or result == "ok"
+    assert finding.severity == result
+    assert words in finding.found
+    assert finding.remedy or result == "passed"
 
 
 def test_a_readout_that_fails_does_not_keep_the_rig_from_moving(tmp_path: Path) -> None:
@@ -219,7 +221,7 @@ def test_a_readout_that_fails_does_not_keep_the_rig_from_moving(tmp_path: Path) 
         on_stage=lambda stage: stop.stop() if stage == "motion" else None,
     )
     assert failed(found) == [("readout", "ND 287")]
-    assert "standstill verified" in line(found, "motion", "run").evidence
+    assert "standstill verified" in line(found, "motion", "run").found
 
 
 @pytest.mark.skipif(

@@ -342,7 +342,7 @@ def test_without_a_gear_no_card_is_asked_for(
     assert "gear card" not in [check.what for check in page.checklist.checks]
     assert page.outlook.order is not None
     assert page.outlook.order.serial == "unknown"
-    assert "gear card" not in [check.name for check in page.checklist.checks]
+    assert "gear card" not in [check.what for check in page.checklist.checks]
     assert "mounting" not in page.protocol.form.rows
     click(qtbot, page.sign_button)
     assert page.start_button.isEnabled()

@@ -349,4 +349,4 @@ def test_what_turns_for_the_doctor_is_stopped_like_a_run(
     asked._end(Ending(4, False, "stopped"))
     assert not window.stop.isVisible()
     assert window.session.free_for("A dialog")
-    assert window.prepare.doctor_checks[0].result == "failed"
+    assert window.prepare.doctor_checks[0].severity == "blocks"
