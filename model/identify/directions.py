@@ -24,7 +24,13 @@ from model.identify import polar
 from model.identify.angle_regression import AngleFit, Basis
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Distribution, Estimate
-from model.identify.kinematic_error import KinematicErrorFit, doubts, expected_labels, with_bench
+from model.identify.kinematic_error import (
+    KinematicErrorFit,
+    OrderEstimate,
+    doubts,
+    expected_labels,
+    with_bench,
+)
 from model.identify.least_squares import student_quantile
 from model.identify.transmission import curve_over_output
 from model.units import DEGREE
@@ -66,20 +72,7 @@ class CombinedKinematicError:
 
 def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedKinematicError:
     """The kinematic error of a gear from one fit of each direction; both must share basis, ratio and index mark."""
-    if forward.direction == reverse.direction:
-        raise IdentificationError(
-            "are both of the same direction",
-            where="forward, reverse",
-            remedy="Give one fit of each direction.",
-        )
-    if forward.direction < 0.0:
-        forward, reverse = reverse, forward
-    if forward.basis.orders != reverse.basis.orders or forward.ratio != reverse.ratio:
-        raise IdentificationError(
-            "differ in basis or ratio",
-            where="forward, reverse",
-            remedy="Fit both with the same orders.",
-        )
+    forward, reverse = _as_a_pair(forward, reverse)
     ahead, back = forward.regression, reverse.regression
     mean = 0.5 * (ahead.values + back.values)
     half = 0.5 * (ahead.values - back.values)
@@ -99,28 +92,24 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     for k, label in enumerate(basis.labels):
         at = 2 + 2 * k
         seen = forward.orders[k].significant or reverse.orders[k].significant
-        if seen or (label in expected and ahead.used[at] and back.used[at]):
-            found = polar.polar(
-                label,
-                mean[at : at + 2],
-                covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
-                freedom,
-                "rad",
-                doubts(doubt, at, forward.torsion),
-            )
-            # What is a function of the input angle alone is in both directions alike; folded rounding is not.
-            alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
-            if label not in expected and not (alike and found.significant):
-                continue
-            # What the bench puts on an order is the same in both directions: the mean does not lessen it.
-            one = forward.orders[k]
-            amplitude, phase = with_bench(found, one.bench, one.bound, one.unsaid)
-            if one.amplitude.identifiable == "no":
-                refusal = {"identifiable": "no", "note": one.amplitude.note}
-                amplitude, phase = replace(amplitude, **refusal), replace(phase, **refusal)
-            estimates[f"amplitude_{label}"] = amplitude
-            if seen:
-                estimates[f"phase_{label}"] = phase
+        if not (seen or (label in expected and ahead.used[at] and back.used[at])):
+            continue
+        order = polar.polar(
+            label,
+            mean[at : at + 2],
+            covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
+            freedom,
+            "rad",
+            doubts(doubt, at, forward.torsion),
+        )
+        # What is a function of the input angle alone is in both directions alike; folded rounding is not.
+        alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
+        if label not in expected and not (alike and order.significant):
+            continue
+        amplitude, phase = _of_bench(order, forward.orders[k])
+        estimates[f"amplitude_{label}"] = amplitude
+        if seen:
+            estimates[f"phase_{label}"] = phase
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [
@@ -143,6 +132,39 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
         forward=curves[0],
         reverse=curves[1],
         mean=0.5 * (curves[0] + curves[1]),
+    )
+
+
+def _as_a_pair(
+    one: KinematicErrorFit, other: KinematicErrorFit
+) -> tuple[KinematicErrorFit, KinematicErrorFit]:
+    """The forward and the reverse one of two fits. Raises `IdentificationError` where they are none."""
+    if one.direction == other.direction:
+        raise IdentificationError(
+            "are both of the same direction",
+            where="forward, reverse",
+            remedy="Give one fit of each direction.",
+        )
+    if one.basis.orders != other.basis.orders or one.ratio != other.ratio:
+        raise IdentificationError(
+            "differ in basis or ratio",
+            where="forward, reverse",
+            remedy="Fit both with the same orders.",
+        )
+    return (other, one) if one.direction < 0.0 else (one, other)
+
+
+def _of_bench(mean: polar.Polar, forward: OrderEstimate) -> tuple[Estimate, Estimate]:
+    """Amplitude and phase of the mean of both directions with what the bench puts on the order: it is the same in
+    both, the mean does not lessen it; and what one direction cannot tell, both cannot.
+    """
+    amplitude, phase = with_bench(mean, forward.bench, forward.bound, forward.unsaid)
+    if forward.amplitude.identifiable != "no":
+        return amplitude, phase
+    note = forward.amplitude.note
+    return (
+        replace(amplitude, identifiable="no", note=note),
+        replace(phase, identifiable="no", note=note),
     )
 
 

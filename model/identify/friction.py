@@ -49,6 +49,9 @@ SCATTER = "scatter between revolutions and points"
 TARE_SCATTER = "scatter of the tare"
 HALF_SUMS = "scatter of the half-sums"
 NO_DIP = "no Stribeck dip"
+WITH_MOTOR = (
+    "Without a valid tare this is the friction of motor and gear together, not of the gear."
+)
 UNITS = {
     "coulomb": "N",
     "static": "N",
@@ -254,25 +257,10 @@ def fit_friction(
     """
     chosen: TorqueBalance = balance or gear.options.torque_balance
     points = pair_directions(holds)
-    warnings = list(points.warnings)
-    tare_torque = np.zeros_like(points.speed)
-    subject: Object = "motor + gear"
+    subject, tare_torque, said = _without_motor(points.speed, tare)
+    warnings = [*points.warnings, *said]
     if tare is not None:
-        tare_torque, _, beyond = tare.at(points.speed)
         common = [*common, tare_scatter(tare, np.array([abs(h.speed) for h in holds]))]
-        if beyond.any():
-            fastest = float(points.speed[beyond].max()) / RPM
-            warnings.append(
-                f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's "
-                "range: a straight line through it is used there."
-            )
-        subject = "gear" if tare.valid else "motor + gear"
-        if tare.note:
-            warnings.append(f"Tare: {tare.note}.")
-    if subject == "motor + gear":
-        warnings.append(
-            "Without a valid tare this is the friction of motor and gear together, not of the gear."
-        )
     torque = points.friction - tare_torque
     error = pooled_errors(points)
     if spread is not None:
@@ -294,16 +282,7 @@ def fit_friction(
         subject=subject,
         torque_balance=chosen,
         estimates={},
-        metrics={
-            "chi_square": fit.chi_square,
-            "freedom": float(fit.freedom),
-            "birge": math.sqrt(fit.chi_square / max(fit.freedom, 1)),
-            "residual_rms": float(np.sqrt(np.mean(residual**2))),
-            "relative_rms": float(np.sqrt(np.mean((residual / torque) ** 2))),
-            "bracket_drift": drift,
-            "points": float(len(torque)),
-            "slowest_speed": float(points.speed.min()),
-        },
+        metrics=_metrics(fit, points.speed, torque, residual) | {"bracket_drift": drift},
         warnings=(),
         speed=points.speed,
         torque=torque,
@@ -331,6 +310,36 @@ def fit_friction(
     estimates = _estimates(found, ends) | _offset(points)
     warnings += _judge(fit, estimates, points, holds)
     return replace(found, estimates=estimates, warnings=tuple(warnings))
+
+
+def _without_motor(speed: Array, tare: Tare | None) -> tuple[Object, Array, list[str]]:
+    """Whose friction it is with this tare, the motor's part at these speeds [N m], and what is to be said of it."""
+    if tare is None:
+        return "motor + gear", np.zeros_like(speed), [WITH_MOTOR]
+    torque, _, beyond = tare.at(speed)
+    said: list[str] = []
+    if beyond.any():
+        fastest = float(speed[beyond].max()) / RPM
+        said.append(
+            f"{int(beyond.sum())} speeds (to {fastest:.0f} r/min) lie beyond the tare's "
+            "range: a straight line through it is used there."
+        )
+    if tare.note:
+        said.append(f"Tare: {tare.note}.")
+    return ("gear", torque, said) if tare.valid else ("motor + gear", torque, [*said, WITH_MOTOR])
+
+
+def _metrics(fit: StribeckFit, speed: Array, torque: Array, residual: Array) -> dict[str, float]:
+    """How well the curve goes through the points."""
+    return {
+        "chi_square": fit.chi_square,
+        "freedom": float(fit.freedom),
+        "birge": math.sqrt(fit.chi_square / max(fit.freedom, 1)),
+        "residual_rms": float(np.sqrt(np.mean(residual**2))),
+        "relative_rms": float(np.sqrt(np.mean((residual / torque) ** 2))),
+        "points": float(len(torque)),
+        "slowest_speed": float(speed.min()),
+    }
 
 
 def tare_scatter(tare: Tare, speed: Array) -> CommonError:

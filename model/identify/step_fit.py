@@ -443,6 +443,30 @@ def _regular(matrix: Array) -> Array:
     return matrix + np.diag(1e-12 * np.maximum(np.diag(matrix), 1e-30))
 
 
+def _prior(shape: Shape, errors: int, error_width: float) -> tuple[Array, Array]:
+    """What the numbers of a fit are drawn to, and how strongly (p,); the kinematic error's to nothing."""
+    size = len(shape.names)
+    centre = np.zeros(size + errors)
+    penalty = np.concatenate([np.zeros(size), np.full(errors, error_width**-2.0)])
+    for index, name in enumerate(shape.names):
+        if name in shape.prior:
+            centre[index], width = shape.prior[name]
+            penalty[index] = width**-2.0
+    return centre, penalty
+
+
+def _normal_equations(
+    weights: Array, normals: Sequence[Normal], penalty: Array, beyond: Array
+) -> tuple[Array, Array]:
+    """Matrix (p, p) and right-hand side (p,) of all steps and of the prior, from which the numbers are `beyond`."""
+    total: Array = np.diag(penalty)
+    pull: Array = -penalty * beyond
+    for weight, normal in zip(weights, normals, strict=True):
+        total = total + weight * normal.matrix
+        pull = pull + weight * normal.gradient
+    return _regular(total), pull
+
+
 def fit_all(
     problem: Problem,
     shape: Shape,
@@ -456,12 +480,7 @@ def fit_all(
     """Levenberg-Marquardt from a start; numbers with a prior are drawn to it."""
     names, size = shape.names, len(shape.names)
     weights = np.ones(len(problem.steps)) if weights is None else weights
-    penalty = np.concatenate([np.zeros(size), np.full(len(error), problem.error_width**-2.0)])
-    centre = np.zeros(size + len(error))
-    for index, name in enumerate(names):
-        if name in shape.prior:
-            centre[index], width = shape.prior[name]
-            penalty[index] = width**-2.0
+    centre, penalty = _prior(shape, len(error), problem.error_width)
     values = dict(start)
 
     def cost(vector: Array, normals: Sequence[Normal]) -> float:
@@ -473,12 +492,7 @@ def fit_all(
     normals = problem.normals(shape, values, error)
     best, wandered, damped = cost(vector, normals), 0.0, 0.0
     for _ in range(rounds):
-        total: Array = np.diag(penalty * noise**2)
-        pull: Array = -penalty * noise**2 * (vector - centre)
-        for weight, normal in zip(weights, normals, strict=True):
-            total = total + weight * normal.matrix
-            pull = pull + weight * normal.gradient
-        total = _regular(total)
+        total, pull = _normal_equations(weights, normals, penalty * noise**2, vector - centre)
         for _ in range(TRIALS):
             held = total + np.diag(damped * np.diag(total))
             change: Array = np.asarray(np.linalg.solve(held, pull), dtype=float)
