@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments import catalogue
+from experiments.assumed import TORQUE_SCALE
 from experiments.evidence.conclusion import judged
 from experiments.finding import Finding, Severity
 from experiments.result import Result, Verdict
@@ -299,6 +300,18 @@ def test_a_reason_tells_value_limit_and_whose_limit_it_is() -> None:
     assert whose_limit(line) == "customer: specification 7"
     for part in (value, allowed, "FAIL", "customer: specification 7", "1-friction"):
         assert part in verdict.because[0]
+
+
+def test_a_verdict_says_that_it_rests_on_what_was_assumed() -> None:
+    one = found("friction", 3.0, called="weakly")
+    for assumed in ("torque scale", ""):
+        line = replace(TORQUE_SCALE.line("scale", 0.05), assumed=assumed)
+        (name,) = one.result.estimates
+        told = replace(one.result.estimates[name], budget=(line,))
+        result = replace(one.result, estimates={name: told})
+        verdict = judge_run(replace(one, result=result), asked(limit("friction")))
+        assert verdict.verdict == "FAIL"
+        assert ("rests on an assumed torque scale" in verdict.because[0]) is bool(assumed)
 
 
 def test_a_fit_and_its_stored_analysis_have_one_verdict(tmp_path: Path) -> None:
