@@ -362,12 +362,12 @@ def _print_fits(
     from rig.commands.result_tables import print_result
     from rig.commands.visible import Text
     from rig.content.wording import number
-    from rig.present.figure import WATERMARKS
+    from rig.runfile.header import ORIGIN_WORDS
 
     out = console()
     for one, verdict in zip(fits, verdicts, strict=True):
         metadata = one.recording.metadata
-        word = WATERMARKS.get(metadata.origin, metadata.origin.upper())
+        word = ORIGIN_WORDS.get(metadata.origin, metadata.origin.upper())
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
         print_result(
             out,

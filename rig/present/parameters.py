@@ -11,52 +11,12 @@ from rig.content.grid import Grid, columns
 from rig.content.wording import laboratory_unit, number, order_label, printed_symbol
 
 if TYPE_CHECKING:
-    from model.gear import HarmonicDrive
+    from model.gear import Harmonic, HarmonicDrive, Value
     from rig.analysis.fit import Fit
 
 
 def parameter_grid(gear: HarmonicDrive) -> Grid:
     """The whole parameter set with the source of every number, in the units in which a parameter file reads best."""
-    from model.gear_file import harmonic_path
-    from model.quantities import readable as in_readable_unit
-
-    rows = []
-    for v in gear.values():
-        texts, unit = in_readable_unit((v.value,), v.unit)
-        u = v.origin.standard_uncertainty
-        shown_u = number(u * float(texts[0]) / v.value, 2) if u is not None and v.value else ""
-        text = (
-            number(v.value, 0)
-            if v.value == int(v.value) and unit == "1"
-            else number(float(texts[0]), 6)
-        )
-        rows.append(
-            (
-                v.description,
-                printed_symbol(v.symbol),
-                text,
-                shown_u,
-                "" if unit == "1" else printed(unit),
-                v.origin.provenance,
-                v.origin.source,
-            )
-        )
-    for h in gear.kinematic_error:
-        factor, unit = laboratory_unit("rad", h.amplitude)
-        origin = gear.origins.get(harmonic_path(h.order))
-        u = origin.standard_uncertainty if origin else None
-        stated = (origin.provenance, origin.source) if origin else ("", "")
-        name = f"kinematic error, order {order_label(h.order, gear.ratio)}: amplitude"
-        rows.append(
-            (
-                name,
-                "",
-                number(h.amplitude / factor),
-                number(u / factor, 2) if u else "",
-                unit,
-                *stated,
-            )
-        )
     heads = columns(
         "parameter",
         ("symbol", "symbol"),
@@ -66,7 +26,42 @@ def parameter_grid(gear: HarmonicDrive) -> Grid:
         "provenance",
         "source",
     )
+    rows = [*map(_value_row, gear.values()), *(_order_row(gear, h) for h in gear.kinematic_error)]
     return Grid(f"Parameter set {gear.name}", heads, rows)
+
+
+def _value_row(v: Value) -> tuple[str, ...]:
+    from model.quantities import readable as in_readable_unit
+
+    (text,), unit = in_readable_unit((v.value,), v.unit)
+    is_count = v.value == int(v.value) and unit == "1"
+    u = v.origin.standard_uncertainty
+    return (
+        v.description,
+        printed_symbol(v.symbol),
+        number(v.value, 0) if is_count else number(float(text), 6),
+        number(u * float(text) / v.value, 2) if u is not None and v.value else "",
+        "" if unit == "1" else printed(unit),
+        v.origin.provenance,
+        v.origin.source,
+    )
+
+
+def _order_row(gear: HarmonicDrive, harmonic: Harmonic) -> tuple[str, ...]:
+    from model.gear_file import harmonic_path
+
+    factor, unit = laboratory_unit("rad", harmonic.amplitude)
+    origin = gear.origins.get(harmonic_path(harmonic.order))
+    u = origin.standard_uncertainty if origin else None
+    return (
+        f"kinematic error, order {order_label(harmonic.order, gear.ratio)}: amplitude",
+        "",
+        number(harmonic.amplitude / factor),
+        number(u / factor, 2) if u else "",
+        unit,
+        origin.provenance if origin else "",
+        origin.source if origin else "",
+    )
 
 
 def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:

@@ -36,6 +36,7 @@ from rig.present.page import write_page
 from rig.present.parameters import parameter_grids
 from rig.present.provenance import Provenance, provenance_of, provenance_sections
 from rig.program import version
+from rig.runfile.header import ORIGIN_WORDS
 
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
@@ -100,14 +101,15 @@ def report_page(
     mounted = [f for f in fits if f.recording.metadata.gear_mounted] or fits
     serials = [s for s in dict.fromkeys(f.recording.metadata.gear_serial for f in mounted) if s]
     gears = list({f.gear.name: f.gear for f in mounted if f.gear_known}.values())
-    paper = [
-        row for row in paper_figure_rows(plots) if row[2].startswith("Figure") or len(fits) > 1
-    ]
     sections = (
         *parts,
         *_truth(truth, [fit.result for fit in fits]),
         *provenance_sections(sources, file_grid(fits)),
         *definitions.sections(fit.result.kind for fit in fits),
+    )
+    judged = (
+        verdict_grid(verdict),
+        catalogue.catalogue_grid(fits, [s.conditions for _, s in sources]),
     )
     return Page(
         number=report_number(fits),
@@ -125,12 +127,9 @@ def report_page(
         marks=marks_of(m.origin for m in runs),
         states=(overall(verdict, fits),),
         alarms=_alarms([one for _, one in sources], serials),
-        judged=shown(
-            verdict_grid(verdict),
-            catalogue.catalogue_grid(fits, [one.conditions for _, one in sources]),
-        ),
+        judged=shown(*judged),
         warnings=tuple((part.title, part.anchor, text) for part in parts for text in part.warnings),
-        summary=shown(key_grid(key_results(fits)), paper_grid(paper)),
+        summary=shown(key_grid(key_results(fits)), paper_grid(plots, whole=len(fits) > 1)),
         sections=sections,
         annexes=annexes_of(sections, "parameter set with its sources", parameter_grids(fits)),
         signature=signature_of(fits),
@@ -159,7 +158,7 @@ def page_facts(
 def marks_of(origins: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """The words that tell what is no measurement, each with its sentence."""
     return tuple(
-        (figures.WATERMARKS.get(origin, origin.upper()), ORIGIN_SENTENCES.get(origin, ""))
+        (ORIGIN_WORDS.get(origin, origin.upper()), ORIGIN_SENTENCES.get(origin, ""))
         for origin in dict.fromkeys(origins)
         if origin != "hardware"
     )
@@ -401,23 +400,17 @@ def figures_of(plots: Sequence[Plot], origin: str, before: int) -> list[tuple[Fi
     return figures_and_plots
 
 
-def paper_figure_rows(
-    figures_and_plots: Sequence[tuple[Figure, Plot]],
-) -> list[tuple[str, str, str]]:
-    """Each of the paper's figures: its number, what it shows, and the figures here or what is missing."""
+def paper_grid(figures_and_plots: Sequence[tuple[Figure, Plot]], *, whole: bool) -> Grid:
+    """The paper's figures: the number of each, what it shows, and the figures here; `whole` also what is missing."""
     rows = []
     for figure, kind in definitions.paper_figures():
         number = str(figure.number)
         here = [
             str(f.number) for f, plot in figures_and_plots if number in _figure_numbers(plot.figure)
         ]
-        words = f"Figure {', '.join(here)}" if here else f"needs a {kind} run"
-        rows.append((number, figure.shows, words))
-    return rows
-
-
-def paper_grid(rows: Sequence[tuple[str, str, str]]) -> Grid:
-    """Those figures as a table."""
+        if here or whole:
+            words = f"Figure {', '.join(here)}" if here else f"needs a {kind} run"
+            rows.append((number, figure.shows, words))
     heads = columns(("paper", "number"), "what it shows", ("here", "figure"))
     return Grid("Figures after the paper", heads, rows)
 

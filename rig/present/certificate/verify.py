@@ -33,8 +33,8 @@ from rig.present.certificate.record import (
     values_with_uncertainty,
 )
 from rig.present.certificate.rests_on import PROGRAM
-from rig.present.figure import WATERMARKS
 from rig.program import this_program
+from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.manifest import Manifest, manifest_from
 from rig.runfile.read import glance
 from rig.runfile.seal import file_sha256, hash_path
@@ -314,7 +314,7 @@ def _on_page_one(found: _Certificate) -> Iterator[str]:
         yield " ".join(str(cell) for cell in row)
     yield from record["page_one"]["because"]
     for origin in {one["origin"] for one in record["analyses"]}:
-        yield WATERMARKS.get(origin, str(origin).upper())
+        yield ORIGIN_WORDS.get(origin, str(origin).upper())
 
 
 def _on_any_page(found: _Certificate) -> Iterator[str]:

@@ -34,7 +34,6 @@ from rig.present.provenance import provenance_of, provenance_sections
 from rig.present.report import (
     figures_of,
     marks_of,
-    paper_figure_rows,
     paper_grid,
     part_of,
     program_version,
@@ -165,7 +164,6 @@ def certificate_page(
         *provenance_sections(sources, None),
         *definitions.sections(fit.result.kind for fit in fits),
     )
-    rows = [row for row in paper_figure_rows(paper) if row[2].startswith("Figure")]
     return Page(
         kind="Certificate",
         number=_number(gathered),
@@ -175,7 +173,7 @@ def certificate_page(
         marks=marks_of(fit.recording.metadata.origin for fit in fits),
         alarms=tuple(dict.fromkeys(alarm for _, one in sources for alarm in one.alarms)),
         warnings=tuple((a.title, a.anchor, text) for a in annexes for text in a.warnings),
-        summary=shown(paper_grid(rows)),
+        summary=shown(paper_grid(paper, whole=False)),
         sections=sections,
         annexes=annexes_of(sections, "parameter set with its sources", parameter_grids(fits)),
         signature=signature_of(fits),

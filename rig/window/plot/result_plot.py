@@ -19,7 +19,8 @@ from PySide6.QtWidgets import QListWidgetItem, QVBoxLayout, QWidget
 
 from experiments.result import Plot, Series
 from rig.present.decimate import scatter_rows
-from rig.present.figure import foot_of, without_what_logs_lose
+from rig.present.figure import without_what_logs_lose
+from rig.present.series import foot_of
 from rig.window.plot.plots import Curve, CurveStyle, LabPlot, upright
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession

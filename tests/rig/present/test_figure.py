@@ -14,6 +14,7 @@ import pytest
 from experiments.result import Panel, Plot, Series
 from rig.present import figure as figures
 from rig.present.decimate import peak_rows, scatter_rows
+from rig.present.series import LIMIT, NULL, PALETTE
 from tests.rig.handmade import friction_plot
 
 
@@ -117,7 +118,7 @@ def test_every_style_is_drawn_on_every_axis(style: str, scale: str) -> None:
     other = Series(label="t", x=x, y=y * 1.1, style=style, group=1)  # type: ignore[arg-type]
     made = plot(series, other, x_scale=scale, y_scale=scale)
     data = figures.draw_svg(made, "hardware", "f1").svg.partition("legend_1")[0]
-    assert all(colour.lower() in data for colour in figures.PALETTE[:2])
+    assert all(colour.lower() in data for colour in PALETTE[:2])
 
 
 @pytest.mark.parametrize("y", [np.array([]), np.full(6, np.nan), np.array([1.0]), np.full(6, 3.0)])
@@ -234,8 +235,8 @@ def test_directions_stand_in_panels_of_their_own(monkeypatch: pytest.MonkeyPatch
 def test_a_null_model_lies_thin_and_grey_behind(monkeypatch: pytest.MonkeyPatch) -> None:
     lines = {line.get_label(): line for line in axes_of(layered(), monkeypatch)[0].lines}
     null, data, limit = lines["rigid gear"], lines["forward"], lines["limit"]
-    assert null.get_color() == figures.NULL
-    assert limit.get_color() == figures.LIMIT
+    assert null.get_color() == NULL
+    assert limit.get_color() == LIMIT
     assert null.get_linewidth() < data.get_linewidth()
     assert null.get_zorder() < data.get_zorder()
 
