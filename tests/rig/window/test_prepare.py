@@ -337,9 +337,6 @@ def test_without_a_gear_no_card_is_asked_for(
     settle(page)
     assert not page.gear_card.isEnabled()
     assert page.outlook is not None
-    assert page.outlook.request is not None
-    assert page.outlook.request.gear_serial == "unknown"
-    assert "gear card" not in [check.what for check in page.checklist.checks]
     assert page.outlook.order is not None
     assert page.outlook.order.serial == "unknown"
     assert "gear card" not in [check.what for check in page.checklist.checks]
