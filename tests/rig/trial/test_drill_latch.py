@@ -129,7 +129,8 @@ def test_the_command_releases_the_latch(tmp_path: Path) -> None:
 def test_a_run_for_another_program_speaks_json_lines_and_hears_the_end_of_its_input(
     tmp_path: Path,
 ) -> None:
-    arguments = ["run", "starting-torque", "--output", str(tmp_path), "--events"]
+    arguments = ["run", "starting-torque", "--positions", "2", "--zero-time", "0.5"]
+    arguments += ["--output", str(tmp_path), "--events"]
     done = CliRunner().invoke(app, arguments)
     lines = [json.loads(line) for line in done.stdout.splitlines()]
     assert {line["kind"] for line in lines} == {"event", "progress", "report"}

@@ -108,7 +108,7 @@ def test_a_full_friction_run(window: MainWindow, prepared: MakePrepared, qtbot: 
 def test_the_end_of_a_run_leads_to_results_review_and_report(
     window: MainWindow, prepared: MakePrepared, qtbot: QtBot
 ) -> None:
-    window.start(prepared("starting-torque"))
+    window.start(prepared("starting-torque", {"positions": 7}, "--positions", "7"))
     wait_for_end(window, qtbot)
     outcome = window.run.outcome
     points = next(view for view in window.run.plots.views if isinstance(view, StartingPoints))
