@@ -137,6 +137,19 @@ def test_the_words_of_a_world_are_the_same_however_they_are_said() -> None:
     assert f"--world {words}" in "".join(told.split("\n"))
 
 
+def test_the_help_shows_the_group_and_not_the_flags_of_before() -> None:
+    @with_order("world", world=("gear_seed", "day"))
+    def command(said: Said) -> None:
+        raise AssertionError(said)
+
+    app = typer.Typer()
+    app.command()(command)
+    shown = CliRunner().invoke(app, ["--help"], terminal_width=200).output
+    assert "--world" in shown
+    assert "gear-seed, day" in shown
+    assert "--gear-seed" not in shown
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
