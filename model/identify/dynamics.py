@@ -8,9 +8,10 @@
     hysteresis  and a Dahl element beside it
 
 Every fitted rung has the kinematic error as part of its input, so that an order which passes at a step's speed is
-never taken for the mode. A rung is chosen by how well it predicts a step that was left out; how
-far the next richer rung moves a number is a line of its budget. Stated is the secant stiffness over inertia at a
-torque amplitude, beside it the mode's own frequency, which damping raises.
+never taken for the mode. A richer rung is chosen only where its cost on all steps, priors counted, is
+lower by more than `WORTH`; what each rung leaves of a step that was left out is shown and chooses
+nothing. The richer rung that moves a number most makes a line of its budget. Stated is the secant
+stiffness over inertia at a torque amplitude, beside it the mode's own frequency, which damping raises.
 """
 
 from __future__ import annotations

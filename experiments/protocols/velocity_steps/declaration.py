@@ -71,8 +71,8 @@ EXPERIMENT = Experiment(
         ),
         Term(
             "Rung",
-            "One of the models that are tried on all steps, the simplest first. It is chosen by how "
-            "well it predicts a step that the fit has not seen.",
+            "One of the models that are tried on all steps, the simplest first. A richer one "
+            "is chosen only where it explains them better by more than 12 squares of the noise.",
         ),
         Term(
             "Skill",
