@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.table import Table
 
-from experiments.recording import Event, Recording, Segment
 from model.units import RPM
-from rig.analysis.judging import GearVerdict, JudgedRun, verdict_as_json
+from rig.analysis.judging import verdict_as_json
 from rig.commands.judgement import VERDICT_STYLE
 from rig.commands.result_tables import print_verdict
-from rig.commands.terminal import console, table
+from rig.commands.terminal import console, painted, table
 from rig.commands.visible import Text
+from rig.content.grid import Fact, Grid, columns
 from rig.library.index import IndexedRun
-from rig.present.run_words import acquisition_facts, duration_text, world_facts
 from rig.runfile.header import ORIGIN_WORDS
+
+if TYPE_CHECKING:
+    from experiments.recording import Event, Recording, Segment
+    from rig.analysis.judging import GearVerdict, JudgedRun
 
 _SHOWN_SEGMENTS = 24
 _SHOWN_EVENTS = 20
 _LOOK: dict[str, Any] = {"box": None, "header_style": "bold", "pad_edge": False}
-_COLOURS = {"error": "bold red", "warning": "yellow"}
 WIDE = 110
 """Columns of a terminal from which on the list has room for gear and rows."""
 _OUTCOME_COLOURS = {"COMPLETED": "", "ABORTED": "yellow", "being written": "cyan", "-": ""}
@@ -143,11 +145,13 @@ def print_recording(recording: Recording, path: Path, verdict: GearVerdict | Non
     out.print(facts)
     if verdict is not None:
         print_verdict(out, verdict)
-    out.print(_channel_table(recording))
-    if recording.segments:
-        out.print(_segment_table(recording))
-    if recording.events:
-        out.print(_event_table(recording.events))
+    for grid in (
+        _channel_grid(recording),
+        _segment_grid(recording.segments),
+        _event_grid(recording.events),
+    ):
+        if grid.rows:
+            out.print(painted(grid, title=grid.title, box=None, header_style="bold"))
 
 
 def recording_as_json(
@@ -254,6 +258,11 @@ def _gear_text(name: str, serial: str) -> str:
 
 
 def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
+    # A list of runs imports this module too, and needs none of these.
+    from rig.content.wording import duration_text
+    from rig.runfile.facts import flat, parameter_facts
+    from rig.runfile.prevailing import acquisition_facts, world_facts
+
     m = recording.metadata
     ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
     mounted = f"{m.mounting}, output encoder counts {'with' if m.output_sense > 0 else 'against'} the input"
@@ -265,6 +274,10 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         else 0.0
     )
     missed = f", {flagged} cycles flagged" if flagged else ""
+    made = (
+        *world_facts(m.process.get("world")),
+        *acquisition_facts(m.process.get("acquisition")),
+    )
     facts = [
         ("file", str(path)),
         ("title", m.title),
@@ -292,10 +305,9 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
                 if k in m.process
             ),
         ),
-        *world_facts(m.process.get("world")),
-        *acquisition_facts(m.process.get("acquisition")),
-        ("parameters", ", ".join(f"{name} = {value}" for name, value in m.parameters.items())),
-        ("conditions", ", ".join(f"{name} = {value}" for name, value in m.conditions.items())),
+        *((fact.title, fact.text) for fact in made),
+        ("parameters", _in_a_line(parameter_facts(m.experiment, m.parameters))),
+        ("conditions", _in_a_line(flat("conditions", m.conditions))),
         ("SHA-256", m.seal),
     ]
     return [(name, text) for name, text in facts if text]
@@ -305,58 +317,65 @@ def _flagged(recording: Recording) -> int:
     return sum(int((recording.flags(block) != 0).sum()) for block in recording.blocks())
 
 
-def _channel_table(recording: Recording) -> Table:
-    numbers = ("one count", "minimum", "maximum")
-    channels = table(
-        "channel", "what", "unit", *numbers, numbers=numbers, title="Channels", **_LOOK
-    )
-    ranges = _channel_ranges(recording)
+def _in_a_line(facts: Iterable[Fact]) -> str:
+    return ", ".join(f"{fact.title} = {fact.text}" for fact in facts)
+
+
+def _channel_grid(recording: Recording) -> Grid:
+    ranges, rows = _channel_ranges(recording), []
     for name, signal in recording.signals.items():
-        low, high = ranges[name]
         quantum = f"{signal.quantum:.4g}" if signal.quantum else "-"
-        channels.add_row(name, signal.long_name, signal.unit, quantum, f"{low:.6g}", f"{high:.6g}")
-    return channels
-
-
-def _segment_table(recording: Recording) -> Table:
-    shown, left = recording.segments[:_SHOWN_SEGMENTS], len(recording.segments) - _SHOWN_SEGMENTS
-    title = "Segments" + (
-        f" (the first {_SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else ""
+        extremes = (f"{value:.6g}" for value in ranges[name])
+        rows.append((name, signal.long_name, signal.unit, quantum, *extremes))
+    heads = columns(
+        "channel",
+        "what",
+        ("unit", "unit"),
+        ("one count", "number"),
+        ("minimum", "number"),
+        ("maximum", "number"),
     )
-    numbers = ("from row", "to row", "set-point (SI)", "r/min", "direction", "repeat")
-    segments = table("#", "label", *numbers, numbers=("#", *numbers), title=title, **_LOOK)
-    for s in shown:
-        segments.add_row(
+    return Grid("Channels", heads, rows)
+
+
+def _segment_grid(segments: Sequence[Segment]) -> Grid:
+    rows = [
+        (
             str(s.index),
             s.label,
             str(s.start),
             str(s.stop),
             f"{s.setpoint:.6g}",
-            _rpm(s),
+            f"{s.setpoint / RPM:.5g}" if s.setpoint else "-",
             f"{s.direction:+d}",
             str(s.repeat),
         )
-    return segments
+        for s in segments[:_SHOWN_SEGMENTS]
+    ]
+    left = len(segments) - _SHOWN_SEGMENTS
+    more = f" (the first {_SHOWN_SEGMENTS}; {left} more with --json)" if left > 0 else ""
+    heads = columns(
+        ("#", "number"),
+        "label",
+        ("from row", "number"),
+        ("to row", "number"),
+        ("set-point (SI)", "number"),
+        ("r/min", "number"),
+        ("direction", "number"),
+        ("repeat", "number"),
+    )
+    return Grid(f"Segments{more}", heads, rows)
 
 
-def _rpm(segment: Segment) -> str:
-    return f"{segment.setpoint / RPM:.5g}" if segment.setpoint else "-"
-
-
-def _event_table(events: Sequence[Event]) -> Table:
+def _event_grid(events: Sequence[Event]) -> Grid:
+    rows = [
+        (_moment(e.time_ns)[11:23], e.level, e.code, e.source, e.text)
+        for e in events[-_SHOWN_EVENTS:]
+    ]
     left = len(events) - _SHOWN_EVENTS
-    title = "Events" + (f" (the last {_SHOWN_EVENTS}; {left} more with --json)" if left > 0 else "")
-    headings = ("time (UTC)", "level", "code", "source", "text")
-    rows = table(*headings, overflow="fold", title=title, **_LOOK)
-    for e in events[-_SHOWN_EVENTS:]:
-        rows.add_row(
-            _moment(e.time_ns)[11:23],
-            Text(e.level, style=_COLOURS.get(e.level, "")),
-            e.code,
-            e.source,
-            Text(e.text),
-        )
-    return rows
+    more = f" (the last {_SHOWN_EVENTS}; {left} more with --json)" if left > 0 else ""
+    heads = columns("time (UTC)", ("level", "word"), "code", "source", "text")
+    return Grid(f"Events{more}", heads, rows)
 
 
 def _moment(time_ns: int) -> str:
