@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from experiments.quantity import Quantity
 from experiments.result import Result, Verdict
 from rig.analysis.judging import held_against, whose_limit
-from rig.content.grid import Grid, Kind, columns
+from rig.content.grid import Grid, columns, number_columns
 from rig.content.wording import STATISTICAL_PART, laboratory_unit, metric_text, number, show
 
 if TYPE_CHECKING:
@@ -112,18 +112,12 @@ def budget_grid(result: Result, names: Collection[str]) -> Grid | None:
     note = "Standard uncertainties by source, type A or B; u is their root sum of squares. "
     note = f"{note}{remarks[:1].upper()}{remarks[1:]}".strip()
     if len(heads) <= len(shares) + 1:
-        named = columns(("quantity", "quantity"), ("unit", "unit"), *_numbers(heads))
+        named = (*columns(("quantity", "quantity"), ("unit", "unit")), *number_columns(*heads))
         return Grid("Uncertainty budget", named, [(*who, *cells) for who, cells in shares], note)
-    named = columns(
-        "source (type)",
-        *_numbers([f"{name} [{unit}]" if unit else name for (name, unit), _ in shares]),
-    )
+    units = [f"{name} [{unit}]" if unit else name for (name, unit), _ in shares]
+    named = (*columns("source (type)"), *number_columns(*units))
     rows = list(zip(heads, *(cells for _, cells in shares), strict=True))
     return Grid("Uncertainty budget", named, rows, note)
-
-
-def _numbers(headings: Sequence[str]) -> list[tuple[str, Kind]]:
-    return [(heading, "number") for heading in headings]
 
 
 def _shares(

@@ -11,6 +11,7 @@ from rig.api.tables import Tabular
 from rig.content.grid import Grid, columns
 from rig.errors import RigError
 from rig.extras import optional
+from rig.runfile.contents import segment_grid
 
 if TYPE_CHECKING:
     import pandas
@@ -47,16 +48,11 @@ class Segments(Tabular, Sequence[Segment]):
         return frame([vars(segment) for segment in self._segments], columns=list(_FIELDS))
 
     def _grid(self) -> Grid:
-        rows = [tuple(_cell(getattr(one, name)) for name in _FIELDS) for one in self._segments]
-        title = f"{len(self._segments)} segments of run {self._run_id} (set-points in SI)"
-        return Grid(title, columns(*_FIELDS), rows)
+        title = f"{len(self._segments)} segments of run {self._run_id}"
+        return segment_grid(self._segments, title)
 
 
 _FIELDS = ("index", "label", "start", "stop", "setpoint", "direction", "repeat")
-
-
-def _cell(value: object) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 class Run(Tabular):
@@ -227,10 +223,7 @@ class Run(Tabular):
         gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
         span = f" at {metadata.sample_rate:.6g} Hz" if metadata.sample_rate > 0.0 else ""
         title = f"Run {self.id}: {' '.join(filter(None, words))}{gear}, {self.rows} rows{span}"
-        rows = [
-            (name, channel.unit, channel.long_name)
-            for name, channel in self.recording.signals.items()
-        ]
+        rows = [(name, one.unit, one.long_name) for name, one in self.recording.signals.items()]
         counts = f"{len(self.recording.segments)} segments, {len(self.events)} events"
         remarks = "\n".join((counts, *self.warnings))
         return Grid(title, columns("channel", ("unit", "unit"), "what"), rows, remarks)

@@ -412,7 +412,7 @@ def _print_comparison(
         )
     )
     if rows:
-        out.print(painted(comparison_grid(rows, gear)))
+        out.print(painted(comparison_grid(rows, gear), title=None))
     else:
         out.print(Text("  This run identifies no value that a parameter set holds.", style="dim"))
     print_metrics(out, scored)

@@ -91,7 +91,7 @@ def print_demonstration(demonstration: Demonstration) -> None:
             if row[0] == kind and not row[1].estimate.name.startswith("phase_")
         ]
         grid = truth_grid(told, [result]).without("test", "|Δ| / U")
-        out.print(painted(grid, title=kind, title_style="bold"))
+        out.print(painted(grid, title=kind))
     out.print(
         Text(
             "found ± U is held against the measurand (gear or motor alone, at the run's temperature), the "

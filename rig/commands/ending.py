@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from rig.commands.judgement import VERDICT_STYLE, acceptance_of
+from rig.commands.judgement import acceptance_of
+from rig.commands.terminal import toned
 from rig.commands.visible import Text
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def _value_lines(ending: Ending, made: Digest) -> list[Text]:
         if estimate.name in judged:
             line = judged[estimate.name]
             text.append(f", limit {held_against(line)[1]}  ")
-            text.append(line.outcome, style=VERDICT_STYLE[line.outcome])
+            text.append(toned(line.outcome))
         lines.append(text)
     more = len(values) - len(lines)
     if more > 0:

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
+
+if TYPE_CHECKING:
+    from experiments.recording import Recording
+    from rig.analysis.judging import GearVerdict, JudgedRun
+    from rig.library.index import IndexedRun
 
 JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 _RunArgument = Annotated[
@@ -83,15 +88,13 @@ def runs(
     listed = newest(listed, (0 if json else SHOWN) if last is None else last)
     judged = judge_listed(listed)
     if json:
-        from rig.commands.file_tables import listed_as_json
-
         print_json(
             {
                 "folder": str(folder),
                 "index": index.rebuilt,
                 "found": found,
                 "not_looked_into": index.refused,
-                "runs": [listed_as_json(run, judged.get(run.path)) for run in listed],
+                "runs": [_listed_as_json(run, judged.get(run.path)) for run in listed],
             }
         )
         return
@@ -113,14 +116,14 @@ def _day(text: str | None, flag: str) -> str | None:
 def show(run: _RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
     from rig.analysis.judging import judge_file
-    from rig.commands.file_tables import print_recording, recording_as_json
+    from rig.commands.file_tables import print_recording
     from rig.runfile.read import close_recording, open_run
 
     recording = open_run(run)
     try:
         verdict = judge_file(run, recording.metadata)
         if json:
-            print_json(recording_as_json(recording, run, verdict))
+            print_json(_recording_as_json(recording, run, verdict))
         else:
             print_recording(recording, run, verdict)
     finally:
@@ -200,3 +203,78 @@ def recover(
         echo(f"Nothing to recover in {', '.join(map(str, part))}.")
     if any(outcome.error is not None for outcome in outcomes):
         raise typer.Exit(exits.ERROR)
+
+
+def _listed_as_json(run: IndexedRun, judged: JudgedRun | None) -> dict[str, Any]:
+    """A listed run with its verdict and its analysis in force, as `rig runs --json` tells it."""
+    from rig.analysis.judging import verdict_as_json
+
+    found = judged and judged.found
+    return {
+        **run.as_json(),
+        **verdict_as_json(judged and judged.verdict),
+        "analysis": found.as_json() if found and found.analysis is not None else None,
+    }
+
+
+def _recording_as_json(
+    recording: Recording, path: Path, verdict: GearVerdict | None = None
+) -> dict[str, Any]:
+    """Everything that `rig show` says of a run; no verdict of a file that is not sealed."""
+    from rig.analysis.in_force import in_force_by_kind
+    from rig.analysis.judging import verdict_as_json
+    from rig.runfile.contents import channel_ranges, moment
+
+    m = recording.metadata
+    ranges = channel_ranges(recording)
+    return {
+        "run": m.run_id,
+        "file": str(path),
+        "title": m.title,
+        "protocol": m.experiment,
+        "origin": m.origin,
+        "outcome": m.outcome,
+        **(verdict.as_json() if verdict is not None else verdict_as_json(None)),
+        "started": m.start_time,
+        "ended": m.end_time,
+        "operator": m.operator,
+        "gear": m.gear.name if m.gear else "",
+        "gear_serial": m.gear_serial,
+        "ratio": m.ratio,
+        "mounting": m.mounting,
+        "output_sense": m.output_sense,
+        "gear_mounted": m.gear_mounted,
+        "rows": recording.rows,
+        "sample_rate": m.sample_rate,
+        "time_base": m.time_base,
+        "analyses": [found.as_json() for found in in_force_by_kind(path).values()],
+        "sha256": m.sha256,
+        "sealed": m.is_sealed,
+        "parameters": m.parameters,
+        "conditions": m.conditions,
+        "process": {k: v for k, v in m.process.items() if k != "truth"},
+        "channels": [
+            {
+                "name": s.name,
+                "unit": s.unit,
+                "scale": s.gain,
+                "offset": s.offset,
+                "quantum": s.quantum,
+                "long_name": s.long_name,
+                "minimum": ranges[s.name][0],
+                "maximum": ranges[s.name][1],
+            }
+            for s in recording.signals.values()
+        ],
+        "segments": [vars(segment) for segment in recording.segments],
+        "events": [
+            {
+                "time": moment(e.time_ns),
+                "level": e.level,
+                "code": e.code,
+                "source": e.source,
+                "text": e.text,
+            }
+            for e in recording.events
+        ],
+    }

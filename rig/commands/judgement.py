@@ -1,4 +1,4 @@
-"""What every command that tells of a gear's worth has in common: flags, acceptance file, words, colours."""
+"""What every command that tells of a gear's worth has in common: flags, acceptance file, words."""
 
 from __future__ import annotations
 
@@ -22,13 +22,6 @@ RequireVerdict = Annotated[
     bool,
     typer.Option("--require-verdict", help="End with exit code 7 where the gear is NOT JUDGED."),
 ]
-VERDICT_STYLE = {
-    "PASS": "bold green",
-    "MARGINAL": "bold yellow",
-    "FAIL": "bold red",
-    "NOT JUDGED": "dim",
-}
-"""Colours of a verdict; what was not judged has none."""
 
 
 def acceptance_of(named: str, folder: Path, serial: str) -> Acceptance | None:

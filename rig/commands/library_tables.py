@@ -44,7 +44,7 @@ def print_difference(
         )
         out.print(Text(title, style="bold" if changes else "dim"))
         if shown:
-            out.print(painted(change_grid(shown).without("group").without_empty()))
+            out.print(painted(change_grid(shown).without("group").without_empty(), title=None))
     if not compared.differs:
         out.print("Nothing differs but number and time.")
 

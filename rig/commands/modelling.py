@@ -30,6 +30,14 @@ def model(
     if json:
         print_json(summary.as_json())
         return
-    from rig.commands.model_tables import print_summary
+    from rig.commands.terminal import console, painted
+    from rig.commands.visible import Text
+    from rig.content.wording import readable
+    from rig.gears.derived import summary_grids
 
-    print_summary(gear, summary)
+    out = console()
+    out.print(Text(f"{gear.name}: what the model derives from its parameters, in SI", style="bold"))
+    options = ", ".join(f"{readable(name)} {value}" for name, value in summary.options.items())
+    out.print(Text(f"options: {options}", style="dim"))
+    for grid in summary_grids(summary):
+        out.print(painted(grid))

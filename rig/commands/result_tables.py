@@ -8,8 +8,8 @@ from experiments.finding import Severity
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import LIMIT, estimate_grid, metric_grid, statistical_grid
-from rig.commands.judgement import VERDICT_STYLE, verdict_text
-from rig.commands.terminal import painted
+from rig.commands.judgement import verdict_text
+from rig.commands.terminal import painted, toned
 from rig.commands.visible import Text
 
 
@@ -29,7 +29,7 @@ def print_result(
     out.print(Text(heading or f"{result.kind} of run {result.run}", style="bold"))
     if result.estimates:
         grid = estimate_grid(result)
-        out.print(painted(grid.without(LIMIT, "remark")))
+        out.print(painted(grid.without(LIMIT, "remark"), title=None))
         if everything:
             out.print(painted(statistical_grid(result)))
     notes = [
@@ -57,14 +57,14 @@ def print_metrics(out: Console, result: Result) -> None:
 def print_verdict(out: Console, verdict: GearVerdict) -> None:
     """The verdict in a word with its reasons, then every limit with its own."""
     out.print(
-        Text.assemble("  verdict  ", (verdict.verdict, VERDICT_STYLE[verdict.verdict])),
+        Text.assemble("  verdict  ", toned(verdict.verdict)),
         soft_wrap=True,
     )
     if not verdict.lines:
         for reason in verdict.because:
             out.print(Text(f"    {reason}"), soft_wrap=True)
     for line in verdict.lines:
-        text = Text.assemble("    ", (line.outcome, VERDICT_STYLE[line.outcome]))
+        text = Text.assemble("    ", toned(line.outcome))
         out.print(text.append(f"  {verdict_text(line)}"), soft_wrap=True)
     for words in _not_yet_told(verdict):
         out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)

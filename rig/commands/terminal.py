@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console, OverflowMethod
     from rich.table import Table
 
+    from rig.commands.visible import Text
     from rig.content.grid import Grid
 
 # Every start of `rig` imports this module; what writing needs is imported when something is written.
@@ -61,30 +62,48 @@ STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim
 """How the tone of a word looks on a terminal."""
 
 
-def painted(grid: Grid, **look: Any) -> Table:
-    """A grid as a table of results. Numbers and units stand on one line; text goes on in the next."""
-    from rich import box
-    from rich.table import Table
-
+def toned(text: str) -> Text:
+    """A text that begins with a word of a verdict, in the colour of its tone; any other as it is."""
     from rig.commands.visible import Text
     from rig.content.grid import tone_of
 
-    rows = Table(**{"title_justify": "left", "box": box.SIMPLE_HEAD, "pad_edge": False, **look})
+    return Text(text, style=STYLES.get(tone_of(text) or "", ""))
+
+
+def painted(grid: Grid, **look: Any) -> Table:
+    """A grid as a table under its title, its note below. Numbers and units stand on one line; text goes on in the next.
+
+    `look` is what rich's table takes.
+    """
+    from rich import box
+    from rich.table import Table
+
+    plain = {"box": box.SIMPLE_HEAD, "pad_edge": False, "title_style": "bold"}
+    sides = {"title_justify": "left", "caption_justify": "left"}
+    texts = {"title": grid.title or None, "caption": grid.note or None}
+    rows = Table(**{**plain, **sides, **texts, **look})
     for column in grid.columns:
         whole = column.kind in ("number", "unit")
         rows.add_column(
             column.heading,
             justify="right" if column.kind == "number" else "left",
+            style="dim" if column.kind == "name" else "",
             no_wrap=whole,
             overflow="ellipsis" if whole else "fold",
         )
+    are_words = [one.kind == "word" for one in grid.columns]
     for row in grid.rows:
-        cells = [
-            Text(text, style=STYLES.get(tone_of(text) or "", "") if one.kind == "word" else "")
-            for text, one in zip(row, grid.columns, strict=True)
-        ]
-        rows.add_row(*cells)
+        cells = zip(row, are_words, strict=True)
+        rows.add_row(*(toned(text) if is_word else text for text, is_word in cells))
     return rows
+
+
+def fact_table(facts: Iterable[tuple[str, str]], title: str = "") -> Table:
+    """Facts, one a line: what it is called, and what it is."""
+    from rig.content.grid import Grid, columns
+
+    heads = columns(("", "name"), "")
+    return painted(Grid(title, heads, list(facts)), box=None, show_header=False)
 
 
 def print_json(value: Any) -> None:

@@ -110,11 +110,9 @@ def _print(found: Validation) -> None:
     from rig.commands.visible import Text
     from rig.content.data import data_grid
 
-    out, table = console(), found.table()
+    out, grid = console(), data_grid(found.table())
     out.print()
-    out.print(Text(f"{found.kind}: {table.title}", style="bold"))
-    out.print(Text(f"  {table.note}", style="dim"))
-    out.print(painted(data_grid(table)))
+    out.print(painted(grid, title=f"{found.kind}: {grid.title}"))
     out.print(
         Text.assemble("  least hold-out error  ", (found.best.name, "bold")),
         soft_wrap=True,

@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import print_json
+from rig.commands.terminal import echo, print_json
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
     from rig.analysis.chain import Link
     from rig.analysis.recompute import Recomputed
     from rig.errors import RigError
+    from rig.trial.manifest import HeldManifest
 
 
 def verify(
@@ -87,12 +88,11 @@ def verify(
         print_json(told if held is None else told | {"manifest": held.as_json()})
     else:
         from rig.commands.findings import print_findings, print_links
-        from rig.commands.manifest_tables import print_manifest
 
         print_findings(checked)
         print_links(links, again)
         if held is not None:
-            print_manifest(held)
+            _print_manifest(held)
     if error:
         raise typer.Exit(exits.ERROR)
 
@@ -165,3 +165,19 @@ def _as_object(
     if again is not None:
         told["recomputed"] = [one.as_json() for one in again]
     return told if error is None else told | exits.error_object(error, str(error))
+
+
+def _print_manifest(held: HeldManifest) -> None:
+    """What was listed or compared, a line per file that is not as it was, and the hash to be kept elsewhere."""
+    if held.changes is None:
+        echo(f"{held.file}: {len(held.now.entries)} files listed, SHA-256 {held.now.sha256}")
+        return
+    echo(f"{held.file}: SHA-256 {held.older_sha256}; the folder now: {held.now.sha256}")
+    for entry in held.changes.missing:
+        echo(f"missing  {entry.kind} {entry.name}")
+    for before, now in held.changes.changed:
+        echo(f"changed  {now.kind} {now.name}: SHA-256 {now.sha256}, listed {before.sha256}")
+    for entry in held.changes.added:
+        echo(f"added    {entry.kind} {entry.name}")
+    if held.changes.is_kept:
+        echo("Nothing that is listed is missing or changed.")

@@ -32,6 +32,11 @@ TONES: Mapping[str, Tone] = {
     "out of control": "bad",
     "no control limits yet": "muted",
     "unreadable": "bad",
+    "ABORTED": "warning",
+    "INTERRUPTED": "warning",
+    "TRIPPED": "bad",
+    "ERROR": "bad",
+    "left behind": "bad",
 }
 """How a word of a verdict is to be taken; a word that is not here has no tone."""
 _WORD = re.compile(rf"({'|'.join(TONES)})(?= \(|[:,;]|$)")
@@ -48,6 +53,11 @@ class Column:
 def columns(*headings: str | tuple[str, Kind]) -> tuple[Column, ...]:
     """Columns of a table; a heading alone is one of text."""
     return tuple(Column(one) if isinstance(one, str) else Column(*one) for one in headings)
+
+
+def number_columns(*headings: str) -> tuple[Column, ...]:
+    """Columns of numbers."""
+    return tuple(Column(one, "number") for one in headings)
 
 
 @dataclass(frozen=True)

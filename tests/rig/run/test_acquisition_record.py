@@ -15,13 +15,13 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit_run import Choices, fit_files
 from rig.bench.backends.order import Order
-from rig.commands.file_tables import acquisition_facts
 from rig.errors import RunFileError
 from rig.run.dry_run import plan_run
 from rig.run.opening import begin_inline_run, begin_threaded_run
 from rig.run.session import execute
 from rig.run.start import run_order
 from rig.runfile.closing import LONGEST_ACQUISITION, acquisition_text
+from rig.runfile.prevailing import acquisition_facts
 from rig.runfile.read import close_recording, open_run, read_run_header
 from rig.runfile.recover import recover_run
 from rig.runfile.write import RunWriter

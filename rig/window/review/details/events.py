@@ -8,7 +8,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QWidget
 
 from experiments.recording import Event, Recording
-from rig.content.grid import Grid, columns
+from rig.runfile.contents import event_grid
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -18,7 +18,6 @@ from rig.window.shell.stack import (
     text_label,
 )
 
-COLUMNS = columns(("time [s]", "number"), ("level", "word"), "source", "code", "what")
 FILTERS = ("everything", "notes and answers", "warnings and errors")
 
 
@@ -29,14 +28,17 @@ class RunEventsView(QWidget):
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
-        self._events: tuple[tuple[float, Event], ...] = ()
-        self._shown: list[tuple[float, Event]] = []
+        self._first_ns = 0
+        self._events: tuple[Event, ...] = ()
+        self._shown: list[Event] = []
         self.table = GridTable(session, "Events and notes")
         self.filter = choice_box("Which events", FILTERS)
         self.filter.currentIndexChanged.connect(lambda _: self._fill())
         self.count = text_label("", "muted")
         self.table.activated.connect(
-            lambda index: self.moment_chosen.emit(self._shown[index.row()][0])
+            lambda index: self.moment_chosen.emit(
+                (self._shown[index.row()].time_ns - self._first_ns) * 1e-9
+            )
         )
         head = in_row(text_label("show"), self.filter, (self.count, 1))
         self.setLayout(in_column(head, (self.table, 1), margins=(6, 6, 6, 4)))
@@ -44,17 +46,16 @@ class RunEventsView(QWidget):
     def show_recording(self, recording: Recording) -> None:
         """The events of a run."""
         first = int(recording.source.time_ns(0, 1)[0]) if recording.rows else 0
-        origin = first or (recording.events[0].time_ns if recording.events else 0)
-        events = tuple(((event.time_ns - origin) * 1e-9, event) for event in recording.events)
-        if events != self._events or not self.table.columnCount():
-            self._events = events
+        first = first or (recording.events[0].time_ns if recording.events else 0)
+        shown = (first, tuple(recording.events))
+        if shown != (self._first_ns, self._events) or not self.table.columnCount():
+            self._first_ns, self._events = shown
             self._fill()
 
     def _fill(self) -> None:
         wanted = FILTERS.index(self.filter.currentText())
-        self._shown = [pair for pair in self._events if _passes(pair[1], wanted)]
-        rows = [(f"{moment:.3f}", e.level, e.source, e.code, e.text) for moment, e in self._shown]
-        self.table.show_grid(Grid("Events and notes", COLUMNS, rows))
+        self._shown = [event for event in self._events if _passes(event, wanted)]
+        self.table.show_grid(event_grid(self._shown, self._first_ns).without("time (UTC)"))
         self.count.setText(_count(self._shown, len(self._events)))
 
 
