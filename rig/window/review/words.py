@@ -9,7 +9,7 @@ from experiments.result import Result
 from rig.analysis.judging import GearVerdict, held_against
 from rig.analysis.rows import limit_words, metric_grid
 from rig.content.data import data_grid
-from rig.content.grid import Grid, capital
+from rig.content.grid import Grid, capital, tone_of
 from rig.content.wording import readable
 from rig.window.shell.palette import Palette
 
@@ -29,12 +29,11 @@ def result_page(result: Result, palette: Palette, judged: GearVerdict | None = N
     if judged is not None:
         parts.append(f"<p>{html.escape(verdict_words(judged))}</p>")
     for v in judged.of(result) if judged is not None else ():
-        colour = {"PASS": palette.good, "FAIL": palette.bad, "MARGINAL": palette.warning}.get(
-            v.outcome, palette.muted
-        )
+        colour = getattr(palette, tone_of(v.outcome) or "muted")
         value, _ = held_against(v)
-        definition = v.quantity.definition[:1].upper() + v.quantity.definition[1:]
-        words = html.escape(f"{v.name}: {value} {limit_words(v)}. {definition}.")
+        words = html.escape(
+            f"{v.name}: {value} {limit_words(v)}. {capital(v.quantity.definition)}."
+        )
         parts.append(f'<p><b style="color:{colour}">{html.escape(v.outcome)}</b>&nbsp; {words}</p>')
     grids = [metric_grid(result), *(data_grid(table) for table in result.tables)]
     parts += [grid_html(grid, palette) for grid in grids if grid.rows]

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from PySide6.QtWidgets import QTextBrowser, QWidget
 
-from experiments.quantity import bare_quantity, quantity_of
 from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
 from rig.analysis.adopt import Comparison, comparison_grid
-from rig.analysis.result_data import quantities_for
-from rig.content.wording import metric_text
+from rig.analysis.result_data import result_from_mapping
+from rig.analysis.rows import metric_grid
 from rig.window.review.grid import GridTable
-from rig.window.review.words import facts_html
+from rig.window.review.words import facts_html, grid_html
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -60,17 +60,14 @@ class ComparisonView(QWidget):
 
     def _write(self) -> None:
         content, palette = self._content, self._session.palette
+        told = {key: content.get(key, "") for key in ("run", "kind")}
         metrics = content.get("metrics", {})
-        quantities = quantities_for(str(content.get("kind", "")), {}, metrics)
-        pairs = []
-        for name, value in metrics.items():
-            quantity = quantity_of(quantities, name) or bare_quantity(name, "")
-            text = "–" if value is None else metric_text(quantity, float(value))
-            pairs.append((quantity.titled(name), text))
+        scored = result_from_mapping({**told, "parameters": {}, "metrics": metrics})
+        merits = replace(metric_grid(scored), title="How well the set predicts")
         warnings = [("", str(text)) for text in content.get("warnings", ())]
         self.page.setHtml(
             facts_html("To beware of", warnings, palette)
-            + facts_html("How well the set predicts", pairs, palette)
+            + (grid_html(merits, palette) if merits.rows else "")
         )
 
 
