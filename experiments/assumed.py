@@ -209,11 +209,6 @@ def half_width_of(channel: Channel) -> float:
     return ENCODERS[channel.name].half_width if stated is None else stated
 
 
-def assumed_of(kind: str) -> Assumed:
-    """The row of a kind. Raises `KeyError` for a kind that the table does not have."""
-    return next(row for row in TABLE if row.kind == kind)
-
-
 def assumed_kinds(estimate: Estimate) -> tuple[str, ...]:
     """The kinds of assumed lines in a budget, the largest first."""
     lines = [line for line in estimate.budget if line.assumed and line.standard_uncertainty > 0.0]

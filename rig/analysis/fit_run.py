@@ -351,22 +351,3 @@ def _tare_fit(path: Path, choices: Choices) -> Fit:
     assert stored is not None
     assert stored.analysis is not None
     return stored_fit(path, stored.analysis, recording)
-
-
-def fit_files(
-    paths: Sequence[str | Path],
-    kind: str = "",
-    *,
-    gear: HarmonicDrive | None = None,
-    tare: str | Path | None = None,
-    settings: Mapping[str, Any] | None = None,
-    largest_missed_share: float | None = None,
-) -> tuple[Fit, ...]:
-    """Analyse several run files with the same choices by hand."""
-    choices = Choices(
-        gear=gear,
-        tare=None if tare is None else Path(tare),
-        settings=settings or {},
-        largest_missed_share=largest_missed_share,
-    )
-    return tuple(fit_run(Path(path), kind, choices) for path in paths)

@@ -182,15 +182,6 @@ def acceptance_for(folder: str | Path, serial: str) -> Acceptance | None:
     return acceptance_named(card.facts.acceptance)
 
 
-def save_acceptance(acceptance: Acceptance, path: str | Path) -> None:
-    """Write an acceptance file that reads back to the same limits. Raises `ConfigurationError` where it cannot be
-    written."""
-    try:
-        quantities.write_text(acceptance_text(acceptance), path)
-    except ParameterError as error:
-        raise _refusal(error, "") from error
-
-
 def acceptance_text(acceptance: Acceptance) -> str:
     """An acceptance file as TOML that a person can read and change."""
     quote = quantities.quote

@@ -13,13 +13,14 @@ from typing import Any
 
 import h5py
 
-from rig.gears.acceptance import Acceptance, Limit, save_acceptance
+from rig.gears.acceptance import Acceptance, Limit
 from rig.main import run as main
 from rig.runfile.seal import hash_path
 from rig.runfile.sealed import seal_in_place
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.campaign.plan import shipped_plan
+from tests.rig.handmade import save_acceptance
 
 GEAR = "A1"
 WHO = ("--gear", GEAR, "--operator", "A. Example", "--world", "gear-seed=1")

@@ -116,9 +116,9 @@ def pairs_of(seed: int, population: Any) -> Line:
     """The quantities of both plans; "failed" with the run's message where one did not come to its end."""
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.analysis.fit_run import fit_files
     from rig.bench.backends.order import Order, WorldChoice
     from rig.run.start import run_order
+    from tests.rig.fitting import fit_files
 
     wanted = [("motor-tare", {"points": 12}), *(("friction", plan) for plan in PLANS)]
     paths: list[Path] = []

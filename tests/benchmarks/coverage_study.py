@@ -201,7 +201,7 @@ def request_of(
 
 
 def _fitted(path: Path, tare: Path | None) -> Any:
-    from rig.analysis.fit_run import fit_files
+    from tests.rig.fitting import fit_files
 
     (fit,) = fit_files([path], tare=tare)
     return fit

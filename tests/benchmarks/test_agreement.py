@@ -75,7 +75,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> dict[int, object]:
 
     fit = SimpleNamespace(result=SimpleNamespace(estimates={"coulomb": estimate(70.0, 0.5, 1.0)}))
     monkeypatch.setattr("rig.run.start.run_order", run)
-    monkeypatch.setattr("rig.analysis.fit.fit_files", lambda *a, **k: (fit, fit))
+    monkeypatch.setattr("tests.rig.fitting.fit_files", lambda *a, **k: (fit, fit))
     return second
 
 

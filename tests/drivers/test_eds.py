@@ -9,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.bus.cia301 import I8, I32, U16, U32
-from drivers.bus.dictionary.eds import load_eds, parse_eds
+from drivers.bus.dictionary.eds import parse_eds
 from drivers.errors import DecodeError, DriverError
 from tests.drivers.canopen_peer import counter_eds, drive_eds
+from tests.drivers.eds_files import load_eds
 
 GOOD = """[FileInfo]
 FileName=drive.eds

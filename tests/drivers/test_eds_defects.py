@@ -11,8 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers.bus.dictionary.eds import load_eds, parse_eds
+from drivers.bus.dictionary.eds import parse_eds
 from drivers.errors import DriverError
+from tests.drivers.eds_files import load_eds
 
 LISTS = "".join(
     f"[{n}Objects]\nSupportedObjects={count}\n{listed}"

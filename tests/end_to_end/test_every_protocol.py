@@ -13,11 +13,11 @@ from experiments import catalogue
 from experiments.finding import Severity
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit_run import fit_files
 from rig.bench.backends.order import Order
 from rig.run.start import run_order
 from rig.runfile.read import open_run
 from rig.runfile.verify import verify_run
+from tests.rig.fitting import fit_files
 
 SHORT: dict[str, dict[str, Any]] = {
     "friction": {"points": 6, "highest_rpm": 1200.0, "lowest_rpm": 5.0, "up_and_down": False},

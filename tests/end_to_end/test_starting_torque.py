@@ -12,13 +12,13 @@ from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.analysis.fit import Fit
-from rig.analysis.fit_run import fit_files
 from rig.bench.backends.order import AMBIENT, Order, WorldChoice
 from rig.run.start import run_order
 from sim_backend.drawing import draw
 from sim_backend.imperfections import Imperfections
 from sim_backend.population import drawn
 from sim_backend.world import World
+from tests.rig.fitting import fit_files
 
 FEW = {"positions": 11, "rate": 0.04}
 

@@ -11,9 +11,9 @@ from model.gear_file import shipped_gear
 from model.identify.kinematic_error import KinematicErrorAccumulator, score_kinematic_error
 from model.motor import shipped_motor
 from rig.analysis.fit import Fit
-from rig.analysis.fit_run import fit_files
 from rig.bench.backends.order import Order
 from rig.run.start import run_order
+from tests.rig.fitting import fit_files
 
 SEEDS = (11, 12)
 MISSED = {11: ["shape"]}

@@ -15,7 +15,6 @@ import numpy as np
 import scipy.io
 
 from drivers.bus.dictionary.device_file import load_device_file
-from drivers.bus.dictionary.eds import load_eds
 from drivers.errors import DriverError
 from model.errors import WordedError
 from model.gear_file import load_gear
@@ -23,11 +22,12 @@ from rig.bench.config.load import load_configuration
 from rig.gears.card import load_card
 from rig.runfile.importing.channel_map import ImportOptions, read_channel_map
 from rig.runfile.importing.channel_source import parse_channel
-from rig.runfile.importing.convert import import_csv, import_mat
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import allowing_unsealed
 from rig.runfile.verify import verify_run
+from tests.drivers.eds_files import load_eds
 from tests.drivers.test_eds import GOOD
+from tests.rig.importing import import_csv, import_mat
 
 OWN = (DriverError, WordedError)
 """What a decoder or a reader may raise."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from model.units import ARCMIN, RPM
 from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict, judge, not_judged
 from rig.analysis.result_data import quantities_for
-from rig.gears.acceptance import Acceptance, Limit, Use
+from rig.gears.acceptance import Acceptance, Limit, Use, acceptance_text
 
 
 def estimate(name: str, value: float, unit: str, u: float, **more: Any) -> Estimate:
@@ -234,3 +235,8 @@ def fit(origin: Origin = "simulated", result: Result | None = None, **more: Any)
     gear = made.metadata.gear
     assert gear is not None
     return Fit(recording=made, gear=gear, result=result)
+
+
+def save_acceptance(acceptance: Acceptance, path: str | Path) -> None:
+    """Write an acceptance file that reads back to the same limits."""
+    Path(path).write_text(acceptance_text(acceptance), encoding="utf-8")

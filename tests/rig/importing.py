@@ -1,5 +1,6 @@
 """Foreign recordings made for tests, and the shortest way to bring one in."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -7,12 +8,23 @@ import numpy as np
 
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import parse_channel
-from rig.runfile.importing.convert import Imported, import_csv, import_mat
+from rig.runfile.importing.convert import Imported, import_tables
+from rig.runfile.importing.opening import open_table
 from rig.runfile.read import close_recording, open_run
 
 TIME = np.arange(6) * 0.002
 DEGREES = np.array([0.0, 1.5, 3.0, -4.25, 6.0, 7.5])
 TORQUES = np.array([0.5, -0.25, 0.125, 1.0, 2.5, -1e-3])
+
+
+def import_csv(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
+    """Make a run of a delimited text file; `place()` names the run file once the first rows have been understood."""
+    return import_tables((open_table("csv", path, options.form),), options, place)
+
+
+def import_mat(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
+    """Make a run of a MATLAB file; `place()` names the run file once the first rows have been understood."""
+    return import_tables((open_table("mat", path),), options, place)
 
 
 def bring_in(path: Path, *channels: str, fmt: str = "csv", **options: Any) -> Imported:

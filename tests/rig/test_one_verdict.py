@@ -18,11 +18,11 @@ from rig.analysis.gear_set import GearSource, set_sha256
 from rig.analysis.in_force import in_force, keep
 from rig.analysis.judging import GearVerdict, judge_run, stored_result
 from rig.analysis.store import Basis, append_analysis, read_analyses
-from rig.gears.acceptance import acceptance_for, save_acceptance
+from rig.gears.acceptance import acceptance_for
 from rig.gears.card import save_card, with_changes
 from rig.main import run as command
 from rig.runfile.seal import check_seal
-from tests.rig.handmade import acceptance, estimate, friction_result
+from tests.rig.handmade import acceptance, estimate, friction_result, save_acceptance
 from tests.rig.library.stored import write
 
 AT = "2026-03-02T10:00:00+00:00"

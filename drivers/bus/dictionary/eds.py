@@ -123,11 +123,6 @@ def file_bytes(path: str | Path) -> bytes:
         raise DriverError(f"the EDS file cannot be read: {error}", where=str(path)) from error
 
 
-def load_eds(path: str | Path, node_id: int | None = None) -> DeviceDescription:
-    """The description in a file by this reader alone; `dictionary.device_file` asks the canopen library as well."""
-    return parse_eds(file_bytes(path), node_id, where=str(path))
-
-
 def parse_eds(
     data: bytes | str, node_id: int | None = None, *, where: str = "EDS"
 ) -> DeviceDescription:

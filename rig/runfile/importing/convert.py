@@ -32,7 +32,6 @@ from rig.runfile.header import RunHeader, iso_time
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ImportOptions, check_said
 from rig.runfile.importing.heading import header_of
-from rig.runfile.importing.opening import open_table
 from rig.runfile.importing.reading import Reading, Rows, reversed_rows
 from rig.runfile.write import RunWriter
 
@@ -45,16 +44,6 @@ class Imported:
     rows: int
     dropped: int
     notes: tuple[str, ...]
-
-
-def import_csv(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
-    """Make a run of a delimited text file; `place()` names the run file once the first rows have been understood."""
-    return import_tables((open_table("csv", path, options.form),), options, place)
-
-
-def import_mat(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
-    """Make a run of a MATLAB file; `place()` names the run file once the first rows have been understood."""
-    return import_tables((open_table("mat", path),), options, place)
 
 
 def import_tables(

@@ -10,7 +10,7 @@ import pytest
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import Recording
-from experiments.recordings import motion
+from experiments.recordings.motion import analysis as motion
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from tests.experiments.test_analyses_without_plan import foreign

@@ -12,7 +12,7 @@ import pytest
 
 from experiments.contract import Evidence
 from experiments.recording import Recording
-from experiments.recordings import motion
+from experiments.recordings.motion import analysis as motion
 from experiments.result import Result
 from model.gear import HarmonicDrive
 from model.identify.hysteresis import fit_hysteresis

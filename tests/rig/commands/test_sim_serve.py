@@ -17,7 +17,6 @@ import canopen
 import pytest
 import serial
 
-from drivers.bus.dictionary.eds import load_eds
 from drivers.bus.network import BusConfig, RawBus, open_raw_bus
 from drivers.python_can import can
 from drivers.readout.nd287 import LINE_LENGTH, STX, parse_line
@@ -30,6 +29,7 @@ from rig.bench.config.apply import configured_rig
 from rig.bench.config.load import load_configuration
 from sim_backend.population import drawn
 from sim_backend.world import World
+from tests.drivers.eds_files import load_eds
 
 WIDE = World(gear_seed=5, bench_seed=0, population="wide")
 FAULT_AT = 5

@@ -17,11 +17,11 @@ from rig.gears.acceptance import (
     acceptance_for,
     acceptance_text,
     load_acceptance,
-    save_acceptance,
     shipped_acceptance,
     shipped_names,
 )
 from rig.gears.card import save_card, with_changes
+from tests.rig.handmade import save_acceptance
 
 TEXT = """
 format = "acceptance-1"

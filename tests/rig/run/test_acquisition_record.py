@@ -13,7 +13,7 @@ from experiments.errors import AnalysisError
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit_run import Choices, fit_files
+from rig.analysis.fit_run import Choices
 from rig.bench.backends.order import Order
 from rig.errors import RunFileError
 from rig.run.dry_run import plan_run
@@ -28,6 +28,7 @@ from rig.runfile.write import RunWriter
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
 from rig.trial.drill.suite import reference_run
 from tests.rig.fake_rig import INCOMPLETE, FakeRig, parts_of, planned_of
+from tests.rig.fitting import fit_files
 from tests.rig.runfile.making import block, header
 
 STEPS = (Ramp(20.0, 500.0), HoldTime(0.4), Ramp(-20.0, 500.0), HoldTime(0.4), Ramp(0.0, 500.0))

@@ -12,7 +12,6 @@ import h5py
 import numpy as np
 
 from rig import exits
-from rig.analysis.fit_run import fit_files
 from rig.errors import ChangedRunError
 from rig.runfile.export import export_csv
 from rig.runfile.layout import PART_SUFFIX
@@ -20,6 +19,7 @@ from rig.runfile.read import close_recording, glance, open_run
 from rig.runfile.recover import recover_run
 from rig.runfile.seal import file_sha256, hash_path
 from rig.runfile.verify import verify_run
+from tests.rig.fitting import fit_files
 
 FITS = {"00005-import": "motion"}
 """The kind of fit for a run that no protocol of ours made."""

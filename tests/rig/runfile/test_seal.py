@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 
 from rig.analysis.difference import difference
 from rig.analysis.fit import NOT_SEALED
-from rig.analysis.fit_run import fit_files
 from rig.analysis.passport.build import passport
 from rig.bench.backends.order import Order
 from rig.bench.backends.replayed import replayed
@@ -24,6 +23,7 @@ from rig.present.build import report_on_files, report_on_gear
 from rig.runfile import opening, seal
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import allowing_unsealed, check_seal, file_sha256, hash_path
+from tests.rig.fitting import fit_files
 from tests.rig.library import stored
 from tests.rig.runfile.making import edit, reseal, write_run
 

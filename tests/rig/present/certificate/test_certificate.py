@@ -25,7 +25,7 @@ from rig.analysis.result_data import quantities_for
 from rig.analysis.store import FORMAT_2, Basis, append_analysis
 from rig.content.page import Page
 from rig.errors import ConfigurationError, RigError
-from rig.gears.acceptance import Acceptance, Limit, save_acceptance
+from rig.gears.acceptance import Acceptance, Limit
 from rig.main import app
 from rig.present.certificate import front as front_module
 from rig.present.certificate import gather
@@ -38,6 +38,7 @@ from rig.present.certificate.write import certificate_page
 from rig.present.page import render_page
 from rig.present.paper import render_pdf
 from rig.runfile.seal import recorded_sha256
+from tests.rig.handmade import save_acceptance
 from tests.rig.library.stored import RUNNING, estimate, start, write
 from tests.rig.present.test_paper import squeezed
 from tests.rig.runfile.making import reseal

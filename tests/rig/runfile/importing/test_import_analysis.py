@@ -9,12 +9,11 @@ import pytest
 
 from experiments.recording import Recording
 from model.units import RPM
-from rig.analysis.fit_run import fit_files
 from rig.exits import explain
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import parse_channel
-from rig.runfile.importing.convert import import_mat
-from tests.rig.importing import bring_in, file_of, table
+from tests.rig.fitting import fit_files
+from tests.rig.importing import bring_in, file_of, import_mat, table
 
 DATA = Path(os.environ.get("HARMONIC_RIG_DATA") or Path(__file__).parents[5] / "shared" / "data")
 

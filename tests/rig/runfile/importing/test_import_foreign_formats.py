@@ -10,8 +10,9 @@ from experiments.recording import Recording
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import parse_channel
-from rig.runfile.importing.convert import Imported, import_csv
+from rig.runfile.importing.convert import Imported
 from rig.runfile.read import open_run
+from tests.rig.importing import import_csv
 
 DATA = Path(
     os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[4].parent / "shared" / "data")

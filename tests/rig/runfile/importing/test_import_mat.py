@@ -14,8 +14,8 @@ from rig.library.folder import claim_run
 from rig.runfile.importing.adapters.matlab import MatlabTable
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import parse_channel
-from rig.runfile.importing.convert import import_mat
 from rig.runfile.read import open_run
+from tests.rig.importing import import_mat
 
 DATA = Path(
     os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[4].parent / "shared" / "data")

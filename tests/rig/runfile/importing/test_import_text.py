@@ -24,11 +24,12 @@ from rig.runfile.importing.channel_map import (
     read_channel_map,
 )
 from rig.runfile.importing.channel_source import parse_channel
-from rig.runfile.importing.convert import Imported, import_csv
+from rig.runfile.importing.convert import Imported
 from rig.runfile.importing.heading import sample_rate
 from rig.runfile.read import open_run
 from rig.runfile.source import FileSource
 from rig.runfile.verify import verify_run
+from tests.rig.importing import import_csv
 
 DATA = Path(
     os.environ.get("HARMONIC_RIG_DATA", Path(__file__).parents[4].parent / "shared" / "data")
