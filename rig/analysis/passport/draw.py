@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.quantity import Quantity
-from experiments.result import Plot, Series, Table
+from experiments.result import Plot, Series, SeriesRole, Table
 from model.identify.estimate import Estimate
 from rig.analysis.passport.content import (
     CatalogueLimit,
@@ -41,71 +42,69 @@ def control_plot(
     """
     x = np.array([point.position for point in points], dtype=np.float64)
     y = np.array([point.value for point in points]) / factor
-    u = np.array([point.expanded_uncertainty for point in points]) / factor
-    u = np.where(np.isfinite(u), u, 0.0)
     across = np.array([0.5, max(len(points), 1) + 0.5])
-    out = np.array([bool(point.signals) for point in points], dtype=bool)
-    series = [Series(label="in order of time", x=x, y=y, style="line", group=MEASURED)]
-    for label, chosen, colour in (
-        ("run, with U (95 %)", ~out, MEASURED),
-        ("signals a change", out, SIGNALS),
-    ):
-        if chosen.any():
-            low, high = (y - u)[chosen], (y + u)[chosen]
-            series.append(
-                Series(
-                    label=label,
-                    x=x[chosen],
-                    y=y[chosen],
-                    style="points",
-                    low=low,
-                    high=high,
-                    group=colour,
-                )
-            )
-    if control is not None:
-        lines = {
-            "centre line": control.centre,
-            "upper control limit": control.upper,
-            "lower control limit": control.lower,
-        }
-        for label, value in lines.items():
-            series.append(
-                Series(
-                    label=label,
-                    x=across,
-                    y=np.full(2, value / factor),
-                    style="line",
-                    group=CONTROL,
-                    role="null" if label == "centre line" else "data",
-                )
-            )
-    if limit is not None:
-        label = f"catalogue ({limit.provenance})"
-        series.append(
+    series = [
+        Series(label="in order of time", x=x, y=y, style="line", group=MEASURED),
+        *_runs(x, y, points, factor),
+        *(
             Series(
                 label=label,
                 x=across,
-                y=np.full(2, limit.value / factor),
+                y=np.full(2, value / factor),
                 style="line",
-                group=CATALOGUE,
-                role="limit",
+                group=group,
+                role=role,
             )
-        )
-    days = (
-        f"run 1 is of {points[0].start[:10]}, run {len(points)} of {points[-1].start[:10]}"
-        if points
-        else ""
-    )
-    note = ". ".join(text for text in (mark, days) if text)
+            for label, value, group, role in _lines(control, limit)
+        ),
+    ]
+    days = ""
+    if points:
+        last = points[-1].start[:10]
+        days = f"run 1 is of {points[0].start[:10]}, run {len(points)} of {last}"
     return Plot(
         name=name,
         title=title,
         x_label="run of this series, in order of time",
         y_label=axis,
         series=tuple(series),
-        note=note,
+        note=". ".join(text for text in (mark, days) if text),
     )
+
+
+def _runs(
+    x: NDArray[np.float64], y: NDArray[np.float64], points: Sequence[PassportPoint], factor: float
+) -> Iterator[Series]:
+    """The runs with U (95 %); those that signal a change have a colour of their own."""
+    u = np.array([point.expanded_uncertainty for point in points]) / factor
+    u = np.where(np.isfinite(u), u, 0.0)
+    out = np.array([bool(point.signals) for point in points], dtype=bool)
+    for label, chosen, colour in (
+        ("run, with U (95 %)", ~out, MEASURED),
+        ("signals a change", out, SIGNALS),
+    ):
+        if chosen.any():
+            yield Series(
+                label=label,
+                x=x[chosen],
+                y=y[chosen],
+                style="points",
+                low=(y - u)[chosen],
+                high=(y + u)[chosen],
+                group=colour,
+            )
+
+
+def _lines(
+    control: ControlLimits | None, limit: CatalogueLimit | None
+) -> Iterator[tuple[str, float, int, SeriesRole]]:
+    """The lines across a chart: label, value, colour and role."""
+    if control is not None:
+        yield "centre line", control.centre, CONTROL, "null"
+        yield "upper control limit", control.upper, CONTROL, "data"
+        yield "lower control limit", control.lower, CONTROL, "data"
+    if limit is not None:
+        yield f"catalogue ({limit.provenance})", limit.value, CATALOGUE, "limit"
 
 
 def spectrum_plots(analysed: Sequence[AnalysedRun]) -> tuple[Plot, ...]:
