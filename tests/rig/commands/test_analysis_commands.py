@@ -20,7 +20,7 @@ from experiments.quantity import bare_quantity
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear_file import load_gear, save_gear, shipped_gear
-from rig.commands import analysis, reporting
+from rig.commands import analysis, reporting, validating
 from tests.rig import handmade
 from tests.rig.analysis.test_fit import TARE_RESULT, take_over
 
@@ -93,7 +93,7 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
     for module in ("rig.gears.acceptance", "rig.present.build"):
         monkeypatch.setattr(f"{module}.acceptance_for", lambda *_: handmade.acceptance())
     app = typer.Typer()
-    for command in (analysis.fit, analysis.compare, reporting.report):
+    for command in (analysis.fit, validating.validate, reporting.report):
         app.command()(command)
 
     def run(*words: str) -> Called:
