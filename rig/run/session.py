@@ -62,14 +62,8 @@ STOP_SHARE = 0.25
 """Share of the allowed deceleration that a controlled stop uses."""
 SPACE_CHECK_CYCLES = 1000
 """Cycles between two looks at the free space of the disk."""
-LEVELS = {
-    Severity.PASSED: "info",
-    Severity.NOT_LOOKED_AT: "info",
-    Severity.NOTES: "info",
-    Severity.WARNS: "warning",
-    Severity.BLOCKS: "error",
-}
-"""How the run's log ranks what preflight found."""
+LEVELS = {Severity.WARNS: "warning", Severity.BLOCKS: "error"}
+"""How the run's log ranks what preflight found; what is not listed is for information."""
 EXCHANGE_ATTEMPTS = 3
 """Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
 
@@ -200,7 +194,9 @@ class Session:
         )
         checks = (*checks, *standing)
         for check in checks:
-            self._logbook.event(LEVELS[check.severity], "preflight", "preflight", check.sentence)
+            self._logbook.event(
+                LEVELS.get(check.severity, "info"), "preflight", "preflight", check.sentence
+            )
         self._supervisor.begin(np.rint(counts.mean(axis=0)).astype(np.int64), self._machine.rows)
         try:
             refuse_failed(checks)
