@@ -84,6 +84,11 @@ class Limit:
         """The unit of the value."""
         return UNITS[self.quantity]
 
+    @property
+    def doubt(self) -> str:
+        """In brackets, what is said of a limit that nobody has looked up."""
+        return f" ({self.provenance})" if self.provenance in ("recalled", "assumed") else ""
+
     def __str__(self) -> str:
         return f"{self.value:.4g} {self.unit} ({self.tier}: {self.origin})"
 

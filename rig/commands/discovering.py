@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, echo, print_json, table
+from rig.commands.terminal import console, echo, painted, print_json
+from rig.content.grid import Grid, columns, number_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -145,15 +146,20 @@ def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path
             soft_wrap=True,
         )
         return
-    about = table("node", "name", "vendor", "product", "role", "refused", title="Nodes that answer")
-    for node in nodes:
-        who = node.identity
-        vendor, product = f"0x{who.vendor_id:X}", f"0x{who.product_code:X}"
-        about.add_row(
-            str(node.node_id), who.name, vendor, product, role_of(node), "; ".join(node.refused)
+    rows = [
+        (
+            str(node.node_id),
+            node.identity.name,
+            f"0x{node.identity.vendor_id:X}",
+            f"0x{node.identity.product_code:X}",
+            role_of(node),
+            "; ".join(node.refused),
         )
-    out.print(about)
-    out.print(_rates(len(nodes)))
+        for node in nodes
+    ]
+    heads = columns("node", "name", "vendor", "product", "role", "refused")
+    out.print(painted(Grid("Nodes that answer", heads, rows)))
+    out.print(painted(_rates(len(nodes))))
     for word, asks in proposal.questions:
         out.print(f"to be said: {word}: {asks}", soft_wrap=True, markup=False)
     done = (
@@ -164,13 +170,13 @@ def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path
     out.print(done, soft_wrap=True)
 
 
-def _rates(nodes: int) -> Any:
+def _rates(nodes: int) -> Grid:
     """Which SYNC rate a bus carries: nodes by bit rate."""
     from rig.trial.doctor.discover.ask import RATES_SHOWN, rates_of
 
-    headings = (f"{rate // 1000} kbit/s" for rate in RATES_SHOWN)
-    grid = table("nodes", *headings, title="SYNC rate that the bus carries [Hz]")
+    rows = []
     for count in sorted({1, 2, 3, 4, nodes}):
         found = rates_of(count)
-        grid.add_row(str(count), *(f"{rate:g}" if rate else "none" for rate in found.values()))
-    return grid
+        rows.append((str(count), *(f"{rate:g}" if rate else "none" for rate in found.values())))
+    heads = number_columns("nodes", *(f"{rate // 1000} kbit/s" for rate in RATES_SHOWN))
+    return Grid("SYNC rate that the bus carries [Hz]", heads, rows)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import console, echo, print_json, table
+from rig.commands.terminal import console, echo, painted, print_json
+from rig.content.grid import Grid, columns
 
 if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
@@ -187,26 +188,14 @@ def acknowledge(
 def _print_table(rows: list[DrillRow]) -> None:
     from rig.trial.drill.table import outcome_cells
 
-    drills = table(
-        "fault",
-        "must be",
-        "detected",
-        "cycles",
-        "made safe",
-        "stands",
-        "verified",
-        "outcome",
-        "file",
-        title="Fault drills",
-        title_justify="center",
+    judged = columns("made safe", ("stands", "word"), ("verified", "word"), "outcome")
+    heads = (
+        *columns("fault", "must be", "detected", ("cycles", "number")),
+        *judged,
+        *columns(("file", "word")),
     )
-    for row in rows:
-        style = None if row.passed else "bold red"
-        drills.add_row(
-            row.fault,
-            *outcome_cells(row, "NO"),
-            style=style,
-        )
+    cells = [(row.fault, *outcome_cells(row, "no")) for row in rows]
+    drills = painted(Grid("Fault drills", heads, cells))
     out = console()
     if not out.is_terminal:
         out.width = 180
@@ -228,27 +217,20 @@ def _print_without(rows: list[DrillRow]) -> None:
     """What the drills say with every fault taken out."""
     from rig.trial.drill.suite import proves_detection
 
-    drills = table(
+    cells = []
+    for row in rows:
+        word = "claims nothing"
+        if row.claims_detection:
+            word = "FINDS ITS CAUSE" if row.names_cause else "fails"
+        cells.append((row.fault, row.expected_cause or "nothing", row.detected, row.outcome, word))
+    heads = columns(
         "fault taken out",
         "must be detected with it",
         "detected without it",
         "outcome",
         "the drill",
-        title="Drills without their faults",
-        title_justify="center",
     )
-    for row in rows:
-        wrong = row.claims_detection and row.names_cause
-        claim = "FINDS ITS CAUSE" if wrong else "fails"
-        word = claim if row.claims_detection else "claims nothing"
-        drills.add_row(
-            row.fault,
-            row.expected_cause or "nothing",
-            row.detected,
-            row.outcome,
-            word,
-            style="bold red" if wrong else None,
-        )
+    drills = painted(Grid("Drills without their faults", heads, cells))
     out = console()
     if not out.is_terminal:
         out.width = 180

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from experiments.finding import Finding, Severity, first_blocking
-from rig.commands.terminal import console, table
+from rig.commands.terminal import console
 from rig.commands.visible import Text
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from rig.analysis.chain import Link
     from rig.analysis.recompute import Recomputed
 
@@ -37,7 +39,7 @@ def print_findings(groups: Mapping[str, Sequence[Finding]]) -> None:
     )
     for heading, findings in groups.items():
         out.print(Text(heading, style="bold"), soft_wrap=True)
-        rows = table("", "", "", overflow="fold", box=None, show_header=False)
+        rows = _lines(3)
         for column, width in zip(rows.columns, widths, strict=False):
             column.min_width = width
         for finding in findings:
@@ -52,10 +54,20 @@ def print_findings(groups: Mapping[str, Sequence[Finding]]) -> None:
                     out.print(text, style=COLOURS[severity], soft_wrap=True)
 
 
+def _lines(columns: int) -> Table:
+    """Room for findings, whose marks have the colours of their severities."""
+    from rich.table import Table
+
+    lines = Table(box=None, show_header=False)
+    for _ in range(columns):
+        lines.add_column(overflow="fold")
+    return lines
+
+
 def print_links(links: Sequence[Link], again: Sequence[Recomputed]) -> None:
     """The chain of evidence, link by link, what was made again, and which link is the first that does not hold."""
     out = console(highlight=True)
-    rows = table("", "", "", "", overflow="fold", box=None, show_header=False)
+    rows = _lines(4)
     for link in (*links, *(one.finding for one in again)):
         name = link.where.replace("\\", "/").rpartition("/")[2]
         rows.add_row(marked(link.severity), link.what, Text(name), Text(link.found))

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, echo, print_json, table
+from rig.commands.terminal import console, echo, painted, print_json
+from rig.content.grid import Grid, columns
 
 if TYPE_CHECKING:
     from model.catalogue.contradictions import Contradiction
@@ -210,10 +211,9 @@ def print_contradictions(found: Iterable[Contradiction], not_compared: str, name
     """What was found, or that nothing was."""
     out, listed = console(), list(found)
     if listed:
-        shown = table("contradiction", "where", "value", "expected", "what to do", box=None)
-        for one in listed:
-            shown.add_row(one.name, one.where, one.value, one.expected, one.remedy)
-        out.print(shown)
+        rows = [(one.name, one.where, one.value, one.expected, one.remedy) for one in listed]
+        heads = columns("contradiction", "where", "value", "expected", "what to do")
+        out.print(painted(Grid("", heads, rows)))
     else:
         out.print(f"{name or 'the set'}: nothing contradicts itself", style="green")
     if not_compared:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands import gear_sets
-from rig.commands.terminal import console, echo, print_json, table
+from rig.commands.terminal import console, echo, fact_table, painted, print_json
+from rig.content.grid import Grid, columns
 
 if TYPE_CHECKING:
     from rig.gears.card import GearCard
@@ -58,19 +59,19 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
             f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120"
         )
         return
-    cards = table("gear", "part", "mounting", "lubricant", "hours", "confirmed", box=None)
+    rows = []
     for one in listed:
         if one.card is None:
-            cards.add_row(one.path.name, f"unreadable: {one.problem}", style="red")
+            rows.append((one.path.name, f"unreadable: {one.problem}", "", "", "", ""))
             continue
         facts = stated_facts(one.card.facts)
         last = one.card.confirmation
         confirmed = f"{last.by}, {last.at}" if one.card.is_confirmed and last else "NO"
         cells = (str(facts.get(name, "-")) for name in ("part", "mounting", "lubricant", "hours"))
-        cards.add_row(
-            one.card.serial, *cells, confirmed, style=None if one.card.is_confirmed else "yellow"
-        )
-    console().print(cards)
+        rows.append((one.card.serial, *cells, confirmed))
+    part = columns("gear", ("part", "word"), "mounting", "lubricant", ("hours", "number"))
+    grid = Grid("", (*part, *columns(("confirmed", "word"))), rows)
+    console().print(painted(grid))
 
 
 @gear.command("show")
@@ -191,18 +192,14 @@ def _print(card: GearCard) -> None:
     out = console()
     facts = stated_facts(card.facts)
     units = {field.name: field.unit for field in parameter_fields(GearFacts)}
-    card_table = table(show_header=False, box=None, title=f"Gear {card.serial}")
+    rows = []
     for field in dataclasses.fields(GearFacts):
         value = facts.get(field.name)
-        text = (
-            "not known"
-            if value is None
-            else f"{value:g} {units[field.name]}"
-            if isinstance(value, float)
-            else str(value)
-        )
-        card_table.add_row(named(field.name)[0], text, style="dim" if value is None else None)
-    out.print(card_table)
+        text = "not known" if value is None else str(value)
+        if isinstance(value, float):
+            text = f"{value:g} {units[field.name]}"
+        rows.append((named(field.name)[0], text))
+    out.print(fact_table(rows, f"Gear {card.serial}"))
     for event in card.history:
         names = ", ".join(named(name)[0] for name in event.values)
         out.print(
@@ -219,13 +216,10 @@ def _print_flags() -> None:
     from experiments.parameters import parameter_fields
     from rig.gears.card import CHOICES, GearFacts
 
-    flags = table("flag", "unit", "allowed", "what", title="Facts of a gear")
-    for field in parameter_fields(GearFacts):
-        if field.name != "serial":
-            flags.add_row(
-                field.flag,
-                field.unit,
-                ", ".join(CHOICES.get(field.name, ())) or field.limit,
-                field.help,
-            )
-    console().print(flags)
+    rows = [
+        (one.flag, one.unit, ", ".join(CHOICES.get(one.name, ())) or one.limit, one.help)
+        for one in parameter_fields(GearFacts)
+        if one.name != "serial"
+    ]
+    heads = columns(("flag", "unit"), ("unit", "unit"), "allowed", "what")
+    console().print(painted(Grid("Facts of a gear", heads, rows)))

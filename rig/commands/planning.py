@@ -9,7 +9,7 @@ import typer
 
 from rig.commands.ordering import Said, with_order
 from rig.commands.running import Help, Json, read_protocol, with_protocol_flags
-from rig.commands.terminal import console, print_json, table
+from rig.commands.terminal import console, painted, print_json
 
 if TYPE_CHECKING:
     from rig.present.preview.plan import PlanPreview
@@ -115,29 +115,16 @@ def _write_figures(prediction: PlanPreview, folder: Path) -> list[Path]:
 
 
 def _print(prediction: PlanPreview, written: list[Path]) -> None:
-    from model.units import RPM
-    from rig.present.preview.plan import percent
+    from rig.present.preview.plan import predicted_grid
 
     out = console()
     start = prediction.starting
     out.print(
         f"predicted starting torque {1e3 * float(start.value):.0f} ± {1e3 * float(start.uncertainty):.0f} mN m (95 %)"
     )
-    headings = ("limit on", "predicted", "limit", "margin", "least margin", "where")
-    margins = table(*headings, title="Margins as the model predicts them", overflow="fold")
     # What is commanded stands in the plan's own table; here is what depends on the gear.
-    for margin in (margin for margin in prediction.margins if margin.uncertainty):
-        factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
-        margins.add_row(
-            margin.quantity.replace("_", " "),
-            f"{margin.value / factor:.4g} ± {margin.uncertainty / factor:.2g} {unit}",
-            f"{margin.limit.value / factor:.4g} {unit}",
-            percent(margin.margin),
-            percent(margin.least_margin),
-            margin.where,
-            style="yellow" if margin.touches else None,
-        )
-    out.print(margins)
+    grid = predicted_grid(margin for margin in prediction.margins if margin.uncertainty)
+    out.print(painted(grid.without("held by")))
     for warning in prediction.warnings:
         out.print(f"warning: {warning.text}", style="yellow", soft_wrap=True)
     for path in written:

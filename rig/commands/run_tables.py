@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import typer
@@ -11,7 +12,10 @@ from rich.panel import Panel
 from experiments import catalogue
 from experiments.parameters import ParameterField, parameter_fields
 from model.units import RPM
-from rig.commands.terminal import console, echo, table
+from rig.commands.terminal import console, echo, fact_table, painted
+from rig.content.grid import Grid, columns, number_columns
+from rig.content.wording import percent
+from rig.run.dry_run import margin_grid
 from rig.run.margins import number, worded
 from rig.run.progress import in_words
 
@@ -29,18 +33,17 @@ def print_help(context: typer.Context) -> None:
     out = console()
     named = next((word for word in context.args if word in catalogue.names()), "")
     if not named:
-        protocols = table("protocol", "what it measures", title="Protocols", box=None)
-        for name in catalogue.names():
-            protocols.add_row(name, catalogue.entry(name).summary)
-        out.print(protocols)
+        protocols = [(name, catalogue.entry(name).summary) for name in catalogue.names()]
+        out.print(fact_table(protocols, "Protocols"))
         out.print(f"\n'{context.command_path} PROTOCOL --help' shows the flags of one.")
         return
     experiment = catalogue.load(named)
-    headings = ("flag", "unit", "allowed", "default", "what")
-    flags = table(*headings, title=f"{named}: {experiment.title}")
-    for field in parameter_fields(experiment.parameters):
-        flags.add_row(field.flag, field.unit, field.limit, _default(field), field.help)
-    out.print(flags)
+    rows = [
+        (field.flag, field.unit, field.limit, _default(field), field.help)
+        for field in parameter_fields(experiment.parameters)
+    ]
+    heads = columns(("flag", "unit"), ("unit", "unit"), "allowed", "default", "what")
+    out.print(painted(Grid(f"{named}: {experiment.title}", heads, rows)))
 
 
 def _default(field: ParameterField) -> str:
@@ -52,57 +55,29 @@ def _default(field: ParameterField) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def _facts(planned: PlannedRun) -> Iterator[tuple[str, str]]:
+    experiment, ratio = planned.experiment, planned.load.ratio
+    yield "gear", f"{planned.gear.name}, {planned.mounting}, ratio {ratio:g}"
+    yield "steps", f"{len(planned.plan)}"
+    yield "duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most"
+    turns = planned.input_revolutions
+    of_output = f", {turns / ratio:.2f} of the output" if experiment.gear_mounted else ""
+    yield "revolutions", f"{turns:.1f} of the input{of_output}"
+    size = planned.file_size() / 1e6
+    yield "samples", f"{planned.samples} at {planned.sample_rate:g} Hz, about {size:.1f} MB"
+    peak = max((abs(step.speed) for step in planned.steps), default=0.0) / RPM
+    yield "peak speed", f"{peak:.4g} r/min"
+    aim = next((one for one in experiment.quantities if one.target_text), None)
+    if aim is not None:
+        yield "of use where", f"U of {aim.family_title} {aim.target_text}"
+
+
 def print_plan(planned: PlannedRun) -> None:
     """What a plan will do, and its margin to every limit."""
     out = console()
-    turns = planned.input_revolutions
-    peak = max((abs(step.speed) for step in planned.steps), default=0.0) / RPM
     title = f"{planned.experiment.name}: {planned.experiment.title}"
-    facts = table(show_header=False, box=None, title=title)
-    facts.add_row("gear", f"{planned.gear.name}, {planned.mounting}, ratio {planned.load.ratio:g}")
-    facts.add_row("steps", f"{len(planned.plan)}")
-    facts.add_row(
-        "duration", f"{in_words(planned.nominal)} nominal, {in_words(planned.longest)} at most"
-    )
-    of_output = (
-        f", {turns / planned.load.ratio:.2f} of the output"
-        if planned.experiment.gear_mounted
-        else ""
-    )
-    facts.add_row("revolutions", f"{turns:.1f} of the input{of_output}")
-    facts.add_row(
-        "samples",
-        f"{planned.samples} at {planned.sample_rate:g} Hz, about {planned.file_size() / 1e6:.1f} MB",
-    )
-    facts.add_row("peak speed", f"{peak:.4g} r/min")
-    aims = [q for q in planned.experiment.quantities if q.target_text]
-    for quantity in aims[:1]:
-        facts.add_row("of use where", f"U of {quantity.family_title} {quantity.target_text}")
-    out.print(facts)
-    margins = table(
-        "limit on",
-        "planned",
-        "allowed",
-        "margin",
-        "where",
-        "origin",
-        title="Margins",
-        overflow="fold",
-    )
-    for margin in planned.margins:
-        factor, unit = (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, margin.limit.unit)
-        origin = f"{margin.limit.tier}: {margin.limit.origin}"
-        if margin.limit.provenance in ("recalled", "assumed"):
-            origin += f" ({margin.limit.provenance})"
-        margins.add_row(
-            margin.quantity.replace("_", " "),
-            f"{margin.value / factor:.4g} {unit}",
-            f"{margin.limit.value / factor:.4g} {unit}",
-            f"{100.0 * margin.margin:.0f} %",
-            margin.where,
-            origin,
-        )
-    out.print(margins)
+    out.print(fact_table(_facts(planned), title))
+    out.print(painted(margin_grid(planned.margins)))
     for remark in planned.remarks:
         out.print(f"warning: {remark}", style="yellow", soft_wrap=True)
 
@@ -116,18 +91,14 @@ def _print_alarm(out: Console, problem: str) -> None:
 
 def _print_margins(out: Console, report: RunReport) -> None:
     """How near the run came to each limit, the nearest first."""
-    margins = table("limit on", "peak", "limit", "margin", title="Margins of this run", box=None)
+    rows = []
     for name, margin in sorted(report.margins.items(), key=lambda item: item[1]["margin"]):
-        style = "red" if margin["margin"] < 0.0 else "yellow" if margin["margin"] < 0.1 else None
         words, unit, factor = worded(name)
-        margins.add_row(
-            words,
-            f"{number(margin['peak'] / factor)} {unit}",
-            f"{number(margin['limit'] / factor)} {unit}",
-            f"{100.0 * margin['margin']:.0f} %",
-            style=style,
-        )
-    out.print(margins)
+        peak, limit = (f"{number(margin[key] / factor)} {unit}" for key in ("peak", "limit"))
+        mark = "! " if margin["margin"] < 0.1 else ""
+        rows.append((words, peak, limit, f"{mark}{percent(margin['margin'])}"))
+    heads = (*columns("limit on"), *number_columns("peak", "limit", "margin"))
+    out.print(painted(Grid("Margins of this run", heads, rows)))
 
 
 def print_report(

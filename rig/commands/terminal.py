@@ -5,13 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console, OverflowMethod
+    from rich.console import Console
     from rich.table import Table
 
     from rig.commands.visible import Text
@@ -37,27 +37,6 @@ def echo(text: str, *, errors: bool = False, is_line: bool = True) -> None:
     typer.echo(visible(text), err=errors, nl=is_line)
 
 
-def table(
-    *headings: str,
-    numbers: Collection[str] = (),
-    whole: Collection[str] = (),
-    overflow: OverflowMethod = "ellipsis",
-    **look: Any,
-) -> Table:
-    """An empty table with these headings.
-
-    The columns in `numbers` are set to the right, those in `whole` on one line; `look` is what rich's
-    table takes, with the title, where there is one, to the left.
-    """
-    from rich.table import Table
-
-    grid = Table(**{"title_justify": "left", **look})
-    for heading in headings:
-        justify = "right" if heading in numbers else "left"
-        grid.add_column(heading, justify=justify, no_wrap=heading in whole, overflow=overflow)
-    return grid
-
-
 STYLES = {"good": "green", "warning": "yellow", "bad": "bold red", "muted": "dim"}
 """How the tone of a word looks on a terminal."""
 
@@ -78,7 +57,12 @@ def painted(grid: Grid, **look: Any) -> Table:
     from rich import box
     from rich.table import Table
 
-    plain = {"box": box.SIMPLE_HEAD, "pad_edge": False, "title_style": "bold"}
+    plain = {
+        "box": box.SIMPLE_HEAD,
+        "pad_edge": False,
+        "padding": (0, 1, 0, 0),
+        "title_style": "bold",
+    }
     sides = {"title_justify": "left", "caption_justify": "left"}
     texts = {"title": grid.title or None, "caption": grid.note or None}
     rows = Table(**{**plain, **sides, **texts, **look})
@@ -103,7 +87,9 @@ def fact_table(facts: Iterable[tuple[str, str]], title: str = "") -> Table:
     from rig.content.grid import Grid, columns
 
     heads = columns(("", "name"), "")
-    return painted(Grid(title, heads, list(facts)), box=None, show_header=False)
+    return painted(
+        Grid(title, heads, list(facts)), box=None, show_header=False, padding=(0, 2, 0, 0)
+    )
 
 
 def print_json(value: Any) -> None:

@@ -164,6 +164,11 @@ def _trim(text: str) -> str:
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def percent(share: float) -> str:
+    """A share as whole per cent; what rounds to nothing has no sign."""
+    return f"{round(100.0 * share)} %"
+
+
 def duration_text(seconds: float) -> str:
     """A duration as people say it."""
     if not math.isfinite(seconds):

@@ -27,6 +27,8 @@ from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from rig.bench import limits as lim
 from rig.bench.limits import Limit, Limits, Load, derive_limits, load_of
+from rig.content.grid import Grid, columns, number_columns
+from rig.content.wording import laboratory_unit, number, percent
 from rig.errors import LimitError
 
 DEFAULT_SAMPLE_RATE = 1000.0
@@ -53,6 +55,18 @@ class Margin:
         """Share of the limit that is left; negative when it is broken."""
         return 1.0 - self.value / self.limit.value
 
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """Quantity, value, limit and what is left of it, in the units of a laboratory."""
+        return self._cells()
+
+    def _cells(self, uncertainty: float = 0.0) -> tuple[str, str, str, str]:
+        factor, unit = laboratory_unit(self.limit.unit, self.limit.value, "r/min")
+        doubt = f" ± {number(uncertainty / factor, 2)}" if uncertainty else ""
+        value, limit = (number(size / factor) for size in (self.value, self.limit.value))
+        what = self.quantity.replace("_", " ")
+        return what, f"{value}{doubt} {unit}", f"{limit} {unit}", percent(self.margin)
+
     def as_json(self) -> dict[str, Any]:
         """The margin as `rig plan --json` prints it."""
         return {
@@ -65,6 +79,16 @@ class Margin:
             "origin": self.limit.origin,
             "margin": self.margin,
         }
+
+
+def margin_grid(margins: Iterable[Margin]) -> Grid:
+    """What is planned beside every limit, and where the limit is from."""
+    rows = [
+        (*one.cells, one.where, f"{one.limit.tier}: {one.limit.origin}{one.limit.doubt}")
+        for one in margins
+    ]
+    numbers = number_columns("planned", "allowed", "margin")
+    return Grid("Margins", (*columns("limit on"), *numbers, *columns("where", "origin")), rows)
 
 
 @dataclass(frozen=True, kw_only=True)

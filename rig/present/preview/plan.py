@@ -9,7 +9,7 @@ ramp is in the uncertainty alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from experiments.steps.kind import Servo
 from model.units import RPM
 from rig.bench import limits as lim
+from rig.content.grid import Grid, columns, number_columns
+from rig.content.wording import percent
 from rig.present.preview.output import OutputModel, PredictedError
 from rig.present.preview.timeline import PreviewMark, Timeline, timeline
 from rig.present.preview.torque import PredictedTorque, TorqueModel
@@ -72,6 +74,11 @@ class PredictedMargin(Margin):
         """Whether the prediction with its uncertainty reaches the limit."""
         return self.least_margin <= 0.0
 
+    @property
+    def cells(self) -> tuple[str, str, str, str]:
+        """Quantity, prediction ± U, limit and what is left of it, in the units of a laboratory."""
+        return self._cells(self.uncertainty)
+
     def as_json(self) -> dict[str, Any]:
         """The margin as JSON, in SI."""
         return {
@@ -84,6 +91,18 @@ class PredictedMargin(Margin):
             "margin": self.margin,
             "least_margin": self.least_margin,
         }
+
+
+def predicted_grid(margins: Iterable[PredictedMargin]) -> Grid:
+    """What is planned or predicted beside every limit; a mark stands where the uncertainty reaches the limit."""
+    rows = []
+    for one in margins:
+        mark = "! " if one.touches else ""
+        held = f"{one.limit.tier}{one.limit.doubt}"
+        rows.append((*one.cells, f"{mark}{percent(one.least_margin)}", held, one.where))
+    numbers = number_columns("predicted", "limit", "margin", "least margin")
+    heads = (*columns("limit on"), *numbers, *columns("held by", "where"))
+    return Grid("Margins as the model predicts them", heads, rows)
 
 
 @dataclass(frozen=True)
@@ -390,8 +409,3 @@ def _sentence(margin: PredictedMargin) -> str:
         f"{limit:.4g} {unit} ({margin.limit.tier}): margin {percent(margin.margin)}, with the uncertainty "
         f"{percent(margin.least_margin)}"
     )
-
-
-def percent(share: float) -> str:
-    """A share as whole per cent; what rounds to nothing has no sign."""
-    return f"{round(100.0 * share)} %"

@@ -18,10 +18,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from model.units import RPM, printed
-from rig.content.wording import number
 from rig.present.preview.figures import figures_of
-from rig.present.preview.plan import PlanPreview, PredictedMargin, percent
+from rig.present.preview.plan import PlanPreview, PredictedMargin, predicted_grid
 from rig.window.plot.plots import LabPlot
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -40,7 +38,6 @@ FIGURES = {
     "friction": ("Running torque", "input speed [r/min]", "torque [N m]"),
 }
 """The plots and what they are called while they are empty."""
-MARGIN_HEADINGS = ("limit on", "predicted", "limit", "margin", "least margin", "held by", "where")
 PREDICTION = "PREDICTION"
 LONGEST_NAME = 16
 """Letters of a name on a button."""
@@ -57,7 +54,7 @@ class PreviewPlots(QTabWidget):
             name: LabPlot(session, *labels, mark=PREDICTION) for name, labels in FIGURES.items()
         }
         """Every plot by the name of its figure."""
-        self.margins = _table(MARGIN_HEADINGS)
+        self.margins = _table(predicted_grid(()).headings)
         plots = self.plots
         for name in ("torque", "output"):
             plots[name].item.setXLink(plots["speed"].item)
@@ -87,10 +84,10 @@ class PreviewPlots(QTabWidget):
         self._fill_margins(preview.margins)
 
     def _fill_margins(self, margins: Sequence[PredictedMargin]) -> None:
-        palette = self._session.palette
+        palette, grid = self._session.palette, predicted_grid(margins)
         self.margins.setRowCount(len(margins))
-        for row, margin in enumerate(margins):
-            for column, text in enumerate(_cells(margin)):
+        for row, (margin, cells) in enumerate(zip(margins, grid.rows, strict=True)):
+            for column, text in enumerate(cells):
                 item = QTableWidgetItem(text)
                 set_tip(item, f"{text}\n{margin.limit}")
                 if column in (3, 4):
@@ -100,28 +97,6 @@ class PreviewPlots(QTabWidget):
                 if margin.touches:
                     item.setForeground(QColor(palette.warning))
                 self.margins.setItem(row, column, item)
-
-
-def _cells(margin: PredictedMargin) -> tuple[str, ...]:
-    factor, unit = (
-        (RPM, "r/min") if margin.limit.unit == "rad/s" else (1.0, printed(margin.limit.unit))
-    )
-    doubt = f" ± {margin.uncertainty / factor:.2g}" if margin.uncertainty else ""
-    least = f"{'! ' if margin.touches else ''}{percent(margin.least_margin)}"
-    cells = (
-        f" ({margin.limit.provenance})"
-        if margin.limit.provenance in ("recalled", "assumed")
-        else ""
-    )
-    return (
-        margin.quantity.replace("_", " "),
-        f"{number(margin.value / factor, 4)}{doubt} {unit}",
-        f"{number(margin.limit.value / factor, 4)} {unit}",
-        percent(margin.margin),
-        least,
-        f"{margin.limit.tier}{cells}",
-        margin.where,
-    )
 
 
 def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:

@@ -18,7 +18,7 @@ from model.gear_file import save_gear, shipped_gear
 from rig.bench.backends.order import Order, arguments_of
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.identity import bench_of
-from rig.content.wording import named
+from rig.content.wording import named, percent
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card import (
     GearCard,
@@ -27,7 +27,7 @@ from rig.gears.card import (
     conditions_of,
     gear_of,
 )
-from rig.present.preview.plan import PlanPreview, percent, preview_plan
+from rig.present.preview.plan import PlanPreview, preview_plan
 from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
 from rig.run.dry_run import PlannedRun
 from rig.run.gear import card_checks

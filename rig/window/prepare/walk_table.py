@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rig.content.grid import Grid, columns
-from rig.present.preview.plan import percent
+from rig.content.wording import percent
 from rig.run.progress import in_words
 from rig.trial.campaign.walk import Walk
 from rig.window.review.grid import GridTable
