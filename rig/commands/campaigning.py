@@ -217,25 +217,11 @@ def _certificate(report: CampaignReport, order: CampaignOrder, pattern: Order) -
 
 
 def _print_walk(walked: Walk) -> None:
-    from rig.content.grid import Grid, columns
     from rig.run.progress import in_words
+    from rig.trial.campaign.walk import walk_grid
 
     out = console()
-    rows = []
-    for one in walked.stages:
-        nearest = min(one.planned.margins, key=lambda margin: margin.margin, default=None)
-        rows.append(
-            (
-                one.order.protocol,
-                in_words(one.planned.nominal),
-                in_words(one.planned.longest),
-                nearest.quantity.replace("_", " ") if nearest else "-",
-                f"{100.0 * nearest.margin:.0f} %" if nearest else "-",
-            )
-        )
-    heads = columns("protocol", "duration", "at most", "nearest limit", ("margin", "number"))
-    out.print(walked.plan.title)
-    out.print(painted(Grid("", heads, rows)))
+    out.print(painted(walk_grid(walked).without("done as")))
     out.print(
         f"in all {in_words(walked.nominal)} nominal, {in_words(walked.longest)} at most, prompts not counted"
     )

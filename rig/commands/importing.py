@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.runfile.importing.channel_map import ImportOptions, RunMap
     from rig.runfile.importing.convert import Imported
+    from rig.runfile.importing.looking import Look
 
 
 def import_(
@@ -183,7 +184,7 @@ def _check(
     kind: str, files: list[Path], runs: list[tuple[RunMap, ImportOptions]], *, json: bool
 ) -> None:
     """Show what the import would make of the files; nothing is written."""
-    from rig.commands.import_tables import columns_as_json, look_as_json, print_columns, print_look
+    from rig.commands.import_tables import print_columns, print_look
     from rig.runfile.importing.looking import columns_of, look_at
     from rig.runfile.importing.opening import open_tables
 
@@ -193,16 +194,38 @@ def _check(
         if not options.channels:
             listed = columns_of(tables)
             notes = [note for table in tables for note in table.notes]
-            told.append(columns_as_json(listed, notes))
+            told.append({"columns": listed, "notes": notes})
             if not json:
                 print_columns(listed, notes)
             continue
         look = look_at(tables, options)
-        told.append({"map": one.name, **look_as_json(look, options)})
+        told.append({"map": one.name, **_look_as_json(look, options)})
         if not json:
             print_look(one.name, look, options)
     if json:
         print_json(told[0] if len(told) == 1 else {"runs": told})
+
+
+def _look_as_json(look: Look, options: ImportOptions) -> dict[str, Any]:
+    """A look as one object; numbers that are not known are null."""
+    from dataclasses import asdict
+
+    from rig.runfile.importing.reach import reach_of
+
+    return {
+        "rows": look.rows,
+        "duration_s": look.duration_s,
+        "rate_hz": look.rate_hz,
+        "gaps": look.gaps,
+        "channels": [asdict(channel) for channel in look.channels],
+        "output_per_input": look.output_per_input,
+        "problems": look.problems,
+        "notes": look.notes,
+        "good_for": {
+            kind: {"ok": not why, "why": why} for kind, why in reach_of(look, options).items()
+        },
+        "segments": [asdict(segment) for segment in look.proposals],
+    }
 
 
 def _pairs(texts: list[str] | None, flag: str) -> dict[str, Any]:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.units import COUNT
+from rig.content.grid import Grid, columns
 from rig.errors import ConfigurationError, RigError
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ForeignSegment, ImportOptions
@@ -264,3 +265,64 @@ def columns_of(tables: Sequence[Table]) -> list[dict[str, object]]:
                 }
             )
     return listed
+
+
+def column_grid(listed: Sequence[Mapping[str, object]]) -> Grid:
+    """The columns of files of which nothing is mapped yet; see `columns_of`."""
+    rows = [
+        (
+            str(column["number"]),
+            str(column["heading"]),
+            str(column["unit"] or "?"),
+            known(column["low"]),
+            known(column["high"]),
+            f"column {column['time']}" if column["time"] else "-",
+        )
+        for column in listed
+    ]
+    heads = columns(
+        "column",
+        "heading",
+        ("unit", "unit"),
+        ("first rows from", "number"),
+        ("to", "number"),
+        "its time",
+    )
+    return Grid("", heads, rows)
+
+
+def look_grid(look: Look) -> Grid:
+    """The channels of a look, with the range of their values in the first rows."""
+    rows = [
+        (
+            c.name,
+            c.column,
+            c.unit,
+            known(c.factor, 4),
+            known(c.low, 4),
+            known(c.high, 4),
+            known(c.step, 3),
+            str(c.wraps or "-"),
+            "-" if math.isnan(c.standstill) else f"{100.0 * c.standstill:.0f} %",
+        )
+        for c in look.channels
+    ]
+    heads = columns(
+        "channel",
+        "column",
+        ("unit", "unit"),
+        ("factor", "number"),
+        ("from", "number"),
+        ("to", "number"),
+        ("step", "number"),
+        ("wraps", "number"),
+        ("still", "number"),
+    )
+    return Grid("", heads, rows)
+
+
+def known(value: object, digits: int = 6) -> str:
+    """A number in these digits; a dash for one that is not known."""
+    return (
+        f"{value:.{digits}g}" if isinstance(value, (int, float)) and math.isfinite(value) else "-"
+    )

@@ -11,7 +11,9 @@ from rig.runfile.importing.looking import Look
 
 
 def reach_of(look: Look, options: ImportOptions) -> dict[str, str]:
-    """Each kind of analysis with "" where the recording may be good for it, else why it is not."""
+    """Each kind of analysis with "" where the recording may be good for it, else why not; none without a channel."""
+    if not look.channels:
+        return {}
     return {
         kind: _why_not(catalogue.load(kind).foreign_need, look, options)
         for kind in catalogue.kinds()

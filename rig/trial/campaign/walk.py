@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from rig.content.grid import Grid, columns
 from rig.errors import RigError
+from rig.run.progress import in_words
 from rig.trial.campaign.plan import CampaignPlan
 
 if TYPE_CHECKING:
@@ -46,6 +49,27 @@ class Walk:
             "duration": {"nominal": self.nominal, "longest": self.longest, "unit": "s"},
             "protocols": [one.planned.as_json() for one in self.stages],
         }
+
+
+def walk_grid(walked: Walk, done: Sequence[str] = ()) -> Grid:
+    """One row for each run: how long it takes, its nearest limit, and the run that counts for it already."""
+    rows = []
+    for index, one in enumerate(walked.stages):
+        nearest = min(one.planned.margins, key=lambda margin: margin.margin, default=None)
+        limit, left = ("–", "–") if nearest is None else (nearest.cells[0], nearest.cells[-1])
+        times = (in_words(one.planned.nominal), in_words(one.planned.longest))
+        counts = done[index] if index < len(done) else ""
+        rows.append((str(index + 1), one.order.protocol, *times, limit, left, counts))
+    heads = columns(
+        ("run", "number"),
+        "protocol",
+        ("nominal", "number"),
+        ("at most", "number"),
+        "nearest limit",
+        ("margin left", "number"),
+        "done as",
+    )
+    return Grid(walked.plan.title, heads, rows)
 
 
 def walk(plan: CampaignPlan, order: Order) -> Walk:

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rig.content.grid import Grid, columns
-from rig.content.wording import percent
+from rig.content.grid import Grid
 from rig.run.progress import in_words
-from rig.trial.campaign.walk import Walk
+from rig.trial.campaign.walk import Walk, walk_grid
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 
-COLUMNS = columns(
-    ("run", "number"),
-    "protocol",
-    ("nominal", "number"),
-    ("at most", "number"),
-    "nearest limit",
-    ("margin left", "number"),
-    "done as",
-)
+NO_RUNS = Grid("", (), ())
 
 
 class WalkTable(GridTable):
@@ -30,27 +21,7 @@ class WalkTable(GridTable):
 
     def show_walk(self, walked: Walk | None, done: Sequence[str] = ()) -> None:
         """A walked campaign; `done` names the run that counts already for each of its stages, "" for none."""
-        rows = [] if walked is None else walk_rows(walked, done)
-        self.show_grid(Grid("", COLUMNS, rows))
-
-
-def walk_rows(walked: Walk, done: Sequence[str] = ()) -> list[tuple[str, ...]]:
-    """One row for each run of a campaign."""
-    rows = []
-    for index, one in enumerate(walked.stages):
-        nearest = min(one.planned.margins, key=lambda margin: margin.margin, default=None)
-        rows.append(
-            (
-                str(index + 1),
-                one.order.protocol,
-                in_words(one.planned.nominal),
-                in_words(one.planned.longest),
-                nearest.quantity.replace("_", " ") if nearest else "–",
-                percent(nearest.margin) if nearest else "–",
-                done[index] if index < len(done) else "",
-            )
-        )
-    return rows
+        self.show_grid(NO_RUNS if walked is None else walk_grid(walked, done))
 
 
 def walk_summary(walked: Walk, done: Sequence[str] = ()) -> str:
