@@ -269,6 +269,7 @@ def reference_config(
         index_position=ObjectRef(0x2000, 1, U32, "index position"),
         index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),
         largest_speed=usual.motor_encoder.largest_speed,
+        calibration=usual.motor_encoder.calibration,
     )
     guard = GuardContact(
         node_id=DRIVE_NODE,
@@ -301,6 +302,7 @@ def box_port(
         multiplication=outer.multiplication,
         latched_by=latched_by,
         largest_speed=0.1 * motor.maximum_speed,
+        calibration=outer.calibration,
     )
     config = replace(wire_config(bench, motor, has_guard=has_guard), counters=())
     return wire_port(bench, motor, config, [CounterBox(box, bench.clock, bench.box_line)])
@@ -350,9 +352,12 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
             source=ObjectRef(0x6401, sub, I16, name.replace("_", " ")),
             volts_per_count=_VOLTS_PER_INCREMENT,
             unit_per_volt=32.0,
+            calibration=by_name[name].calibration,
         )
         for sub, name in ((3, names.HOUSING_TEMPERATURE), (4, names.AMBIENT_TEMPERATURE))
     )
+    # The instruments are the same as without a wire, and as well known.
+    torque = torque_input(motor.rated_torque, calibration=by_name[names.TORQUE].calibration)
     return CanRigConfig(
         cycle_ns=bench.cycle_ns,
         drive=DriveConfig(node_id=DRIVE_NODE),
@@ -360,6 +365,7 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
             lines=inner.lines,
             multiplication=inner.multiplication,
             largest_speed=1.5 * motor.maximum_speed,
+            calibration=inner.calibration,
         ),
         counters=(
             CounterConfig(
@@ -370,12 +376,11 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
                 index_position=ObjectRef(0x2000, 1, U32, "index position"),
                 index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),
                 largest_speed=0.1 * motor.maximum_speed,
+                calibration=outer.calibration,
             ),
         ),
         modules=(
-            AnalogModuleConfig(
-                ANALOG_INPUT_NODE, (torque_input(motor.rated_torque), *thermometers)
-            ),
+            AnalogModuleConfig(ANALOG_INPUT_NODE, (torque, *thermometers)),
         ),
         guard=GuardContact(
             node_id=DRIVE_NODE,
