@@ -379,9 +379,7 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
                 calibration=outer.calibration,
             ),
         ),
-        modules=(
-            AnalogModuleConfig(ANALOG_INPUT_NODE, (torque, *thermometers)),
-        ),
+        modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, (torque, *thermometers)),),
         guard=GuardContact(
             node_id=DRIVE_NODE,
             entry=ObjectRef(0x60FD, 0, U32, "digital inputs"),

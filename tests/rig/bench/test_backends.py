@@ -12,7 +12,7 @@ import pytest
 from experiments.recording import Recording
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.bench.backends.order import Order
+from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.registry import make_port
 from rig.errors import ConfigurationError
 from rig.run.start import run_order
@@ -55,6 +55,26 @@ def assert_same(one: Recording, other: Recording) -> None:
     for name in one.signals:
         assert np.array_equal(one.stored(name), other.stored(name)), name
     assert one.segments == other.segments
+
+
+@pytest.mark.parametrize("backend", ["wire", "wire-csp", "wire-box", "wire-analog"])
+def test_the_instruments_of_the_wire_are_as_well_known(backend: str, tmp_path: Path) -> None:
+    known = {}
+    for name in ("sim", backend):
+        order = Order(
+            protocol="home",
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            folder=tmp_path,
+            backend=name,
+        )
+        port = make_port(order, Setup()).port
+        port.open()
+        known[name] = {one.name: one.calibration for one in port.channels}
+        port.close()
+    for name in ("input_angle", "output_angle", "torque", "housing_temperature"):
+        assert known[backend][name] == known["sim"][name], name
+    assert known["sim"]["output_angle"].accuracy
 
 
 def test_a_protocol_over_the_wire_has_the_same_counts(direct: Recording, tmp_path: Path) -> None:
