@@ -10,8 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from experiments.recording import Event
-from rig.commands.terminal import table
+from rig.commands.terminal import painted
 from rig.commands.visible import Text, VisibleConsole, plain_column
+from rig.content.grid import Grid, columns
 from rig.content.wording import visible
 from rig.main import app, run
 from rig.runfile.write import RunWriter
@@ -78,9 +79,8 @@ def printed(what: object) -> str:
 def test_texts_cells_titles_and_texts_made_elsewhere() -> None:
     import rich.text
 
-    grid = table(EVIL, title=EVIL)
-    grid.add_row(EVIL)
-    grid.add_row(Text(EVIL))
+    heads = columns(EVIL, (EVIL, "word"))
+    grid = painted(Grid(EVIL, heads, [(EVIL, EVIL)], EVIL))
     for what in (EVIL, Text(EVIL), Text("a").append(EVIL), Text.assemble("a", EVIL), grid):
         assert not OBEYED.search(printed(what))
         assert "\\u000dPASS" in printed(what)
