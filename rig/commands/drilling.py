@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.terminal import console, echo, painted, print_json
-from rig.content.grid import Grid, columns
 
 if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
@@ -186,6 +185,7 @@ def acknowledge(
 
 
 def _print_table(rows: list[DrillRow]) -> None:
+    from rig.content.grid import Grid, columns
     from rig.trial.drill.table import outcome_cells
 
     judged = columns("made safe", ("stands", "word"), ("verified", "word"), "outcome")
@@ -215,6 +215,7 @@ def _print_table(rows: list[DrillRow]) -> None:
 
 def _print_without(rows: list[DrillRow]) -> None:
     """What the drills say with every fault taken out."""
+    from rig.content.grid import Grid, columns
     from rig.trial.drill.suite import proves_detection
 
     cells = []

@@ -85,7 +85,8 @@ def runs(
     from rig.commands.listing import SHOWN, newest
 
     found = len(listed)
-    listed = newest(listed, (0 if json else SHOWN) if last is None else last)
+    most = 0 if json else SHOWN
+    listed = newest(listed, most if last is None else last)
     judged = judge_listed(listed)
     if json:
         print_json(
@@ -223,10 +224,9 @@ def _recording_as_json(
     """Everything that `rig show` says of a run; no verdict of a file that is not sealed."""
     from rig.analysis.in_force import in_force_by_kind
     from rig.analysis.judging import verdict_as_json
-    from rig.runfile.contents import channel_ranges, moment
+    from rig.runfile.contents import moment
 
     m = recording.metadata
-    ranges = channel_ranges(recording)
     return {
         "run": m.run_id,
         "file": str(path),
@@ -253,19 +253,7 @@ def _recording_as_json(
         "parameters": m.parameters,
         "conditions": m.conditions,
         "process": {k: v for k, v in m.process.items() if k != "truth"},
-        "channels": [
-            {
-                "name": s.name,
-                "unit": s.unit,
-                "scale": s.gain,
-                "offset": s.offset,
-                "quantum": s.quantum,
-                "long_name": s.long_name,
-                "minimum": ranges[s.name][0],
-                "maximum": ranges[s.name][1],
-            }
-            for s in recording.signals.values()
-        ],
+        "channels": _channels_as_json(recording),
         "segments": [vars(segment) for segment in recording.segments],
         "events": [
             {
@@ -278,3 +266,23 @@ def _recording_as_json(
             for e in recording.events
         ],
     }
+
+
+def _channels_as_json(recording: Recording) -> list[dict[str, Any]]:
+    from rig.runfile.contents import channel_ranges
+
+    return [
+        {
+            "name": name,
+            "unit": signal.unit,
+            "scale": signal.gain,
+            "offset": signal.offset,
+            "quantum": signal.quantum,
+            "long_name": signal.long_name,
+            "minimum": low,
+            "maximum": high,
+        }
+        for (name, (low, high)), signal in zip(
+            channel_ranges(recording).items(), recording.signals.values(), strict=True
+        )
+    ]

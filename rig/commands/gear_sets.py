@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.terminal import console, echo, painted, print_json
-from rig.content.grid import Grid, columns
 
 if TYPE_CHECKING:
     from model.catalogue.contradictions import Contradiction
@@ -209,6 +208,8 @@ def asked(
 
 def print_contradictions(found: Iterable[Contradiction], not_compared: str, name: str = "") -> None:
     """What was found, or that nothing was."""
+    from rig.content.grid import Grid, columns
+
     out, listed = console(), list(found)
     if listed:
         rows = [(one.name, one.where, one.value, one.expected, one.remedy) for one in listed]

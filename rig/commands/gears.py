@@ -9,7 +9,6 @@ import typer
 
 from rig.commands import gear_sets
 from rig.commands.terminal import console, echo, fact_table, painted, print_json
-from rig.content.grid import Grid, columns
 
 if TYPE_CHECKING:
     from rig.gears.card import GearCard
@@ -59,6 +58,8 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
             f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120"
         )
         return
+    from rig.content.grid import Grid, columns
+
     rows = []
     for one in listed:
         if one.card is None:
@@ -214,6 +215,7 @@ def _print(card: GearCard) -> None:
 
 def _print_flags() -> None:
     from experiments.parameters import parameter_fields
+    from rig.content.grid import Grid, columns
     from rig.gears.card import CHOICES, GearFacts
 
     rows = [
