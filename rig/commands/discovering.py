@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.terminal import console, echo, painted, print_json
-from rig.content.grid import Grid, columns, number_columns
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rig.content.grid import Grid
     from rig.trial.doctor.discover.proposal import Bus, FoundNode, Proposal
 
 
@@ -136,6 +136,7 @@ def _as_json(
 
 
 def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path | None) -> None:
+    from rig.content.grid import Grid, columns
     from rig.trial.doctor.discover.proposal import role_of
 
     out = console()
@@ -172,6 +173,7 @@ def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path
 
 def _rates(nodes: int) -> Grid:
     """Which SYNC rate a bus carries: nodes by bit rate."""
+    from rig.content.grid import Grid, number_columns
     from rig.trial.doctor.discover.ask import RATES_SHOWN, rates_of
 
     rows = []
