@@ -38,6 +38,8 @@ EDGE = 0.2
 """Share at either end of a ramp that is left out: lag of the port, rounding of the corner."""
 LEAST_ROWS = 24
 """Rows of a ramp, without its ends, that tell its acceleration."""
+LONGEST_PERIOD = 1.5e-3
+"""s between rows beyond which it was seen to fail: at 250 Hz ramps of good torques show a quarter too little."""
 LEAST_PAIRS = 6
 SAME_SPEED = 0.1
 """Share by which the mean speeds of two ramps may differ that go through the same speeds."""
@@ -178,6 +180,8 @@ def _ramp(recorded: Recorded, segment: Segment) -> _Ramp | None:
     if rows.stop - rows.start < LEAST_ROWS or np.any(recording.flags(rows) & BAD_CYCLE):
         return None
     time = recording.time(rows)
+    if time[-1] - time[0] > LONGEST_PERIOD * len(time):
+        return None
     angle = recording.si("input_angle", rows)
     beside = time - time.mean()
     powers = np.column_stack([beside**2, beside, np.ones_like(beside)])
