@@ -32,7 +32,7 @@ from drivers.port import (
 from drivers.samples import Break, SampleBlock
 from drivers.source import Follower, Source
 
-COLLECTED_WITHIN: Final = 0.5
+_COLLECTED_WITHIN: Final = 0.5
 """Share of the period, from the SYNC on, in which sources may answer; the rest belongs to guard and set-points."""
 
 
@@ -255,7 +255,7 @@ class CycledRig:
 
     def _collect(self, cycle: Cycle) -> tuple[list[int], int]:
         """Counts and marks of every source for the cycle that has just been."""
-        until = cycle.sync_ns + round(COLLECTED_WITHIN * self.cycle_ns)
+        until = cycle.sync_ns + round(_COLLECTED_WITHIN * self.cycle_ns)
         counts: list[int] = []
         marks = 0
         for follower in self._followers:

@@ -19,7 +19,7 @@ class DriveState(Enum):
     UNKNOWN = "unknown"
 
 
-STATE_TABLE: tuple[tuple[int, int, DriveState], ...] = (
+_STATE_TABLE: tuple[tuple[int, int, DriveState], ...] = (
     (0x4F, 0x00, DriveState.NOT_READY),
     (0x4F, 0x40, DriveState.SWITCH_ON_DISABLED),
     (0x4F, 0x0F, DriveState.FAULT_REACTION),
@@ -52,7 +52,7 @@ POWERED_STATES = frozenset({DriveState.ENABLED, DriveState.QUICK_STOP, DriveStat
 
 def drive_state(statusword: int) -> DriveState:
     """The state that a statusword stands for."""
-    for mask, value, state in STATE_TABLE:
+    for mask, value, state in _STATE_TABLE:
         if statusword & mask == value:
             return state
     return DriveState.UNKNOWN

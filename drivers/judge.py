@@ -10,7 +10,7 @@ A busy computer must never look like an over-speed, and must not hide one:
 
 - A cycle in which frames came twice is not judged: of two values nobody knows which one is true. The third such
   cycle ends the run (`drivers.bus.strangers`).
-- An interval that is shorter than its periods by more than `JITTER` of one is not judged.
+- An interval that is shorter than its periods by more than `_JITTER` of one is not judged.
 - Without a stamp of hardware the devices may have heard a SYNC later than it was sent, at the latest
   when their answer was there. A break that this doubt could explain is not one yet; while the doubt
   lasts the window grows back to where it began, so that its share of the window shrinks.
@@ -36,7 +36,7 @@ from drivers.errors import DriverError
 from drivers.port import MISSED_CYCLES, STALE_DATA, UNTIMED_CYCLES, Bound, Guard
 from drivers.samples import NOT_JUDGED, Break, CycleFlag
 
-JITTER: Final = 0.5
+_JITTER: Final = 0.5
 """Periods by which an interval may be shorter than it should: a SYNC that was late by less is made up for."""
 _MEMORY: Final = 4096
 _Weights = list[tuple[int, float]]
@@ -56,7 +56,7 @@ class CycleJudge:
         self._good: deque[bool] = deque(maxlen=_MEMORY)
         self._times: deque[int] = deque(maxlen=_MEMORY)
         self._doubt_ns = 0
-        self._cycle_ns, self._jitter_ns = cycle_ns, round(JITTER * cycle_ns)
+        self._cycle_ns, self._jitter_ns = cycle_ns, round(_JITTER * cycle_ns)
         self._guard: Guard | None = None
         self._compiled: list[_Compiled] = []
         self._stale = self._untimed = 0

@@ -21,13 +21,13 @@ from drivers.event import Event
 from drivers.samples import STALE_OF, CycleFlag
 
 NANOSECOND: Final = 1e-9
-AGE_ENDING: Final = "_taken"
+_AGE_ENDING: Final = "_taken"
 
 
 def taken_channel(channel: Channel) -> Channel:
     """The channel that says when a polled channel's value was taken: seconds after the SYNC of its cycle."""
     return Channel(
-        name=channel.name + AGE_ENDING,
+        name=channel.name + _AGE_ENDING,
         unit="s",
         scale=NANOSECOND,
         long_name=f"when {channel.name} was taken, after the SYNC",

@@ -26,7 +26,7 @@ GAIN = "gain of the channel"
 STATED = "calibration of the channel"
 PAIR = ("torque", "drive_torque")
 """Torque port, and the torque that the drive reports."""
-ONE_INSTRUMENT = "the drive's torque is the same instrument"
+_ONE_INSTRUMENT = "the drive's torque is the same instrument"
 """Of the scale of two channels that are no witness of each other."""
 TORQUES = ("N m", "N")
 """Units of channels that are a torque or a force, and not what drives one."""
@@ -57,7 +57,7 @@ def is_one_instrument(recording: Recording) -> bool:
 def stated_note(recording: Recording, channel: str = "torque") -> str:
     """What the line of a scale that somebody stated says of itself."""
     shared = channel in PAIR and is_one_instrument(recording)
-    return f"{STATED}; {ONE_INSTRUMENT}" if shared else STATED
+    return f"{STATED}; {_ONE_INSTRUMENT}" if shared else STATED
 
 
 def scale_line(recording: Recording, torque: float, channel: str = "torque") -> BudgetLine:
@@ -95,7 +95,7 @@ def thermometer_uncertainty(
     return THERMOMETER.standard_uncertainty, THERMOMETER
 
 
-def time_exponent(unit: str) -> int:
+def _time_exponent(unit: str) -> int:
     """The power with which a number in this unit goes with the length of a second; an inertia is torque times s2."""
     if unit in ("kg m2", "kg"):
         return 2
@@ -108,7 +108,7 @@ def time_exponent(unit: str) -> int:
 
 def timed(estimate: Estimate, recording: Recording) -> Estimate:
     """The estimate with what a rate that somebody said leaves open; as it is where rows carry stamps."""
-    power = time_exponent(estimate.unit)
+    power = _time_exponent(estimate.unit)
     if recording.metadata.time_base != "nominal" or not power:
         return estimate
     line = TIME_BASE.line("time base", power * TIME_BASE.standard_uncertainty * estimate.value)

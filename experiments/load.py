@@ -39,7 +39,7 @@ def is_simulated(recording: Recording) -> bool:
     return metadata.origin == "simulated" or "truth" in metadata.process
 
 
-def stated_inertia(recording: Recording) -> float | None:
+def _stated_inertia(recording: Recording) -> float | None:
     """Inertia at the output [kg m2] that was stated when the recording was imported; None where nobody did."""
     stated = recording.metadata.process.get("stated", {}).get("load_inertia_kg_m2")
     return None if stated is None else float(stated)
@@ -51,7 +51,7 @@ def carrying(recording: Recording, gear: HarmonicDrive) -> HarmonicDrive:
     A recording that names no gear is analysed with the shipped set. Its stiffness is another gear's: with it the
     stated inertia would make a mode of which nobody knows anything.
     """
-    inertia = stated_inertia(recording)
+    inertia = _stated_inertia(recording)
     is_another = recording.metadata.gear is None and gear.name == shipped_gear().name
     if inertia is None or is_another:
         return gear
@@ -66,7 +66,7 @@ def is_stated(recording: Recording, gear: HarmonicDrive) -> bool:
 
 def load_of(recording: Recording, gear: HarmonicDrive) -> Load:
     """The load of a recording: as stated with it, else by the gear's own parameter set."""
-    stated = stated_inertia(recording)
+    stated = _stated_inertia(recording)
     if stated is not None:
         return Load(inertia=stated)
     origin, inertia = gear.value("inertia.output").origin, gear.inertia.output

@@ -16,22 +16,22 @@ from typing import Literal
 from experiments.errors import AnalysisError
 from model.unit_text import scale_in, understood
 
-DependenceFunction = Callable[[float, str, float], float]
+_DependenceFunction = Callable[[float, str, float], float]
 """Of a value, how a channel may be wrong ("scale", "offset", "zero", "curve", "delay") and by how much (one standard
 uncertainty): the standard uncertainty of the value."""
-Dependence = Literal["proportional", "difference", "amplitude", "none"] | DependenceFunction
+Dependence = Literal["proportional", "difference", "amplitude", "none"] | _DependenceFunction
 """How a number rests on a channel: on its readings as they are, on how they differ, on the amplitude of a wave in them,
 not at all, or as a function says."""
 
 
-def in_its_budget(value: float, part: str, size: float) -> float:
+def _in_its_budget(value: float, part: str, size: float) -> float:
     """What the analysis itself has in its budget, or takes out of its data: the contract adds nothing."""
     return 0.0
 
 
 ANGLES_IN_ITS_BUDGET: Mapping[str, Dependence] = {
-    "input_angle": in_its_budget,
-    "output_angle": in_its_budget,
+    "input_angle": _in_its_budget,
+    "output_angle": _in_its_budget,
 }
 """Of numbers whose analysis knows what the encoders add, and of those to which they add nothing."""
 OF_TORQUE_DIFFERENCES: Mapping[str, Dependence] = {"torque": "difference", **ANGLES_IN_ITS_BUDGET}

@@ -19,10 +19,10 @@ from experiments.quantity import Quantity, quantity_of
 from model.arrays import FloatArray
 from model.identify.estimate import Cause, Estimate
 
-SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
+_SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
 SeriesRole = Literal["data", "null", "limit"]
 VerdictOutcome = Literal["PASS", "MARGINAL", "FAIL", "NOT JUDGED"]
-CHECK_OUTCOMES = {
+_CHECK_OUTCOMES = {
     Severity.PASSED: "ok",
     Severity.NOT_LOOKED_AT: "not checked",
     Severity.NOTES: "widened",
@@ -45,7 +45,7 @@ class Series:
     label: str
     x: FloatArray
     y: FloatArray
-    style: SeriesStyle = "line"
+    style: _SeriesStyle = "line"
     low: FloatArray | None = None
     high: FloatArray | None = None
     group: int = 0
@@ -255,7 +255,7 @@ def checks_to_mapping(checks: Iterable[Finding]) -> list[dict[str, str | bool]]:
     return [
         {
             "name": check.what,
-            "outcome": CHECK_OUTCOMES[check.severity],
+            "outcome": _CHECK_OUTCOMES[check.severity],
             "found": check.found if _was_looked_at(check) else "",
             "allowed": check.allowed,
             "words": check.follows if _was_looked_at(check) else check.found,
@@ -275,7 +275,7 @@ def checks_from_mapping(stored: Iterable[Mapping[str, Any]]) -> tuple[Finding, .
 
 
 def _check_from_mapping(stored: Mapping[str, Any]) -> Finding:
-    severities = [s for s, word in CHECK_OUTCOMES.items() if word == stored["outcome"]]
+    severities = [s for s, word in _CHECK_OUTCOMES.items() if word == stored["outcome"]]
     if not severities:
         raise ValueError(f"outcome {stored['outcome']!r} of a check")
     severity = severities[0]

@@ -21,7 +21,7 @@ LEAST_FREEDOM = 10
 """Points beyond the numbers of a curve from which on they tell it: their scatter is known within a quarter then."""
 SAME_SPEED = 0.03
 """Relative difference up to which two holds are at one speed."""
-ON_THE_FLOOR = 0.05
+_ON_THE_FLOOR = 0.05
 """Relative distance from the least scatter that the search for it cannot tell."""
 
 
@@ -96,7 +96,7 @@ class Standing:
                 f"{self.points - self.places} points measured again of {FEWEST} asked for, so that "
                 "their scatter is assumed"
             )
-        elif self.scatter <= SMALLEST * (1.0 + ON_THE_FLOOR):
+        elif self.scatter <= SMALLEST * (1.0 + _ON_THE_FLOOR):
             reasons.append(
                 f"the scatter of points measured again lies on the least that is looked for, {SMALLEST:g} of their size"
             )

@@ -31,7 +31,7 @@ from model.units import RPM
 AT_REFERENCE = "_at_20_degrees"
 """How the names of what is stated at 20 degC end."""
 FORCES = ("coulomb", "static", "viscous")
-Truths = Iterator[tuple[str, float, float]]
+_Truths = Iterator[tuple[str, float, float]]
 """Name, what this bench sees, measurand."""
 
 
@@ -209,7 +209,7 @@ class _Friction:
         return float(self.own["mesh_lever"]) * forces
 
 
-def _friction(result: Result, truth: _Truth) -> Truths:
+def _friction(result: Result, truth: _Truth) -> _Truths:
     """Parameters of equation 19 and running torques, at the run's temperature and at 20 degC."""
     own = truth.part("friction")
     if result.options.get("torque_is_of") != "gear" or own.get("torque_balance") != (
@@ -248,7 +248,7 @@ def _speeds(names: Iterable[str], suffix: str) -> Iterator[float]:
             yield float(found[1])
 
 
-def _tare(result: Result, truth: _Truth) -> Truths:
+def _tare(result: Result, truth: _Truth) -> _Truths:
     """Friction of the motor alone, as warm as it was on average, and at 20 degC."""
     motor, scale = truth.part("motor"), truth.scale()
     reference = 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0
@@ -260,7 +260,7 @@ def _tare(result: Result, truth: _Truth) -> Truths:
                 yield f"motor_{name}{suffix}", scale * own, own
 
 
-def _home(result: Result, truth: _Truth) -> Truths:
+def _home(result: Result, truth: _Truth) -> _Truths:
     """The edge that the motor's forward turn meets, on a circle without errors; the counter shows its encoder's error
     there beside it.
 
@@ -274,7 +274,7 @@ def _home(result: Result, truth: _Truth) -> Truths:
             yield f"{which}_index", edge + float(own["index_error"]), edge
 
 
-def _warm_up(result: Result, truth: _Truth) -> Truths:
+def _warm_up(result: Result, truth: _Truth) -> _Truths:
     """Motor, gear and the bench's output bearing at the speed of the holds, with which the run ends."""
     own, motor, speed = truth.part("friction"), truth.part("motor"), result.metrics.get("speed")
     if "mesh_lever" not in own or speed is None:
@@ -287,7 +287,7 @@ def _warm_up(result: Result, truth: _Truth) -> Truths:
     yield "running_torque", taken * truth.scale("end") * all_that_turns, all_that_turns
 
 
-def _starting_torque(result: Result, truth: _Truth) -> Truths:
+def _starting_torque(result: Result, truth: _Truth) -> _Truths:
     """Motor and gear from rest, in the mean over all positions; the bench's output bearing is no part of it."""
     own, motor = truth.part("friction"), truth.part("motor")
     if "mesh_lever" not in own or result.options.get("torque_is_of") != "motor + gear":
@@ -307,7 +307,7 @@ def _starting_torque(result: Result, truth: _Truth) -> Truths:
     yield f"starting_torque{AT_REFERENCE}", *torques(reference, reference)
 
 
-def _kinematic_error(result: Result, truth: _Truth) -> Truths:
+def _kinematic_error(result: Result, truth: _Truth) -> _Truths:
     """Amplitudes, phases from the mark of the result, and peak to peak; an order that nothing makes has amplitude 0."""
     error = truth.part("kinematic_error")
     ratio = float(result.options.get("ratio", math.nan))
@@ -369,7 +369,7 @@ def _at_order(series: Mapping[float, complex], order: float) -> complex:
     return sum(c for other, c in series.items() if abs(other - order) < 1e-9)
 
 
-def _steps(result: Result, truth: _Truth) -> Truths:
+def _steps(result: Result, truth: _Truth) -> _Truths:
     """Secant stiffness over inertia, mode and damping at the named torque amplitude; inertia and stiffness by torque.
 
     The torque port's scale stands in what torque tells: it is read for rotor and output together,
@@ -393,7 +393,7 @@ def _steps(result: Result, truth: _Truth) -> Truths:
     yield "output_stiffness", ratio * carried, ratio * inertia
 
 
-_MAKERS: Mapping[str, Callable[[Result, _Truth], Truths]] = {
+_MAKERS: Mapping[str, Callable[[Result, _Truth], _Truths]] = {
     "friction": _friction,
     "motor-tare": _tare,
     "kinematic-error": _kinematic_error,

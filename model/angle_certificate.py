@@ -22,11 +22,11 @@ from model.units import DEGREE, REVOLUTION
 
 CERTIFIED_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
 """Orders of the encoder's own revolution that are taken out by its certificate."""
-LARGEST_GAP = REVOLUTION / (2 * len(CERTIFIED_ORDERS) + 1)
+_LARGEST_GAP = REVOLUTION / (2 * len(CERTIFIED_ORDERS) + 1)
 """rad; points further apart do not tell the highest of these orders."""
 LARGEST_ERROR = 1.0 * DEGREE
 """rad; an encoder that is further out has another unit, or another table."""
-COVERAGE_FACTORS = (1.0, 4.0)
+_COVERAGE_FACTORS = (1.0, 4.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ class AngleCertificate:
 
 
 def _check_factor(factor: float) -> None:
-    low, high = COVERAGE_FACTORS
+    low, high = _COVERAGE_FACTORS
     if not low <= factor <= high:
         raise ParameterError(
             "is no coverage factor of an expanded uncertainty",
@@ -149,11 +149,11 @@ def _check_round(angles: FloatArray) -> None:
             value=f"{angles[back[0] + 1] / DEGREE:.6g} deg after {angles[back[0]] / DEGREE:.6g} deg",
         )
     widest = int(np.argmax(gaps))
-    if gaps[widest] > LARGEST_GAP * (1.0 + 1e-9):
+    if gaps[widest] > _LARGEST_GAP * (1.0 + 1e-9):
         raise ParameterError(
             "the points are too far apart to tell order 8 of the encoder's revolution",
             where=f"after point {widest + 1} of the certificate",
             value=f"{gaps[widest] / DEGREE:.4g} deg",
-            limit=f"{LARGEST_GAP / DEGREE:.4g} deg",
+            limit=f"{_LARGEST_GAP / DEGREE:.4g} deg",
             remedy="Take a certificate with at least 18 points a revolution.",
         )

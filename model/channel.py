@@ -16,7 +16,7 @@ from model.angle_certificate import AngleCertificate
 from model.errors import ParameterError
 from model.units import REVOLUTION
 
-Acquired = Literal["latched", "polled"]
+_Acquired = Literal["latched", "polled"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Channel:
     serial_number: str = ""
     lines: int = 0
     multiplication: int = 0
-    acquired: Acquired = "latched"
+    acquired: _Acquired = "latched"
     calibration: Calibration = field(default_factory=Calibration)
 
     def __post_init__(self) -> None:

@@ -36,7 +36,7 @@ Start = Literal["rest", "steady"]
 
 LONGEST_STEP = 2.5e-4
 """s; measured inputs are refined to at most this interval, so that friction is followed through a reversal."""
-SERIES_ERROR = 0.001 * ARCSEC
+_SERIES_ERROR = 0.001 * ARCSEC
 """rad; the refinement keeps the interpolation error of the kinematic error below this (a resonance magnifies it)."""
 BLOCK = 1 << 15
 """Fine samples handled at once, which bounds the memory of a long record."""
@@ -400,7 +400,7 @@ def derived_speed(angle: FloatArray, interval: float) -> FloatArray:
 
 
 def _substeps(gear: HarmonicDrive, speed: FloatArray, interval: float, given: int | None) -> int:
-    """Fine samples per interval: so many that the interpolation of the kinematic error stays within `SERIES_ERROR`.
+    """Fine samples per interval: so many that the interpolation of the kinematic error stays within `_SERIES_ERROR`.
 
     The cubic through values and rates of a sinusoid of amplitude A and frequency w is wrong by A (w h)^4/384.
     """
@@ -418,6 +418,6 @@ def _substeps(gear: HarmonicDrive, speed: FloatArray, interval: float, given: in
         * float(np.max(np.abs(speed))) ** 4
     )
     longest = min(
-        LONGEST_STEP, (384.0 * SERIES_ERROR / fourth) ** 0.25 if fourth > 0.0 else LONGEST_STEP
+        LONGEST_STEP, (384.0 * _SERIES_ERROR / fourth) ** 0.25 if fourth > 0.0 else LONGEST_STEP
     )
     return max(1, math.ceil(interval / longest - 1e-9))

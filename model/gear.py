@@ -94,7 +94,7 @@ def allowed_range(meta: Mapping[str, Any]) -> str:
     return f"{sign} {lower:g} and <= {meta['high']:g}{unit}"
 
 
-def is_finite_number(value: object) -> bool:
+def _is_finite_number(value: object) -> bool:
     """Whether this is a number that a float can hold: no text, no truth value, not NaN, not infinite."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
@@ -117,7 +117,7 @@ class Section:
             if is_unknown(f, value):
                 continue
             meta = f.metadata
-            if not is_finite_number(value):
+            if not _is_finite_number(value):
                 refuse(self.section, f.name, value, allowed_range(meta), "is not a finite number")
             if f.type in ("int", int) and int(value) != value:
                 refuse(

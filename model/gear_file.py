@@ -52,7 +52,7 @@ SECTIONS: dict[str, type[Section]] = {
 }
 """The tables of a gear file in their order, and the section that each becomes."""
 
-LARGEST_HARMONIC = DEGREE
+_LARGEST_HARMONIC = DEGREE
 """rad; a kinematic error beyond a degree is a wrong unit, not a gear."""
 
 _TOP = ("format", "name", *SECTIONS, "kinematic_error", "options")
@@ -249,10 +249,10 @@ def _harmonic(row: Mapping[str, Any], path: str) -> tuple[Harmonic, Origin]:
     for key in ("cosine", "sine", "standard_uncertainty"):
         if key not in row:
             continue
-        limit = f"within {LARGEST_HARMONIC:.3g} rad (1 degree)"
+        limit = f"within {_LARGEST_HARMONIC:.3g} rad (1 degree)"
         amplitude = quantities.number(row[key], f"{path}.{key}", limit)
         amplitudes[key] = quantities.to_si(amplitude, row["unit"], "rad", f"{path}.unit")
-        if abs(amplitudes[key]) > LARGEST_HARMONIC or (
+        if abs(amplitudes[key]) > _LARGEST_HARMONIC or (
             key == "standard_uncertainty" and amplitude < 0.0
         ):
             raise ParameterError(

@@ -31,7 +31,7 @@ from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.geometry import radial_lever
 
-OrderKind = Literal["input", "output", "wave-sideband", "output-sideband"]
+_OrderKind = Literal["input", "output", "wave-sideband", "output-sideband"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Order:
     """One frequency of the basis: cycles per input revolution, what makes it, and its name ("2", "1/N", "2+2/N")."""
 
     order: float
-    kind: OrderKind
+    kind: _OrderKind
     label: str
 
 

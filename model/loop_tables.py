@@ -25,7 +25,7 @@ from model.linear import DynamicParameters, damping_matrix, mass_matrix, stiffne
 
 FRICTION_POINTS = 4096
 COGGING_POINTS = 2048
-LONGEST_PERIOD = 2000
+_LONGEST_PERIOD = 2000
 """Input revolutions after which the orders of a simulated gear must repeat."""
 
 
@@ -100,22 +100,22 @@ def common_period(orders: tuple[float, ...], ratio: float) -> int:
         if float(ratio).is_integer() and abs(scaled - round(scaled)) < 1e-6:
             fraction = Fraction(round(scaled), round(ratio))
         else:
-            fraction = Fraction(order).limit_denominator(LONGEST_PERIOD)
+            fraction = Fraction(order).limit_denominator(_LONGEST_PERIOD)
         if abs(float(fraction) - order) > 1e-9 * max(1.0, order):
             raise ModelError(
                 "an order of the kinematic error does not repeat within a simulable number of revolutions",
                 where="kinematic_error.orders",
                 value=order,
-                limit=f"a fraction with a denominator up to {LONGEST_PERIOD}",
+                limit=f"a fraction with a denominator up to {_LONGEST_PERIOD}",
                 remedy="Use whole orders, output orders k/N and sidebands n(1 + 1/N) of the gear's ratio.",
             )
         period = math.lcm(period, fraction.denominator)
-    if period > LONGEST_PERIOD:
+    if period > _LONGEST_PERIOD:
         raise ModelError(
             "the orders of the kinematic error have no common period that can be simulated",
             where="kinematic_error.orders",
             value=period,
-            limit=f"<= {LONGEST_PERIOD} input revolutions",
+            limit=f"<= {_LONGEST_PERIOD} input revolutions",
         )
     return period
 
@@ -138,7 +138,7 @@ def friction_table(
     table[:, 0], table[:, 1] = lever * (force - viscous), lever * viscous
     table[:, 2] = friction.bearing_lever(gear) * (drag - drag[0])
     if windup:
-        table[:, 3] = friction_lag(p, drag / p.neutral_radius, force)
+        table[:, 3] = _friction_lag(p, drag / p.neutral_radius, force)
     return table
 
 
@@ -149,7 +149,7 @@ def bearing_drag(gear: HarmonicDrive, speed: FloatArray) -> FloatArray:
     )
 
 
-def friction_lag(
+def _friction_lag(
     p: DynamicParameters, bearing_force: FloatArray, mesh_force: FloatArray
 ) -> FloatArray:
     """theta_f, the angle by which friction winds the gear up (reduced form of equation 2) [rad].

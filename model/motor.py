@@ -90,10 +90,10 @@ def load_motor(path: str | Path) -> ServoMotor:
 
 def save_motor(motor: ServoMotor, path: str | Path) -> None:
     """Write a parameter file that reads back to exactly this motor."""
-    quantities.write_text(motor_to_toml(motor), path)
+    quantities.write_text(_motor_to_toml(motor), path)
 
 
-def motor_to_toml(motor: ServoMotor) -> str:
+def _motor_to_toml(motor: ServoMotor) -> str:
     """The motor as the text of a parameter file."""
     lines = [
         "# Parameters of a servo motor. Every line holds value, unit, provenance and source.",

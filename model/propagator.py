@@ -42,7 +42,7 @@ LARGEST_CONDITION = 1e5
 OUTPUTS = ("output_angle", "output_speed", "torsion_torque", "bearing_force")
 """Rows of `Propagator.output`: theta_o [rad], theta_o' [rad/s], cup torque [N m], F_b [N]."""
 
-QUAD = 4
+_QUAD = 4
 """Modes are padded to a multiple of this, because the compiled loop advances four side by side."""
 
 
@@ -165,7 +165,7 @@ def _modal(
     upper = int(np.max(np.sum(np.imag(poles) >= 0.0, axis=1)))
     rank = rank[:, :upper]
     row = np.arange(sets)[:, None]
-    modes = -(-upper // QUAD) * QUAD
+    modes = -(-upper // _QUAD) * _QUAD
     poles = poles[row, rank].astype(np.complex128)
     weight = np.where(np.imag(poles) > 0.0, 2.0, np.where(np.imag(poles) == 0.0, 1.0, 0.0))
     inverse = inverse[row, rank] * (weight > 0.0)[:, :, None]

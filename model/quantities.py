@@ -27,7 +27,7 @@ from model.unit_text import Unit, fitting
 LARGEST_FILE = 1_000_000
 """Bytes; a parameter file is a few kilobytes, so anything longer is the wrong file."""
 
-READABLE: dict[str, tuple[str, ...]] = {
+_READABLE: dict[str, tuple[str, ...]] = {
     "m": ("mm",),
     "rad": ("deg", "arcmin"),
     "rad/s": ("r/min",),
@@ -37,7 +37,7 @@ READABLE: dict[str, tuple[str, ...]] = {
 }
 """Units tried when writing."""
 
-PREFERRED = frozenset({"m", "rad", "Pa", "m2/s"})
+_PREFERRED = frozenset({"m", "rad", "Pa", "m2/s"})
 """SI units whose readable unit is taken even where its text is two characters longer."""
 
 _ENTRY_KEYS = ("value", "unit", "provenance", "source", "standard_uncertainty")
@@ -110,7 +110,7 @@ def read_origin(entry: Mapping[str, Any], where: str) -> tuple[str, str]:
     return provenance, source
 
 
-def read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[float, Origin]:
+def _read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[float, Origin]:
     """One quantity in SI with its origin, from `{ value = .., unit = "..", .. }`."""
     limit = allowed_range(meta)
     unit = meta["unit"]
@@ -170,7 +170,7 @@ def read_section(
             raise ParameterError(
                 "is missing", where=path, limit=allowed_range(f.metadata), remedy=remedy
             )
-        value, origin = read_quantity(table[f.name], f.metadata, path)
+        value, origin = _read_quantity(table[f.name], f.metadata, path)
         arguments[f.name] = int(value) if f.type in ("int", int) and value == int(value) else value
         origins[f.name] = origin
     return arguments, origins
@@ -196,8 +196,8 @@ def readable(values: Iterable[float], si_unit: str) -> tuple[list[str], str]:
     """
     numbers = list(values)
     best: tuple[list[str], str] = ([repr(v) for v in numbers], si_unit)
-    shortest = sum(map(len, best[0])) + (2 if si_unit in PREFERRED else 0)
-    for unit in READABLE.get(si_unit, ()):
+    shortest = sum(map(len, best[0])) + (2 if si_unit in _PREFERRED else 0)
+    for unit in _READABLE.get(si_unit, ()):
         factor = fitting(unit, si_unit).scale
         texts = [_exact_text(v, v / factor, unit, si_unit) for v in numbers]
         exact = [text for text in texts if text is not None]
@@ -227,7 +227,7 @@ def quote(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def quantity_line(name: str, value: float, meta: Mapping[str, Any], origin: Origin) -> str:
+def _quantity_line(name: str, value: float, meta: Mapping[str, Any], origin: Origin) -> str:
     """The line of one quantity in a parameter file, with its symbol and description as a comment."""
     uncertainty = origin.standard_uncertainty
     texts, unit = readable([value] if uncertainty is None else [value, uncertainty], meta["unit"])
@@ -248,7 +248,7 @@ def section_lines(part: Section, origins: Mapping[str, Origin]) -> list[str]:
     fields = [f for f in dataclasses.fields(part) if "unit" in f.metadata]  # type: ignore[arg-type]
     unknown = Origin("assumed")
     return [
-        quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown))
+        _quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown))
         for f in fields
         if not is_unknown(f, getattr(part, f.name))
     ]

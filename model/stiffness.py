@@ -23,7 +23,7 @@ from model.gear import Bearing, Cup, HarmonicDrive, Material
 from model.geometry import engaged_zone
 from model.tooth import pair_compliance
 
-KRAEMER_RULE = (0.25e-5, 2.5e-5)
+_KRAEMER_RULE = (0.25e-5, 2.5e-5)
 """Bounds of C_b/K_b [s] for rolling bearings (Kraemer 1993)."""
 
 
@@ -198,7 +198,7 @@ def bearing_load(gear: HarmonicDrive, output_torque: float) -> float:
 
 def kraemer_damping(bearing_stiffness_: float) -> tuple[float, float]:
     """Lower and upper C_b [N s/m] that rolling bearings show by the rule of Kraemer 1993 (equation 15)."""
-    return KRAEMER_RULE[0] * bearing_stiffness_, KRAEMER_RULE[1] * bearing_stiffness_
+    return _KRAEMER_RULE[0] * bearing_stiffness_, _KRAEMER_RULE[1] * bearing_stiffness_
 
 
 def drive_stiffness(gear: HarmonicDrive) -> DriveStiffness:

@@ -45,10 +45,10 @@ from model.stiffness import (
 from model.tooth import pair_compliance
 from model.units import RPM
 
-FRICTION_SPEEDS_RPM = (1, 3, 10, 30, 60, 120, 300, 600, 1000, 1200, 1800, 2000, 2400, 3000, 3500)
+_FRICTION_SPEEDS_RPM = (1, 3, 10, 30, 60, 120, 300, 600, 1000, 1200, 1800, 2000, 2400, 3000, 3500)
 """Input speeds [r/min] at which the friction torque is listed."""
 
-CATALOGUE_SPEED_RPM = 2000
+_CATALOGUE_SPEED_RPM = 2000
 """Input speed [r/min] of the catalogue's no-load running torque."""
 
 
@@ -184,7 +184,7 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
         catalogue=tuple(_catalogue(gear, stiffness)),
         modes=modes(parameters),
         resonances=resonance_speeds(parameters, orders),
-        friction=friction_points(gear, (speed * RPM for speed in FRICTION_SPEEDS_RPM)),
+        friction=friction_points(gear, (speed * RPM for speed in _FRICTION_SPEEDS_RPM)),
         bearing_over_load=tuple(
             (f, bearing_stiffness(gear.bearing, gear.material, f).total) for f in sorted(loads)
         ),
@@ -355,7 +355,7 @@ def _catalogue(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[Compa
     accuracy = peak_to_peak(gear.kinematic_error, gear.ratio)
     starting = mesh_lever(gear) * gear.mesh_friction.static
     starting += bearing_lever(gear) * abs(float(bearing_friction_torque(gear, 1e-9)))
-    running = float(friction_torque(gear, CATALOGUE_SPEED_RPM * RPM))
+    running = float(friction_torque(gear, _CATALOGUE_SPEED_RPM * RPM))
     rows = (
         ("K1", stiffness.combined_output, "stiffness_1", "K_HDf against the stiffness below T1"),
         (
@@ -376,7 +376,7 @@ def _catalogue(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[Compa
             "running_torque",
             running,
             "running_torque",
-            f"friction torque at {CATALOGUE_SPEED_RPM} r/min",
+            f"friction torque at {_CATALOGUE_SPEED_RPM} r/min",
         ),
     )
     for name, computed, rating, description in rows:

@@ -22,8 +22,6 @@ ARCSEC = DEGREE / 3600.0
 """rad per second of arc."""
 REVOLUTION = 2.0 * math.pi
 """rad per revolution."""
-MICROMETRE = 1e-6
-"""m per micrometre."""
 
 COUNT = "count"
 """The unit of a counter's own numbers; its SI unit is itself, for a scale is needed."""

@@ -31,14 +31,14 @@ from rig.errors import BenchInUseError, ConfigurationError, LimitError, RigError
 
 DONE, FAIL, USAGE, MARGINAL, ABORTED, TRIPPED, ERROR, NOT_JUDGED, BUSY = range(9)
 
-CODE_OF_OUTCOME: dict[str, int] = {
+_CODE_OF_OUTCOME: dict[str, int] = {
     "COMPLETED": DONE,
     "ABORTED": ABORTED,
     "TRIPPED": TRIPPED,
     "ERROR": ERROR,
     "INTERRUPTED": ERROR,
 }
-CODE_OF_VERDICT: dict[str, int] = {
+_CODE_OF_VERDICT: dict[str, int] = {
     "PASS": DONE,
     "NOT JUDGED": DONE,
     "MARGINAL": MARGINAL,
@@ -65,12 +65,12 @@ CODE_OF_ERROR: tuple[tuple[type[BaseException], int, str], ...] = (
 
 def code_of_outcome(outcome: str) -> int:
     """The exit code of a run's outcome."""
-    return CODE_OF_OUTCOME.get(outcome, ERROR)
+    return _CODE_OF_OUTCOME.get(outcome, ERROR)
 
 
 def code_of_verdict(verdict: str, *, required: bool = False) -> int:
     """The exit code of the verdict on a gear; `required`: whether having none is an ending of its own."""
-    return NOT_JUDGED if required and verdict == "NOT JUDGED" else CODE_OF_VERDICT[verdict]
+    return NOT_JUDGED if required and verdict == "NOT JUDGED" else _CODE_OF_VERDICT[verdict]
 
 
 def code_of_verdicts(verdicts: Iterable[str], *, required: bool = False) -> int:

@@ -37,7 +37,7 @@ from rig.commands import (
 from rig.commands.earlier_names import Command, moved
 from rig.commands.terminal import outliving_the_terminal
 
-JSON_FLAGS = frozenset({"--json", "--events"})
+_JSON_FLAGS = frozenset({"--json", "--events"})
 """Flags of a caller that is a program and reads standard output."""
 PANELS = {
     "At the rig": (
@@ -174,7 +174,7 @@ def common(
 def run(arguments: list[str] | None = None) -> None:
     """Entry point: every ending becomes an exit code, every error one screen, and one JSON object if asked for."""
     words = sys.argv[1:] if arguments is None else arguments
-    as_json = not JSON_FLAGS.isdisjoint(words)
+    as_json = not _JSON_FLAGS.isdisjoint(words)
     try:
         # The library's own endings have exit codes of their own for Ctrl-C and a reader that has gone.
         code = app(args=arguments, standalone_mode=False)

@@ -20,7 +20,7 @@ from sim_backend.streams import stream
 from sim_backend.world import World
 
 POINTS = 36
-COVERAGE_FACTOR = 2.0
+_COVERAGE_FACTOR = 2.0
 UNCERTAINTY = {"input": 4.0 * ARCSEC, "output": 0.4 * ARCSEC}
 """Expanded uncertainty of every point [rad]."""
 
@@ -33,7 +33,7 @@ def encoder_certificate(
     angle = np.arange(POINTS) * (REVOLUTION / POINTS)
     shown = series_value(errors.series, errors.index_angle + angle)
     random = stream(world.bench_seed, f"{which} certificate")
-    share = UNCERTAINTY[which] / COVERAGE_FACTOR / math.sqrt(2.0)
+    share = UNCERTAINTY[which] / _COVERAGE_FACTOR / math.sqrt(2.0)
     cosine, sine = share * random.standard_normal(2)
     shown += cosine * np.cos(angle) + sine * np.sin(angle)
     shown += share * random.standard_normal(POINTS)
@@ -41,5 +41,5 @@ def encoder_certificate(
         angles=tuple(angle.tolist()),
         errors=tuple(shown.tolist()),
         expanded_uncertainties=(UNCERTAINTY[which],) * POINTS,
-        coverage_factor=COVERAGE_FACTOR,
+        coverage_factor=_COVERAGE_FACTOR,
     )

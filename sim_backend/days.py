@@ -20,7 +20,7 @@ from sim_backend.world import World
 
 STRONGEST = 0.4
 """Largest correlation of neighbouring days that a wide bench draws."""
-FORGOTTEN = 1e-9
+_FORGOTTEN = 1e-9
 """Share of a day that no later day needs to know of."""
 _NORMAL = NormalDist()
 
@@ -65,7 +65,7 @@ class Days:
         today, r = self.world.day, self.correlation
         if not self._remembers:
             return own(today)
-        reach = math.ceil(math.log(FORGOTTEN) / math.log(r))
+        reach = math.ceil(math.log(_FORGOTTEN) / math.log(r))
         first = max(1, today - reach)
         z = own(first)
         for day in range(first + 1, today + 1):

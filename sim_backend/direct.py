@@ -47,11 +47,11 @@ Counts = NDArray[np.int64]
 
 PIECE = 4096
 """Cycles simulated at a time; a guard is judged after each piece, so that a break costs at most one piece twice."""
-HEARTBEAT_CYCLES = 100
+_HEARTBEAT_CYCLES = 100
 """Cycles after which a drive that hears nothing makes its own quick stop."""
-JUMP_MARGIN = 1.5
+_JUMP_MARGIN = 1.5
 """An encoder that moves faster than this times the motor's highest speed has jumped."""
-JUMP_SLACK = 64
+_JUMP_SLACK = 64
 """Counts that are never called a jump."""
 
 
@@ -296,7 +296,7 @@ class SimulatedRig:
                 if fault.at_cycle > self._cycle:
                     cycles = fault.at_cycle - self._cycle
                 else:
-                    self._sleep(min(fault.end - self._cycle, HEARTBEAT_CYCLES * 10))
+                    self._sleep(min(fault.end - self._cycle, _HEARTBEAT_CYCLES * 10))
                     fault.effects.refusals += 1
                     raise fault.error()
         return cycles
@@ -306,7 +306,7 @@ class SimulatedRig:
         and stops by itself.
         """
         mode, target = self._last
-        alone = min(cycles, HEARTBEAT_CYCLES)
+        alone = min(cycles, _HEARTBEAT_CYCLES)
         for what, count in (
             (mode, alone),
             (Mode.QUICK_STOP if mode is not Mode.OFF else mode, cycles - alone),
@@ -433,11 +433,11 @@ class SimulatedRig:
 
     def _jump_limits(self, ratio: float, cycle_ns: int) -> dict[str, float]:
         """Counts per cycle beyond which an encoder has jumped."""
-        turned = JUMP_MARGIN * self._motor.maximum_speed * cycle_ns * 1e-9
+        turned = _JUMP_MARGIN * self._motor.maximum_speed * cycle_ns * 1e-9
         scale = {c.name: c.scale for c in self.channels}
         return {
-            names.INPUT_ANGLE: turned / scale[names.INPUT_ANGLE] + JUMP_SLACK,
-            names.OUTPUT_ANGLE: turned / ratio / scale[names.OUTPUT_ANGLE] + JUMP_SLACK,
+            names.INPUT_ANGLE: turned / scale[names.INPUT_ANGLE] + _JUMP_SLACK,
+            names.OUTPUT_ANGLE: turned / ratio / scale[names.OUTPUT_ANGLE] + _JUMP_SLACK,
         }
 
     def _snapshot(self) -> _Snapshot:

@@ -22,9 +22,9 @@ from drivers.samples import CycleFlag
 from sim_backend.plant import Plant
 from sim_backend.servo_drive import ServoDrive
 
-FOREVER = 2**62
+_FOREVER = 2**62
 """A number of cycles that never end."""
-ADC_FULL_SCALE = 32767
+_ADC_FULL_SCALE = 32767
 """Counts at the end of the torque port's converter."""
 
 
@@ -103,7 +103,7 @@ class Fault:
     """Something that goes wrong from `at_cycle` on, for `cycles` cycles. `effects` is no part of its value."""
 
     at_cycle: int
-    cycles: int = field(default=FOREVER, kw_only=True)
+    cycles: int = field(default=_FOREVER, kw_only=True)
     effects: Effects = field(default_factory=Effects, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -285,7 +285,7 @@ class TorquePortSaturated(SignalFault):
 
     def corrupt(self, sensed: Sensed) -> None:
         rows = sensed.rows(self.at_cycle, self.end)
-        sensed.counts[rows, sensed.column[names.TORQUE]] = self.sign * ADC_FULL_SCALE
+        sensed.counts[rows, sensed.column[names.TORQUE]] = self.sign * _ADC_FULL_SCALE
         sensed.flags[rows] |= np.uint16(CycleFlag.SATURATED)
 
 
@@ -315,7 +315,7 @@ class TorqueZeroDrifts(SignalFault):
         cycles = sensed.first_cycle + np.arange(rows.start, rows.stop) - self.at_cycle + 1
         port = sensed.counts[rows, sensed.column[names.TORQUE]]
         port += np.rint(self.counts_per_cycle * cycles).astype(np.int64)
-        np.clip(port, -ADC_FULL_SCALE, ADC_FULL_SCALE, out=port)
+        np.clip(port, -_ADC_FULL_SCALE, _ADC_FULL_SCALE, out=port)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from model.motor import ServoMotor
 from sim_backend.condition import Condition
 from sim_backend.world import ThermalState
 
-SUBSTEP = 125e-6
+_SUBSTEP = 125e-6
 """Longest step of the simulation [s]; the servo loop runs at twice that."""
 
 
@@ -33,7 +33,7 @@ class Plant:
         gear_mounted: bool,
         disc_inertia: float,
     ) -> None:
-        settings = LoopSettings(mounting, gear_mounted, disc_inertia, cycle_ns * 1e-9, SUBSTEP)
+        settings = LoopSettings(mounting, gear_mounted, disc_inertia, cycle_ns * 1e-9, _SUBSTEP)
         self.loop = ClosedLoop(gear, motor, condition.deviations, settings)
         self._state = self.loop.rest(condition.start_angle)
 

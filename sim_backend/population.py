@@ -68,10 +68,10 @@ from sim_backend.individuals import individual_gear, individual_motor
 from sim_backend.streams import stream
 from sim_backend.world import World
 
-RATIOS = (50, 80, 100, 120, 160)
+_RATIOS = (50, 80, 100, 120, 160)
 OUTPUT_CLASS, INPUT_CLASS = 5.0 * ARCSEC, 30.0 * ARCSEC
 """Classes of the wide bench's encoders: half width of the whole curve over one revolution [rad]."""
-DAHL_TRAVEL = 3.0 * ARCMIN
+_DAHL_TRAVEL = 3.0 * ARCMIN
 """Torsion over which the hysteresis element of a wide gear would slide at its initial stiffness [rad]."""
 REFERENCE = 20.0
 """degC at which drawn friction holds."""
@@ -185,7 +185,7 @@ def _output_inertia(gear: _Draw) -> float:
 
 def _card(nominal: HarmonicDrive, gear: _Draw) -> HarmonicDrive:
     """The nameplate of a wide gear: the nominal one at another ratio, with the inertia as a user would state it."""
-    ratio = int(gear.of("ratio").choice(RATIOS))
+    ratio = int(gear.of("ratio").choice(_RATIOS))
     geometry, tooth = nominal.geometry, nominal.tooth
     module = geometry.flexspline_diameter / (2 * ratio)
     finer = module / geometry.module
@@ -262,7 +262,7 @@ def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Stat
         mesh_depth=nominal.mesh_depth,
         hardening=True,
         hysteresis_torque=hysteresis * drive_stiffness(own).combined_output,
-        hysteresis_stiffness=hysteresis / DAHL_TRAVEL,
+        hysteresis_stiffness=hysteresis / _DAHL_TRAVEL,
         output_coulomb=bench.within("output bearing", 0.1, 1.0),
         output_per_kelvin=bench.within("output bearing per kelvin", 0.0, 0.01),
         motor_friction=True,

@@ -33,8 +33,8 @@ Counts = NDArray[np.int64]
 
 FINE = 4096
 """How many times finer than the real one a channel counts when its steps are switched off."""
-MOTOR_CURRENT = "motor current and its torque constant"
-ADC_RANGE = 2**15 - 1
+_MOTOR_CURRENT = "motor current and its torque constant"
+_ADC_RANGE = 2**15 - 1
 SLOW = 8
 """Order of its own revolution up to which an encoder's errors are summed one by one; those above are looked up."""
 TEMPERATURE_COUNT = 0.01
@@ -119,7 +119,7 @@ class Instruments:
         start_output: float,
     ) -> None:
         self._condition = condition
-        self.channels = make_channels(on, motor)
+        self.channels = _make_channels(on, motor)
         by_name = {c.name: c for c in self.channels}
         self.column = {c.name: i for i, c in enumerate(self.channels)}
         self.input = Encoder(
@@ -139,7 +139,7 @@ class Instruments:
         self._torque = by_name[names.TORQUE]
         self._drive_torque = by_name[names.DRIVE_TORQUE]
         self._adc_step = on.sizes.adc_step_counts if on.adc_steps else 1
-        self._adc_limit = ADC_RANGE if on.adc_steps else ADC_RANGE * FINE
+        self._adc_limit = _ADC_RANGE if on.adc_steps else _ADC_RANGE * FINE
         self._reference = (
             condition.deviations.thermal.reference if condition.deviations.thermal else 22.0
         )
@@ -220,7 +220,7 @@ class Instruments:
         return np.rint(truth / TEMPERATURE_COUNT).astype(np.int64)
 
 
-def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
+def _make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
     """The channels of the simulated rig in the order of its columns, with the uncertainties that its sizes imply."""
     sizes = on.sizes
     adc = (
@@ -234,13 +234,13 @@ def make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
     # The monitor port and the drive's own word are one current and one torque constant.
     torque = Calibration(
         certificate=certificate,
-        sensor=MOTOR_CURRENT,
+        sensor=_MOTOR_CURRENT,
         scale_relative_uncertainty=math.hypot(sizes.torque_scale, sizes.torque_constant),
         offset_uncertainty=sizes.torque_offset,
     )
     drive = Calibration(
         certificate=certificate,
-        sensor=MOTOR_CURRENT,
+        sensor=_MOTOR_CURRENT,
         scale_relative_uncertainty=sizes.torque_constant,
     )
     thermometer = Calibration(certificate=certificate, offset_uncertainty=sizes.temperature_offset)

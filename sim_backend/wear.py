@@ -21,8 +21,8 @@ from model.units import ARCMIN
 from sim_backend.streams import stream
 from sim_backend.world import World
 
-THOUSAND_HOURS = 1000.0
-WORN_ORDER = 2.0
+_THOUSAND_HOURS = 1000.0
+_WORN_ORDER = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,12 +57,12 @@ class Wear:
 
     def factor(self, rate: float) -> float:
         """What a relative rate has made of a parameter by now."""
-        return 1.0 + rate * self.hours / THOUSAND_HOURS
+        return 1.0 + rate * self.hours / _THOUSAND_HOURS
 
     @property
     def backlash(self) -> float:
         """Play of the torsion from end to end [rad]."""
-        return self.backlash_rate * self.hours / THOUSAND_HOURS
+        return self.backlash_rate * self.hours / _THOUSAND_HOURS
 
     def worn(self, gear: HarmonicDrive) -> HarmonicDrive:
         """The gear after its hours; its backlash is no parameter of it.
@@ -85,7 +85,7 @@ class Wear:
         grown = self.factor(self.order_2_rate)
         series = tuple(
             dataclasses.replace(h, cosine=grown * h.cosine, sine=grown * h.sine)
-            if h.order == WORN_ORDER
+            if h.order == _WORN_ORDER
             else h
             for h in gear.kinematic_error
         )

@@ -117,7 +117,7 @@ def public_names(tree: ast.Module) -> Iterator[str]:
     """What a module and its classes define without an underscore: functions, classes, methods, constants, fields."""
     for node in tree.body:
         yield from _defined(node)
-        if isinstance(node, ast.ClassDef):
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             for inner in node.body:
                 yield from _defined(inner)
 
@@ -195,10 +195,11 @@ def _note_conditional(house: House, node: ast.IfExp, place: str) -> None:
 
 
 def _unused(root: Path, named: dict[str, list[str]]) -> list[str]:
-    """Names that stand in no other module, no test, not in pyproject.toml and on no page; a word is a use."""
+    """Names that stand in no other module, test, file of data or page, nor in pyproject.toml; a word is a use."""
     words: dict[str, Counter[str]] = {}
     for path in [
         *root.rglob("*.py"),
+        *(path for ending in DATA for path in root.rglob(f"*{ending}")),
         *(root / "docs").rglob("*.md"),
         root / "pyproject.toml",
         root / "README.md",

@@ -203,7 +203,7 @@ def object_text(index: int, subindex: int) -> str:
     return f"0x{index:04X}:{subindex}"
 
 
-SDO_ABORTS: Final[Mapping[int, str]] = {
+_SDO_ABORTS: Final[Mapping[int, str]] = {
     0x05030000: "toggle bit not alternated",
     0x05040000: "SDO protocol timed out",
     0x05040001: "command specifier not valid or unknown",
@@ -242,16 +242,14 @@ SDO_ABORTS: Final[Mapping[int, str]] = {
 }
 ABORT_MISSING: Final = frozenset({0x06020000, 0x06090011})
 """Aborts that say that the device simply has no such entry."""
-ABORT_READ_ONLY: Final = frozenset({0x06010000, 0x06010002, 0x06010003, 0x06010006})
-"""Aborts that say that an entry cannot be written (now)."""
 
 
 def abort_text(code: int) -> str:
     """An SDO abort code in words."""
-    return SDO_ABORTS.get(code, "abort code of the manufacturer or of a later standard")
+    return _SDO_ABORTS.get(code, "abort code of the manufacturer or of a later standard")
 
 
-EMCY_CODES: Final[Mapping[int, str]] = {
+_EMCY_CODES: Final[Mapping[int, str]] = {
     0x0000: "error reset or no error",
     0x1000: "generic error",
     0x2000: "current",
@@ -288,7 +286,7 @@ EMCY_CODES: Final[Mapping[int, str]] = {
     0xF000: "additional functions",
     0xFF00: "device specific",
 }
-ERROR_REGISTER_BITS: Final[tuple[str, ...]] = (
+_ERROR_REGISTER_BITS: Final[tuple[str, ...]] = (
     "generic",
     "current",
     "voltage",
@@ -302,7 +300,7 @@ ERROR_REGISTER_BITS: Final[tuple[str, ...]] = (
 
 def error_code_text(code: int, profile: Mapping[int, str] | None = None) -> str:
     """An error code in words: the profile's own text, else CiA 301's, else that of the group that it belongs to."""
-    for table in (profile or {}, EMCY_CODES):
+    for table in (profile or {}, _EMCY_CODES):
         for candidate in (code, code & 0xFFF0, code & 0xFF00, code & 0xF000):
             if candidate in table and (candidate == code or candidate):
                 text = table[candidate]
@@ -313,6 +311,6 @@ def error_code_text(code: int, profile: Mapping[int, str] | None = None) -> str:
 def error_register_text(register: int) -> str:
     """The bits of the error register 0x1001 in words."""
     return (
-        ", ".join(name for bit, name in enumerate(ERROR_REGISTER_BITS) if register >> bit & 1)
+        ", ".join(name for bit, name in enumerate(_ERROR_REGISTER_BITS) if register >> bit & 1)
         or "none"
     )

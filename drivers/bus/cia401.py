@@ -22,8 +22,8 @@ from drivers.bus.sdo import SdoAbortError
 from drivers.channel import Calibration, Channel
 from drivers.errors import DriverError
 
-TRIGGER: Final = 0x6421
-GLOBAL_INTERRUPT: Final = ObjectRef(0x6423, 0, U8, "analogue input global interrupt enable")
+_TRIGGER: Final = 0x6421
+_GLOBAL_INTERRUPT: Final = ObjectRef(0x6423, 0, U8, "analogue input global interrupt enable")
 DELTA: Final = 0x6426
 _MS: Final = 1_000_000
 
@@ -197,7 +197,9 @@ class AnalogModule:
         """See that every input is there, and let it be transmitted. Raises `DriverError`."""
         for analog in self.config.inputs:
             self._enable(analog)
-        self.device.write_wished(GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same")
+        self.device.write_wished(
+            _GLOBAL_INTERRUPT, 1, "inputs are transmitted by SYNC all the same"
+        )
 
     def _enable(self, analog: AnalogInput) -> None:
         """Check that the input exists; allow its transmission on any change (0x6421 = 7, 0x6426 = 0)."""
@@ -210,7 +212,7 @@ class AnalogModule:
                 remedy="Correct index and sub-index of the input in the rig's configuration.",
             ) from error
         subindex = analog.source.subindex
-        trigger = ObjectRef(TRIGGER, subindex, U8, "interrupt trigger selection")
+        trigger = ObjectRef(_TRIGGER, subindex, U8, "interrupt trigger selection")
         self.device.write_wished(trigger, 7, "SYNC triggers all the same")
         delta = REAL32 if analog.source.value_type.is_float else U32
         self.device.write_wished(

@@ -16,17 +16,14 @@ from drivers.bus.sdo import SdoAbortError
 from drivers.channel import OUTPUT_ANGLE, OUTPUT_INDEX, Calibration, Channel, encoder_channel
 from drivers.errors import DriverError
 
-OPERATING_PARAMETERS: Final = ObjectRef(0x6000, 0, U16, "operating parameters")
+_OPERATING_PARAMETERS: Final = ObjectRef(0x6000, 0, U16, "operating parameters")
 UNITS_PER_REVOLUTION: Final = ObjectRef(0x6001, 0, U32, "measuring units per revolution")
 TOTAL_RANGE: Final = ObjectRef(0x6002, 0, U32, "total measuring range")
-PRESET: Final = ObjectRef(0x6003, 0, U32, "preset value")
 POSITION: Final = ObjectRef(0x6004, 0, U32, "position value")
-CYCLIC_TIMER: Final = ObjectRef(0x6200, 0, U16, "cyclic timer")
-OPERATING_STATUS: Final = ObjectRef(0x6500, 0, U16, "operating status")
-STEPS_PER_REVOLUTION: Final = ObjectRef(0x6501, 0, U32, "single-turn resolution")
-REVOLUTIONS: Final = ObjectRef(0x6502, 0, U16, "number of distinguishable revolutions")
-ALARMS: Final = ObjectRef(0x6503, 0, U16, "alarms")
-WARNINGS: Final = ObjectRef(0x6505, 0, U16, "warnings")
+_CYCLIC_TIMER: Final = ObjectRef(0x6200, 0, U16, "cyclic timer")
+_STEPS_PER_REVOLUTION: Final = ObjectRef(0x6501, 0, U32, "single-turn resolution")
+_REVOLUTIONS: Final = ObjectRef(0x6502, 0, U16, "number of distinguishable revolutions")
+_ALARMS: Final = ObjectRef(0x6503, 0, U16, "alarms")
 _MS: Final = 1_000_000
 
 
@@ -51,7 +48,7 @@ class CounterConfig:
     position: ObjectRef = POSITION
     modulus: int = 0
     operating_parameters: int | None = None
-    alarms: ObjectRef | None = ALARMS
+    alarms: ObjectRef | None = _ALARMS
     alarm_mask: int = 0xFFFF
     index_position: ObjectRef | None = None
     index_status: ObjectRef | None = None
@@ -124,11 +121,11 @@ class Counter:
             ) from error
         if config.operating_parameters is not None:
             device.write_checked(
-                OPERATING_PARAMETERS,
+                _OPERATING_PARAMETERS,
                 config.operating_parameters,
                 "its sense and scaling are its own",
             )
-        device.write_wished(CYCLIC_TIMER, 0, "transmission is by SYNC all the same")
+        device.write_wished(_CYCLIC_TIMER, 0, "transmission is by SYNC all the same")
         self._check_resolution()
         self.modulus = self._range()
         self._check_alarms()
@@ -138,14 +135,14 @@ class Counter:
         the configuration holds.
         """
         counts = self.config.lines * self.config.multiplication
-        for entry in (UNITS_PER_REVOLUTION, STEPS_PER_REVOLUTION):
+        for entry in (UNITS_PER_REVOLUTION, _STEPS_PER_REVOLUTION):
             reported = self.device.read_optional(
                 entry, "the configured resolution cannot be checked against the device"
             )
             if reported is None or int(reported) == counts:
                 continue
             operating = self.device.read_optional(
-                OPERATING_PARAMETERS, "sense and scaling are not known"
+                _OPERATING_PARAMETERS, "sense and scaling are not known"
             )
             if (
                 entry is UNITS_PER_REVOLUTION
@@ -154,7 +151,7 @@ class Counter:
             ):
                 # Bit 2 clear: the scaling objects are not in force.
                 continue
-            if entry is STEPS_PER_REVOLUTION and operating is not None and int(operating) & 0x04:
+            if entry is _STEPS_PER_REVOLUTION and operating is not None and int(operating) & 0x04:
                 continue
             self.device.bus.emit(
                 "warning",
@@ -183,7 +180,7 @@ class Counter:
         why = "whether the count wraps at 0x6002 cannot be checked"
         operating, steps, turns = (
             self.device.read_optional(entry, why)
-            for entry in (OPERATING_PARAMETERS, STEPS_PER_REVOLUTION, REVOLUTIONS)
+            for entry in (_OPERATING_PARAMETERS, _STEPS_PER_REVOLUTION, _REVOLUTIONS)
         )
         if (
             reported

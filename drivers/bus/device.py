@@ -25,13 +25,13 @@ from drivers.errors import DecodeError, DriverError, ReadbackError
 
 DEVICE_TYPE: Final = ObjectRef(0x1000, 0, U32, "device type")
 SYNC_COB: Final = ObjectRef(0x1005, 0, U32, "COB-ID of SYNC")
-CYCLE_PERIOD: Final = ObjectRef(0x1006, 0, U32, "communication cycle period")
-EMCY_COB: Final = ObjectRef(0x1014, 0, U32, "COB-ID of EMCY")
+_CYCLE_PERIOD: Final = ObjectRef(0x1006, 0, U32, "communication cycle period")
+_EMCY_COB: Final = ObjectRef(0x1014, 0, U32, "COB-ID of EMCY")
 HEARTBEAT_CONSUMER: Final = ObjectRef(0x1016, 1, U32, "consumer heartbeat time")
 HEARTBEAT_PRODUCER: Final = ObjectRef(0x1017, 0, U16, "producer heartbeat time")
 SYNC_OVERFLOW: Final = ObjectRef(0x1019, 0, U8, "SYNC counter overflow")
 SYNC_GENERATE_BIT: Final = 1 << 30
-SYNC_IDENTIFIER: Final = (1 << 30) - 1
+_SYNC_IDENTIFIER: Final = (1 << 30) - 1
 """Bits of 0x1005 that say which frame the SYNC is: 29 bits, and whether it is one of 29 bits."""
 _LENGTH_ABORTS: Final = frozenset({0x06070010, 0x06070012, 0x06070013})
 
@@ -354,11 +354,11 @@ class RemoteDevice:
         """Hear the device's EMCY messages also where 0x1014 moved them, with the profile's texts."""
         if texts:
             self.bus.emergency_texts[self.node_id] = texts
-        cob_id = self.read_optional(EMCY_COB, "the device sends no emergency messages")
+        cob_id = self.read_optional(_EMCY_COB, "the device sends no emergency messages")
         if cob_id is None:
             return
         if int(cob_id) >> 31 & 1:
-            self.note_missing(EMCY_COB, "emergency messages are switched off in the device")
+            self.note_missing(_EMCY_COB, "emergency messages are switched off in the device")
         elif int(cob_id) & 0x7FF != EMCY_BASE + self.node_id:
             self.bus.subscribe(
                 int(cob_id) & 0x7FF,
@@ -381,7 +381,7 @@ class RemoteDevice:
                 int(cob_id) & ~SYNC_GENERATE_BIT,
                 "the device produces SYNC itself and cannot be told not to",
             )
-        if cob_id is not None and int(cob_id) & SYNC_IDENTIFIER != 0x080:
+        if cob_id is not None and int(cob_id) & _SYNC_IDENTIFIER != 0x080:
             self._write_sync(0x080, "the device follows another SYNC than 0x080: it would be deaf")
         if overflow := self._sync_overflow():
             raise DriverError(
@@ -392,8 +392,8 @@ class RemoteDevice:
                 remedy="Set the synchronous counter overflow value to 0 with the vendor's "
                 "tool: without it the device is deaf.",
             )
-        if self.read_optional(CYCLE_PERIOD, "the device does not supervise the SYNC period"):
-            self.write_wished(CYCLE_PERIOD, 0)
+        if self.read_optional(_CYCLE_PERIOD, "the device does not supervise the SYNC period"):
+            self.write_wished(_CYCLE_PERIOD, 0)
 
     def _write_sync(self, value: int, otherwise: str) -> None:
         """Write 0x1005; bit 31 means nothing there. Raises `DriverError` saying `otherwise` if the
@@ -404,7 +404,7 @@ class RemoteDevice:
             sync_cob = self.read_integer(SYNC_COB)
         except SdoAbortError:
             sync_cob = self.read_integer(SYNC_COB)
-        if (sync_cob ^ value) & (SYNC_GENERATE_BIT | SYNC_IDENTIFIER):
+        if (sync_cob ^ value) & (SYNC_GENERATE_BIT | _SYNC_IDENTIFIER):
             raise DriverError(
                 otherwise,
                 where=f"{self.where}, {object_text(*SYNC_COB.key)}",
@@ -417,7 +417,7 @@ class RemoteDevice:
         overflow = int(self.read_optional(SYNC_OVERFLOW, "SYNC without counter") or 0)
         if overflow:
             # CiA 301 allows a change of 0x1019 only while the cycle period is 0.
-            self.write_checked(CYCLE_PERIOD, 0)
+            self.write_checked(_CYCLE_PERIOD, 0)
             if self.write_checked(SYNC_OVERFLOW, 0, "SYNC must carry a counter"):
                 return 0
         return overflow

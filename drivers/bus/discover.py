@@ -46,7 +46,7 @@ PASSIVE: Final[Mapping[str, Mapping[str, Any]]] = {
 """Arguments of python-can by which an interface listens only: it acknowledges nothing and disturbs nobody."""
 GUARD_TIME: Final = ObjectRef(0x100C, 0, U16, "guard time")
 LIFE_FACTOR: Final = ObjectRef(0x100D, 0, U8, "life time factor")
-DIGITAL_INPUTS: Final = ObjectRef(0x60FD, 0, U32, "digital inputs")
+_DIGITAL_INPUTS: Final = ObjectRef(0x60FD, 0, U32, "digital inputs")
 _ANALOG_COUNT: Final = ObjectRef(0x6401, 0, U8, "analogue inputs")
 _TPDO, _TPDO_MAP, _PDOS = 0x1800, 0x1A00, 4
 _FRAME_NS: Final = 1_000_000
@@ -181,7 +181,7 @@ def scan(
     return tuple(sorted(answering))
 
 
-def read_node(bus: ListeningBus, node_id: int) -> FoundNode:
+def _read_node(bus: ListeningBus, node_id: int) -> FoundNode:
     """What a node tells of itself. Raises `OtherMasterError` for a drive that has power."""
     device = RemoteDevice(bus, node_id)
     identity = device.identity()
@@ -204,7 +204,7 @@ def read_node(bus: ListeningBus, node_id: int) -> FoundNode:
             statement=read_statement(number, vendor_id=identity.vendor_id),
             quick_stop_option=number(obj.QUICK_STOP_OPTION),
             abort_option=number(obj.ABORT_OPTION),
-            has_digital_inputs=number(DIGITAL_INPUTS) is not None,
+            has_digital_inputs=number(_DIGITAL_INPUTS) is not None,
         )
     if identity.profile == 406:
         units, whole = number(UNITS_PER_REVOLUTION), number(TOTAL_RANGE)
@@ -269,5 +269,5 @@ def discover(
     found: list[FoundNode] = []
     for done, node_id in enumerate(nodes):
         on_stage("nodes read", done, len(nodes))
-        found.append(read_node(bus, node_id))
+        found.append(_read_node(bus, node_id))
     return found

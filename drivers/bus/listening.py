@@ -40,9 +40,9 @@ from drivers.python_can import can
 
 LEAST_TIME_NS: Final = 1_500_000_000
 """How long is listened at least [ns]."""
-BEATS: Final = 3
+_BEATS: Final = 3
 """Periods of the computer's heartbeat that are listened for at least: so would a second one of us be heard."""
-NMT_STARTUP: Final = ObjectRef(0x1F80, 0, U32, "NMT startup")
+_NMT_STARTUP: Final = ObjectRef(0x1F80, 0, U32, "NMT startup")
 """Bit 0: this node is the NMT master (CiA 302)."""
 _LSS_REQUEST: Final = 0x7E5
 _RPDOS: Final = (0x200, 0x300, 0x400, 0x500)
@@ -73,7 +73,7 @@ class ListeningBus(PumpedBus):
 
 def listening_time_ns(heartbeat_ms: int) -> int:
     """How long is listened [ns] by a computer whose own heartbeat has this period."""
-    return max(LEAST_TIME_NS, BEATS * heartbeat_ms * 1_000_000)
+    return max(LEAST_TIME_NS, _BEATS * heartbeat_ms * 1_000_000)
 
 
 def listen_for_masters(
@@ -206,7 +206,7 @@ def _ask_who_it_is(bus: ListeningBus, node_id: int, count: int, duration_ns: int
     beats = _often(f"heartbeat of node {node_id}", HEARTBEAT_BASE + node_id, count)
     try:
         device.read(DEVICE_TYPE)
-        is_master = bool(int(device.read_optional(NMT_STARTUP) or 0) & 1)
+        is_master = bool(int(device.read_optional(_NMT_STARTUP) or 0) & 1)
     except DriverError:
         raise refusal([f"{beats}, which does not say what it is"], duration_ns) from None
     if is_master:

@@ -36,9 +36,9 @@ Pump = Callable[[int], None]
 instant, never beyond.
 """
 
-ADAPTERS_WITH_STAMPS: Final = frozenset({"gs_usb", "pcan", "kvaser"})
+_ADAPTERS_WITH_STAMPS: Final = frozenset({"gs_usb", "pcan", "kvaser"})
 """python-can interfaces whose time stamps are the adapter's own clock; socketcan delivers the kernel's receive time."""
-ADAPTERS_WITH_ECHO: Final = frozenset({"socketcan", "virtual", "kvaser", "vector", "ixxat"})
+_ADAPTERS_WITH_ECHO: Final = frozenset({"socketcan", "virtual", "kvaser", "vector", "ixxat"})
 """python-can interfaces that hand back what they sent when asked to (gs_usb and udp_multicast do so unasked)."""
 OPENED_TWICE: Final[Mapping[str, bool | None]] = {
     "socketcand": True,
@@ -79,7 +79,7 @@ class BusConfig:
         """What the time stamps of received frames are."""
         if self.stamps is not None:
             return self.stamps
-        return "hardware" if self.interface in ADAPTERS_WITH_STAMPS else "host"
+        return "hardware" if self.interface in _ADAPTERS_WITH_STAMPS else "host"
 
 
 class RawBus(Protocol):
@@ -125,7 +125,7 @@ def second_handle_words(interface: str) -> str:
 def open_raw_bus(config: BusConfig) -> RawBus:
     """Open the bus through python-can. Raises `BusLostError` with what python-can says."""
     arguments = dict(config.arguments)
-    if config.interface in ADAPTERS_WITH_ECHO:
+    if config.interface in _ADAPTERS_WITH_ECHO:
         arguments.setdefault("receive_own_messages", True)
     if config.interface == "socketcand":
         # Without it the small frames wait for each other's acknowledgement: 40 ms instead of 0.3 ms.

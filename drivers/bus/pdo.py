@@ -26,12 +26,12 @@ from drivers.bus.device import RemoteDevice
 from drivers.bus.sdo import SdoAbortError
 from drivers.errors import DriverError, ReadbackError
 
-MOST_PDOS: Final = 8
+_MOST_PDOS: Final = 8
 """PDO numbers that are tried; CiA 301 allows 512, of which the first four have pre-defined COB-IDs."""
-EVERY_SYNC: Final = 1
+_EVERY_SYNC: Final = 1
 LAST_SYNCHRONOUS: Final = 240
 """RPDO types 0 to 240 act with the next SYNC after the frame; for a TPDO only type 1 answers every SYNC."""
-PREDEFINED_PDOS: Final = 4
+_PREDEFINED_PDOS: Final = 4
 """PDO numbers that have a COB-ID by the pre-defined connection set."""
 _KEPT_BIT: Final = 0x40000000
 """Of a COB-ID (bit 30, no RTR): written back as the device has it."""
@@ -131,7 +131,7 @@ def _map_in_turn(
     mapped: list[MappedPdo] = []
     untied: UntiedPdoError | None = None
     pending = pack(wanted)
-    for number in range(1, MOST_PDOS + 1):
+    for number in range(1, _MOST_PDOS + 1):
         if not pending:
             break
         frame = pending.pop(0)
@@ -199,7 +199,7 @@ def _write_longest(
     try:
         cob_id = int(device.sdo.read_as(communication, 1, U32))
         own = 0 if cob_id & COB_ID_EXTENDED_BIT else cob_id & 0x7FF
-        if not own and number > PREDEFINED_PDOS:
+        if not own and number > _PREDEFINED_PDOS:
             # It has no COB-ID, and none that is surely free can be given to it.
             return None
         predefined = (0x180 if is_transmit else 0x200) + 0x100 * (number - 1) + device.node_id
@@ -214,7 +214,7 @@ def _write_longest(
         _restore_entries(device, mapping)
         _restore(device, communication)
         return None
-    by_sync = _try_download(device, communication, 2, U8.encode(EVERY_SYNC))
+    by_sync = _try_download(device, communication, 2, U8.encode(_EVERY_SYNC))
     if is_transmit:
         _quieten(device, communication)
     _try_download(device, communication, 1, U32.encode(valid))
@@ -235,7 +235,7 @@ def _read_back(
     """
     communication, mapping = _indices(number, is_transmit)
     pdo = read_pdo(device, number, is_transmit=is_transmit)
-    is_timed = pdo is not None and pdo.transmission_type == EVERY_SYNC
+    is_timed = pdo is not None and pdo.transmission_type == _EVERY_SYNC
     if pdo is not None and not is_transmit and not by_sync:
         _tell_type(device, pdo)
         is_timed = True
@@ -291,15 +291,15 @@ def _as_preset(
     mapped: list[MappedPdo] = []
     if not wanted:
         return mapped
-    for number in range(1, MOST_PDOS + 1):
+    for number in range(1, _MOST_PDOS + 1):
         pdo = read_pdo(device, number, is_transmit=is_transmit) if number not in used else None
         if pdo is None or not any(pdo.offset_of(e.key) is not None for e in wanted):
             continue
-        if pdo.transmission_type != EVERY_SYNC:
+        if pdo.transmission_type != _EVERY_SYNC:
             communication, _ = _indices(number, is_transmit)
             _set_type(device, communication)
             pdo = read_pdo(device, number, is_transmit=is_transmit) or pdo
-            if is_transmit and pdo.transmission_type != EVERY_SYNC:
+            if is_transmit and pdo.transmission_type != _EVERY_SYNC:
                 raise _not_by_sync(device, communication, pdo)
             if not is_transmit:
                 _tell_type(device, pdo)
@@ -318,7 +318,7 @@ def _as_preset(
 
 def _set_type(device: RemoteDevice, communication: int) -> None:
     """Tie a PDO to every SYNC; some devices let its type be changed only while the PDO does not exist."""
-    data = U8.encode(EVERY_SYNC)
+    data = U8.encode(_EVERY_SYNC)
     if _try_download(device, communication, 2, data):
         return
     cob_id = int(device.sdo.read_as(communication, 1, U32))
@@ -345,14 +345,14 @@ def _not_by_sync(device: RemoteDevice, communication: int, pdo: MappedPdo) -> Un
         "a TPDO cannot be tied to every SYNC",
         where=f"{device.where}, {object_text(communication, 2)}",
         value=f"transmission type {pdo.transmission_type}",
-        limit=str(EVERY_SYNC),
+        limit=str(_EVERY_SYNC),
         remedy="Set transmission type 1 with the vendor's tool, or use another TPDO or device for this signal.",
     )
 
 
 def _silence_others(device: RemoteDevice, used: set[int]) -> None:
     """Switch off the device's other TPDOs: they would load the bus with data that nobody reads."""
-    for number in range(1, MOST_PDOS + 1):
+    for number in range(1, _MOST_PDOS + 1):
         if number in used:
             continue
         communication, _ = _indices(number, True)

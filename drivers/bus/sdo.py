@@ -75,7 +75,7 @@ class Condition(Protocol):
     def __call__(self) -> bool: ...
 
 
-Transfer = Generator[bytes, bytes | None, bytes]
+_Transfer = Generator[bytes, bytes | None, bytes]
 """A transfer as it goes on: it gives the frame to send (empty: wait for another answer), takes the answer (None: none
 came in time), and returns what was read. Raises `SdoAbortError`, `SdoTimeoutError` or `SdoProtocolError`.
 """
@@ -84,7 +84,7 @@ came in time), and returns what was read. Raises `SdoAbortError`, `SdoTimeoutErr
 class PostedTransfer:
     """A transfer that nobody waits for. Once `is_over`, `data` is what was read, or `error` says why it was not."""
 
-    def __init__(self, bus: SdoBus, node_id: int, transfer: Transfer, timeout_ns: int) -> None:
+    def __init__(self, bus: SdoBus, node_id: int, transfer: _Transfer, timeout_ns: int) -> None:
         self._bus, self._node_id, self._transfer = bus, node_id, transfer
         self._timeout_ns, self._sent_ns = timeout_ns, 0
         self._frame = next(transfer)
@@ -150,12 +150,12 @@ class SdoClient:
             self._posted.withdraw()
             self._posted = None
 
-    def _post(self, transfer: Transfer) -> PostedTransfer:
+    def _post(self, transfer: _Transfer) -> PostedTransfer:
         self.withdraw()
         self._posted = PostedTransfer(self._bus, self.node_id, transfer, self._timeout_ns)
         return self._posted
 
-    def _wait_for(self, transfer: Transfer) -> bytes:
+    def _wait_for(self, transfer: _Transfer) -> bytes:
         """Send what the transfer gives and pump the bus until it is over."""
         self.withdraw()
         self._is_waiting = True
@@ -172,7 +172,7 @@ class SdoClient:
         finally:
             self._is_waiting = False
 
-    def _upload(self, index: int, subindex: int) -> Transfer:
+    def _upload(self, index: int, subindex: int) -> _Transfer:
         head = struct.pack("<HB", index, subindex)
         answer = yield from self._request(b"\x40" + head + bytes(4), index, subindex, expects=2)
         command = answer[0]
@@ -189,7 +189,7 @@ class SdoClient:
             )
         return (yield from self._upload_segments(index, subindex, size))
 
-    def _download(self, index: int, subindex: int, data: bytes) -> Transfer:
+    def _download(self, index: int, subindex: int, data: bytes) -> _Transfer:
         head = struct.pack("<HB", index, subindex)
         if 0 < len(data) <= 4:
             frame = bytes([0x23 | (4 - len(data)) << 2]) + head + data.ljust(4, b"\0")
@@ -223,7 +223,7 @@ class SdoClient:
         """Write a number as the entry's data type."""
         self.download(entry.index, entry.subindex, entry.data_type.encode(value))
 
-    def _upload_segments(self, index: int, subindex: int, size: int | None) -> Transfer:
+    def _upload_segments(self, index: int, subindex: int, size: int | None) -> _Transfer:
         data = bytearray()
         toggle = 0
         while True:
@@ -250,7 +250,7 @@ class SdoClient:
 
     def _request(
         self, frame: bytes, index: int, subindex: int, *, expects: int, is_segment: bool = False
-    ) -> Transfer:
+    ) -> _Transfer:
         """Have a frame sent and return the answer with the server command specifier `expects`."""
         for _ in range(_MOST_ANSWERS):
             answer = yield frame

@@ -16,7 +16,7 @@ from drivers.port import Command, Mode
 
 Key = tuple[int, int]
 """Index and sub-index of an object."""
-LONGEST_BLOCK: Final = 10_000_000
+_LONGEST_BLOCK: Final = 10_000_000
 _TARGETS: Final = {Mode.SPEED: names.TARGET_SPEED, Mode.TORQUE: names.TARGET_TORQUE}
 """Channel of the set-point."""
 
@@ -30,12 +30,12 @@ def set_point_counts(
     Raises `DriverError` when there is not one finite set-point per cycle, or one is beyond the `largest` count of its
     channel: none is clipped.
     """
-    if not 1 <= cycles <= LONGEST_BLOCK:
+    if not 1 <= cycles <= _LONGEST_BLOCK:
         raise DriverError(
             "a block needs at least one cycle",
             where="exchange",
             value=cycles,
-            limit=f"1 to {LONGEST_BLOCK}",
+            limit=f"1 to {_LONGEST_BLOCK}",
         )
     by_name = {channel.name: channel for channel in channels}
     rest = {

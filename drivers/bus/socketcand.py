@@ -18,11 +18,11 @@ from drivers.python_can import can, without_log_files
 with without_log_files():
     from can.interfaces.socketcand import SocketCanDaemonBus
 
-GREETING: Final = b"< hi >"
-ANSWER_TIMEOUT: Final = 3.0
+_GREETING: Final = b"< hi >"
+_ANSWER_TIMEOUT: Final = 3.0
 """Seconds that a hub has to greet, and to open the channel."""
-LONGEST_MESSAGE: Final = 256
-SEND_TIMEOUT: Final = 0.5
+_LONGEST_MESSAGE: Final = 256
+_SEND_TIMEOUT: Final = 0.5
 """Seconds that a frame may wait for a hub that takes nothing any more."""
 
 
@@ -36,14 +36,14 @@ class SocketcandBus(SocketCanDaemonBus):
     ) -> None:
         # It logs each loss with a traceback and warns of every frame that TCP has cut in two; what matters is raised.
         logging.getLogger("can.interfaces.socketcand").setLevel(logging.CRITICAL)
-        require_greeting(host, int(port))
+        _require_greeting(host, int(port))
         try:
             super().__init__(channel, host, int(port), **options)
         except (can.CanError, OSError):
             self._line.close()
             self._is_shutdown = True
             raise
-        self._line.settimeout(SEND_TIMEOUT)
+        self._line.settimeout(_SEND_TIMEOUT)
 
     @property
     def _line(self) -> socket.socket:
@@ -52,7 +52,7 @@ class SocketcandBus(SocketCanDaemonBus):
 
     def _expect_msg(self, msg: str) -> None:
         # The parent takes what follows at once, the first frames of a busy bus, for a wrong answer.
-        self._line.settimeout(ANSWER_TIMEOUT)
+        self._line.settimeout(_ANSWER_TIMEOUT)
         heard = read_message(self._line)
         if heard != msg.encode("ascii"):
             raise can.CanError(f"expected {msg!r}, the hub says {heard!r}")
@@ -73,18 +73,18 @@ class SocketcandBus(SocketCanDaemonBus):
         return bool(ready) and not self._line.recv(1, socket.MSG_PEEK)
 
 
-def require_greeting(host: str, port: int) -> None:
+def _require_greeting(host: str, port: int) -> None:
     """Connect once and hear the hub's greeting. Raises `OSError` saying what is there instead."""
-    with socket.create_connection((host, port), ANSWER_TIMEOUT) as line:
+    with socket.create_connection((host, port), _ANSWER_TIMEOUT) as line:
         heard = read_message(line)
-    if heard != GREETING:
+    if heard != _GREETING:
         raise OSError(f"what answers at {host}:{port} is no socketcand hub: it says {heard[:20]!r}")
 
 
 def read_message(line: socket.socket) -> bytes:
     """What a hub says up to the next closing bracket, and not a byte further; less where it ends before."""
     heard = b""
-    while len(heard) < LONGEST_MESSAGE and not heard.endswith(b">"):
+    while len(heard) < _LONGEST_MESSAGE and not heard.endswith(b">"):
         try:
             byte = line.recv(1)
         except ConnectionResetError:

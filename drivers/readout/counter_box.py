@@ -29,11 +29,11 @@ from drivers.source import Reading, taken_channel
 
 LONGEST_LINE: Final = 256
 """Bytes of an answer at most."""
-TOLD_AFTER: Final = 3
+_TOLD_AFTER: Final = 3
 """Answers in a row that did not come in time, of which the run file is told."""
-LONGEST_SILENCE: Final = 1000
+_LONGEST_SILENCE: Final = 1000
 """Questions that are remembered until their answer comes."""
-OPENING_NS: Final = 2_000_000_000
+_OPENING_NS: Final = 2_000_000_000
 """How long the box may take to say who it is."""
 _NOT_VALID, _NO_TRIGGER = 0x1, 0x2
 
@@ -217,7 +217,7 @@ class CounterBox:
         return told
 
     def _identity(self, line: Line) -> dict[str, str]:
-        until = self._clock.monotonic_ns() + OPENING_NS
+        until = self._clock.monotonic_ns() + _OPENING_NS
         said = b""
         while b"\n" not in said:
             before = self._clock.monotonic_ns()
@@ -233,7 +233,7 @@ class CounterBox:
 
     def request(self, cycle: int) -> None:
         """Ask for the count of this SYNC."""
-        if len(self._asked) >= LONGEST_SILENCE:
+        if len(self._asked) >= _LONGEST_SILENCE:
             self._asked.clear()
         self._asked[cycle] = self._clock.monotonic_ns()
         letter = "T" if self._config.is_triggered else "P"
@@ -261,9 +261,11 @@ class CounterBox:
     def _count_silence(self, cycle: int, is_answered: bool) -> None:
         self._unanswered = 0 if is_answered else self._unanswered + 1
         if not is_answered:
-            self._missed = {one for one in self._missed if one > cycle - LONGEST_SILENCE} | {cycle}
-        if self._unanswered == TOLD_AFTER:
-            self._tell("warning", "source-silent", f"{TOLD_AFTER} cycles without an answer in time")
+            self._missed = {one for one in self._missed if one > cycle - _LONGEST_SILENCE} | {cycle}
+        if self._unanswered == _TOLD_AFTER:
+            self._tell(
+                "warning", "source-silent", f"{_TOLD_AFTER} cycles without an answer in time"
+            )
 
     def _is_of_this_sync(self, answer: _Answer) -> bool:
         """Whether the edges went on with the cycles. The first value after the opening says how far they are apart."""

@@ -52,7 +52,7 @@ UNITS: Final[dict[str, tuple[str, float]]] = {
     "U": ("rad/s", 2.0 * math.pi / 60.0),
 }
 """Unit character: SI unit and factor. Blank is mm, G degrees, M degrees-minutes-seconds, U revolutions per minute."""
-CLASSES: Final = frozenset("<=>? ")
+_CLASSES: Final = frozenset("<=>? ")
 MODES: Final = frozenset("SAGD12F ")
 
 
@@ -98,7 +98,7 @@ def parse_line(line: bytes) -> Reading:
         text[13],
         text[14],
     )
-    if sign not in "+- " or blank != " " or sorting not in CLASSES or mode not in MODES:
+    if sign not in "+- " or blank != " " or sorting not in _CLASSES or mode not in MODES:
         raise DecodeError(
             "a character stands in the wrong column", where="ND 287", value=_shown(line)
         )

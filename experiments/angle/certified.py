@@ -18,7 +18,7 @@ from model.angle_certificate import AngleCertificate
 from model.arrays import FloatArray
 from model.units import DEGREE, REVOLUTION
 
-MARKS_AGREE = 0.1 * DEGREE
+_MARKS_AGREE = 0.1 * DEGREE
 """rad; latches of one mark that stand further apart are not those of one curve: counts were lost."""
 _ENDS = {
     "input_angle": ("motor encoder", "input_index", INPUT_SEEN),
@@ -57,10 +57,10 @@ def certified_angle(recording: Recording, channel: str) -> tuple[CertifiedAngle 
         return None, f"{refused}the run saw no index mark of it, so that its curve has no zero."
     away = np.remainder(marks - marks[0] + 0.5 * REVOLUTION, REVOLUTION) - 0.5 * REVOLUTION
     apart = float(np.ptp(away))
-    if apart > MARKS_AGREE:
+    if apart > _MARKS_AGREE:
         return None, (
             f"{refused}its index marks stand {apart / DEGREE:.3g} degrees beside whole revolutions "
-            f"(limit {MARKS_AGREE / DEGREE:g}): counts were lost."
+            f"(limit {_MARKS_AGREE / DEGREE:g}): counts were lost."
         )
     mark = float(marks[0] + np.median(away))
     return CertifiedAngle(certificate=certificate, mark=mark, direction=signal.direction), ""

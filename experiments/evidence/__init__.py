@@ -24,13 +24,13 @@ SATURATED = 64
 UNFINISHED = ("ABORTED", "TRIPPED", "ERROR", "INTERRUPTED")
 """Outcomes of a run that did not come to the end of its plan."""
 
-MARK_REPEATABILITY = 2
+_MARK_REPEATABILITY = 2
 """Counts by which an index mark may come back elsewhere without saying anything."""
 
 PAIRED = ("input_angle", "output_angle", "torque")
 """Channels whose values are paired cycle by cycle."""
 
-WHOLE_CYCLE = 0.5
+_WHOLE_CYCLE = 0.5
 """SYNC cycles of skew from which on a channel's process data are those of another cycle, not just latched later."""
 
 TRUE_TIME = ("hardware", "device", "virtual")
@@ -88,7 +88,7 @@ def check_recording(
         warnings.append(
             f"The run ended as {recording.metadata.outcome}: only what was recorded until then is analysed."
         )
-    warnings += index_remarks(recording) + skew_remark(recording)
+    warnings += _index_remarks(recording) + skew_remark(recording)
     return Checked(cycles, missed, tuple(warnings))
 
 
@@ -138,14 +138,14 @@ def _mapping(content: object) -> Mapping[str, Any]:
     return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}
 
 
-def index_remarks(recording: Recording) -> list[str]:
+def _index_remarks(recording: Recording) -> list[str]:
     """Encoders whose index marks did not come back to their place while the run was recorded:
     counts were lost or added.
     """
     remarks: list[str] = []
     for name, counts in _acquisition(recording, "index_marks").items():
         worst = _mapping(counts).get("worst_excess", 0)
-        if isinstance(worst, (int, float)) and abs(worst) > MARK_REPEATABILITY:
+        if isinstance(worst, (int, float)) and abs(worst) > _MARK_REPEATABILITY:
             remarks.append(
                 f"{name}: counts between index marks were off by up to {abs(worst):g}: its "
                 "angle has lost or gained counts."
@@ -164,7 +164,7 @@ def skew_remark(recording: Recording) -> list[str]:
     period = (
         1.0 / recording.metadata.sample_rate if recording.metadata.sample_rate > 0.0 else math.inf
     )
-    if abs(value) > WHOLE_CYCLE * period:
+    if abs(value) > _WHOLE_CYCLE * period:
         later, earlier = ("output", "input") if value > 0.0 else ("input", "output")
         return [
             f"The {later} angle is {1e6 * abs(value):.0f} us behind the {earlier} angle, "

@@ -19,16 +19,16 @@ from experiments.recording import Recording
 from model.channel import Channel
 from model.identify.estimate import BudgetLine, Cause
 
-EFFORT_UNITS = ("N m", "N", "A", "V")
+_EFFORT_UNITS = ("N m", "N", "A", "V")
 """Units of channels that are a torque, a force, or what stands for one: they have a gain and a zero."""
-INDEX = "_index"
+_INDEX = "_index"
 """Ending of the names of channels that keep where an index mark was."""
-TEMPERATURE_UNITS = ("°C", "degC", "K")
-ONE_ZERO = 0.003 / math.sqrt(3.0)
+_TEMPERATURE_UNITS = ("°C", "degC", "K")
+_ONE_ZERO = 0.003 / math.sqrt(3.0)
 """N m; how far a torque zero may have moved that was read once only."""
 FEW = 1000
 """Rows that tell the time from one to the next."""
-ENCODER_CAUSES = {"input_angle": Cause.MOTOR_ENCODER, "output_angle": Cause.OUTPUT_ENCODER}
+_ENCODER_CAUSES = {"input_angle": Cause.MOTOR_ENCODER, "output_angle": Cause.OUTPUT_ENCODER}
 
 
 class Part(StrEnum):
@@ -67,13 +67,13 @@ class Doubt:
 def doubts_of(recorded: Recorded, channel: str) -> tuple[Doubt, ...]:
     """All that is not known of a channel of a recording; nothing of one that is no measured quantity."""
     signal = recorded.recording.signals[channel]
-    if signal.unit == "rad" and channel in ENCODER_CAUSES:
+    if signal.unit == "rad" and channel in _ENCODER_CAUSES:
         found = _curve(signal)
-    elif signal.unit in EFFORT_UNITS:
+    elif signal.unit in _EFFORT_UNITS:
         found = (_scale(recorded, signal), *_zero(recorded, signal))
-    elif signal.unit in TEMPERATURE_UNITS:
+    elif signal.unit in _TEMPERATURE_UNITS:
         found = (_thermometer(signal),)
-    elif signal.unit == "1" or channel.endswith(INDEX):
+    elif signal.unit == "1" or channel.endswith(_INDEX):
         return ()
     else:
         found = _stated(signal)
@@ -101,7 +101,7 @@ def _assumed(
 
 
 def _curve(signal: Channel) -> tuple[Doubt, ...]:
-    accuracy, cause = signal.calibration.accuracy, ENCODER_CAUSES[signal.name]
+    accuracy, cause = signal.calibration.accuracy, _ENCODER_CAUSES[signal.name]
     if accuracy is None:
         row = ENCODERS[signal.name]
         return (_assumed(signal, Part.CURVE, row.half_width, row, cause),)
@@ -124,7 +124,7 @@ def _zero(recorded: Recorded, signal: Channel) -> tuple[Doubt, ...]:
             share = TORQUE_ZERO.standard_uncertainty
             return (_assumed(signal, Part.OFFSET, share * _largest(recorded, signal), TORQUE_ZERO),)
         return (_doubt(signal, Part.OFFSET, size, "calibration of the channel"),)
-    moved = abs(after - before) / math.sqrt(12.0) if len(read) == 2 else ONE_ZERO
+    moved = abs(after - before) / math.sqrt(12.0) if len(read) == 2 else _ONE_ZERO
     largest = max(abs(value) for value in read)
     return (
         _doubt(signal, Part.OFFSET, largest, "what the port shows with the servo off"),

@@ -29,12 +29,12 @@ from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Cause, E
 
 Analyse = Callable[[Recording, Evidence], Result]
 
-STATISTICAL = "statistical part"
+_STATISTICAL = "statistical part"
 """The line of an estimate that came with an interval and no budget."""
-ROUNDING = 1e-12
+_ROUNDING = 1e-12
 """Share of a number by which it changes where it does not hang on a channel: the digits of the computer."""
-SCATTER_ALONE = "U holds the scatter alone"
-ZERO_LINES = ("torque zero", "zero of the effort")
+_SCATTER_ALONE = "U holds the scatter alone"
+_ZERO_LINES = ("torque zero", "zero of the effort")
 """Lines of budgets that say how well a zero is known."""
 ENCODERS = {
     "input_angle": (Cause.MOTOR_ENCODER, Cause.BOTH_ENCODERS),
@@ -100,7 +100,7 @@ def _speaks_of(line: BudgetLine, doubt: Doubt) -> bool:
         return line.cause in ENCODERS.get(doubt.channel, ())
     if doubt.part is Part.SCALE:
         return line.cause is not None and line.cause is doubt.line.cause
-    return doubt.part in (Part.OFFSET, Part.ZERO) and line.source in ZERO_LINES
+    return doubt.part in (Part.OFFSET, Part.ZERO) and line.source in _ZERO_LINES
 
 
 def declared_change(how: Dependence, value: float, doubt: Doubt, *, is_alike: bool) -> float:
@@ -143,11 +143,11 @@ def channels_of(
 
 def _with(estimate: Estimate, lines: list[BudgetLine]) -> Estimate:
     """With the lines that say something; the interval of one without a budget becomes its first line."""
-    nothing = ROUNDING * abs(estimate.value)
+    nothing = _ROUNDING * abs(estimate.value)
     lines = [line for line in lines if line.standard_uncertainty > nothing]
     if lines and not estimate.budget:
         own = 0.5 * (estimate.high - estimate.low) / NORMAL_COVERAGE_FACTOR
-        lines.insert(0, BudgetLine(STATISTICAL, "A", own))
+        lines.insert(0, BudgetLine(_STATISTICAL, "A", own))
     return estimate.with_budget(lines) if lines else estimate
 
 
@@ -190,7 +190,7 @@ class _FoundOut:
         found = _with(estimate, lines)
         has_other = any(line.kind == "B" for line in found.budget)
         if found.identifiable == "yes" and unknown and not has_other:
-            note = f"{SCATTER_ALONE}; what the channels add could not be found out ({unknown})"
+            note = f"{_SCATTER_ALONE}; what the channels add could not be found out ({unknown})"
             return replace(found, identifiable="weakly", note=note)
         return found
 

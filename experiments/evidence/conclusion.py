@@ -102,7 +102,7 @@ def concluded(result: Result, checks: tuple[Finding, ...], recorded: Recorded) -
 
 def _beside_bounds(estimates: dict[str, Estimate], result: Result) -> dict[str, Estimate]:
     """The estimates, none of them called identified that hangs on a parameter at its bound."""
-    notes = notes_of_bounds(result)
+    notes = _notes_of_bounds(result)
     return {
         name: _weakly(estimate, notes[stem])
         if (stem := name.partition(REFERENCE)[0]) in notes and estimate.identifiable == "yes"
@@ -111,7 +111,7 @@ def _beside_bounds(estimates: dict[str, Estimate], result: Result) -> dict[str, 
     }
 
 
-def notes_of_bounds(result: Result) -> dict[str, str]:
+def _notes_of_bounds(result: Result) -> dict[str, str]:
     """By parameter, why it is not identified: it stopped at its bound, or it hangs on one that did."""
     covariance = result.covariance
     notes: dict[str, str] = {}

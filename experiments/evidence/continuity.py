@@ -13,15 +13,15 @@ from experiments.evidence.outcomes import not_checked, refused_beyond
 from experiments.finding import Finding
 from model.arrays import FloatArray
 
-STANDING_TORQUE = 50
+_STANDING_TORQUE = 50
 """Equal rows of a torque that has noise: an honest one has less than ten."""
-NOISY_SHARE = 0.2
+_NOISY_SHARE = 0.2
 """Share of rows that differ from the one before, from which on a torque has noise."""
-STANDING_ANGLE = 0.1
+_STANDING_ANGLE = 0.1
 """rad of the input that may be turned while an angle stands still: what stick and slip may do at low speed."""
 STANDING_COUNTS = 5.0
 """Counts of the angle beside that."""
-STANDS_SHARE = 0.5
+_STANDS_SHARE = 0.5
 """Share of its mean movement below which an encoder stands beside one that stands."""
 JUMP_SHARE, JUMP_COUNTS = 0.3, 30.0
 """Change of an angle from one row to the next beside its median: ripple of the speed, and counts."""
@@ -69,8 +69,8 @@ def _averaged(recorded: Recorded) -> list[str]:
 
 def _torque(stored: FloatArray) -> tuple[float, str]:
     standing = _longest_run(stored)
-    is_noisy = np.count_nonzero(np.diff(stored)) > NOISY_SHARE * len(stored)
-    return (standing / STANDING_TORQUE if is_noisy else 0.0), f"stands still for {standing} rows"
+    is_noisy = np.count_nonzero(np.diff(stored)) > _NOISY_SHARE * len(stored)
+    return (standing / _STANDING_TORQUE if is_noisy else 0.0), f"stands still for {standing} rows"
 
 
 def _beside(recorded: Recorded, name: str, rows: slice, at: NDArray[np.int64]) -> FloatArray | None:
@@ -98,7 +98,7 @@ def _angle(
     per_radian = turned / travel
     standing = _longest_run(stored, beside)
     # One row that equals none before it has not stood still at all.
-    stood = (standing - 1) * mean / (STANDING_ANGLE * per_radian + STANDING_COUNTS)
+    stood = (standing - 1) * mean / (_STANDING_ANGLE * per_radian + STANDING_COUNTS)
     median = float(np.median(steps))
     jump = float(np.abs(steps - median).max())
     jumped = jump / (JUMP_SHARE * abs(median) + JUMP_COUNTS)
@@ -116,5 +116,5 @@ def _longest_run(stored: FloatArray, beside: FloatArray | None = None) -> int:
     if beside is not None:
         mean = abs(float(beside[-1] - beside[0])) / (len(beside) - 1)
         moved = np.abs(beside[last] - beside[first])
-        rows = np.where(moved < STANDS_SHARE * mean * (rows - 1), 1, rows)
+        rows = np.where(moved < _STANDS_SHARE * mean * (rows - 1), 1, rows)
     return int(rows.max())

@@ -32,25 +32,25 @@ OFF = (ZERO_BEFORE, ZERO_AFTER, "rest")
 """Labels of segments in which the power may be off, and a reading of nothing is right."""
 LOOKED_AT = 20_000
 """Rows of one segment that tell noise and steps."""
-STANDING = 16
+_STANDING = 16
 """Equal readings on end that noise of one step does not bring: 0.38^15 a row."""
-OFTEN = 3
+_OFTEN = 3
 """How often readings stand at one value, from which on it is no chance."""
-CONSTANT = 0.99
+_CONSTANT = 0.99
 """Share of the readings with the servo off that are one value where a dead band hides their noise."""
 FROM, UNTIL = 0.55, 0.92
 """The part of a ramp, up to its motion, whose line is drawn back to its beginning."""
-MOVED = 0.2 * DEGREE
+_MOVED = 0.2 * DEGREE
 BLOCKS = 8
 """Parts of it whose medians the line goes through: stray readings do not move it."""
 LEAST_ROWS = 40
-INTERCEPT = 0.002
+_INTERCEPT = 0.002
 """N m by which a ramp may begin beside zero: the zero, cogging, friction that gives way."""
 LAG = 0.02
 """s by which drive and port may follow the ramp."""
 STEP_SHARE = 0.05
 """Step of the readings, as a share of the torque, from which on an average of equal readings says too little."""
-UNDITHERED = 0.5
+_UNDITHERED = 0.5
 """Share of equal neighbours from which on noise does not carry the readings from step to step."""
 
 
@@ -74,7 +74,7 @@ def _beginning(recorded: Recorded, ramps: tuple[Segment, ...]) -> Finding:
     begins, rates = np.array(lines).T
     mean = float(begins.mean())
     error = float(begins.std(ddof=1)) / math.sqrt(len(begins))
-    allowed = INTERCEPT + LAG * float(np.median(np.abs(rates))) + 3.0 * error
+    allowed = _INTERCEPT + LAG * float(np.median(np.abs(rates))) + 3.0 * error
     return refused_beyond(
         abs(mean) > allowed,
         f"{1e3 * mean:.2g} mN m where the ramps begin",
@@ -88,7 +88,7 @@ def _line(recorded: Recorded, ramp: Segment) -> tuple[float, float] | None:
     recording = recorded.recording
     rows = part_of(ramp, recording.rows)
     angle = recording.si("input_angle", rows)
-    still = np.flatnonzero(np.abs(angle - np.median(angle[:5])) <= MOVED)
+    still = np.flatnonzero(np.abs(angle - np.median(angle[:5])) <= _MOVED)
     end = int(still[-1]) + 1 if len(still) else 0
     if end < LEAST_ROWS:
         return None
@@ -117,7 +117,7 @@ def _standing(recorded: Recorded) -> Finding:
         return not_checked("the run has no segment in which the torque passes zero")
     stands = Counter(value for s in between for value in _stands(recording, name, s))
     value, often = stands.most_common(1)[0] if stands else (math.nan, 0)
-    least = 1 if value == _read_off(recording, name) else OFTEN
+    least = 1 if value == _read_off(recording, name) else _OFTEN
     return refused_beyond(
         often >= least,
         f"the reading stands {often} times at one value between the holds",
@@ -129,11 +129,11 @@ def _standing(recorded: Recorded) -> Finding:
 def _stands(recording: Recording, name: str, segment: Segment) -> Iterator[float]:
     """The values at which the readings of a segment stand."""
     values = recording.stored(name, part_of(segment, recording.rows))
-    if len(values) < STANDING:
+    if len(values) < _STANDING:
         return
     ends = np.append(np.flatnonzero(np.diff(values)), len(values) - 1)
     lengths = np.diff(ends, prepend=-1)
-    yield from (float(values[end]) for end in ends[lengths >= STANDING])
+    yield from (float(values[end]) for end in ends[lengths >= _STANDING])
 
 
 def _read_off(recording: Recording, name: str) -> float:
@@ -144,7 +144,7 @@ def _read_off(recording: Recording, name: str) -> float:
         return math.nan
     levels, counts = np.unique(values, return_counts=True)
     most = int(np.argmax(counts))
-    return float(levels[most]) if counts[most] >= CONSTANT * len(values) else math.nan
+    return float(levels[most]) if counts[most] >= _CONSTANT * len(values) else math.nan
 
 
 def _samples(recorded: Recorded) -> list[FloatArray]:
@@ -183,7 +183,7 @@ def steps_of_the_port(recorded: Recorded) -> Finding:
     equal = float(np.mean(np.concatenate([np.diff(s) == 0.0 for s in samples])))
     allowed = STEP_SHARE * float(np.median(torques))
     return refused_beyond(
-        step > allowed and equal > UNDITHERED,
+        step > allowed and equal > _UNDITHERED,
         f"steps of {1e3 * step:.2g} mN m, {100.0 * equal:.0f} % of the readings as the one before",
         f"<= {1e3 * allowed:.2g} mN m",
         "the torque channel reads in steps that are no small part of the torque",

@@ -22,7 +22,7 @@ TURNING = ("traverse", "hold", "bracket", "step", "warm-up", "home-input", "home
 """Labels of segments that turn at the constant speed that they are set to."""
 PUSHING = ("torque-ramp",)
 """Labels of segments in which a torque grows until something moves."""
-TRANSIENT = ("step", "home-input", "home-output")
+_TRANSIENT = ("step", "home-input", "home-output")
 """Labels of segments that begin before the set-point is reached: their second half counts here."""
 ZERO_BEFORE, ZERO_AFTER = "torque-zero-before", "torque-zero-after"
 SETTLED_SHARE = 0.25
@@ -31,7 +31,7 @@ STILL = 0.1
 """rad of the input within which a segment without a set-point has not turned."""
 LEAST_TURNS = 1.25
 """Input revolutions of a hold from which on the means over its first and its last one lie apart."""
-USABLE_SHARE = 0.9
+_USABLE_SHARE = 0.9
 """Share of the rows of a revolution without which its mean is none."""
 LARGEST = 1_000_000
 """Rows of one segment that are looked at; of a longer one the last."""
@@ -168,7 +168,7 @@ class Recorded:
     def _mean_angles(self, rows: slice) -> tuple[float, float] | None:
         """Mean angles of input and output [rad] over the usable rows, where nearly all of them are."""
         good = (self.recording.flags(rows) & BAD_CYCLE) == 0
-        if np.count_nonzero(good) < USABLE_SHARE * len(good):
+        if np.count_nonzero(good) < _USABLE_SHARE * len(good):
             return None
         inner, outer = self.recording.si("input_angle", rows), self.recording.output_angle(rows)
         return float(inner[good].mean()), float(outer[good].mean())
@@ -207,7 +207,7 @@ def part_of(segment: Segment, rows: int) -> slice:
     """The rows of a segment that are looked at: without its transient, and not more than `LARGEST`."""
     stop = min(segment.stop, rows)
     start = max(segment.start, stop - LARGEST)
-    return slice((start + stop) // 2 if segment.label in TRANSIENT else start, stop)
+    return slice((start + stop) // 2 if segment.label in _TRANSIENT else start, stop)
 
 
 def _change(

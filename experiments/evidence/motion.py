@@ -11,21 +11,21 @@ from experiments.evidence.skew import skew_of_encoders
 from experiments.finding import Finding
 from model.identify.skew import SPEED_SPAN
 
-SPEED_TOLERANCE = 0.02
+_SPEED_TOLERANCE = 0.02
 """Relative difference of mean speed and set-point: a speed loop holds its mean to less than a part in a hundred."""
-RIPPLE_AT_AN_END = 0.05
+_RIPPLE_AT_AN_END = 0.05
 """rad of the input by which ripple over its revolution changes the travel of a segment: a part of a turn does not
 average it out. It is that of a speed that ripples by 5 % once per revolution."""
-COUNTS_AT_AN_END = 2.0
+_COUNTS_AT_AN_END = 2.0
 """Counts by which travel may differ because of where a segment begins and ends."""
-RATIO_TOLERANCE = 0.25
+_RATIO_TOLERANCE = 0.25
 """In units of one tooth pair: N and N + 1 (the other spline fixed) lie one apart."""
-RATIO_NEEDED = 0.75
+_RATIO_NEEDED = 0.75
 """Tooth pairs of doubt from which on the travel is too short to tell."""
-ANGLE_AT_AN_END = 1e-4
+_ANGLE_AT_AN_END = 1e-4
 """rad of the output by which errors of the encoder and wind-up change the travel of one segment between the means
 over its first and its last revolution."""
-ANGLE_AT_AN_END_OF_ALL = 5e-4
+_ANGLE_AT_AN_END_OF_ALL = 5e-4
 """The same from row to row, with all of the kinematic error, and where anything may have happened in between: wound
 up one way at one end, the other way at the other."""
 LARGEST_SKEW = 1.25
@@ -46,7 +46,7 @@ def speed_against_set_point(recorded: Recorded) -> Finding:
     return refused_beyond(
         _excess(worst, recorded) > 0.0,
         found,
-        f"set-point ± {100.0 * SPEED_TOLERANCE:g} %" + (f" ± {doubt:.2g} rad/s" if doubt else ""),
+        f"set-point ± {100.0 * _SPEED_TOLERANCE:g} %" + (f" ± {doubt:.2g} rad/s" if doubt else ""),
         "the measured speed is not the one that was commanded: counts per revolution, time or set-points are wrong",
     )
 
@@ -54,10 +54,10 @@ def speed_against_set_point(recorded: Recorded) -> Finding:
 def _excess(hold: Hold, recorded: Recorded) -> float:
     """Relative difference of speed and set-point beyond what is allowed."""
     setpoint = hold.segment.setpoint
-    counts = COUNTS_AT_AN_END * recorded.recording.signals["input_angle"].quantum
-    doubt = (counts + 2.0 * RIPPLE_AT_AN_END) / abs(setpoint * hold.duration)
+    counts = _COUNTS_AT_AN_END * recorded.recording.signals["input_angle"].quantum
+    doubt = (counts + 2.0 * _RIPPLE_AT_AN_END) / abs(setpoint * hold.duration)
     doubt += _doubt_of_set_point(setpoint, recorded) / abs(setpoint)
-    return abs(hold.speed / setpoint - 1.0) - SPEED_TOLERANCE - doubt
+    return abs(hold.speed / setpoint - 1.0) - _SPEED_TOLERANCE - doubt
 
 
 def _doubt_of_set_point(setpoint: float, recorded: Recorded) -> float:
@@ -90,15 +90,15 @@ def encoders_against_ratio(recorded: Recorded) -> Finding:
     inner = sum(abs(i) for i, _ in turning)
     outer = sum(math.copysign(1.0, i) * o for i, o in turning)
     # In tooth pairs: one is the difference between the two mountings.
-    at_an_end = ANGLE_AT_AN_END if whole else ANGLE_AT_AN_END_OF_ALL
+    at_an_end = _ANGLE_AT_AN_END if whole else _ANGLE_AT_AN_END_OF_ALL
     doubt = at_an_end * len(turning) * ratio / (inner / ratio)
-    if doubt > RATIO_NEEDED:
+    if doubt > _RATIO_NEEDED:
         return not_checked(f"the output turned only {inner / ratio:.2g} rad")
     seen = inner / outer if outer else math.inf
     return refused_beyond(
-        abs(seen - ratio) > RATIO_TOLERANCE + doubt,
+        abs(seen - ratio) > _RATIO_TOLERANCE + doubt,
         f"{seen:.5g} input revolutions per output revolution",
-        f"{ratio:g} ± {RATIO_TOLERANCE + doubt:.2g}",
+        f"{ratio:g} ± {_RATIO_TOLERANCE + doubt:.2g}",
         "the encoders show another ratio than the one stated",
     )
 

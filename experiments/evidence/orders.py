@@ -16,7 +16,7 @@ from model.identify.estimate import Estimate
 from model.identify.orders.aliases import HIGHEST_SHARE, SamplingSums, SamplingWindow
 
 ANGLES = ("input_angle", "position", "output_angle")
-NAMED = 1e-5
+_NAMED = 1e-5
 """Orders to which the name of one tells it."""
 WHOLE_TURN = 0.99
 """Of its own period that must have been recorded: a part of a wave is as well an offset, a slope or another order."""
@@ -67,7 +67,7 @@ def sampled(
 def _is_of_gear(order: float, ratio: float) -> bool:
     """Whether an order, as it is named, is a whole one or of the lattice of a gear."""
     places = (1.0, ratio) if math.isfinite(ratio) else (1.0,)
-    return any(abs(order * place - round(order * place)) < NAMED * place for place in places)
+    return any(abs(order * place - round(order * place)) < _NAMED * place for place in places)
 
 
 def _with(estimate: Estimate, note: str) -> str:

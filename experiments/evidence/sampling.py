@@ -14,23 +14,23 @@ from experiments.finding import Finding
 from model.identify.counting import lattice_aliases
 from model.units import ARCSEC, REVOLUTION
 
-HOLD_GAP = 0.01
+_HOLD_GAP = 0.01
 """Share of a segment's rows that may be unusable: more is no data, and is never averaged."""
-LONGEST_GAP = 10.0
+_LONGEST_GAP = 10.0
 """Sampling periods between two rows of a segment beyond which the motion between them is not known."""
-PERIOD_TOLERANCE = 0.01
+_PERIOD_TOLERANCE = 0.01
 """Relative difference of the median period and the nominal one."""
 CLOCK_TOLERANCE, CLOCK_RESOLUTION = 0.02, 2.0
 """Relative and absolute [s] difference of the device's time from the computer's over a run."""
-TIME_ROWS = 4096
+_TIME_ROWS = 4096
 """Rows of a stretch in which periods are looked at."""
 HIGHEST_SHARE = 0.4
 """Of the sampling frequency: nothing above it is identified."""
-LATTICE_HARMONICS = 12
+_LATTICE_HARMONICS = 12
 """Harmonics of the output counts that sampling may fold onto an order: those above are smaller than the noise."""
-FOLDED_ORDER = 4.5
+_FOLDED_ORDER = 4.5
 """Orders of the input that are judged."""
-NEAR_AN_ORDER = 0.05
+_NEAR_AN_ORDER = 0.05
 """Orders apart from which on a folded line does not stand on an order of one output revolution's fit."""
 
 
@@ -52,18 +52,18 @@ def gaps(recorded: Recorded) -> Finding:
         return refused(found, f"<= {100.0 * largest:g} %", words)
     if not recorded.holds and recording.segments:
         return passed("no segment to be averaged")
-    allowed = max(HOLD_GAP, largest)
+    allowed = max(_HOLD_GAP, largest)
     worst = max(recorded.holds, key=lambda h: h.unusable / h.rows, default=None)
     share = worst.unusable / worst.rows if worst else 0.0
     shortest, longest = _steps_of_time(recorded)
     text = f"{100.0 * share:.2g} % of a segment's rows, {shortest:.3g} to {longest:.3g} periods between two rows"
     if recorded.experiment.cuts_gaps:
         # Its gaps end a stretch: they are no part of what is averaged.
-        longest = min(longest, LONGEST_GAP)
+        longest = min(longest, _LONGEST_GAP)
     return refused_beyond(
-        share > allowed or longest > LONGEST_GAP or shortest <= 0.0,
+        share > allowed or longest > _LONGEST_GAP or shortest <= 0.0,
         text,
-        f"{100.0 * allowed:g} %, above 0 and to {LONGEST_GAP:g} periods",
+        f"{100.0 * allowed:g} %, above 0 and to {_LONGEST_GAP:g} periods",
         "rows are missing, or stand in no order of time, where the analysis averages",
     )
 
@@ -89,9 +89,9 @@ def _steps_of_time(recorded: Recorded) -> tuple[float, float]:
 def _median_period(recorded: Recorded) -> float:
     """The median time between two rows [s], from the beginning, the middle and the end; NaN for a row or two."""
     rows = recorded.recording.rows
-    starts = {0, max(0, rows // 2), max(0, rows - TIME_ROWS)}
+    starts = {0, max(0, rows // 2), max(0, rows - _TIME_ROWS)}
     source = recorded.recording.source
-    parts = [np.diff(source.time_ns(s, min(s + TIME_ROWS, rows))) for s in sorted(starts)]
+    parts = [np.diff(source.time_ns(s, min(s + _TIME_ROWS, rows))) for s in sorted(starts)]
     steps = np.concatenate(parts)
     return float(np.median(steps)) * 1e-9 if len(steps) else math.nan
 
@@ -114,9 +114,9 @@ def time_axis(recorded: Recorded) -> Finding:
     if math.isfinite(elapsed):
         found += f"; {span:.1f} s of the device in {elapsed:.1f} s of the computer"
     return refused_beyond(
-        abs(ratio - 1.0) > PERIOD_TOLERANCE or is_slow,
+        abs(ratio - 1.0) > _PERIOD_TOLERANCE or is_slow,
         found,
-        f"1 ± {PERIOD_TOLERANCE:g}",
+        f"1 ± {_PERIOD_TOLERANCE:g}",
         "the time axis is not that of the run",
     )
 
@@ -162,9 +162,9 @@ def count_lattice(recorded: Recorded) -> Finding:
     for hold in recorded.turning:
         per_turn = REVOLUTION * rate / abs(hold.speed)
         folded = lattice_aliases(
-            per_turn, counts, output.quantum, FOLDED_ORDER, harmonics=LATTICE_HARMONICS
+            per_turn, counts, output.quantum, _FOLDED_ORDER, harmonics=_LATTICE_HARMONICS
         )
-        on_order = [a.amplitude for a in folded if abs(a.order - round(a.order)) < NEAR_AN_ORDER]
+        on_order = [a.amplitude for a in folded if abs(a.order - round(a.order)) < _NEAR_AN_ORDER]
         worst = max(worst, *on_order, 0.0)
     found = f"up to {worst / ARCSEC:.2g} arcsec folded onto an order"
     if worst == 0.0:

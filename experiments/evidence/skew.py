@@ -22,13 +22,13 @@ from model.identify.estimate import Estimate
 from model.identify.skew import WINDOW, RevolutionMeans, encoder_skew, torque_skew
 from model.units import REVOLUTION
 
-SLOWEST_SHARE = 0.1
+_SLOWEST_SHARE = 0.1
 """Revolutions slower than this share of the fastest are left out: there friction does not grow with
 speed (Stribeck).
 """
 STEADY = 0.03
 """Relative difference of neighbouring revolutions' durations below which the speed is constant."""
-NEEDED_SHARE = 0.1
+_NEEDED_SHARE = 0.1
 """A skew known to this share of the SYNC period is identified."""
 TORQUE_PIECES, PIECE_ROWS = 24, 2048
 """So much of a recording is looked at for the skew of the torque."""
@@ -49,7 +49,7 @@ def skews(recording: Recording, gear: HarmonicDrive | None = None) -> dict[str, 
     if encoders is not None:
         estimates["encoder_skew"] = encoders
     if recording.has("torque", "drive_torque"):
-        estimates["torque_skew"] = _torque_skew(recording, 1.0 / rate, NEEDED_SHARE / rate)
+        estimates["torque_skew"] = _torque_skew(recording, 1.0 / rate, _NEEDED_SHARE / rate)
     return estimates
 
 
@@ -68,9 +68,9 @@ def skew_of_encoders(recording: Recording, gear: HarmonicDrive | None = None) ->
     rotary = len(encoders) == 2 and all(signal.unit == "rad" for signal in encoders)
     if not (rotary and recording.metadata.gear_mounted and ratio > 0.0):
         return None
-    means = revolution_means(recording, ratio)
+    means = _revolution_means(recording, ratio)
     doubt = viscous_windup(gear, means.speed, ratio) if gear is not None else 0.0
-    return encoder_skew(means, NEEDED_SHARE / rate, doubt)
+    return encoder_skew(means, _NEEDED_SHARE / rate, doubt)
 
 
 def viscous_windup(gear: HarmonicDrive, speed: FloatArray, ratio: float) -> float:
@@ -140,7 +140,7 @@ class _Revolutions:
         return np.concatenate([[first], time[before] + share * (time[after] - time[before])])
 
 
-def revolution_means(recording: Recording, ratio: float) -> RevolutionMeans:
+def _revolution_means(recording: Recording, ratio: float) -> RevolutionMeans:
     """Means over the whole input revolutions of a recording that were turned at constant speed, in
     constant memory per block.
     """
@@ -174,7 +174,7 @@ def _steady(rows: list[tuple[int, float, float, float, float]], ratio: float) ->
     speed = sense * REVOLUTION / (ratio * duration[steady])
     breaks = np.diff(steady, prepend=steady[0] if len(steady) else 0) > 1
     plateau = np.cumsum(breaks).astype(np.int64)
-    fast = np.abs(speed) >= SLOWEST_SHARE * np.abs(speed).max(initial=0.0)
+    fast = np.abs(speed) >= _SLOWEST_SHARE * np.abs(speed).max(initial=0.0)
     steady = steady[fast]
     return RevolutionMeans(speed[fast], table[steady, 3], table[steady, 4], plateau[fast])
 

@@ -16,7 +16,7 @@ from experiments.finding import Finding
 from experiments.recording import Recording, Segment
 from model.arrays import FloatArray
 
-SPEED_MODE = "speed_mode"
+_SPEED_MODE = "speed_mode"
 """What a run file calls the mode in which its drive turned by speed."""
 PROFILE, POSITION = "profile velocity", "cyclic position"
 STEADY = 0.5
@@ -25,7 +25,7 @@ STEADY = 0.5
 
 def tells_mode(recorded: Recorded) -> bool:
     """Whether the run file says in which mode its drive turned."""
-    return bool(recorded.recording.metadata.process.get(SPEED_MODE))
+    return bool(recorded.recording.metadata.process.get(_SPEED_MODE))
 
 
 def shape_of_the_steps(recorded: Recorded) -> Finding:
@@ -33,7 +33,7 @@ def shape_of_the_steps(recorded: Recorded) -> Finding:
     gear was asked to follow.
     """
     recording = recorded.recording
-    mode = str(recording.metadata.process.get(SPEED_MODE, ""))
+    mode = str(recording.metadata.process.get(_SPEED_MODE, ""))
     if POSITION in mode:
         words = (
             "The drive was led by target positions: its position loop, and the filter of what it feeds forward, shaped "

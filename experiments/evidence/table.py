@@ -99,62 +99,64 @@ def _tare(recorded: Recorded) -> bool:
     return recorded.evidence.tare is not None
 
 
-CYCLIC = "Use a drive with cyclic synchronous velocity, or leave steps to recordings made with one."
-RUN_AGAIN = "Run it again, to its end."
-RECORD_AGAIN = "Repair the acquisition and record again, or allow more missed cycles with --largest-missed-share."
-LOOK_AT_PORT = (
+_CYCLIC = (
+    "Use a drive with cyclic synchronous velocity, or leave steps to recordings made with one."
+)
+_RUN_AGAIN = "Run it again, to its end."
+_RECORD_AGAIN = "Repair the acquisition and record again, or allow more missed cycles with --largest-missed-share."
+_LOOK_AT_PORT = (
     "Check range, scale, unit and sign of the torque channel (rig.toml, or the map of the import)."
 )
-LOOK_AT_ENCODERS = (
+_LOOK_AT_ENCODERS = (
     "Check lines, multiplication and sense of both encoders, the gear's ratio and its mounting."
 )
-LOOK_AT_TIME = "Check the unit and scale of the time stamps."
+_LOOK_AT_TIME = "Check the unit and scale of the time stamps."
 
-LOOK_AT_COUNTS = "Check lines and multiplication of the input encoder, and the time stamps."
-SYNC_DEVICES = "Set the devices to transmit what they latched at the same SYNC."
-HIGHER_RATE = "Record at a higher rate."
+_LOOK_AT_COUNTS = "Check lines and multiplication of the input encoder, and the time stamps."
+_SYNC_DEVICES = "Set the devices to transmit what they latched at the same SYNC."
+_HIGHER_RATE = "Record at a higher rate."
 OTHER_SPEED = "Choose a speed that is incommensurate with the sampling rate."
-LOOK_AT_ZERO = "Look at the torque channel about zero: amplifier, converter, a filter or a threshold in the drive."
-FINER_PORT = "Use a finer range or converter of the torque channel."
-LOOK_AT_SCALE = "Check the scale of the torque channel and the inertia on the cards: rotor, gear, load (rig gear set)."
-WIDER_RANGE = "Widen the range of the torque port, and run again."
-WARM_UP = "Warm up first, and run again."
-SAME_RIG = "Take the tare on the rig of the run."
-NEW_TARE = "Take a new tare, or allow more with the setting tare_age_limit."
-TARE_AGAIN = (
+_LOOK_AT_ZERO = "Look at the torque channel about zero: amplifier, converter, a filter or a threshold in the drive."
+_FINER_PORT = "Use a finer range or converter of the torque channel."
+_LOOK_AT_SCALE = "Check the scale of the torque channel and the inertia on the cards: rotor, gear, load (rig gear set)."
+_WIDER_RANGE = "Widen the range of the torque port, and run again."
+_WARM_UP = "Warm up first, and run again."
+_SAME_RIG = "Take the tare on the rig of the run."
+_NEW_TARE = "Take a new tare, or allow more with the setting tare_age_limit."
+_TARE_AGAIN = (
     "Look for a rubbing coupling, a cold motor, a wrong scale or card; take the tare again, before and "
     "after the run (rig run motor-tare)."
 )
-SAME_ROOM = "Take a new tare at this temperature."
+_SAME_ROOM = "Take a new tare at this temperature."
 
 TABLE: tuple[Row, ...] = (
-    Row("end of the run", _every, sampling.end_of_run, RUN_AGAIN),
-    Row("gaps", _every, sampling.gaps, RECORD_AGAIN),
-    Row("time axis", _every, sampling.time_axis, LOOK_AT_TIME),
-    Row("speed against set-point", _set_speed, motion.speed_against_set_point, LOOK_AT_COUNTS),
-    Row("encoders against ratio", _gear, motion.encoders_against_ratio, LOOK_AT_ENCODERS, False),
-    Row("saturation", _torque, torque.saturation, WIDER_RANGE),
-    Row("plateau", _torque, torque.plateau, WIDER_RANGE),
-    Row("continuity", _set_speed, continuity.continuity, RECORD_AGAIN),
-    Row("skew of the encoders", _output, motion.skew, SYNC_DEVICES, False),
-    Row("sampling of the resonance", _mode, sampling.resonance, HIGHER_RATE),
-    Row("shape of the steps", _shaped, steps.shape_of_the_steps, CYCLIC, False),
+    Row("end of the run", _every, sampling.end_of_run, _RUN_AGAIN),
+    Row("gaps", _every, sampling.gaps, _RECORD_AGAIN),
+    Row("time axis", _every, sampling.time_axis, _LOOK_AT_TIME),
+    Row("speed against set-point", _set_speed, motion.speed_against_set_point, _LOOK_AT_COUNTS),
+    Row("encoders against ratio", _gear, motion.encoders_against_ratio, _LOOK_AT_ENCODERS, False),
+    Row("saturation", _torque, torque.saturation, _WIDER_RANGE),
+    Row("plateau", _torque, torque.plateau, _WIDER_RANGE),
+    Row("continuity", _set_speed, continuity.continuity, _RECORD_AGAIN),
+    Row("skew of the encoders", _output, motion.skew, _SYNC_DEVICES, False),
+    Row("sampling of the resonance", _mode, sampling.resonance, _HIGHER_RATE),
+    Row("shape of the steps", _shaped, steps.shape_of_the_steps, _CYCLIC, False),
     Row("count lattice", _transmission, sampling.count_lattice, OTHER_SPEED, False),
-    Row("sign of the torque", _torque, torque.sign, LOOK_AT_PORT),
-    Row("reach of the motor", _torque, torque.reach, LOOK_AT_PORT),
-    Row("torque zero", _torque, torque.zero, WARM_UP),
-    Row("reference speed", _bracket, torque.bracket, WARM_UP, False),
-    Row("dead band", _torque, dead_band.dead_band, LOOK_AT_ZERO, False),
-    Row("steps of the port", _torque, dead_band.steps_of_the_port, FINER_PORT, False),
-    Row("torque port against drive", _torque, torque.port_against_drive, LOOK_AT_PORT, False),
-    Row("torque against inertia", _torque, inertia.torque_against_inertia, LOOK_AT_SCALE, False),
-    Row("origin of the tare", _tare, tare.origin, SAME_RIG),
-    Row("age of the tare", _tare, tare.age, NEW_TARE),
-    Row("temperature of the tare", _tare, tare.temperature, SAME_ROOM),
-    Row("size of the tare", _tare, tare.size, LOOK_AT_PORT),
-    Row("shape of the tare", _tare, tare.shape, TARE_AGAIN, False),
-    Row("card of the motor", _tare, tare.card, TARE_AGAIN, False),
-    Row("other tares of the bench", _tare, tare.others, TARE_AGAIN, False),
+    Row("sign of the torque", _torque, torque.sign, _LOOK_AT_PORT),
+    Row("reach of the motor", _torque, torque.reach, _LOOK_AT_PORT),
+    Row("torque zero", _torque, torque.zero, _WARM_UP),
+    Row("reference speed", _bracket, torque.bracket, _WARM_UP, False),
+    Row("dead band", _torque, dead_band.dead_band, _LOOK_AT_ZERO, False),
+    Row("steps of the port", _torque, dead_band.steps_of_the_port, _FINER_PORT, False),
+    Row("torque port against drive", _torque, torque.port_against_drive, _LOOK_AT_PORT, False),
+    Row("torque against inertia", _torque, inertia.torque_against_inertia, _LOOK_AT_SCALE, False),
+    Row("origin of the tare", _tare, tare.origin, _SAME_RIG),
+    Row("age of the tare", _tare, tare.age, _NEW_TARE),
+    Row("temperature of the tare", _tare, tare.temperature, _SAME_ROOM),
+    Row("size of the tare", _tare, tare.size, _LOOK_AT_PORT),
+    Row("shape of the tare", _tare, tare.shape, _TARE_AGAIN, False),
+    Row("card of the motor", _tare, tare.card, _TARE_AGAIN, False),
+    Row("other tares of the bench", _tare, tare.others, _TARE_AGAIN, False),
 )
 
 

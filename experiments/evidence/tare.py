@@ -20,13 +20,13 @@ from experiments.tares.same_rig import AGE_LIMIT, WARMER, at_the_start, rig_of_b
 from experiments.tares.tare import TareDoubt, tare_of, with_doubts
 from model.identify.running_torque import Tare
 
-AGED = 0.05
+_AGED = 0.05
 """Relative standard uncertainty of an old tare: bearings and seal of a motor run in, and out."""
-MUCH_WARMER = 15.0
+_MUCH_WARMER = 15.0
 """K between tare and run: beyond `WARMER` the tare is widened, beyond this it is refused."""
-PER_KELVIN = 0.01
+_PER_KELVIN = 0.01
 """Relative change of a motor's friction per kelvin, of grease and seal."""
-LEAST_BESIDE = 0.02
+_LEAST_BESIDE = 0.02
 """Of a tare's mean: points closer than that to a line bend nothing that is subtracted."""
 LARGEST_SHARE = 0.9
 """Of what it is subtracted from: above it the difference is all error."""
@@ -57,7 +57,7 @@ def age(recorded: Recorded) -> Finding:
     found, allowed = f"{days:.1f} days", f"{limit:g} days"
     if days > limit:
         words = (
-            f"The motor tare is {found} old: widened by {100.0 * AGED:g} % (standard uncertainty)."
+            f"The motor tare is {found} old: widened by {100.0 * _AGED:g} % (standard uncertainty)."
         )
         return noted(found, allowed, words)
     return passed(found, allowed)
@@ -83,13 +83,11 @@ def temperature(recorded: Recorded) -> Finding:
     apart = _kelvin(recorded)
     if not math.isfinite(apart):
         return not_checked("the temperature of tare or run was not recorded")
-    found, allowed = f"{apart:.1f} K apart", f"{MUCH_WARMER:g} K"
-    if apart > MUCH_WARMER:
+    found, allowed = f"{apart:.1f} K apart", f"{_MUCH_WARMER:g} K"
+    if apart > _MUCH_WARMER:
         return refused(found, allowed, "the tare was taken at another temperature")
     if apart > WARMER:
-        words = (
-            f"Tare and run are {found}: the tare is widened by {100.0 * PER_KELVIN:g} % per kelvin."
-        )
+        words = f"Tare and run are {found}: the tare is widened by {100.0 * _PER_KELVIN:g} % per kelvin."
         return noted(found, allowed, words)
     return passed(found, f"{WARMER:g} K")
 
@@ -162,7 +160,7 @@ def shape(recorded: Recorded) -> Finding:
     allowed = f"<= {witness.LARGEST_CHI_SQUARE:g}"
     if beside > 0.5 * abs(float(points.torque.mean())):
         return refused(found, allowed, "the tare is no friction of a motor over speed")
-    if ratio > witness.LARGEST_CHI_SQUARE and beside > LEAST_BESIDE * abs(points.torque.mean()):
+    if ratio > witness.LARGEST_CHI_SQUARE and beside > _LEAST_BESIDE * abs(points.torque.mean()):
         words = f"The points of the motor tare lie {found}: its doubt is in the budget."
         return noted(found, allowed, words)
     return passed(found, allowed)
@@ -224,9 +222,9 @@ def _doubts(recorded: Recorded, tare: Result) -> Iterator[TareDoubt]:
         return
     days, apart = _days(recorded), _kelvin(recorded)
     if days > _age_limit(recorded):
-        yield _share(points, "age of the tare", AGED, f"{days:.1f} days")
+        yield _share(points, "age of the tare", _AGED, f"{days:.1f} days")
     if apart > WARMER:
-        yield _share(points, "temperature of the tare", PER_KELVIN * apart, f"{apart:.1f} K apart")
+        yield _share(points, "temperature of the tare", _PER_KELVIN * apart, f"{apart:.1f} K apart")
     if shape(recorded).severity is Severity.NOTES:
         beside = np.full(len(points.speed), witness.reduced_chi_square(points)[1])
         yield TareDoubt("shape of the tare", points.speed, beside, "its points about a line")

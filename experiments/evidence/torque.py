@@ -19,24 +19,24 @@ from experiments.evidence.holds import Recorded, part_of
 from experiments.evidence.outcomes import not_checked, noted, passed, refused, refused_beyond
 from experiments.finding import Finding, Severity
 
-StoredArray = NDArray[Any]
-PLATEAU_SHARE = 0.01
+_StoredArray = NDArray[Any]
+_PLATEAU_SHARE = 0.01
 """Share of the rows at the very extreme from which on it may be a plateau."""
-PLATEAU_EDGE = 3.0
+_PLATEAU_EDGE = 3.0
 """How many times as many rows a plateau has as the level beside it; noise has fewer at its extreme."""
-LEAST_LEVELS = 16
+_LEAST_LEVELS = 16
 """Levels that a channel must have for its extreme to be told from its values."""
-DRIVING = 0.005
+_DRIVING = 0.005
 """N m by which a torque may point along the motion because of its zero, ripple and noise."""
-DRIVING_SHARE = 0.1
+_DRIVING_SHARE = 0.1
 """The same as a share of the largest torque of the holds."""
-ABOVE_PEAK = 1.2
+_ABOVE_PEAK = 1.2
 """How far readings may lie above the motor's peak torque: scale, offset and noise."""
 SLOPE_SPREAD, SLOPE_REST = 3.0, 0.02
 """Standard uncertainties of both scales, and what lag and steps add, by which port and drive may differ."""
 DRIVE_RESIDUAL, DRIVE_RESIDUAL_SHARE = 0.003, 0.05
 """N m, and share of the largest torque, by which a single segment may stand beside the others' line."""
-DRIVE_SPAN = 0.02
+_DRIVE_SPAN = 0.02
 """N m that the holds must span for the slope to be known."""
 ZERO_DRIFT, LARGEST_ZERO_DRIFT = 0.003, 0.02
 """N m between the zeros before and after: what is said, and what is refused."""
@@ -68,25 +68,25 @@ def plateau(recorded: Recorded) -> Finding:
         return not_checked("there are no segments that count")
     values = np.concatenate([recording.stored(recorded.torque, rows) for rows in parts])
     levels, counts = np.unique(values, return_counts=True)
-    if len(levels) < LEAST_LEVELS and _stands_at_its_ends(recorded, values, levels):
+    if len(levels) < _LEAST_LEVELS and _stands_at_its_ends(recorded, values, levels):
         found = f"{len(levels)} values only, most of them the outermost"
         words = "the torque is clipped: it stands at its extreme value and never goes beyond"
-        return refused(found, f">= {LEAST_LEVELS} values, as between the holds", words)
-    if len(levels) < LEAST_LEVELS:
+        return refused(found, f">= {_LEAST_LEVELS} values, as between the holds", words)
+    if len(levels) < _LEAST_LEVELS:
         return not_checked(f"the torque channel has {len(levels)} levels only")
     ends = ((counts[0], counts[1]), (counts[-1], counts[-2]))
     share = max(
-        (end / len(values) for end, beside in ends if end > PLATEAU_EDGE * beside), default=0.0
+        (end / len(values) for end, beside in ends if end > _PLATEAU_EDGE * beside), default=0.0
     )
     return refused_beyond(
-        share > PLATEAU_SHARE,
+        share > _PLATEAU_SHARE,
         f"{100.0 * share:.2g} % of the rows in a plateau at the extreme",
-        f"<= {100.0 * PLATEAU_SHARE:g} %",
+        f"<= {100.0 * _PLATEAU_SHARE:g} %",
         "the torque is clipped: it stands at its extreme value and never goes beyond",
     )
 
 
-def _stands_at_its_ends(recorded: Recorded, values: StoredArray, levels: StoredArray) -> bool:
+def _stands_at_its_ends(recorded: Recorded, values: _StoredArray, levels: _StoredArray) -> bool:
     """Whether nearly all readings of the holds are the outermost of them, though the channel has many values."""
     outermost = np.isin(values, levels[[0, -1]])
     if not np.mean(outermost) > 0.5:
@@ -95,7 +95,7 @@ def _stands_at_its_ends(recorded: Recorded, values: StoredArray, levels: StoredA
     between: set[float] = set()
     for rows in recording.blocks():
         between.update(np.unique(recording.stored(recorded.torque, rows)).tolist())
-        if len(between) >= 2 * LEAST_LEVELS:
+        if len(between) >= 2 * _LEAST_LEVELS:
             return True
     return False
 
@@ -109,7 +109,7 @@ def sign(recorded: Recorded) -> Finding:
     zero = 0.0
     if not math.isfinite(sum(recorded.zeros)):
         zero = 3.0 * zero_uncertainty(recorded.recording, recorded.torque)[0]
-    allowed = max(DRIVING, DRIVING_SHARE * largest) + zero
+    allowed = max(_DRIVING, _DRIVING_SHARE * largest) + zero
     worst = min(known, key=lambda h: h.direction * h.torque)
     along = worst.direction * worst.torque
     found = f"{1e3 * along:.3g} mN m along the motion ({worst.segment.label} {worst.segment.index})"
@@ -130,9 +130,9 @@ def reach(recorded: Recorded) -> Finding:
             "a torque over segments that count is needed, and the motor's peak torque"
         )
     return refused_beyond(
-        max(known) > ABOVE_PEAK * peak,
+        max(known) > _ABOVE_PEAK * peak,
         f"{max(known):.4g} N m at constant speed",
-        f"<= {ABOVE_PEAK:g} x {peak:.4g} N m",
+        f"<= {_ABOVE_PEAK:g} x {peak:.4g} N m",
         "no such motor gives this torque: its unit or its scale is wrong",
     )
 
@@ -159,7 +159,7 @@ def port_against_drive(recorded: Recorded) -> Finding:
     """
     pairs = [(h.drive_torque, h.torque) for h in recorded.holds]
     known = np.array([pair for pair in pairs if all(map(math.isfinite, pair))]).reshape(-1, 2)
-    if recorded.torque != "torque" or len(known) < 2 or np.ptp(known[:, 0]) < DRIVE_SPAN:
+    if recorded.torque != "torque" or len(known) < 2 or np.ptp(known[:, 0]) < _DRIVE_SPAN:
         return not_checked("torque port and drive at several torques are needed")
     drive, port = (known - known.mean(axis=0)).T
     slope = float(drive @ port / (drive @ drive))

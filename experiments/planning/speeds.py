@@ -25,7 +25,7 @@ slots and their harmonics).
 _CANDIDATES = 61
 LOCK_HARMONICS, LOCK_REACH, LOCK_SIDEBANDS = 24, 45, 24
 """Harmonics of a counter's saw-tooth; orders over which the error spreads the first; sidebands looked at."""
-LOCK_ALLOWED = 0.11
+_LOCK_ALLOWED = 0.11
 """Share of the saw-tooth that may be locked to the input: at 18 arcsec a count, half an arcsecond on one order."""
 LOCK_REFUSED = 0.5
 """Share from which on no recording is worth the time."""
@@ -115,7 +115,7 @@ def off_lattice(
     candidates = [speed * (1.0 + sign * step) for step in steps for sign in (1.0, -1.0)]
     allowed = [w for w in candidates if w <= ceiling] or [speed]
     locks = [(lattice_lock(w, sample_rate, lattice, ratio), w) for w in allowed]
-    return next((w for lock, w in locks if lock <= LOCK_ALLOWED), min(locks)[1])
+    return next((w for lock, w in locks if lock <= _LOCK_ALLOWED), min(locks)[1])
 
 
 def log_speeds(low_rpm: float, high_rpm: float, count: int) -> tuple[float, ...]:

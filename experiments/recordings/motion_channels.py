@@ -20,7 +20,7 @@ from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.identify.motion_source import MotionBlock, Stretch, TimeAxis, time_axis
 
-SPEED_OF: Mapping[str, tuple[str, ...]] = {
+_SPEED_OF: Mapping[str, tuple[str, ...]] = {
     "input_angle": ("input_speed", "speed"),
     "position": ("speed",),
     "output_angle": ("output_speed", "speed"),
@@ -31,8 +31,8 @@ SET_POINTS = ("target_position",)
 """What an axis was told to do carries none of its encoder's noise."""
 NONE = "none"
 BLOCK = 1 << 18
-UNITS_OF_PLACE = ("rad", "m")
-PERIOD_ROWS = 4096
+_UNITS_OF_PLACE = ("rad", "m")
+_PERIOD_ROWS = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class RecordedMotion:
     @property
     def is_position(self) -> bool:
         """Whether a position was recorded."""
-        return self._unit in UNITS_OF_PLACE
+        return self._unit in _UNITS_OF_PLACE
 
     @property
     def instrument_is_position(self) -> bool:
@@ -90,8 +90,10 @@ class RecordedMotion:
     def axis(self) -> TimeAxis:
         """The time axis of the rows that can be used."""
         first, last = self.rows.start, self.rows.stop
-        starts = {first, (first + last) // 2, max(first, last - PERIOD_ROWS)}
-        steps = [np.diff(self.recording.time(slice(s, min(s + PERIOD_ROWS, last)))) for s in starts]
+        starts = {first, (first + last) // 2, max(first, last - _PERIOD_ROWS)}
+        steps = [
+            np.diff(self.recording.time(slice(s, min(s + _PERIOD_ROWS, last)))) for s in starts
+        ]
         return time_axis(self._stamps(), float(np.median(np.concatenate(steps))))
 
     @functools.cached_property
@@ -174,7 +176,7 @@ def _place(recording: Recording, settings: Mapping[str, Any], kind: str) -> str:
     place = chosen_channel(recording, settings, "position", (*ANGLES, *SPEEDS), "the motion")
     unit = recording.signals[place].unit
     is_speed = place in SPEEDS
-    allowed = tuple(f"{u}/s" for u in UNITS_OF_PLACE) if is_speed else UNITS_OF_PLACE
+    allowed = tuple(f"{u}/s" for u in _UNITS_OF_PLACE) if is_speed else _UNITS_OF_PLACE
     if unit not in allowed:
         raise AnalysisError(
             "is not a position" if not is_speed else "is not a speed",
@@ -192,7 +194,7 @@ def _instrument(recording: Recording, settings: Mapping[str, Any], place: str, k
     if wanted == NONE or place in SPEEDS:
         return ""
     unit = recording.signals[place].unit
-    units = {name: unit for name in SET_POINTS} | {n: f"{unit}/s" for n in SPEED_OF.get(place, ())}
+    units = {name: unit for name in SET_POINTS} | {n: f"{unit}/s" for n in _SPEED_OF.get(place, ())}
     if wanted is not None:
         recording.require("the instrument", str(wanted))
         units = {str(wanted): unit if str(wanted) in SET_POINTS else f"{unit}/s"}

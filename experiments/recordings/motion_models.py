@@ -24,7 +24,7 @@ from model.identify.motion_columns import Basis, samples
 
 MOST_ROWS = 20_000
 """Values of one run; of more, evenly spread ones are taken."""
-LOAD_ORDERS = (1, 2, 3)
+_LOAD_ORDERS = (1, 2, 3)
 """Orders of the load over a turn of the output; the first is gravity."""
 SLOW, FAST = 0.02, 0.5
 """Shares of the moving samples that are slower than the slowest and the fastest critical speed that is looked for."""
@@ -87,7 +87,7 @@ def _basis(motion: RecordedMotion, choice: MotionChoice, lag: float) -> Basis:
         turn = load_turn(motion) if is_known else math.nan
     if not math.isfinite(turn):
         return Basis(lag=lag)
-    return Basis(load_orders=LOAD_ORDERS, load_turn=turn, lag=lag)
+    return Basis(load_orders=_LOAD_ORDERS, load_turn=turn, lag=lag)
 
 
 def _together(names: Sequence[str], samples: Sequence[Sample], critical: float) -> FloatArray:
@@ -160,14 +160,14 @@ LADDER = Ladder(
         Rung(
             name="gravity",
             parameters=6,
-            fit=_linear(_load(LOAD_ORDERS[:1])),
+            fit=_linear(_load(_LOAD_ORDERS[:1])),
             predict=_predict,
             applies=_has_load,
         ),
         Rung(
             name="load of orders 1 to 3",
             parameters=10,
-            fit=_linear(_load(LOAD_ORDERS)),
+            fit=_linear(_load(_LOAD_ORDERS)),
             predict=_predict,
             applies=_has_load,
         ),

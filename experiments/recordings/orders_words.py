@@ -13,7 +13,7 @@ from model.identify.orders.fit import OrdersFit, Wave
 from model.identify.orders.samples import HELD
 from model.identify.polar import polar
 
-MENTIONED = 0.01
+_MENTIONED = 0.01
 """Share of rows that stand still or belong to no stretch above which it is said."""
 
 
@@ -61,7 +61,7 @@ def said_of(fit: OrdersFit, left_out: float) -> list[str]:
     """What has to be said of how the orders were found."""
     said: list[str] = []
     samples = fit.samples
-    if left_out > MENTIONED:
+    if left_out > _MENTIONED:
         said.append(
             f"{100.0 * left_out:.0f} % of the rows stand still, or belong to no stretch in one direction, "
             "and were left out."

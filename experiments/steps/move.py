@@ -24,9 +24,9 @@ from experiments.steps.kind import (
 from experiments.steps.profile import cruise_speed, cycles_of, ramp, stopping_distance
 from model.units import REVOLUTION
 
-STAND_TIME = 0.05
+_STAND_TIME = 0.05
 """s of standstill at the end of a move."""
-SHORTEST_APPROACH = 0.1
+_SHORTEST_APPROACH = 0.1
 """rad; an angle that is nearer than this is approached by a whole revolution, so that it is reached
 from the stated side.
 """
@@ -54,7 +54,7 @@ class Move(Motion):
         yield Leg(cycles_of(self.at_most, rig.period), away, until, goal)
         stop = ramp(rig.setpoint, 0.0, self.acceleration, rig.period)
         yield Leg(max(stop.cycles, 1), stop)
-        yield Leg(cycles_of(STAND_TIME, rig.period))
+        yield Leg(cycles_of(_STAND_TIME, rig.period))
 
     def pieces(self, forecast: StepForecast, left: float, drive: Drive) -> Iterator[Piece]:
         """Ramp, cruise, ramp, stand."""
@@ -65,7 +65,7 @@ class Move(Motion):
         away = ramp(forecast.begin, peak, self.acceleration, drive.period).cycles * drive.period
         brake = ramp(peak, 0.0, self.acceleration, drive.period).cycles * drive.period
         stand = min(
-            cycles_of(STAND_TIME, drive.period) * drive.period, max(left - away - brake, 0.0)
+            cycles_of(_STAND_TIME, drive.period) * drive.period, max(left - away - brake, 0.0)
         )
         yield Piece(away, forecast.begin, peak)
         yield Piece(max(left - away - brake - stand, 0.0), peak, peak)
@@ -84,14 +84,14 @@ class Move(Motion):
         up = speed / self.acceleration
         brake = stopping_distance(speed, self.acceleration, at.period)
         cruise = max(abs(distance) - 2.0 * brake, 0.0) / speed
-        nominal = 2.0 * up + cruise + cycles_of(STAND_TIME, at.period) * at.period
+        nominal = 2.0 * up + cruise + cycles_of(_STAND_TIME, at.period) * at.period
         if nominal > self.at_most:
             raise at.refusal(
                 f"takes longer than its own limit of {self.at_most:g} s", f"{nominal:.4g} s"
             )
         return at.forecast(
             nominal,
-            self.at_most + up + STAND_TIME,
+            self.at_most + up + _STAND_TIME,
             net=distance,
             travel=travel,
             speed=speed,
@@ -116,7 +116,7 @@ class MoveToAngle(Move):
 
     def forecast(self, at: Situation) -> StepForecast:
         """Half a revolution, the mean of what it may be."""
-        farthest = math.copysign(REVOLUTION + SHORTEST_APPROACH + self._runway, self.speed)
+        farthest = math.copysign(REVOLUTION + _SHORTEST_APPROACH + self._runway, self.speed)
         low, high = sorted((0.0, farthest))
         return self._forecast(at, math.copysign(0.5 * REVOLUTION, self.speed), (low, high))
 
@@ -126,7 +126,7 @@ class MoveToAngle(Move):
             rig.phase_origin() + self.phase - rig.input_angle()
         )
         ahead %= REVOLUTION
-        if ahead < max(SHORTEST_APPROACH, self._runway):
+        if ahead < max(_SHORTEST_APPROACH, self._runway):
             ahead += REVOLUTION
         return math.copysign(ahead, self.speed)
 
@@ -150,7 +150,7 @@ class MoveRevolutions(Move):
         """As the set-points; standing for a moment where there is nothing to turn."""
         distance = self.revolutions * REVOLUTION
         if distance == 0.0:
-            return at.forecast(STAND_TIME, end=0.0)
+            return at.forecast(_STAND_TIME, end=0.0)
         return self._forecast(at, distance, (distance, distance))
 
     def distance(self, rig: RigView) -> float:

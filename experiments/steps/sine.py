@@ -32,9 +32,9 @@ from experiments.steps.kind import (
 from experiments.steps.profile import Sinusoid, cycles_of
 from model.units import DEGREE, REVOLUTION, RPM
 
-LEAST_SETPOINTS = 20
+_LEAST_SETPOINTS = 20
 """SYNC cycles that a swing takes at least: with fewer its set-points are a staircase."""
-MOST_CYCLES = 1000
+_MOST_CYCLES = 1000
 """Swings of one step at most, so that a preview stays small."""
 PIECES = 48
 """Pieces of linear speed that a swing is drawn with; their slopes miss its acceleration by 0.3 %."""
@@ -60,14 +60,14 @@ class Sine(Motion):
         """Exact; its peaks of speed and acceleration lie a quarter of a swing apart."""
         if at.setpoint != 0.0:
             raise at.refusal("a swing begins at standstill", f"{at.setpoint / RPM:.4g} r/min")
-        if not (0.0 < abs(self.amplitude) < math.inf and self.cycles in range(1, MOST_CYCLES + 1)):
+        if not (0.0 < abs(self.amplitude) < math.inf and self.cycles in range(1, _MOST_CYCLES + 1)):
             raise at.refusal(
-                f"swings need an amplitude, and are whole ones, 1 to {MOST_CYCLES}",
+                f"swings need an amplitude, and are whole ones, 1 to {_MOST_CYCLES}",
                 f"{self.amplitude:g} rad, {self.cycles:g} swings",
             )
-        if not LEAST_SETPOINTS * at.period <= self.period < math.inf:
+        if not _LEAST_SETPOINTS * at.period <= self.period < math.inf:
             raise at.refusal(
-                f"a swing needs {LEAST_SETPOINTS} SYNC cycles at least", f"{self.period:g} s"
+                f"a swing needs {_LEAST_SETPOINTS} SYNC cycles at least", f"{self.period:g} s"
             )
         swing = cycles_of(self.period, at.period) * at.period
         peak, rate = self._peak(swing), REVOLUTION / swing

@@ -24,7 +24,7 @@ from model.units import REVOLUTION
 
 PATIENCE = 1.5
 """Times the nominal duration that missing revolutions may take ..."""
-PATIENCE_MORE = 2.0
+_PATIENCE_MORE = 2.0
 """... and so many seconds more."""
 
 
@@ -77,7 +77,7 @@ class SpeedStep(SpeedChange):
         needed = self.least_revolutions * REVOLUTION / abs(self.speed) if self.speed else 0.0
         missing = max(needed - self.duration, 0.0)
         nominal = max(self.duration, needed)
-        longest = self.duration + (PATIENCE * missing + PATIENCE_MORE if missing else 0.0)
+        longest = self.duration + (PATIENCE * missing + _PATIENCE_MORE if missing else 0.0)
         low, high = sorted((0.0, self.speed * longest))
         return at.forecast(
             nominal,
@@ -93,7 +93,7 @@ class SpeedStep(SpeedChange):
         end = yield Leg(cycles_of(self.duration, rig.period), Constant(self.speed))
         missing = self.least_revolutions * REVOLUTION - abs(end.turned)
         if missing > 0.0 and self.speed != 0.0:
-            patience = PATIENCE * missing / abs(self.speed) + PATIENCE_MORE
+            patience = PATIENCE * missing / abs(self.speed) + _PATIENCE_MORE
             cycles = cycles_of(patience, rig.period)
             goal = Goal(f"{self.least_revolutions:g} revolutions", cycles * rig.period)
             yield Leg(cycles, Constant(self.speed), Turned(missing, self.speed), goal)

@@ -23,7 +23,7 @@ from experiments.steps.kind import (
 from experiments.steps.profile import ramp
 from model.units import REVOLUTION
 
-COAST = 0.25 * REVOLUTION
+_COAST = 0.25 * REVOLUTION
 """rad that the input may turn on after its first motion."""
 
 
@@ -49,7 +49,7 @@ class TorqueRamp(Motion):
             )
         longest = self.limit / abs(self.rate)
         nominal = min(at.starting_torque / abs(self.rate), longest)
-        low, high = sorted((0.0, math.copysign(self.motion + COAST, self.rate)))
+        low, high = sorted((0.0, math.copysign(self.motion + _COAST, self.rate)))
         # The speed when friction vanishes at the first motion: the most that the rotor can pick up until the ramp ends.
         speed = math.sqrt(2.0 * min(at.starting_torque, self.limit) * self.motion / at.inertia)
         return at.forecast(

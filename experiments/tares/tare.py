@@ -23,7 +23,7 @@ REACH = 1.25
 """A tare may be used up to this factor beyond its slowest and its fastest speed."""
 FEWEST = 6
 """Speeds that a Stribeck curve needs."""
-DOUBTS = "tare-doubts"
+_DOUBTS = "tare-doubts"
 """The table by which a tare carries what is not known of it as a whole."""
 _DOUBT_COLUMNS = ("contribution", "speed [r/min]", "standard uncertainty [N m]", "remark")
 
@@ -49,14 +49,14 @@ def with_doubts(result: Result, doubts: Iterable[TareDoubt]) -> Result:
         for one in doubts
         for speed, u in zip(one.speed, one.uncertainty, strict=True)
     )
-    table = Table(DOUBTS, "What is not known of the tare as a whole", _DOUBT_COLUMNS, rows)
+    table = Table(_DOUBTS, "What is not known of the tare as a whole", _DOUBT_COLUMNS, rows)
     return dataclasses.replace(result, tables=(*result.tables, table)) if rows else result
 
 
 def doubts_of(result: Result | None) -> tuple[TareDoubt, ...]:
     """What a tare carries of its own doubts."""
     tables = () if result is None else result.tables
-    rows = [row for table in tables if table.name == DOUBTS for row in table.rows]
+    rows = [row for table in tables if table.name == _DOUBTS for row in table.rows]
     doubts: list[TareDoubt] = []
     for source in dict.fromkeys(str(row[0]) for row in rows):
         own = [row for row in rows if row[0] == source]

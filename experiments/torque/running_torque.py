@@ -21,9 +21,9 @@ from model.identify.running_torque import RunningTorque, average_torque
 from model.units import REVOLUTION
 
 TEMPERATURE = "housing_temperature"
-LARGEST_HOLD = 2_000_000
+_LARGEST_HOLD = 2_000_000
 """Rows of one hold that are loaded at once; a longer one is cut to its last rows."""
-STEADY_RIPPLE = 0.1
+_STEADY_RIPPLE = 0.1
 """Relative change of speed up to which a piece of a foreign recording counts as constant speed."""
 MARKS = 10
 """Marks per input revolution at which the speed of a foreign recording is looked at."""
@@ -64,7 +64,7 @@ def _average(
     recording: Recording, segment: Segment, zero: TorqueZero, channel: str
 ) -> RunningTorque:
     # A guard counts revolutions from the row before the segment: without it the last of them would be short by a cycle.
-    rows = slice(max(segment.start - 1, segment.stop - LARGEST_HOLD, 0), segment.stop)
+    rows = slice(max(segment.start - 1, segment.stop - _LARGEST_HOLD, 0), segment.stop)
     good = usable(recording, rows)
     time = recording.time(rows)[good]
     torque = recording.si(channel, rows)[good] - zero.at(time)
@@ -92,14 +92,14 @@ def foreign_holds(
     """Running torques of a recording without segments, by speed.
 
     Every traverse in one direction is cut into pieces of whole input revolutions that last at least
-    `least_time` [s]; a piece counts where its speed is steady within `STEADY_RIPPLE`. Traversees
+    `least_time` [s]; a piece counts where its speed is steady within `_STEADY_RIPPLE`. Traversees
     begin one revolution after each reversal.
     """
     pieces: list[Segment] = []
     for traverse in traverses_of(recording, "hold"):
         pieces += _pieces(recording, traverse, least_time)
     holds, _ = measured_holds(recording, pieces, zero, channel)
-    steady = [h for h in holds if h.torque.speed_ripple <= STEADY_RIPPLE]
+    steady = [h for h in holds if h.torque.speed_ripple <= _STEADY_RIPPLE]
     text = (
         f"The recording has no segments: {len(steady)} pieces of whole revolutions at steady speed were found from the "
         f"input angle ({len(pieces) - len(steady)} others left out)."
@@ -135,7 +135,7 @@ def _pieces(recording: Recording, traverse: Segment, least_time: float) -> list[
 
 
 def _steady_runs(times: np.ndarray) -> list[tuple[int, int]]:
-    """First and last mark of every run of marks (tenths of a revolution) whose speed stays within `STEADY_RIPPLE`.
+    """First and last mark of every run of marks (tenths of a revolution) whose speed stays within `_STEADY_RIPPLE`.
 
     The first mark of a run is left out: it may still hold the change of speed.
     """
@@ -144,7 +144,7 @@ def _steady_runs(times: np.ndarray) -> list[tuple[int, int]]:
     begin = 0
     for k in range(1, len(speed) + 1):
         mean = float(np.median(speed[begin:k]))
-        if k < len(speed) and abs(speed[k] / mean - 1.0) <= STEADY_RIPPLE:
+        if k < len(speed) and abs(speed[k] / mean - 1.0) <= _STEADY_RIPPLE:
             continue
         if k - begin > MARKS:
             runs.append((begin + 1, k))

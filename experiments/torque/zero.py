@@ -25,7 +25,7 @@ ZERO = "torque zero"
 """Its line in budgets."""
 SETTLED_SHARE = 0.25
 """Share at the start of a servo-off segment that is left out: the rotor unwinds, the port settles."""
-DRIFT_LIMIT = 0.003
+_DRIFT_LIMIT = 0.003
 """N m of drift between the zeros above which it is said; about 5 mV of a port with 0.637 N m/V."""
 
 
@@ -101,16 +101,16 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
         return TorqueZero(
             before,
             after,
-            math.hypot(error, DRIFT_LIMIT / math.sqrt(3.0)),
+            math.hypot(error, _DRIFT_LIMIT / math.sqrt(3.0)),
             (f"The run has no {missing} segment: drift of the torque zero is not known.",),
         )
     drift = after.value - before.value
     # Linear interpolation is right to a fraction of the drift; rectangular between the two readings.
     uncertainty = math.hypot(error, abs(drift) / math.sqrt(12.0))
     warnings = ()
-    if abs(drift) > max(DRIFT_LIMIT, 6.0 * error):
+    if abs(drift) > max(_DRIFT_LIMIT, 6.0 * error):
         warnings = (
-            f"The torque zero drifted by {drift * 1e3:.2f} mN m during the run (limit {DRIFT_LIMIT * 1e3:.0f} mN m): "
+            f"The torque zero drifted by {drift * 1e3:.2f} mN m during the run (limit {_DRIFT_LIMIT * 1e3:.0f} mN m): "
             "it is interpolated in time and enters the budget.",
         )
     return TorqueZero(before, after, uncertainty, warnings)

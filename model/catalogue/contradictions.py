@@ -18,17 +18,17 @@ from model.errors import ParameterError
 from model.gear import HarmonicDrive
 from model.stiffness import drive_stiffness
 
-SAME_MODULE = 0.02
+_SAME_MODULE = 0.02
 """Share by which (d_c - d_f)/(Z_c - Z_f) and d_f/Z_f may differ, which are one module."""
-SAME_SIZE = 0.05
+_SAME_SIZE = 0.05
 """Share by which the diameter may differ from that of the size in the name: gears of size 25 have 62 to 65 mm."""
-SAME_RATING = 0.03
+_SAME_RATING = 0.03
 """Share by which a rating may differ from the table: three printed digits, and those that were derived."""
-INERTIA_FACTOR = 4.0
+_INERTIA_FACTOR = 4.0
 """A wave generator is within this factor of its size's law: HFUS-11 has three times as much."""
-CUP_FACTOR = 4.0
+_CUP_FACTOR = 4.0
 """The cup's inertia within this factor of that of its cylinder and teeth."""
-STIFFNESS_FACTOR = 6.0
+_STIFFNESS_FACTOR = 6.0
 """The computed stiffness within this factor of K1, which at ratio 30 is a quarter of it."""
 
 
@@ -55,14 +55,14 @@ class Contradiction:
 
 def contradictions(gear: HarmonicDrive) -> tuple[Contradiction, ...]:
     """Everything in a parameter set that contradicts something else, or the table of its series."""
-    product = product_of(gear)
+    product = _product_of(gear)
     found = [*_teeth(gear), *_module(gear), *_cup(gear), *_ratings(gear), *_masses(gear)]
     if product is not None:
         found += [*_name(gear, product), *_table(gear, product)]
     return tuple(found)
 
 
-def product_of(gear: HarmonicDrive) -> Product | None:
+def _product_of(gear: HarmonicDrive) -> Product | None:
     """The product that the set's name says it is; None where it is no part number."""
     try:
         return read_product(gear.name)
@@ -72,7 +72,7 @@ def product_of(gear: HarmonicDrive) -> Product | None:
 
 def not_compared(gear: HarmonicDrive) -> str:
     """Why the set could not be held against a table; "" where it was."""
-    product = product_of(gear)
+    product = _product_of(gear)
     if product is None:
         return (
             f"{gear.name!r} is no part number (SERIES-SIZE-RATIO-UNIT): not held against any table"
@@ -99,7 +99,7 @@ def _teeth(gear: HarmonicDrive) -> Iterator[Contradiction]:
         )
     module = geometry.flexspline_diameter / teeth.flexspline
     between = (geometry.circular_spline_diameter - geometry.flexspline_diameter) / difference
-    if abs(between - module) > SAME_MODULE * module:
+    if abs(between - module) > _SAME_MODULE * module:
         expected = geometry.flexspline_diameter + module * difference
         yield Contradiction(
             "teeth against diameters",
@@ -179,28 +179,28 @@ def _ratings(gear: HarmonicDrive) -> Iterator[Contradiction]:
                 "Look both up again: they may stand in each other's column.",
             )
     computed = drive_stiffness(gear).combined_output
-    if not _between(computed / ratings.stiffness_1, 1.0 / STIFFNESS_FACTOR, STIFFNESS_FACTOR):
+    if not _between(computed / ratings.stiffness_1, 1.0 / _STIFFNESS_FACTOR, _STIFFNESS_FACTOR):
         yield Contradiction(
             "computed stiffness against K1",
             "ratings.stiffness_1",
             f"{ratings.stiffness_1:.4g} N m/rad; computed from the geometry {computed:.4g} N m/rad",
-            f"within a factor of {STIFFNESS_FACTOR:g}",
+            f"within a factor of {_STIFFNESS_FACTOR:g}",
             "Check the cup's thicknesses and diameters, then K1 and its unit.",
         )
 
 
 def _masses(gear: HarmonicDrive) -> Iterator[Contradiction]:
     size = round(gear.geometry.flexspline_diameter / DIAMETER_PER_SIZE)
-    product = product_of(gear)
+    product = _product_of(gear)
     hollow = product is not None and product.series in HOLLOW
     law = 5.64e-11 * size**4.50 if hollow else 1.20e-11 * size**4.73
     inertia = gear.inertia.wave_generator
-    if not _between(inertia / law, 1.0 / INERTIA_FACTOR, INERTIA_FACTOR):
+    if not _between(inertia / law, 1.0 / _INERTIA_FACTOR, _INERTIA_FACTOR):
         yield Contradiction(
             "wave generator's inertia against size",
             "inertia.wave_generator",
             f"{inertia:.3g} kg m2",
-            f"{law:.3g} kg m2 within a factor of {INERTIA_FACTOR:g}, {_kind_of_shaft(hollow)} of size {size}",
+            f"{law:.3g} kg m2 within a factor of {_INERTIA_FACTOR:g}, {_kind_of_shaft(hollow)} of size {size}",
             "Check its unit: catalogues print 1e-4 kg m2 = kg cm2.",
         )
     cup = gear.cup
@@ -209,12 +209,12 @@ def _masses(gear: HarmonicDrive) -> Iterator[Contradiction]:
     rim = gear.tooth.width * gear.geometry.flexspline_diameter / gear.teeth.flexspline * 2.0
     mass = 2.0 * math.pi * radius * gear.material.density * (wall * cup.length + rim)
     shell = mass * radius**2
-    if not _between(gear.inertia.flexspline / shell, 1.0 / CUP_FACTOR, CUP_FACTOR):
+    if not _between(gear.inertia.flexspline / shell, 1.0 / _CUP_FACTOR, _CUP_FACTOR):
         yield Contradiction(
             "cup's inertia against its size",
             "inertia.flexspline",
             f"{gear.inertia.flexspline:.3g} kg m2",
-            f"{shell:.3g} kg m2 of wall and toothed rim, within a factor of {CUP_FACTOR:g}",
+            f"{shell:.3g} kg m2 of wall and toothed rim, within a factor of {_CUP_FACTOR:g}",
             "Compute it from the drawing, or scale it with the fifth power of the diameter.",
         )
 
@@ -234,12 +234,12 @@ def _name(gear: HarmonicDrive, product: Product) -> Iterator[Contradiction]:
         )
     nominal = DIAMETER_PER_SIZE * product.size
     diameter = gear.geometry.flexspline_diameter
-    if abs(diameter - nominal) > SAME_SIZE * nominal:
+    if abs(diameter - nominal) > _SAME_SIZE * nominal:
         yield Contradiction(
             "diameter against name",
             "geometry.flexspline_diameter",
             f"{diameter * 1e3:.4g} mm",
-            f"{nominal * 1e3:.4g} mm within {100 * SAME_SIZE:g} %: size {product.size} in tenths of an inch",
+            f"{nominal * 1e3:.4g} mm within {100 * _SAME_SIZE:g} %: size {product.size} in tenths of an inch",
             "Correct diameter or name.",
         )
 
@@ -254,7 +254,7 @@ def _table(gear: HarmonicDrive, product: Product) -> Iterator[Contradiction]:
         value = getattr(getattr(gear, section), name)
         if found is None or value is None:
             continue
-        if abs(value - found.row.value) > SAME_RATING * found.row.value:
+        if abs(value - found.row.value) > _SAME_RATING * found.row.value:
             unit = gear.value(path).unit
             yield Contradiction(
                 f"{name} against the table of {product.series}",

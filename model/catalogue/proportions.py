@@ -37,7 +37,6 @@ from model.units import ARCMIN
 
 PATTERN = "csf-25-120"
 """The shipped set whose proportions are taken."""
-PATTERN_SIZE = 25
 DIAMETER_PER_SIZE = 2.54e-3
 """m of reference diameter per unit of size: sizes are tenths of an inch."""
 
@@ -75,7 +74,7 @@ RATINGS: Mapping[str, Rule] = {
 (size/its size)^power; the product's own series in
 another unit type comes first, then cup gears, whose torques are the smaller ones."""
 
-STARTING = "RT1-H-CS, ratio 100, 20 degC [S6, B]: 9.6e-5 size^2.02 N m, times 100/ratio"
+_STARTING = "RT1-H-CS, ratio 100, 20 degC [S6, B]: 9.6e-5 size^2.02 N m, times 100/ratio"
 RUNNING = (
     "RT1-H-CS at 2000 r/min, 20 degC, ratio 100 [S6, B]: 9.7e-6 size^3.08 N m; "
     "the correction for the ratio is not known"
@@ -176,7 +175,7 @@ def _friction_ratings(product: Product) -> dict[str, tuple[float, Origin]]:
         "ratings.starting_torque": (
             (own.row.value, Origin("catalogue", own.row.words))
             if own is not None
-            else (starting, Origin("assumed", STARTING))
+            else (starting, Origin("assumed", _STARTING))
         ),
         "ratings.running_torque": (running, Origin("assumed", RUNNING)),
     }

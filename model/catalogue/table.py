@@ -19,14 +19,14 @@ from model.errors import ParameterError
 from model.quantities import to_si
 from model.unit_text import read
 
-RANKS = ("A", "B", "D", "C")
+_RANKS = ("A", "B", "D", "C")
 """Ranks of trust, the best first: maker's page, transcription, derived by a rule, third party."""
 SAME = 0.02
 """Two sources of one value agree within this share; tables are printed in two or three digits."""
 
 SERIES = ("CSF", "CSG", "SHG", "HFUS", "HFUC")
 """Series whose rated torques are in the table."""
-UNIT_TYPES = ("2UH", "2UH-LW", "2A")
+_UNIT_TYPES = ("2UH", "2UH-LW", "2A")
 """Unit with housing, its light version, component set."""
 _PRODUCT = re.compile(r"([A-Z][A-Z0-9]*)-(\d{1,3})-(\d{2,3})(?:-([0-9A-Z][0-9A-Z-]*))?")
 
@@ -100,7 +100,7 @@ def read_product(text: str) -> Product:
     """The product of a part number. Raises `ParameterError` for one that has no series, size, ratio and unit type."""
     match = _PRODUCT.fullmatch(text.strip().upper())
     if match is None or not match[4]:
-        known = f"; unit types: {', '.join(UNIT_TYPES)}" if match else ""
+        known = f"; unit types: {', '.join(_UNIT_TYPES)}" if match else ""
         raise ParameterError(
             "names no series, size, ratio and unit type",
             where="product",
@@ -108,7 +108,7 @@ def read_product(text: str) -> Product:
             limit=f"SERIES-SIZE-RATIO-UNIT, such as SHG-32-100-2UH{known}",
             remedy="Read it from the nameplate; what a maker promises differs between unit types.",
         )
-    unit = next((u for u in reversed(UNIT_TYPES) if match[4].startswith(u)), match[4])
+    unit = next((u for u in reversed(_UNIT_TYPES) if match[4].startswith(u)), match[4])
     return Product(match[1], int(match[2]), int(match[3]), unit)
 
 
@@ -180,7 +180,7 @@ def of_relatives(series: Iterable[str], product: Product, quantity: str) -> Foun
     def distance(row: Row) -> tuple[float, ...]:
         far = abs(row.size - product.size)
         away = 0.0 if row.holds_for(product.ratio) else _away(row, product.ratio)
-        return (far, away, order.index(row.series), RANKS.index(row.rank))
+        return (far, away, order.index(row.series), _RANKS.index(row.rank))
 
     nearest = min(usable, key=distance)
     return Found(nearest)
@@ -199,7 +199,7 @@ def _by_quantity(quantity: str) -> tuple[Row, ...]:
 
 def _best(fitting: list[Row]) -> Found | None:
     """The row of the best rank, and those that say something else."""
-    ranked = sorted(fitting, key=lambda row: (RANKS.index(row.rank), row.unit_type == ""))
+    ranked = sorted(fitting, key=lambda row: (_RANKS.index(row.rank), row.unit_type == ""))
     if not ranked or ranked[0].rank == "C":
         return None
     used = ranked[0]

@@ -31,7 +31,7 @@ from model.units import REVOLUTION
 
 CELLS = 128
 """Cells of one input revolution."""
-MAXIMUM_TURNS = 1024
+_MAXIMUM_TURNS = 1024
 """Input revolutions that are kept apart; beyond, whole output revolutions are laid on each other."""
 PIECE = 256 * CELLS
 """Cells whose regressors are held in memory at a time."""
@@ -348,7 +348,7 @@ class AngleRegression:
     def __init__(self, ratio: float, values: int = 1) -> None:
         self.ratio = positive("ratio", ratio)
         self._turn = max(round(ratio), 1)
-        self._turns = max(MAXIMUM_TURNS // self._turn // 2 * 2, 2) * self._turn
+        self._turns = max(_MAXIMUM_TURNS // self._turn // 2 * 2, 2) * self._turn
         self._grid = np.zeros((self._turns * CELLS, kernels.LANES + values))
         self._totals = np.zeros((values, 4))
         self._totals[:, 2:] = (math.inf, -math.inf)

@@ -25,8 +25,8 @@ SPEED_SPAN = 1.5
 """Largest over smallest speed below which hysteresis and delay cannot be told apart."""
 TRIES = 61
 """Delays that are tried over the range before one is refined."""
-ITERATIONS = 12
-NOISE_SHARE = 1e-3
+_ITERATIONS = 12
+_NOISE_SHARE = 1e-3
 """Of the variance of the slope of the first channel that its noise may be: more would pull the delay towards zero."""
 LEAST_ROWS = 60
 MOST_ROWS = 40_000
@@ -116,7 +116,7 @@ def _width(pair: Pair) -> int:
         slope = np.gradient(smooth.first, smooth.time)
         # Central differences of means over `width` rows.
         spread = noise**2 / (2.0 * width * (width * period) ** 2)
-        if spread <= NOISE_SHARE * float(np.var(slope)):
+        if spread <= _NOISE_SHARE * float(np.var(slope)):
             break
         width *= 2
     return width
@@ -227,7 +227,7 @@ def _delay(pair: Pair, longest: float) -> tuple[LinearFit, float, float]:
     left = [_left(pair, float(t)) for t in tries]
     tau = float(tries[int(np.argmin(left))])
     step = float(tries[1] - tries[0]) if len(tries) > 1 else 1.0
-    for _ in range(ITERATIONS):
+    for _ in range(_ITERATIONS):
         design, observed = _design(pair, tau)
         values, _, _, _ = np.linalg.lstsq(design, observed, rcond=None)
         change = float(values[2] / values[1]) if values[1] != 0.0 else 0.0

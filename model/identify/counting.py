@@ -20,20 +20,20 @@ from model.identify.angle_regression import WHOLE_TURN, AngleFit, Basis, Cells, 
 from model.identify.checks import Array
 from model.units import ARCSEC, REVOLUTION
 
-GROSS_SLOPE = 1e-4
+_GROSS_SLOPE = 1e-4
 """A slope times N above this (130 arcsec per output revolution) is not a property of any gear."""
-STEP_SIGNIFICANCE = 6.0
-MAXIMUM_STEPS = 6
+_STEP_SIGNIFICANCE = 6.0
+_MAXIMUM_STEPS = 6
 APART = 8
 """Input revolutions that two steps lie apart; nearer ones could cancel."""
-WHOLE_COUNT = 0.25
+_WHOLE_COUNT = 0.25
 """How far from a whole number of counts a step may be, beside what its own noise explains."""
-HARMONICS = 40
+_HARMONICS = 40
 """Harmonics of the saw-tooth of a counter that are looked at."""
-LEAST_WIDTH = 0.4
+_LEAST_WIDTH = 0.4
 """Orders, or sidebands, over which a line that nothing modulates is spread: one."""
 WANDERS = 4.0
-CURVE_ORDERS = 16
+_CURVE_ORDERS = 16
 """Output orders beside which a step must stand: a smooth curve over the output turn has no more."""
 
 
@@ -134,7 +134,7 @@ class LockedRounding:
     def of(cls, fit: AngleFit, samples_per_revolution: float, quantum: float) -> LockedRounding:
         """By the orders of a fit; `quantum` of the output's count [rad]."""
         ratio = fit.basis.ratio
-        j = np.arange(1, HARMONICS + 1, dtype=np.float64)
+        j = np.arange(1, _HARMONICS + 1, dtype=np.float64)
         line = j * REVOLUTION / quantum / ratio
         folded = line - samples_per_revolution * np.rint(line / samples_per_revolution)
         n, m = fit.basis.decomposed()
@@ -149,8 +149,8 @@ class LockedRounding:
             order=order,
             side=(folded - order) * ratio,
             power=0.5 * (quantum / (math.pi * j)) ** 2,
-            width=np.maximum(index * slope, LEAST_WIDTH),
-            side_width=np.maximum(index * side, LEAST_WIDTH),
+            width=np.maximum(index * slope, _LEAST_WIDTH),
+            side_width=np.maximum(index * side, _LEAST_WIDTH),
         )
 
     def variance(self, orders: Array) -> Array:
@@ -166,7 +166,7 @@ class LockedRounding:
 
     def wander(self) -> float:
         """How far rounding alone moves the mean of an input revolution over the output turn, r.m.s. [rad]."""
-        slow = np.arange(0.0, CURVE_ORDERS + 1.0) / self.ratio
+        slow = np.arange(0.0, _CURVE_ORDERS + 1.0) / self.ratio
         return math.sqrt(float(self.variance(slow).sum()))
 
 
@@ -250,11 +250,11 @@ def find_slips(
     cleaned, now = fit.cells, fit
     slips: tuple[Slip, ...] = ()
     refused: list[int] = []
-    curve = basis_of_curve(fit.basis)
+    curve = _basis_of_curve(fit.basis)
     steps = _Steps.of(fit)
-    while len(refused) < MAXIMUM_STEPS and fit.cells.rows - 2 * len(taken) >= 8:
+    while len(refused) < _MAXIMUM_STEPS and fit.cells.rows - 2 * len(taken) >= 8:
         at, score = _scan(now, steps, refused)
-        if at < 0 or score < STEP_SIGNIFICANCE:
+        if at < 0 or score < _STEP_SIGNIFICANCE:
             break
         refused.append(at)
         trial = sorted([*taken, at])
@@ -270,9 +270,9 @@ def find_slips(
     return slips, cleaned
 
 
-def basis_of_curve(basis: Basis) -> Basis:
+def _basis_of_curve(basis: Basis) -> Basis:
     """The basis with all the output orders that a smooth curve over the output turn may have."""
-    highest = min(CURVE_ORDERS, math.ceil(basis.ratio / 4.0) - 1)
+    highest = min(_CURVE_ORDERS, math.ceil(basis.ratio / 4.0) - 1)
     return basis.united(Basis(basis.ratio, tuple(k / basis.ratio for k in range(1, highest + 1))))
 
 
@@ -303,16 +303,16 @@ def _slip(
 ) -> Slip:
     counts = size / output_quantum
     whole = round(counts) if math.isfinite(counts) else 0
-    of_output = bool(whole) and abs(counts - whole) < WHOLE_COUNT
+    of_output = bool(whole) and abs(counts - whole) < _WHOLE_COUNT
     if of_output:
         size = whole * output_quantum
     of_input = -size * cells.ratio / input_quantum
     scatter = error * cells.ratio / input_quantum
-    of_input_too = abs(of_input) > 1.0 - WHOLE_COUNT and (
-        abs(of_input - round(of_input)) < WHOLE_COUNT + 2.0 * scatter
+    of_input_too = abs(of_input) > 1.0 - _WHOLE_COUNT and (
+        abs(of_input - round(of_input)) < _WHOLE_COUNT + 2.0 * scatter
     )
     counted = of_output or of_input_too or not math.isfinite(of_input)
-    is_whole = abs(size) > STEP_SIGNIFICANCE * error and counted
+    is_whole = abs(size) > _STEP_SIGNIFICANCE * error and counted
     edges = [cells.first_angle + cells.direction * (row + k) * REVOLUTION for k in (-1, 1)]
     return Slip(min(edges), max(edges), size, error, counts, of_input, is_whole)
 
@@ -328,7 +328,7 @@ def refuse_wrong_ratio(ratio: float, slope: float, output_revolutions: float) ->
 
     Below one output revolution the gear's own output orders look like a slope, so ten times as much is allowed.
     """
-    limit = GROSS_SLOPE if output_revolutions >= WHOLE_TURN else 10.0 * GROSS_SLOPE
+    limit = _GROSS_SLOPE if output_revolutions >= WHOLE_TURN else 10.0 * _GROSS_SLOPE
     if abs(slope) * ratio <= limit:
         return
     seen = ratio_from_slope(ratio, slope)

@@ -22,8 +22,8 @@ from model.identify.checks import Array, channels, increasing, positive
 
 DEGREE = 3
 SHORTEST, LONGEST = 7, 401
-EXCESS = 1.1
-EDGE_DENSITY = 0.25
+_EXCESS = 1.1
+_EDGE_DENSITY = 0.25
 """Counts per sample below which only the instants of a changing count are used."""
 
 
@@ -44,7 +44,7 @@ class CountedMotion:
     from_edges: bool
 
 
-def count_edges(time: ArrayLike, angle: ArrayLike, quantum: float) -> tuple[Array, Array]:
+def _count_edges(time: ArrayLike, angle: ArrayLike, quantum: float) -> tuple[Array, Array]:
     """Instants and angles at which the count changed: midpoints in time and angle, where the angle is known best.
 
     Runs of samples without a change are left out, except the first and the last sample.
@@ -83,11 +83,11 @@ def speed_from_counts(
     changes = np.abs(np.diff(theta))
     slow = (
         float(changes.max()) <= 1.5 * quantum
-        and float(np.mean(changes > 0.5 * quantum)) < EDGE_DENSITY
+        and float(np.mean(changes > 0.5 * quantum)) < _EDGE_DENSITY
     )
     slow = slow and np.count_nonzero(changes > 0.5 * quantum) >= 8
     if slow:
-        stamps, values = count_edges(clock, theta, quantum)
+        stamps, values = _count_edges(clock, theta, quantum)
         values = np.interp(even, stamps, values, left=values[0], right=values[-1])
         even_noise = quantum / math.sqrt(24.0)
     else:
@@ -136,8 +136,8 @@ def _chosen_width(values: Array, noise: float, period: float, longest: float) ->
         left = values - scipy.signal.savgol_filter(values, width, DEGREE, mode="interp")
         local = np.sqrt(np.convolve(left**2, np.full(width, 1.0 / width), mode="valid"))
         if (
-            np.max(local) > EXCESS * noise * math.sqrt(2.0)
-            or np.sqrt(np.mean(left**2)) > EXCESS * noise
+            np.max(local) > _EXCESS * noise * math.sqrt(2.0)
+            or np.sqrt(np.mean(left**2)) > _EXCESS * noise
         ):
             break
         chosen = width

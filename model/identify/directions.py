@@ -35,12 +35,12 @@ from model.identify.least_squares import student_quantile
 from model.identify.transmission import curve_over_output
 from model.units import DEGREE
 
-PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
+_PhaseVerdict = Literal["in phase", "not in phase", "cannot tell"]
 ALIKE = 0.5
 """Half difference of the directions over their mean up to which an order that nobody expects is the gear's."""
-LAG_LINE = BudgetLine("lag of the torque port", "B", 0.0, "filters and settling, taken as none")
+_LAG_LINE = BudgetLine("lag of the torque port", "B", 0.0, "filters and settling, taken as none")
 """Of amplitudes and phases of a torque over the angle."""
-IN_PHASE = 30.0 * DEGREE
+_IN_PHASE = 30.0 * DEGREE
 """Largest phase difference [rad] at which two extremes are still called the same place."""
 
 
@@ -234,7 +234,7 @@ class PhaseRelation:
     """
 
     order: float
-    verdict: PhaseVerdict
+    verdict: _PhaseVerdict
     sentence: str
     estimates: dict[str, Estimate]
     input_angle: Array
@@ -272,10 +272,20 @@ def phase_relation(
     # A lag that is not known turns each direction its own way: it mixes friction and what is conservative.
     turn = 1j * order * lag_error
     of_friction = polar.polar(
-        label, _vector(friction), block, freedom, "N m", ((LAG_LINE, _vector(turn * conservative)),)
+        label,
+        _vector(friction),
+        block,
+        freedom,
+        "N m",
+        ((_LAG_LINE, _vector(turn * conservative)),),
     )
     of_wedge = polar.polar(
-        label, _vector(conservative), block, freedom, "N m", ((LAG_LINE, _vector(turn * friction)),)
+        label,
+        _vector(conservative),
+        block,
+        freedom,
+        "N m",
+        ((_LAG_LINE, _vector(turn * friction)),),
     )
     of_error = polar.polar(
         label, np.array([error.cosine[at], error.sine[at]]), e_block, freedom, "rad"
@@ -337,15 +347,15 @@ def _phase_difference(torque: Estimate, error: Estimate) -> Estimate:
     return replace(found, identifiable="no", note=note)
 
 
-def _phase_verdict(difference: float, half: float) -> PhaseVerdict:
-    if abs(difference) + half <= IN_PHASE:
+def _phase_verdict(difference: float, half: float) -> _PhaseVerdict:
+    if abs(difference) + half <= _IN_PHASE:
         return "in phase"
-    if abs(difference) - half > IN_PHASE:
+    if abs(difference) - half > _IN_PHASE:
         return "not in phase"
     return "cannot tell"
 
 
-def _phase_sentence(label: str, difference: float, half: float, verdict: PhaseVerdict) -> str:
+def _phase_sentence(label: str, difference: float, half: float, verdict: _PhaseVerdict) -> str:
     digits = 0 if half >= 10.0 * DEGREE else 1 if half >= DEGREE else 2
     number = (
         f"{difference / DEGREE:.{digits}f} ± {half / DEGREE:.{digits}f} degrees of order {label}"

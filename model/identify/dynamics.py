@@ -9,7 +9,7 @@
 
 Every fitted rung has the kinematic error as part of its input, so that an order which passes at a step's speed is
 never taken for the mode. A richer rung is chosen only where its cost on all steps, priors counted, is
-lower by more than `WORTH`; what each rung leaves of a step that was left out is shown and chooses
+lower by more than `_WORTH`; what each rung leaves of a step that was left out is shown and chooses
 nothing. The richer rung that moves a number most makes a line of its budget. Stated is the secant
 stiffness over inertia at a torque amplitude, beside it the mode's own frequency, which damping raises.
 """
@@ -50,18 +50,18 @@ from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, climb
 from model.identify.torsional_mode import TorsionModel
 from model.units import ARCSEC, REVOLUTION, RPM
 
-WORTH = 12.0
+_WORTH = 12.0
 """By how much a richer rung must lower the cost (in squares of the noise, its priors counted) to be chosen."""
 SHOWN, LEAST_COUNTS, SEEN = 30.0, 0.5, 4.0
 """How much cost a mode must save against a rigid gear; counts of transient below which none is told, and beyond
 which it surely is."""
 UNKNOWN_ERROR, GIVEN_ERROR = 20.0 * ARCSEC, 5.0 * ARCSEC
 """How wide coefficients of the kinematic error are believed to lie, from nothing and about an identified error."""
-PER_CYCLE = 40.0
+_PER_CYCLE = 40.0
 """Steps of the response per cycle of the expected mode: kinks and hysteresis are taken in the middle of a step, and
 with twelve the secant came out one to two per cent wrong while the residual was that of the noise.
 """
-RIGID = 6.0
+_RIGID = 6.0
 """Logarithm by which a spring is stiffer that stands for a rigid gear."""
 
 
@@ -198,7 +198,7 @@ def _problem(
 ) -> tuple[Problem, float, float]:
     """The steps made ready, the noise of their counts [rad], and the time between two samples [s]."""
     period = float(np.median(np.concatenate([np.diff(s.time) for s in steps])))
-    interval = period / max(2, math.ceil(period * PER_CYCLE * expected.frequency))
+    interval = period / max(2, math.ceil(period * _PER_CYCLE * expected.frequency))
     noise = math.hypot(
         steps[0].output_quantum, steps[0].input_quantum / steps[0].ratio
     ) / math.sqrt(12.0)
@@ -270,9 +270,9 @@ def _rung(name: str, solution: Solution) -> Rung:
 
 
 def _chosen(solutions: Mapping[str, Solution]) -> str:
-    """The lowest rung that no higher one explains the steps better than by `WORTH`."""
+    """The lowest rung that no higher one explains the steps better than by `_WORTH`."""
     best = min(s.robust_cost() for s in solutions.values())
-    return next(name for name, s in solutions.items() if s.robust_cost() <= best + WORTH)
+    return next(name for name, s in solutions.items() if s.robust_cost() <= best + _WORTH)
 
 
 def _stated(
@@ -402,7 +402,7 @@ def _refuse_unseen(
     an output moves by less than a count per sample, its samples are no more independent than its counts; and a
     transient of less than half a count may be all rounding.
     """
-    stiff = {**solution.values, "stiffness": solution.values["stiffness"] + RIGID}
+    stiff = {**solution.values, "stiffness": solution.values["stiffness"] + _RIGID}
     shape = replace(solution.shape, names=("bearing", "skew"))
     rigid = fit_all(
         problem, shape, stiff, solution.error, noise=solution.noise, weights=solution.weights

@@ -44,12 +44,12 @@ from model.identify.stribeck import (
 )
 from model.units import RPM
 
-Object = Literal["gear", "motor + gear"]
+_Object = Literal["gear", "motor + gear"]
 SCATTER = "scatter between revolutions and points"
 TARE_SCATTER = "scatter of the tare"
 HALF_SUMS = "scatter of the half-sums"
-NO_DIP = "no Stribeck dip"
-WITH_MOTOR = (
+_NO_DIP = "no Stribeck dip"
+_WITH_MOTOR = (
     "Without a valid tare this is the friction of motor and gear together, not of the gear."
 )
 UNITS = {
@@ -80,7 +80,7 @@ class FrictionFit:
     what they say of the fitted ones, in standard uncertainties.
     """
 
-    subject: Object
+    subject: _Object
     torque_balance: TorqueBalance
     estimates: dict[str, Estimate]
     metrics: dict[str, float]
@@ -312,10 +312,10 @@ def fit_friction(
     return replace(found, estimates=estimates, warnings=tuple(warnings))
 
 
-def _without_motor(speed: Array, tare: Tare | None) -> tuple[Object, Array, list[str]]:
+def _without_motor(speed: Array, tare: Tare | None) -> tuple[_Object, Array, list[str]]:
     """Whose friction it is with this tare, the motor's part at these speeds [N m], and what is to be said of it."""
     if tare is None:
-        return "motor + gear", np.zeros_like(speed), [WITH_MOTOR]
+        return "motor + gear", np.zeros_like(speed), [_WITH_MOTOR]
     torque, _, beyond = tare.at(speed)
     said: list[str] = []
     if beyond.any():
@@ -326,7 +326,7 @@ def _without_motor(speed: Array, tare: Tare | None) -> tuple[Object, Array, list
         )
     if tare.note:
         said.append(f"Tare: {tare.note}.")
-    return ("gear", torque, said) if tare.valid else ("motor + gear", torque, [*said, WITH_MOTOR])
+    return ("gear", torque, said) if tare.valid else ("motor + gear", torque, [*said, _WITH_MOTOR])
 
 
 def _metrics(fit: StribeckFit, speed: Array, torque: Array, residual: Array) -> dict[str, float]:
@@ -401,14 +401,14 @@ def _verdict_on(name: str, found: FrictionFit, low: float, high: float) -> tuple
     fit = found.stribeck
     coulomb, static = (float(v) for v in fit.values[:2])
     if name in ("stribeck_velocity", "shape") and fit.chance > CHANCE:
-        return "no", f"{NO_DIP}: the points do not bend"
+        return "no", f"{_NO_DIP}: the points do not bend"
     if not (math.isfinite(low) and math.isfinite(high)):
         return "no", "the profile of the likelihood does not close: the data do not bound it"
     if name in ("stribeck_velocity", "shape") and name in fit.at_bound:
         return "weakly", "stopped at its bound"
     return (
         "yes",
-        f"{NO_DIP}: below Coulomb friction" if name == "static" and static < coulomb else "",
+        f"{_NO_DIP}: below Coulomb friction" if name == "static" and static < coulomb else "",
     )
 
 
@@ -480,12 +480,12 @@ def _dip(fit: StribeckFit) -> list[str]:
     coulomb, static = float(fit.values[0]), float(fit.values[1])
     if fit.chance > CHANCE:
         return [
-            f"{NO_DIP}: friction at low speed is not distinguishable from a straight line over speed "
+            f"{_NO_DIP}: friction at low speed is not distinguishable from a straight line over speed "
             f"(chance {fit.chance:.2g}); Stribeck velocity and shape are not told."
         ]
     if static <= coulomb:
         return [
-            f"{NO_DIP}: static friction ({static:.4g} N) is below Coulomb friction ({coulomb:.4g} N), "
+            f"{_NO_DIP}: static friction ({static:.4g} N) is below Coulomb friction ({coulomb:.4g} N), "
             "friction rises from rest."
         ]
     return []

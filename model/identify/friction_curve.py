@@ -44,9 +44,9 @@ from model.identify.stribeck import (
 )
 
 FOLDS = 5
-EVIDENCE = 2.0
+_EVIDENCE = 2.0
 """By which Bayes' information criterion must be smaller for a richer law."""
-WIDE_OFFSET = 10.0
+_WIDE_OFFSET = 10.0
 """Of the largest friction: the standard deviation before the data of an offset that may be anything."""
 
 
@@ -117,7 +117,7 @@ def fit_curve(
     fits = _with_evidence([_law(kept, name, has_errors) for name in possible], kept, has_errors)
     best = fits[0]
     for richer in fits[1:]:
-        asks = richer.bic < best.bic - EVIDENCE
+        asks = richer.bic < best.bic - _EVIDENCE
         if asks and not richer.hold_out > best.hold_out:
             best = richer
     left_out = ~used & (points.speed >= below)
@@ -155,7 +155,7 @@ def _offset_column(points: CurvePoints) -> Array | None:
     """An offset as an error that all points share, so wide that the data alone decide; None for one direction."""
     if not points.both_ways:
         return None
-    return (WIDE_OFFSET * float(np.abs(points.friction).max()) * points.way)[:, None]
+    return (_WIDE_OFFSET * float(np.abs(points.friction).max()) * points.way)[:, None]
 
 
 def _stribeck(points: CurvePoints, error: Array) -> StribeckFit:

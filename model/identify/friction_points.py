@@ -27,7 +27,7 @@ PARAMETERS = {
     "coulomb-viscous": ("coulomb", "viscous"),
     "stribeck": ("coulomb", "static", "stribeck_velocity", "shape", "viscous"),
 }
-LEAST_POINTS = 4
+_LEAST_POINTS = 4
 STRIBECK_POINTS, STRIBECK_SPEEDS = 8, 6
 """Points and different speeds that five parameters need."""
 MOST_POINTS = 500
@@ -69,21 +69,21 @@ def curve_points(
     Without `error` all points have the same unknown one. Raises `IdentificationError` for efforts
     that drive where friction brakes.
     """
-    v, f = channels(LEAST_POINTS, speed=speed, effort=effort)
+    v, f = channels(_LEAST_POINTS, speed=speed, effort=effort)
     u = np.ones_like(f)
     if error is not None:
-        v, f, u = channels(LEAST_POINTS, speed=v, effort=f, uncertainty=error)
+        v, f, u = channels(_LEAST_POINTS, speed=v, effort=f, uncertainty=error)
         if u.min() <= 0.0:
             raise IdentificationError(
                 "must be above zero", where="uncertainty", value=float(u.min()), limit="> 0"
             )
     moves = (v != 0.0) & (np.abs(v) >= least_speed)
-    if moves.sum() < LEAST_POINTS:
+    if moves.sum() < _LEAST_POINTS:
         raise IdentificationError(
             "has too few points with motion",
             where="speed",
             value=int(moves.sum()),
-            limit=f">= {LEAST_POINTS}",
+            limit=f">= {_LEAST_POINTS}",
             remedy="Measure more points, or lower least_speed.",
         )
     v, f, u = v[moves], f[moves], u[moves]

@@ -17,15 +17,15 @@ from model.identify.checks import Array
 from model.identify.friction_points import PARAMETERS, CurvePoints, carries, law_design
 from model.identify.stribeck import StribeckBounds
 
-TRUSTED = (0.7, 0.85)
+_TRUSTED = (0.7, 0.85)
 """Shares of the points that a start agrees with."""
 GRID, SHAPES, STARTS = 12, (0.5, 1.0, 2.0), 6
 """Of the search for a start: v_s over its bounds, sigma, and how many starts are followed."""
-OUTLYING = 3.5
+_OUTLYING = 3.5
 """Scatters from the curve beyond which a point is left out: one in two thousand honest ones."""
-LEAST_SCATTER = 5e-3
+_LEAST_SCATTER = 5e-3
 """Of the median friction: no table is so good that less could be called a wrong point."""
-OUTLIER_FREEDOM = 8
+_OUTLIER_FREEDOM = 8
 """Points beyond the parameters from which on wrong ones can be told at all."""
 ROUNDS = 12
 
@@ -37,7 +37,7 @@ def trusted_points(points: CurvePoints, law: str) -> tuple[BoolArray, float]:
     about the curve or wrong and then anywhere.
     """
     everything = np.ones(len(points), dtype=bool)
-    if len(points) - len(PARAMETERS[law]) - points.both_ways < OUTLIER_FREEDOM:
+    if len(points) - len(PARAMETERS[law]) - points.both_ways < _OUTLIER_FREEDOM:
         return everything, 0.0
     spread = float(np.ptp(points.friction * points.way) / np.median(points.error))
     best, used = math.inf, everything
@@ -57,7 +57,7 @@ def _starts(points: CurvePoints, law: str) -> list[tuple[float, float]]:
         return [(1.0, 1.0)]
     velocities = np.geomspace(*StribeckBounds.of(points.speed).stribeck_velocity, GRID)
     found: list[tuple[float, float, float]] = []
-    for share in TRUSTED:
+    for share in _TRUSTED:
         count = math.ceil(share * len(points))
         for velocity in velocities.tolist():
             sizes: list[tuple[float, float, float]] = []
@@ -70,9 +70,9 @@ def _starts(points: CurvePoints, law: str) -> list[tuple[float, float]]:
 
 def _agreeing(points: CurvePoints, law: str, start: tuple[float, float]) -> tuple[BoolArray, float]:
     """The points (n,) about the curve that follows from a start, and their scatter in errors."""
-    count = math.ceil(min(TRUSTED) * len(points))
+    count = math.ceil(min(_TRUSTED) * len(points))
     left = _trimmed_residual(points, law, *start, count)
-    floor = LEAST_SCATTER * float(np.median(np.abs(points.friction) / points.error))
+    floor = _LEAST_SCATTER * float(np.median(np.abs(points.friction) / points.error))
     width = len(PARAMETERS[law]) + points.both_ways
     near = np.argsort(np.abs(left))[:count]
     used = np.zeros(len(points), dtype=bool)
@@ -82,7 +82,7 @@ def _agreeing(points: CurvePoints, law: str, start: tuple[float, float]) -> tupl
         before = used
         small = 1.0 + 5.0 / (len(points) - width)
         scatter = max(1.4826 * small * float(np.median(np.abs(left[used]))), floor)
-        used = np.abs(left) <= OUTLYING * scatter
+        used = np.abs(left) <= _OUTLYING * scatter
         if np.array_equal(used, before) or not carries(points[used], law):
             break
         start = searched(points[used], law, start)

@@ -24,13 +24,13 @@ from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.orders.turning import DeadZone, runs_of
 
-WHOLE_BRANCH = 0.8
+_WHOLE_BRANCH = 0.8
 """Of the range of the torque that a branch must cover."""
-LOADING = 0.5
+_LOADING = 0.5
 """Of the amplitude, beyond which the slope of a loading branch is taken."""
 NEAR = 0.1
 """Of the amplitude to each side of a torque, over which the angle there is fitted."""
-TIP = 0.06
+_TIP = 0.06
 """Of a branch, to each side of where it turns, over which the tip is fitted."""
 LEAST_ROWS = 40
 NAMES = ("branch_stiffness", "secant_stiffness", "loss", "hysteresis_loss", "lost_motion")
@@ -80,7 +80,7 @@ def fit_hysteresis(angle: Array, torque: Array, at_torque: float | None = None) 
         raise IdentificationError(
             "makes no whole loop",
             where="torque",
-            value=f"{len(up)} branches up, {len(down)} down over {WHOLE_BRANCH:.0%} of the range",
+            value=f"{len(up)} branches up, {len(down)} down over {_WHOLE_BRANCH:.0%} of the range",
             limit="a branch up with a branch down after it",
             remedy="Swing the torque slowly between two equal limits, several times.",
         )
@@ -105,7 +105,7 @@ def _branches(torque: Array) -> tuple[list[slice], list[slice]]:
     zone = DeadZone.of([torque])
     runs = _joined(runs_of([zone.ways(torque)]))
     lowest, highest = np.percentile(torque, [0.5, 99.5])
-    least = WHOLE_BRANCH * float(highest - lowest)
+    least = _WHOLE_BRANCH * float(highest - lowest)
     whole = [(a, b, way) for a, b, way in runs if abs(torque[b - 1] - torque[a]) >= least]
     up = [slice(a, b) for a, b, way in whole if way > 0]
     down = [slice(a, b) for a, b, way in whole if way < 0]
@@ -152,7 +152,7 @@ def _numbers(
     secant = (top[1] - bottom[1]) / (top[0] - bottom[0])
     centre = 0.5 * float(torque[up].max() + torque[down].min())
     slopes = [
-        _slope(angle[rows], torque[rows], way * (torque[rows] - centre) > LOADING * amplitude)
+        _slope(angle[rows], torque[rows], way * (torque[rows] - centre) > _LOADING * amplitude)
         for rows, way in ((up, 1.0), (down, -1.0))
     ]
     width = abs(
@@ -176,7 +176,7 @@ def _tip(angle: Array, torque: Array, branch: slice, row: int) -> tuple[float, f
     The angle turns smoothly, by a parabola; the torque is that of the branch there, which unloading leaves at once.
     """
     begin, stop = int(branch.start), int(branch.stop)
-    half = max(round(TIP * (stop - begin)), 4)
+    half = max(round(_TIP * (stop - begin)), 4)
     first, last = max(row - half, 0), min(row + half, len(angle) - 1)
     x: Array = (np.arange(first, last + 1, dtype=np.float64) - row) / half
     fitted = _parabola(x, angle[first : last + 1])

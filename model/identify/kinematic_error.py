@@ -60,13 +60,13 @@ HIGHEST_ORDER = 12
 """Input orders that are fitted unless somebody says otherwise."""
 CHUNK = 32768
 """Samples that are taken at a time: their values stay in the processor's cache."""
-EXPECTED_ORDER = 6
+_EXPECTED_ORDER = 6
 """Highest input order that a gear is expected to have."""
-SLOWEST_SIDEBAND = 0.5
+_SLOWEST_SIDEBAND = 0.5
 """Order from which one belongs to an input order; below, to the output."""
-CREST = 2.5
+_CREST = 2.5
 """Largest value of a curve of many orders over its r.m.s."""
-SLOPE_SIGNIFICANCE = 4.0
+_SLOPE_SIGNIFICANCE = 4.0
 """Standard errors above which a slope is called significant."""
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
 """Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
@@ -74,9 +74,9 @@ eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold
 MOTOR_REST, MOTOR_REST_SHARE = (3, 5, 6, 7, 8), 0.2
 """Other orders of a motor encoder, and the share of its class that they have together: a class bounds the whole curve,
 and no encoder has three orders only."""
-UNSAID_ORDERS = OUTPUT_ENCODER_ORDERS
+_UNSAID_ORDERS = OUTPUT_ENCODER_ORDERS
 """Orders of a motor encoder of which nobody says anything: a resolver has those of its poles."""
-TOO_NEAR = "too near the first torsional mode"
+_TOO_NEAR = "too near the first torsional mode"
 FINE_ORDERS, FINE_SHARE = range(9, 65), 0.2
 """Orders of an output encoder's own revolution that no certificate takes out, and the share of its class that they have
 together: marks of the scale, balls of its bearing. They meet a gear's input orders where N is below 65."""
@@ -125,7 +125,7 @@ class Encoders:
 
     def unsaid_at(self, order: float) -> str:
         """Why an order of the output's turn is not the gear's alone: nobody stated the output encoder; "" else."""
-        if not self.output_unsaid or order > SLOWEST_SIDEBAND:
+        if not self.output_unsaid or order > _SLOWEST_SIDEBAND:
             return ""
         return "an order of the output's turn, and nobody stated the output encoder"
 
@@ -187,7 +187,7 @@ class Encoders:
     @property
     def _motor_orders(self) -> tuple[int, ...]:
         """Orders over which the variance of the motor encoder's curve is spread."""
-        return UNSAID_ORDERS if self.input_unsaid else MOTOR_ENCODER_ORDERS
+        return _UNSAID_ORDERS if self.input_unsaid else MOTOR_ENCODER_ORDERS
 
     def waves(self, ratio: float) -> dict[float, float]:
         """Standard uncertainty of a cosine or sine at every order to which they may add [rad]."""
@@ -462,7 +462,7 @@ def fit_traverses(
     rounding = [one.rounding for one in cleaned]
     if accumulators[0].follows_data:
         fits = in_orders_of_all(fits, max(one.highest_order for one in accumulators), rounding)
-    fits = [with_rounding(fit, locked) for fit, locked in zip(fits, rounding, strict=True)]
+    fits = [_with_rounding(fit, locked) for fit, locked in zip(fits, rounding, strict=True)]
     seen = [torsion.traverse(fit, None if time is None else 1 + time) for fit in fits]
     spring = None if spring is None else spring.seen_in(seen)
     ahead = next((s for s in seen if s.fit.cells.direction > 0.0), None)
@@ -486,7 +486,7 @@ def _rounding(one: KinematicErrorAccumulator, fit: AngleFit) -> LockedRounding |
     return LockedRounding.of(fit, per_turn, one.encoders.output_quantum)
 
 
-def with_rounding(fit: AngleFit, rounding: LockedRounding | None) -> AngleFit:
+def _with_rounding(fit: AngleFit, rounding: LockedRounding | None) -> AngleFit:
     """The fit with what rounding locked to the input angle may add to its orders in its covariance."""
     if rounding is None:
         return fit
@@ -514,7 +514,7 @@ def _without_slips(one: KinematicErrorAccumulator) -> _Cleaned:
     rounding = _rounding(one, first)
     if one.follows_data:
         # A slip is a step of whole revolutions: sidebands are fitted before it is looked for, output orders are not.
-        first = followed(first, one.highest_order, rounding, slowest=SLOWEST_SIDEBAND)
+        first = followed(first, one.highest_order, rounding, slowest=_SLOWEST_SIDEBAND)
         rounding = _rounding(one, first)
     slips, cleaned = find_slips(
         first,
@@ -555,13 +555,13 @@ def _finish(
         line = BudgetLine(
             "residual that the fitted orders leave",
             "B",
-            2.0 * CREST * rest / math.sqrt(3.0),
-            f"a curve of that r.m.s. above the noise reaches {CREST:g} times it, on either side",
+            2.0 * _CREST * rest / math.sqrt(3.0),
+            f"a curve of that r.m.s. above the noise reaches {_CREST:g} times it, on either side",
             distribution=Distribution.RECTANGULAR,
         )
         accuracy = accuracy.with_budget([line])
     orders = tuple(
-        _order(fit, k, encoders, amplified, TOO_NEAR if near[k] else "")
+        _order(fit, k, encoders, amplified, _TOO_NEAR if near[k] else "")
         for k in range(len(fit.basis.orders))
     )
     reason = ""
@@ -570,7 +570,7 @@ def _finish(
     elif cells.revolutions < WHOLE_TURN * ratio:
         reason = "needs one complete output revolution"
     elif any(o.significant and n for o, n in zip(orders, near, strict=True)):
-        reason = f"an order is {TOO_NEAR}"
+        reason = f"an order is {_TOO_NEAR}"
     if reason:
         accuracy = replace(accuracy, identifiable="no", note=reason)
     estimates = {"transmission_accuracy": accuracy, **estimates}
@@ -611,7 +611,7 @@ def _finish(
 
 def expected_labels(ratio: float) -> tuple[str, ...]:
     """The orders of which every result speaks: one that is not there is "below X", which is an answer."""
-    return standard_basis(ratio, EXPECTED_ORDER).labels
+    return standard_basis(ratio, _EXPECTED_ORDER).labels
 
 
 def _of_gear(accuracy: Estimate, bench: tuple[BudgetLine, ...], raised: float) -> Estimate:
@@ -696,7 +696,7 @@ def _slope(
     quantum = encoders.output_quantum if math.isfinite(encoders.output_quantum) else 2.0 * ARCSEC
     matters = abs(closure) > max(0.1 * quantum, 0.5 * ARCSEC, wander)
     turns = fit.cells.revolutions / ratio
-    if abs(closure) > SLOPE_SIGNIFICANCE * error and matters and turns >= WHOLE_TURN:
+    if abs(closure) > _SLOPE_SIGNIFICANCE * error and matters and turns >= WHOLE_TURN:
         return estimates, [
             slope_sentence(ratio, closure, encoders.output_quantum, encoders.input_quantum)
         ]

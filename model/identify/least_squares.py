@@ -53,7 +53,7 @@ class LinearFit:
         return float(self.values[index]) - half, float(self.values[index]) + half
 
 
-def correlation_length(residual: Array) -> float:
+def _correlation_length(residual: Array) -> float:
     """Integral correlation length of a residual in samples, (1 + rho)/(1 - rho) of an AR(1) fit; 1 for white noise."""
     centred = residual - residual.mean()
     power = float(centred @ centred)
@@ -65,7 +65,7 @@ def correlation_length(residual: Array) -> float:
 
 def _bartlett_lag(residual: Array) -> int:
     """Andrews' automatic lag of the Bartlett kernel from an AR(1) approximation."""
-    length = correlation_length(residual)
+    length = _correlation_length(residual)
     rho = (length - 1.0) / (length + 1.0)
     alpha = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
     return int(min(math.ceil(1.1447 * (alpha * len(residual)) ** (1.0 / 3.0)), len(residual) // 5))

@@ -38,20 +38,20 @@ from model.identify.motion_result import MotionFit, MotionScore, reported
 from model.identify.motion_shared import SharedNoise, shared_noise
 from model.identify.motion_source import ArrayMotion, MotionSource
 
-Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
-VARIANTS: tuple[Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
-MINIMUM_SAMPLES = 200
-SAMPLES_PER_PERIOD = 1.5
+_Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
+VARIANTS: tuple[_Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
+_MINIMUM_SAMPLES = 200
+_SAMPLES_PER_PERIOD = 1.5
 """Decimated samples of a period of the cut-off frequency: a longer window would reach from motion into standstill."""
-LAG_TOLD = 2.0
+_LAG_TOLD = 2.0
 """Sampling periods by which devices may latch apart."""
 FALLING = (0.06, 0.15)
 """Of the top speed: the v_s of a friction that falls with speed, beside which a lag is told."""
-MOST_LOWERED = 6
+_MOST_LOWERED = 6
 """How often the band is halved in which the floor of the noise is looked for."""
-SHARED_SHARE = 0.05
+_SHARED_SHARE = 0.05
 """Of the inertia that shared noise may take off it."""
-SCALE_TOLERANCE = 0.05
+_SCALE_TOLERANCE = 0.05
 """By which a measured speed may differ from the derivative of the position."""
 
 
@@ -63,7 +63,7 @@ class MotionChoice:
     `instrument_is_position`: whether the instrument channel is a position (a set-point).
     """
 
-    variant: Variant = "auto"
+    variant: _Variant = "auto"
     cutoff_hz: float | None = None
     decimation: int | None = None
     least_speed: float | None = None
@@ -74,7 +74,7 @@ class MotionChoice:
 
     def recipe(self, look: Look, cutoff: float, period: float) -> MotionFilter:
         """The filter of this cut-off [Hz], with the dead zone that belongs to it."""
-        every = max(1, math.floor(1.0 / (SAMPLES_PER_PERIOD * cutoff * period) + 1e-9))
+        every = max(1, math.floor(1.0 / (_SAMPLES_PER_PERIOD * cutoff * period) + 1e-9))
         return MotionFilter(
             cutoff_hz=cutoff,
             decimation=every if self.decimation is None else self.decimation,
@@ -88,7 +88,7 @@ def fit_motion(
     position: ArrayLike,
     force: ArrayLike,
     *,
-    variant: Variant = "symmetric",
+    variant: _Variant = "symmetric",
     recipe: MotionFilter | None = None,
     rotary: bool = False,
 ) -> MotionFit:
@@ -173,7 +173,7 @@ def _prepared(source: MotionSource, choice: MotionChoice) -> _Prepared:
     look = look_at(source)
     first = found = _with_look(source, choice, look)
     lowered = 0
-    while found.is_shared and choice.cutoff_hz is None and lowered < MOST_LOWERED:
+    while found.is_shared and choice.cutoff_hz is None and lowered < _MOST_LOWERED:
         lowered += 1
         try:
             look = look_at(source, 0.5 * look.cutoff_hz)
@@ -196,7 +196,7 @@ def _with_look(source: MotionSource, choice: MotionChoice, look: Look) -> _Prepa
         speeds = tuple(share * look.top_speed for share in FALLING)
         lag = Alignment(source, recipe, basis, with_instrument, speeds).lag()
     taken_off = (
-        choice.lag or 0.0 if lag is None else lag.lag * lag.is_clear(LAG_TOLD * source.period)
+        choice.lag or 0.0 if lag is None else lag.lag * lag.is_clear(_LAG_TOLD * source.period)
     )
     basis = replace(basis, lag=taken_off)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
@@ -219,7 +219,7 @@ def _with_shared_noise(fit: MotionFit, prepared: _Prepared) -> MotionFit:
         warnings=(*fit.warnings, words),
         shared_uncertainty={"inertia": max(noise.difference, 0.0) / math.sqrt(3.0)},
     )
-    if not prepared.is_shared or 0.0 < noise.share <= SHARED_SHARE:
+    if not prepared.is_shared or 0.0 < noise.share <= _SHARED_SHARE:
         return fit
     note = "noise that neighbouring samples share: a set-point or a measured speed beside the position tells"
     return replace(
@@ -261,9 +261,9 @@ def score_source(
 
 def _array_source(time: ArrayLike, position: ArrayLike, force: ArrayLike) -> ArrayMotion:
     """Arrays of an evenly sampled motion, checked."""
-    clock = increasing("time", time, minimum=MINIMUM_SAMPLES)
+    clock = increasing("time", time, minimum=_MINIMUM_SAMPLES)
     sampling_period("time", clock)
-    place = series("position", position, minimum=MINIMUM_SAMPLES)
+    place = series("position", position, minimum=_MINIMUM_SAMPLES)
     if np.ptp(place) <= 0.0:
         raise IdentificationError(
             "does not move",
@@ -294,12 +294,12 @@ def _instrument(
     speed = compare_speed(source, cutoff, of_position=choice.instrument_is_position)
     if speed is None:
         return basis, None
-    if not choice.instrument_is_position and abs(speed.scale - 1.0) > SCALE_TOLERANCE:
+    if not choice.instrument_is_position and abs(speed.scale - 1.0) > _SCALE_TOLERANCE:
         raise IdentificationError(
             "the measured speed is not the derivative of the position: a unit, a scale or a ratio is wrong",
             where="speed",
             value=f"{speed.scale:.4g} times the derivative",
-            limit=f"1 ± {SCALE_TOLERANCE:g}",
+            limit=f"1 ± {_SCALE_TOLERANCE:g}",
             remedy="Correct the map of the import, or leave the speed out with instrument=none.",
         )
     return replace(basis, instrument_lag=speed.lag), speed
@@ -327,7 +327,7 @@ def _lag_effect(chosen: Fitted, lag: LagEstimate | None, period: float) -> tuple
     if chosen.basis.lag != 0.0:
         return u * per_second, nothing
     # Devices may latch apart by so much without anybody knowing; what is seen beyond it counts whole.
-    usual = min(abs(lag.lag) + 2.0 * u, LAG_TOLD * period)
+    usual = min(abs(lag.lag) + 2.0 * u, _LAG_TOLD * period)
     doubt = max(usual, abs(lag.lag) - 2.0 * u) / math.sqrt(3.0)
     return nothing, doubt * np.abs(per_second)
 

@@ -41,7 +41,7 @@ APART = 2.5
 REACH = 10.0
 """Periods of the cut-off frequency around a block that are read with it, so that blocks meet without a seam."""
 BLOCK_ROWS = 1 << 16
-STANDING_SHARE = 0.02
+_STANDING_SHARE = 0.02
 """Share of a sample's window at standstill from which on it is left out."""
 LEAST_SAMPLES = 20
 
@@ -295,7 +295,7 @@ def _decimated(
     rows = wanted[:, None] + span
     columns = np.stack([table[name][rows] @ window for name in names], axis=1)
     share = standing[rows].astype(np.float64) @ window
-    return Samples(even.time[wanted], columns, share > STANDING_SHARE)
+    return Samples(even.time[wanted], columns, share > _STANDING_SHARE)
 
 
 def _apart(values: Array, recipe: MotionFilter, period: float) -> Array:

@@ -31,9 +31,9 @@ STRIBECK_RANGE = (0.02, 0.25)
 """Of the top speed: where v_s is searched, and never under twice the dead zone."""
 LEAST_GAIN = 0.1
 """By which a richer rung's error out of sample must be smaller."""
-NEWTON_STEPS = 2
+_NEWTON_STEPS = 2
 BASE = ("acceleration", "speed", "sign", "one")
-REGRESSORS: Mapping[str, tuple[str, ...]] = {
+_REGRESSORS: Mapping[str, tuple[str, ...]] = {
     "symmetric": BASE,
     "asymmetric": (*BASE, "speed_size"),
     "stribeck": (*BASE, "stribeck_0", "stribeck_0_slope"),
@@ -174,7 +174,7 @@ class Ladder:
             return None
         critical = min(errors, key=lambda speed: errors[speed])
         try:
-            for _ in range(NEWTON_STEPS):
+            for _ in range(_NEWTON_STEPS):
                 found = self._at(critical)
                 step = found.values[found.transform[0].index("stribeck_velocity")]
                 critical = float(np.clip(step, 0.5 * critical, 2.0 * critical))
@@ -250,7 +250,7 @@ class Ladder:
 
     def _fitted(self, rung: str, moments: Moments, basis: Basis) -> Fitted:
         _check_motion(moments)
-        names = (*REGRESSORS[rung], *self.basis.load_names)
+        names = (*_REGRESSORS[rung], *self.basis.load_names)
         return Fitted(rung, self._solve(moments, names), moments, self.recipe, basis)
 
     def _solve(self, moments: Moments, names: tuple[str, ...]) -> MomentFit:

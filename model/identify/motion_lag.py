@@ -30,7 +30,7 @@ CLEAR = 4.0
 """Standard uncertainties of a lag that is taken off."""
 LEAST_GAIN, LEAST_GAIN_OF_USUAL = 0.06, 0.15
 """Share of the error out of sample that a lag must explain, and that one by which devices latch apart must."""
-SETTLED = 0.05
+_SETTLED = 0.05
 """Of its own standard uncertainty below which nothing of a lag is left."""
 
 
@@ -74,11 +74,11 @@ class Alignment:
             basis = replace(self.basis, stribeck=self.speeds, lag=lag)
             moments = gathered(self.source, self.recipe, basis)
             fit = solve_moments(moments, names, with_instrument=self.with_instrument)
-            left = lag_left(moments, names, fit.values)
+            left = _lag_left(moments, names, fit.values)
             if not abs(lag + left.lag) <= LONGEST_LAG:
                 break
             lag += left.lag
-            if abs(left.lag) <= SETTLED * left.standard_uncertainty:
+            if abs(left.lag) <= _SETTLED * left.standard_uncertainty:
                 gain = 1.0 - fit.hold_out_error / without
                 return LagEstimate(lag, left.standard_uncertainty, gain)
         return LagEstimate(0.0, math.inf)
@@ -119,7 +119,7 @@ def lag_sensitivity(moments: Moments, regressors: Sequence[str]) -> Array:
     return np.asarray(np.linalg.solve(squares, total[x, rate]), dtype=float)
 
 
-def lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> LagEstimate:
+def _lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> LagEstimate:
     """The lag of the effort that these moments show, with the parameters `values` (p,) of the fit without one."""
     sums = moments.sums
     x = moments.places(regressors)

@@ -31,21 +31,21 @@ LOOKED_AT = 1 << 19
 PIECES = 8
 LEAST_CORRELATION, SHARE_TOLERANCE = 0.9, 0.1
 """What a channel that guides a fit has in common with the position: correlation, or slope of the accelerations."""
-SPECTRUM_ROWS = 1 << 15
-ABOVE_NOISE = 10.0
+_SPECTRUM_ROWS = 1 << 15
+_ABOVE_NOISE = 10.0
 """Power over the noise floor that still is motion."""
-ABOVE_MOTION = 2.5
+_ABOVE_MOTION = 2.5
 """Times the frequency below which 99 % of the acceleration lies: there the filter takes less than a thousandth off."""
 FLOOR_BAND = (0.6, 0.95)
 """Of half the sampling frequency, or of a lower end of the band: where the floor is looked for."""
-HIGHEST_CUTOFF = 0.2
+_HIGHEST_CUTOFF = 0.2
 """Of the sampling frequency: central differences need five samples of a period; twice that is still tried."""
-DEAD_ZONE = 5.0
+_DEAD_ZONE = 5.0
 """Standard deviations of the speed's noise."""
-CREEP_SHARE = 0.005
+_CREEP_SHARE = 0.005
 """Of the highest speed: creep, wind-up and ringing after a stop."""
 LEAST_ROWS = 200
-LEAST_LINES = 24
+_LEAST_LINES = 24
 """Of the spectrum, that a part of it must have."""
 LONGEST_LAG = 0.5
 """s by which a drive may be late with its speed."""
@@ -73,7 +73,7 @@ class Look:
 
     def least_speed(self, cutoff_hz: float) -> float:
         """The dead zone of a filter of this cut-off."""
-        return max(DEAD_ZONE * self.speed_noise(cutoff_hz), CREEP_SHARE * self.top_speed)
+        return max(_DEAD_ZONE * self.speed_noise(cutoff_hz), _CREEP_SHARE * self.top_speed)
 
 
 def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
@@ -100,7 +100,7 @@ def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
             value=float(pieces[0][1][0]),
             remedy="Choose a part of the run with motion.",
         )
-    rows = min(SPECTRUM_ROWS, min(len(v) for _, v in pieces) // 4)
+    rows = min(_SPECTRUM_ROWS, min(len(v) for _, v in pieces) // 4)
     spectra: list[Array] = []
     frequency = np.empty(0)
     for _, values in pieces:
@@ -110,26 +110,26 @@ def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
         spectra.append(power * len(values))
     power = np.sum(spectra, axis=0) / sum(len(v) for _, v in pieces)
     seen = frequency <= band
-    if np.count_nonzero(seen) > LEAST_LINES:
+    if np.count_nonzero(seen) > _LEAST_LINES:
         frequency, power = frequency[seen], power[seen]
     inside = (frequency > FLOOR_BAND[0] * band) & (frequency < FLOOR_BAND[1] * band)
     # The median of a spectrum of few averages lies ln 2 under its mean.
     floor = float(np.median(power[inside])) / math.log(2.0)
     # The window spreads the mean over the first bins.
-    above = power[4:] > ABOVE_NOISE * floor
+    above = power[4:] > _ABOVE_NOISE * floor
     end = 4 + (int(np.argmin(above)) if not above.all() else len(above) - 1)
     # Of the acceleration that is no noise: where all but a hundredth of it lies below. A motion of few
     # lines has valleys between them: it ends where the mean over an octave is noise.
     total = np.concatenate([[0.0], np.cumsum(power)])
     start = np.arange(4, len(power) // 2)
     octave = (total[2 * start + 1] - total[start]) / (start + 1)
-    quiet = np.flatnonzero(octave < ABOVE_NOISE * floor)
+    quiet = np.flatnonzero(octave < _ABOVE_NOISE * floor)
     last = max(2 * int(start[quiet[0]]) if len(quiet) else len(power), end)
-    is_motion = (power > ABOVE_NOISE * floor) & (np.arange(len(power)) <= last)
+    is_motion = (power > _ABOVE_NOISE * floor) & (np.arange(len(power)) <= last)
     moving = np.where(is_motion, power, 0.0) * frequency ** (4 if of_position else 2)
     share = np.cumsum(moving) / max(float(moving.sum()), 1e-300)
-    fastest = ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 0.99))])
-    limits = float(frequency[5]), min(HIGHEST_CUTOFF * rate, float(frequency[-1]))
+    fastest = _ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 0.99))])
+    limits = float(frequency[5]), min(_HIGHEST_CUTOFF * rate, float(frequency[-1]))
     cutoff = float(np.clip(max(float(frequency[end]), fastest), *limits))
     slow = float(np.clip(fastest, limits[0], cutoff))
     return Look(cutoff, slow, floor, _top_speed(source, pieces, cutoff), of_position)

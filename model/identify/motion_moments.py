@@ -34,16 +34,16 @@ from model.identify.checks import Array
 from model.identify.least_squares import CONDITION_LIMIT, student_quantile
 from model.identify.motion_columns import Samples
 
-MOST_BLOCKS = 2000
+_MOST_BLOCKS = 2000
 FOLDS = 10
 """Parts of the time that are left out in turn for the error on data that a fit has not seen."""
 PARTS = 32
 """Parts of the time that the jackknife leaves out in turn."""
-LEAST_PARTS = 8
+_LEAST_PARTS = 8
 SHOWN = 20_000
 """Samples that are kept for plots."""
-NOISE_OF = {"acceleration": "noise_acceleration", "speed": "noise_speed"}
-INSTRUMENT_OF = {"acceleration": "instrument_acceleration", "speed": "instrument_speed"}
+_NOISE_OF = {"acceleration": "noise_acceleration", "speed": "noise_speed"}
+_INSTRUMENT_OF = {"acceleration": "instrument_acceleration", "speed": "instrument_speed"}
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Moments:
 
 def gather(samples: Iterable[Samples], names: tuple[str, ...], expected: int) -> Moments:
     """The moments of samples that come in order; `expected` is about how many there will be."""
-    size = max(1, -(-expected // MOST_BLOCKS))
+    size = max(1, -(-expected // _MOST_BLOCKS))
     stride = max(1, expected // SHOWN)
     sums: list[Array] = []
     shown: list[Array] = []
@@ -201,7 +201,7 @@ def solve_moments(
 
 def _wider(lagged: Array, effective: float, parts: Array) -> tuple[Array, float]:
     """The covariance by lags (p, p), with the errors of the solutions without each part (k, p) where these are more."""
-    if len(parts) < LEAST_PARTS:
+    if len(parts) < _LEAST_PARTS:
         return lagged, effective
     off = parts - parts.mean(axis=0)
     ratio = np.diag(off.T @ off * ((len(parts) - 1.0) / len(parts))) / np.diag(lagged)
@@ -212,8 +212,8 @@ def _wider(lagged: Array, effective: float, parts: Array) -> tuple[Array, float]
 def noise_sums(moments: Moments, names: tuple[str, ...]) -> Array:
     """What the noise of the position adds to the squares of these regressors, D' D (blocks, p, p)."""
     noise = np.zeros((len(moments.sums), len(names), len(names)))
-    noisy = [k for k, name in enumerate(names) if name in NOISE_OF]
-    d = moments.places([NOISE_OF[names[k]] for k in noisy])
+    noisy = [k for k, name in enumerate(names) if name in _NOISE_OF]
+    d = moments.places([_NOISE_OF[names[k]] for k in noisy])
     noise[:, np.array(noisy)[:, None], np.array(noisy)[None, :]] = moments.sums[:, d][:, :, d]
     return noise
 
@@ -234,7 +234,7 @@ class _System:
         x, y = moments.places(names), moments.names.index("effort")
         squares, cross = sums[:, x][:, :, x], sums[:, x, y]
         if with_instrument:
-            z = moments.places([INSTRUMENT_OF.get(name, name) for name in names])
+            z = moments.places([_INSTRUMENT_OF.get(name, name) for name in names])
             return cls(sums[:, z][:, :, x], sums[:, z, y], squares, cross, sums[:, y, y])
         return cls(squares - noise_sums(moments, names), cross, squares, cross, sums[:, y, y])
 

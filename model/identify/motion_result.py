@@ -129,7 +129,7 @@ def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
     )
     error = chosen.fit.relative_error
     values = dict(zip(names, chosen.values.tolist(), strict=True))
-    wrong = [n for n, v in values.items() if is_size(n) and v < 0.0]
+    wrong = [n for n, v in values.items() if _is_size(n) and v < 0.0]
     estimates: dict[str, Estimate] = {}
     for place, (name, unit) in enumerate(_units(names, rotary).items()):
         verdict, note = "yes", ""
@@ -155,7 +155,7 @@ def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
     return estimates
 
 
-def is_size(name: str) -> bool:
+def _is_size(name: str) -> bool:
     """Whether a parameter cannot be negative."""
     return name.split("_")[0] in ("inertia", "viscous", "coulomb", "static")
 
@@ -165,7 +165,7 @@ def _warnings(fit: MomentFit, estimates: Mapping[str, Estimate]) -> tuple[str, .
     warnings = [
         f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force."
         for name, estimate in estimates.items()
-        if is_size(name) and estimate.value < 0.0
+        if _is_size(name) and estimate.value < 0.0
     ]
     if not fit.relative_error <= LARGEST_ERROR:
         warnings.append(

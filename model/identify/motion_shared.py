@@ -21,12 +21,12 @@ import numpy as np
 from model.identify.checks import Array
 from model.identify.motion_moments import Moments, lagged_sum, noise_sums
 
-APART_OF = {"acceleration": "apart_acceleration", "speed": "apart_speed"}
+_APART_OF = {"acceleration": "apart_acceleration", "speed": "apart_speed"}
 CLEAR = 3.0
 """Standard errors of the difference."""
 LARGEST_DOUBT = 0.3
 """Of the inertia, that a difference may be uncertain by to confirm anything."""
-LEAST_SHARE = 0.01
+_LEAST_SHARE = 0.01
 """Of the inertia, below which a difference is none."""
 
 
@@ -48,14 +48,14 @@ class SharedNoise:
         """Of the inertia that noise which samples share has taken off; 0 where none is seen."""
         is_clear = self.difference > CLEAR * self.standard_uncertainty
         share = self.difference / abs(self.inertia) if self.inertia != 0.0 else math.inf
-        return share if is_clear and share > LEAST_SHARE else 0.0
+        return share if is_clear and share > _LEAST_SHARE else 0.0
 
 
 def shared_noise(moments: Moments, regressors: Sequence[str], values: Array) -> SharedNoise:
     """What instruments far apart say beside the fit `values` (p,) by the halves of the position."""
     names, sums = tuple(regressors), moments.sums
     x, y = moments.places(names), moments.names.index("effort")
-    z = moments.places([APART_OF.get(name, name) for name in names])
+    z = moments.places([_APART_OF.get(name, name) for name in names])
     place = names.index("acceleration")
     near = sums[:, x][:, :, x] - noise_sums(moments, names)
     far = sums[:, z][:, :, x]

@@ -32,7 +32,7 @@ FALSE_ALARM = 1e-4
 AT_ONCE = 0.1
 """Share of the strongest line that is left, from which on others are added with it: weaker ones may be its leakage."""
 ROUNDS = 8
-MAXIMUM_ORDERS = 120
+_MAXIMUM_ORDERS = 120
 """Orders of a basis; a gear has some dozens."""
 
 
@@ -88,7 +88,7 @@ def _above_the_noise(
     if rounding is not None:
         noise = noise + 2.0 * rounding.variance(orders)
     limit = math.log(len(orders) / FALSE_ALARM)
-    room = MAXIMUM_ORDERS - len(basis.orders)
+    room = _MAXIMUM_ORDERS - len(basis.orders)
     above = power > limit * noise
     above &= power > AT_ONCE**2 * power.max()
     strongest = np.argsort(np.where(above, -power, 0.0))[: min(int(above.sum()), room)]

@@ -18,12 +18,12 @@ from model.identify.estimate import BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.unit_text import amount_in_words
 
-NORMAL_QUANTILE = 1.959963984540054
-ALMOST_NORMAL = 8.0
+_NORMAL_QUANTILE = 1.959963984540054
+_ALMOST_NORMAL = 8.0
 """Amplitude in standard uncertainties from which Rice's distribution is a normal one."""
-LEAST_CHANCE = 0.06
+_LEAST_CHANCE = 0.06
 """Square of the length, in variances, below which any smaller amplitude is as likely: the high end falls no further."""
-SIGNIFICANT = 18.42
+_SIGNIFICANT = 18.42
 """Squared length in variances that noise alone exceeds once in ten thousand orders: a fit has dozens of them."""
 RESIDUAL = "residual, spectrum beside the order"
 UNKNOWN = math.pi / math.sqrt(3.0)
@@ -34,15 +34,15 @@ def rice_interval(length: float, error: float) -> tuple[float, float]:
     """The 95 % interval of an amplitude whose found length has the standard uncertainty `error` per component."""
     if not error > 0.0:
         return length, length
-    if length > ALMOST_NORMAL * error:
-        return length - NORMAL_QUANTILE * error, length + NORMAL_QUANTILE * error
+    if length > _ALMOST_NORMAL * error:
+        return length - _NORMAL_QUANTILE * error, length + _NORMAL_QUANTILE * error
     square = (length / error) ** 2
     low = (
         float(scipy.special.chndtrinc(square, 2.0, 0.975))
         if scipy.special.chndtr(square, 2.0, 0.0) > 0.975
         else 0.0
     )
-    high = float(scipy.special.chndtrinc(max(square, LEAST_CHANCE), 2.0, 0.025))
+    high = float(scipy.special.chndtrinc(max(square, _LEAST_CHANCE), 2.0, 0.025))
     return error * math.sqrt(low), error * math.sqrt(high)
 
 
@@ -81,10 +81,10 @@ def polar(
         whole = whole + np.outer(change, change)
         lines.append(replace(line, standard_uncertainty=abs(float(along @ change))))
         turned.append(replace(line, standard_uncertainty=abs(float(across @ change))))
-    widened = student_quantile(freedom) / NORMAL_QUANTILE
+    widened = student_quantile(freedom) / _NORMAL_QUANTILE
     wide_radial, wide_tangential = _error(along, whole), _error(across, whole)
     error = wide_radial
-    if size <= ALMOST_NORMAL * wide_radial:
+    if size <= _ALMOST_NORMAL * wide_radial:
         error = math.sqrt(0.5 * (wide_radial**2 + wide_tangential**2))
     low, high = rice_interval(size, widened * error)
     turn = math.pi
@@ -94,7 +94,7 @@ def polar(
     determinant = xx * yy - xy * xy
     length = a * a * yy - 2.0 * a * b * xy + b * b * xx
     distance = length / determinant if determinant > 0.0 else 0.0
-    significant = distance > SIGNIFICANT
+    significant = distance > _SIGNIFICANT
     verdict = "yes" if significant else "weakly"
     below = amount_in_words(high, unit, high)
     note = "" if significant else f"not distinguishable from zero, below {below}"

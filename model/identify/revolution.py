@@ -37,7 +37,7 @@ HIGHEST_ORDER = 200
 LEAST_SAMPLES = 60
 WHOLE = 1e-9
 CURVE_POINTS = 3600
-OF_WAVES = 48.0
+_OF_WAVES = 48.0
 """Degrees of freedom of a shift between directions that the noise of the waves alone explains."""
 
 
@@ -245,7 +245,7 @@ def _shift(whole: list[Order]) -> Estimate | None:
         "direction_shift",
         value,
         error,
-        max(len(both) - 1.0, 1.0) if excess > 1.0 else OF_WAVES,
+        max(len(both) - 1.0, 1.0) if excess > 1.0 else _OF_WAVES,
         "rad",
     )
 

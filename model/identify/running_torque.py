@@ -25,21 +25,21 @@ from model.identify.checks import Array, channels, increasing
 from model.identify.least_squares import LinearFit, solve
 from model.units import DEGREE, REVOLUTION, RPM
 
-FEW_REVOLUTIONS = 6
-USUAL_ORDERS = 12
+_FEW_REVOLUTIONS = 6
+_USUAL_ORDERS = 12
 """Orders of the input that the torque over one revolution is always given."""
 STANDS_OUT = 0.01
 """Probability that noise alone makes one further order stand out."""
-NOISY_RANGE = 4.0
+_NOISY_RANGE = 4.0
 """Range of a handful of visits, in standard errors, that noise alone explains."""
-FEW_POINTS = 6
+_FEW_POINTS = 6
 """Speeds of a tare below which nobody can say whether it is a straight line."""
 BENT = 0.2
 """Relative standard uncertainty of the slope with which a tare goes on above its fastest speed."""
 REST_LIMIT = 0.1 * DEGREE
 """Standstill, in angle that a steady speed would have turned, above which a hold counts as stick: below a steep
 Stribeck curve a speed loop stops and goes by tenths of a degree, and the mean torque is several per cent low."""
-RESTING_STEPS = 3.0
+_RESTING_STEPS = 3.0
 """Counts, or samples where each brings some, whose time is no standstill: cogging lets a slow speed ripple."""
 
 
@@ -124,12 +124,12 @@ def _rest_angle(rests: Array, turned: Array, speed: float) -> float:
     if len(rests) == 0:
         return 0.0
     step = max(float(np.min(np.diff(turned))), float(np.min(rests)) * abs(speed))
-    return max(float(rests.max()) * abs(speed) - RESTING_STEPS * step, 0.0)
+    return max(float(rests.max()) * abs(speed) - _RESTING_STEPS * step, 0.0)
 
 
 def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple[float, float]:
     """Standard error of the mean and its degrees of freedom."""
-    if whole >= FEW_REVOLUTIONS:
+    if whole >= _FEW_REVOLUTIONS:
         centred = means - means.mean()
         variance = float(centred @ centred) / (whole - 1)
         inflation = 1.0
@@ -160,7 +160,7 @@ def _error_within(turned: Array, effort: Array, whole: int) -> tuple[float, floa
     filled = counts > 0
     means = np.bincount(place, weights=effort, minlength=bins)[filled] / counts[filled]
     angle: Array = (np.flatnonzero(filled).astype(np.float64) + 0.5) * (REVOLUTION * whole / bins)
-    orders = list(range(1, min(USUAL_ORDERS, (len(angle) // 3 - 5) // 2) + 1))
+    orders = list(range(1, min(_USUAL_ORDERS, (len(angle) // 3 - 5) // 2) + 1))
     if len(angle) <= 2 * len(orders) + 4:
         spread = float(np.std(effort, ddof=1)) if len(effort) > 1 else abs(float(effort.mean()))
         return max(spread / math.sqrt(max(whole, 1)), 1e-12), 2.0
@@ -366,7 +366,7 @@ class Tare:
     @functools.cached_property
     def is_straight(self) -> bool:
         """Whether its points, enough of them to tell, lie on a straight line as far as their errors say."""
-        if len(self.speed) < FEW_POINTS:
+        if len(self.speed) < _FEW_POINTS:
             return False
         weight, slope = self._weight, float(self._slope @ self.torque)
         residual = self.torque - np.average(self.torque, weights=weight)
@@ -425,7 +425,7 @@ def bracket_drift(
         if len(part) >= 2:
             torque = np.array([h.torque for h in part])
             drift = float(np.ptp(torque)) / max(abs(float(torque.mean())), 1e-12)
-            noise = NOISY_RANGE * float(np.median([h.standard_error for h in part]))
+            noise = _NOISY_RANGE * float(np.median([h.standard_error for h in part]))
             seen = seen or (drift > limit and float(np.ptp(torque)) > noise)
             worst = max(worst, drift)
     if seen:

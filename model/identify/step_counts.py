@@ -15,9 +15,9 @@ from model.identify.checks import Array
 from model.identify.step_fit import STEPS, Problem, Solution, StepArrays
 from model.units import REVOLUTION
 
-BAND = 0.15
+_BAND = 0.15
 """Share of the mode's frequency to either side of it within which its damping is told."""
-UNMOVED = ("skew", "bearing")
+_UNMOVED = ("skew", "bearing")
 """Numbers that change nothing of what counts ring up."""
 
 
@@ -51,7 +51,7 @@ def led_away(problem: Problem, solution: Solution) -> Array:
 
     here = squares(solution.values)
     for j, name in enumerate(solution.shape.names):
-        if name not in UNMOVED:
+        if name not in _UNMOVED:
             h = STEPS.get(name, 1e-3)
             there = {**solution.values, name: solution.values[name] + h}
             pull[j] = -0.5 * (squares(there) - here) / h
@@ -69,13 +69,13 @@ def louder_in_band(problem: Problem, solution: Solution) -> float:
 
 
 def left_in_band(problem: Problem, solution: Solution) -> float:
-    """Mean power density of what a fit leaves within `BAND` of the mode over that of the rest, 1 at least."""
+    """Mean power density of what a fit leaves within `_BAND` of the mode over that of the rest, 1 at least."""
     frequency = problem.model(solution.values).mode(problem.swing)[0] / REVOLUTION
     inside, outside = np.zeros(2), np.zeros(2)
     for step, normal, weight in zip(problem.steps, solution.normals, solution.weights, strict=True):
         count, period = len(normal.residual), float(np.median(np.diff(step.stamps)))
         power = np.abs(np.fft.rfft(normal.residual))[1:] ** 2 / count
-        near = np.abs(np.fft.rfftfreq(count, period)[1:] - frequency) < BAND * frequency
+        near = np.abs(np.fft.rfftfreq(count, period)[1:] - frequency) < _BAND * frequency
         for sums, part in ((inside, power[near]), (outside, power[~near])):
             sums += float(weight) * np.array([part.sum(), len(part)])
     if not (inside[1] and outside[0]):

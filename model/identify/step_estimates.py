@@ -24,9 +24,9 @@ RINGS, RUNG_DOWN = 0.25, 0.4
 """s after the onset of a step until which it rings, and from which on it does no more."""
 RINGS_ON = 1.15
 """Ratio of what a fit leaves in the two beyond which the mode is not explained; noise alone makes it 1 within 0.03."""
-UNEXPLAINED = 2.0
+_UNEXPLAINED = 2.0
 """Power that a fit leaves near the mode over what it leaves beside it beyond which the mode is not explained."""
-SHARE_DOUBT = 0.3
+_SHARE_DOUBT = 0.3
 """Relative standard uncertainty of the share of the compliance that is damped."""
 
 BY_RUNG, NO_HYSTERESIS = "choice of the rung", "hysteresis"
@@ -318,7 +318,7 @@ class _Told:
         if self.ringing > RINGS_ON:
             note = f"while the steps ring the model leaves {self.ringing:.3g} times what it leaves later"
             return "weakly", note
-        if self.left > UNEXPLAINED:
+        if self.left > _UNEXPLAINED:
             note = f"near the mode the model leaves {self.left:.3g} times the power that it leaves beside it"
             return "weakly", note
         return "yes", ""
@@ -329,7 +329,7 @@ def _lines(model: TorsionModel, centre: Array) -> list[tuple[str, str, Array]]:
     bare = replace(model, relaxation=LEAST_RELAXATION).mode()[0]
     stiffened = 2.0 * math.log(model.mode()[0] / bare)
     doubt = np.zeros(len(centre))
-    doubt[0] = SHARE_DOUBT * abs(stiffened)
+    doubt[0] = _SHARE_DOUBT * abs(stiffened)
     return [("share of the damped compliance", "of the parameter set", doubt)]
 
 

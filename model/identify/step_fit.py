@@ -31,7 +31,7 @@ LONGEST = 3.0
 FALLING = 6.0
 """rad/s over which the wind-up by friction falls from rest (the Stribeck velocity, roughly)."""
 ROUNDS = 24
-NEARBY = 0.05
+_NEARBY = 0.05
 """Share of the largest change of a number within which derivatives by the kinematic error are used again."""
 TRIALS, LEAST_DAMPED, STIFFER = 6, 1e-3, 8.0
 """Steps that are tried in a round, least damping of one (Marquardt's, as a share of the diagonal), and its factor."""
@@ -503,7 +503,7 @@ def fit_all(
             there = {**values, **dict(zip(names, trial[:size].tolist(), strict=True))}
             there["skew"] = min(max(there["skew"], -LARGEST_SKEW), LARGEST_SKEW)
             # A spring that is nothing, or everything, is no answer: the step was too long.
-            is_spring = all(abs(there[name]) < RUNAWAY for name in names if name != "skew")
+            is_spring = all(abs(there[name]) < _RUNAWAY for name in names if name != "skew")
             found = (
                 cost(trial, problem.normals(shape, there, trial[size:], gradient=False))
                 if is_spring
@@ -518,7 +518,7 @@ def fit_all(
         gained, best = best - found, found
         vector, values = trial, there
         wandered += _excess(names, change[:size])
-        near = normals if wandered < NEARBY else ()
+        near = normals if wandered < _NEARBY else ()
         normals = problem.normals(shape, values, vector[size:], near=near)
         wandered *= bool(near)
         if gained < CONVERGED * best:
@@ -542,7 +542,7 @@ def fit_all(
     )
 
 
-RUNAWAY = 200.0
+_RUNAWAY = 200.0
 """Logarithm of a number of the spring, in SI, beyond which it is none."""
 _LARGEST: Mapping[str, float] = {"stiffness": 0.1, "damping": 1.0, "skew": 5e-4, "second": 0.2}
 

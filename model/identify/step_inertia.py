@@ -30,7 +30,7 @@ from model.kinematic_error import series_slope
 
 WIDTH = 1.2
 """Standard deviation of the kernel in samples: wide enough that sums stand for integrals."""
-LIVELY = 0.25
+_LIVELY = 0.25
 """s after the onset of a step in which the output rings and the rotor gains speed."""
 LEAST_STEPS = 4
 SKEW = 0.5
@@ -38,14 +38,14 @@ SKEW = 0.5
 
 A lag of first order, which is fitted, takes up only a part of it: it lessens the ringing as it turns it.
 """
-LAG_STEP = 1e-6
+_LAG_STEP = 1e-6
 """s by which the lag is moved for its derivative."""
 CLEAR = 5
 """Samples after the onset within which the kernel still reaches into the standstill."""
 COLUMNS = ("lag", "input_inertia", "output_inertia")
-LARGEST_LAG = 5e-3
+_LARGEST_LAG = 5e-3
 """s of the torque port that are looked for."""
-MEMORY = 0.02
+_MEMORY = 0.02
 """s over which what a fit leaves of the torque still hangs together: about a period of the ringing."""
 ORDERS = range(1, 7)
 """Of the input, by which friction changes with the depth of the mesh."""
@@ -110,15 +110,15 @@ def _fitted(sides: Sequence[_Sides]) -> InertiaFit:
 
     lag = float(
         scipy.optimize.minimize_scalar(
-            away, bounds=(0.0, LARGEST_LAG), method="bounded", options={"xatol": 1e-6}
+            away, bounds=(0.0, _LARGEST_LAG), method="bounded", options={"xatol": 1e-6}
         ).x
     )
     # The lag is one more column from here on: what it changes of the torque that was found.
     numbers = _least(_equations(sides, lag))[0]
     turned = [
-        (there - here) @ numbers / LAG_STEP
+        (there - here) @ numbers / _LAG_STEP
         for (here, _), (there, _) in zip(
-            _equations(sides, lag), _equations(sides, lag + LAG_STEP), strict=True
+            _equations(sides, lag), _equations(sides, lag + _LAG_STEP), strict=True
         )
     ]
     parts = [
@@ -135,7 +135,7 @@ def _fitted(sides: Sequence[_Sides]) -> InertiaFit:
     centred = left - left.mean(axis=0)
     count = len(sides)
     variance = (count - 1) / count * (centred**2).sum(axis=0)
-    variance = variance + _shared(parts, found, whole, round(MEMORY / sides[0].period))
+    variance = variance + _shared(parts, found, whole, round(_MEMORY / sides[0].period))
     effective = (centred**2).sum(axis=0) ** 2 / np.maximum((centred**4).sum(axis=0), 1e-300)
     square = sum(float(np.sum((right - design @ found) ** 2)) for design, right in parts)
     return InertiaFit(
@@ -243,7 +243,7 @@ def _sides(
     edge = len(smooth)
     inside = np.zeros(len(even), dtype=bool)
     inside[edge:-edge] = True
-    inside &= even < LIVELY
+    inside &= even < _LIVELY
     # Torque at standstill is whatever stiction holds: it says nothing of friction that slides, or of inertia.
     fast = np.abs(speed[edge:-edge])
     onset = edge + int(np.argmax(fast > 0.02 * float(np.max(fast))))

@@ -26,12 +26,12 @@ from model.units import REVOLUTION
 
 SCANNED, SCAN_TIME = 6, 0.5
 """Steps, and seconds of each, in which the first look for the mode is made."""
-KNOWN_WITHIN = 1.7
+_KNOWN_WITHIN = 1.7
 """Factor to either side of an expected frequency within which the mode is looked for."""
 LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
 EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
-AWAY = (0.2, -0.2, 0.4, -0.4)
+_AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
 LEAST_SEARCHES, SEARCHED = 2, 30_000
 """Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
@@ -58,7 +58,7 @@ def climb(
     few = max(1, SEARCHED // sum(len(step.stamps) for step in problem.steps))
     for rung in FITTED[: FITTED.index(richest) + 1]:
         card |= added[rung] if rung != "linear" else {}
-        around = [({**card, "stiffness": card["stiffness"] + away}, still) for away in AWAY]
+        around = [({**card, "stiffness": card["stiffness"] + away}, still) for away in _AWAY]
         if rung == "linear":
             looks = [
                 ({**card, "stiffness": 2.0 * math.log(REVOLUTION * f)}, still) for f in frequencies
@@ -188,8 +188,8 @@ def _first_look(problem: Problem, expected: Expected, noise: float, period: floa
     short = replace(problem, steps=tuple(_shortened(s) for s in lively), basis=basis)
     low, high = LOWEST_HZ, HIGHEST_SHARE / period
     if expected.is_known:
-        low = max(low, expected.frequency / KNOWN_WITHIN)
-        high = min(high, expected.frequency * KNOWN_WITHIN)
+        low = max(low, expected.frequency / _KNOWN_WITHIN)
+        high = min(high, expected.frequency * _KNOWN_WITHIN)
     count = max(3, round(math.log(high / low) / 0.04))
     error = np.zeros(2 * len(basis))
     shape = Shape(names=("bearing", "skew"))

@@ -33,13 +33,13 @@ from model.linear import (
 
 HIGHEST_SHARE = 0.25
 """r^2 above which an order is too near the mode for a correction by stated parameters."""
-LEAST_ORDER = 0.5
+_LEAST_ORDER = 0.5
 """Orders that turn with the output are too slow to tell a time."""
 OTHER_SPEED = 1.2
 """Ratio of the speeds of a run from which on the growth of its orders tells something."""
 BY_SET = BudgetLine("torsional amplification, corrected: resonance of the parameter set", "B", 0.0)
-BY_STATEMENT = BudgetLine("torsional amplification, corrected: resonance as stated", "B", 0.0)
-BY_GROWTH = BudgetLine(
+_BY_STATEMENT = BudgetLine("torsional amplification, corrected: resonance as stated", "B", 0.0)
+_BY_GROWTH = BudgetLine(
     "torsional amplification, bounded by the growth of the orders with speed", "B", 0.0
 )
 """The line of a mode in budgets; its size is that of each order."""
@@ -108,7 +108,7 @@ class UnstatedMode:
             return self
         value, half = found
         largest = max(value, 0.0) + half
-        return replace(self, largest=largest, line=BY_GROWTH) if largest < self.largest else self
+        return replace(self, largest=largest, line=_BY_GROWTH) if largest < self.largest else self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +117,7 @@ class StatedMode:
 
     first_mode: float
     relative_uncertainty: float
-    line: BudgetLine = BY_STATEMENT
+    line: BudgetLine = _BY_STATEMENT
 
     def response(self, frequency: Array) -> np.ndarray:
         """H at angular frequencies [rad/s]; beyond `HIGHEST_SHARE` it is none that is used."""
@@ -192,7 +192,7 @@ def growth(traverses: Sequence[Traverse]) -> tuple[float, float] | None:
         pull *= np.outer(speeds, orders) ** 2
         spread = np.array([np.diag(one.fit.covariance)[2:] for one in same])
         variance = 0.5 * (spread[:, 0::2] + spread[:, 1::2])
-        seen = (np.abs(own) > 5.0 * np.sqrt(variance)).all(axis=0) & (orders > LEAST_ORDER)
+        seen = (np.abs(own) > 5.0 * np.sqrt(variance)).all(axis=0) & (orders > _LEAST_ORDER)
         weight = 1.0 / variance[:, seen]
         for values, into in ((pull, pulls), (np.abs(own), sizes)):
             mean = np.sum(weight * values[:, seen], axis=0) / weight.sum(axis=0)
@@ -256,7 +256,7 @@ def delay_between(
         spread = np.diag(one.fit.covariance)
         variance += 0.5 * (spread[2::2] + spread[3::2])
     size = np.abs(middle)
-    use = (orders > LEAST_ORDER) & (size > 5.0 * np.sqrt(variance)) & forward.fit.used[2::2]
+    use = (orders > _LEAST_ORDER) & (size > 5.0 * np.sqrt(variance)) & forward.fit.used[2::2]
     if not use.any() or forward.speed == reverse.speed:
         return 0.0, 0.0
     along = (middle.conj() / np.where(size > 0.0, size, 1.0))[use]

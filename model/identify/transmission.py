@@ -16,10 +16,10 @@ from model.kernels import regression as kernels
 from model.kinematic_error import normalised_mse
 from model.units import REVOLUTION
 
-POINTS_PER_PERIOD = 48
+_POINTS_PER_PERIOD = 48
 """Of the highest order; the extremes of one of half of it are missed by 5e-4 of its amplitude."""
-DRAWS = 2000
-EXTREMES = 200
+_DRAWS = 2000
+_EXTREMES = 200
 """Local extremes of the curve on either side that may become its largest when it is drawn anew."""
 REACH = 5.0
 """Standard uncertainties of the whole curve by which no draw moves a place further."""
@@ -34,7 +34,7 @@ def curve_over_output(fit: AngleFit, highest_order: float) -> tuple[Array, Array
     cosine, sine = fit.values[2::2].copy(), fit.values[3::2].copy()
     left_out = orders > highest_order + 1e-9
     cosine[left_out], sine[left_out] = 0.0, 0.0
-    points = max(POINTS_PER_PERIOD * math.ceil(float(orders.max()) * ratio), 1024)
+    points = max(_POINTS_PER_PERIOD * math.ceil(float(orders.max()) * ratio), 1024)
     angle: Array = np.arange(points, dtype=np.float64) * (REVOLUTION * ratio / points)
     multiples = orders * ratio
     whole = np.rint(multiples).astype(np.int64)
@@ -67,8 +67,8 @@ def transmission_accuracy(
     columns = [_waves(orders, angle[at]) * use for at in places]
     random = np.random.default_rng(1)
     shape = kernels.square_root(spread)
-    draws = random.standard_normal((DRAWS, len(shape)))
-    draws *= np.sqrt(freedom / random.chisquare(freedom, DRAWS))[:, None]
+    draws = random.standard_normal((_DRAWS, len(shape)))
+    draws *= np.sqrt(freedom / random.chisquare(freedom, _DRAWS))[:, None]
     shaped = np.ascontiguousarray(shape.T)
     noise = [
         kernels.times_transposed(draws, kernels.times_transposed(waves, shaped))
@@ -80,7 +80,7 @@ def transmission_accuracy(
         BudgetLine("residual, Monte Carlo", "A", float(data.std()), degrees_of_freedom=freedom)
     ]
     if doubt.any():
-        sizes = random.standard_normal(DRAWS)
+        sizes = random.standard_normal(_DRAWS)
         shaken = [np.outer(sizes, waves @ doubt) for waves in columns]
         both = [one + other for one, other in zip(noise, shaken, strict=True)]
         whole = _peak_to_peak(curve, places, both)
@@ -105,7 +105,7 @@ def _extremes(curve: Array, reach: float = math.inf) -> np.ndarray:
     tops = np.flatnonzero(near & (curve >= highest - 2.0 * reach))
     if not len(tops):
         return np.array([int(np.argmax(curve))])
-    largest: np.ndarray = tops[np.argsort(curve[tops])[-EXTREMES:]]
+    largest: np.ndarray = tops[np.argsort(curve[tops])[-_EXTREMES:]]
     return largest
 
 
@@ -134,7 +134,7 @@ def raised_by(angle: Array, curve: Array, waves: Mapping[float, float]) -> float
         return 0.0
     places = [_extremes(sign * curve) for sign in (1.0, -1.0)]
     columns = [_waves(np.array(list(waves)), angle[at]) for at in places]
-    draws = np.random.default_rng(2).standard_normal((DRAWS // 4, len(sizes))) * sizes
+    draws = np.random.default_rng(2).standard_normal((_DRAWS // 4, len(sizes))) * sizes
     raised = _peak_to_peak(
         curve, places, [kernels.times_transposed(draws, waves) for waves in columns]
     )

@@ -145,7 +145,7 @@ ROW_SIZE = 14
 # Rows of the step matrix: the seven linear states, then the inputs; eight columns: the states and
 # the increment of theta.
 STEP_TORQUE, STEP_ERROR_START, STEP_ERROR_END, STEP_OUTPUT = 7, 8, 9, 10
-STEP_SIZE = 88
+_STEP_SIZE = 88
 FINE = 64
 """Parts in which a step is taken again. The step array holds the matrix of a step, then that of a part."""
 STEADY = 0.05
@@ -153,7 +153,7 @@ STEADY = 0.05
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def servo_reference(state, servo, mode, target):
+def _servo_reference(state, servo, mode, target):
     """One servo period: the filtered torque reference of the drive from its set-point; carries ramp and integral."""
     limit = servo[TORQUE_LIMIT]
     speed = state[W]
@@ -208,7 +208,7 @@ def error_at(table, turns, points, angle):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def cogging_at(table, points, angle):
+def _cogging_at(table, points, angle):
     """Cogging torque at an input angle, linear between (points + 2,) values of one revolution."""
     place = angle * (0.5 / math.pi)
     place = (place - math.floor(place)) * points
@@ -217,7 +217,7 @@ def cogging_at(table, points, angle):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def friction_at(table, scale, last, speed):
+def _friction_at(table, scale, last, speed):
     """Mesh dry, mesh viscous, bearing above its low-speed value [N m], wind-up [rad] at a speed >= 0, over its root."""
     place = math.sqrt(speed) * scale
     index = min(int(place), last)
@@ -231,7 +231,7 @@ def friction_at(table, scale, last, speed):
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def hardened(physics, torsion):
+def _hardened(physics, torsion):
     """Torque beyond the linear stiffness at a torsion of the gear: none within the play, K2 above T1, K3 above T2."""
     size, extra = abs(torsion), 0.0
     if physics[PLAY] > 0.0:
@@ -347,7 +347,7 @@ def run(
                     state[RAMP] = w
                 else:
                     state[W] = w
-                    servo_reference(state, servo, mode, target)
+                    _servo_reference(state, servo, mode, target)
                 tick = period
             tick -= 1
             reference = state[FILTER]
@@ -366,7 +366,7 @@ def run(
                 # In the middle of the step: a torque from its start would take damping away.
                 rate = (lift + slope0) * w * tangent - uo
                 now = (e0 * tangent - ro + 0.5 * h * rate) * per_radius
-                extra = hardened(physics, now)
+                extra = _hardened(physics, now)
                 if hysteretic:
                     pulled = dahl(physics, hysteresis, now - torsion)
                     extra += pulled
@@ -374,9 +374,9 @@ def run(
                 torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
             reaction = torque_factor * reference - torque + lift * force
             if cogging > 0:
-                torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
+                torque += _cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
             speed = max(abs(w) + math.copysign(0.5 * h * acceleration, w * acceleration), 0.0)
-            dry, viscous, bearing, wound = friction_at(
+            dry, viscous, bearing, wound = _friction_at(
                 friction_table, friction_scale, last_friction, speed
             )
             sliding = 1.0 + slope0 * per_lift
@@ -497,7 +497,7 @@ def advance(
     """
     whole, part, lag = physics[H], physics[H] / FINE, physics[PORT_STEP_FINE]
     tables = (error_table, friction_table, cogging_table)
-    matrix, part_matrix = step[:STEP_SIZE].copy(), step[STEP_SIZE:].copy()
+    matrix, part_matrix = step[:_STEP_SIZE].copy(), step[_STEP_SIZE:].copy()
     pace, part_pace = (whole, 0.25, physics[PORT_STEP]), (part, 0.25, lag)
     # The force of the whole step before leads the first part.
     first_pace = (part, 0.25 / FINE, lag)

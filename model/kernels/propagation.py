@@ -88,7 +88,9 @@ def friction_signals(speed, before, after, friction, mesh, bearing, jump):
 
 
 @njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def input_signals(angle, speed, before, after, load, ratio, series, friction, signals, slope, jump):
+def _input_signals(
+    angle, speed, before, after, load, ratio, series, friction, signals, slope, jump
+):
     """Fill the rows of `signals` (5, >= n), d psi/d theta in `slope` and the sign changes of friction in `jump`."""
     n = angle.size
     ideal, rate = signals[0, :n], signals[1, :n]
@@ -238,7 +240,7 @@ def propagate(
         stop = start + n
         left = speed[start - 1] if start > 0 else before
         right = speed[stop] if stop < angle.size else after
-        input_signals(
+        _input_signals(
             angle[start:stop],
             speed[start:stop],
             left,

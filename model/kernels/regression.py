@@ -10,7 +10,7 @@ from numba import njit
 
 LANES = 5
 """Columns of a cell before its values: number of samples, sums of their offsets from its centre to the fourth power."""
-STRIP = 256
+_STRIP = 256
 """Cells that are worked on at a time: what belongs to them stays in the processor's cache."""
 
 
@@ -76,11 +76,11 @@ def wave_means(angle, moments, ratio, lattice, order, out):
     for i in range(orders):
         turns = max(turns, lattice[0, i])
         sides = max(sides, abs(lattice[1, i]))
-    turn = np.empty((turns + 1, 2, STRIP))
-    side, wave = np.empty((sides + 1, 2, STRIP)), np.empty((2, STRIP))
+    turn = np.empty((turns + 1, 2, _STRIP))
+    side, wave = np.empty((sides + 1, 2, _STRIP)), np.empty((2, _STRIP))
     turn[0, 0], turn[0, 1], side[0, 0], side[0, 1] = 1.0, 0.0, 1.0, 0.0
-    for start in range(0, cells, STRIP):
-        size = min(STRIP, cells - start)
+    for start in range(0, cells, _STRIP):
+        size = min(_STRIP, cells - start)
         for powers, slow in ((turn, 1.0), (side, ratio)):
             for k in range(size):
                 powers[1, 0, k] = math.cos(angle[start + k] / slow)
@@ -121,10 +121,10 @@ def weighted_products(design, weight, first, normal):
     """
     p, c = design.shape
     whole, new = (p + 3) // 4 * 4, (p - first + 1) // 2 * 2
-    left, right = np.zeros((whole, STRIP)), np.zeros((new, STRIP))
+    left, right = np.zeros((whole, _STRIP)), np.zeros((new, _STRIP))
     total = np.zeros((whole, new))
-    for start in range(0, c, STRIP):
-        size = min(STRIP, c - start)
+    for start in range(0, c, _STRIP):
+        size = min(_STRIP, c - start)
         for i in range(p):
             for k in range(size):
                 left[i, k] = design[i, start + k]
@@ -137,7 +137,7 @@ def weighted_products(design, weight, first, normal):
             for i in range(0, first + j + 2, 4):
                 s0, s1, s2, s3, t0, t1, t2, t3 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
                 a, b, d, e = left[i], left[i + 1], left[i + 2], left[i + 3]
-                for k in range(STRIP):
+                for k in range(_STRIP):
                     s0 += a[k] * u[k]
                     s1 += b[k] * u[k]
                     s2 += d[k] * u[k]
@@ -173,12 +173,12 @@ def row_products(design, vector, out):
 def row_combination(design, factor, out):
     """out (c,) += X' a of a design (p, c)."""
     p, c = design.shape
-    for start in range(0, c, STRIP):
-        part = out[start : start + STRIP]
+    for start in range(0, c, _STRIP):
+        part = out[start : start + _STRIP]
         for i in range(0, p - 3, 4):
             f, g, h, m = factor[i], factor[i + 1], factor[i + 2], factor[i + 3]
-            x, y = design[i, start : start + STRIP], design[i + 1, start : start + STRIP]
-            z, w = design[i + 2, start : start + STRIP], design[i + 3, start : start + STRIP]
+            x, y = design[i, start : start + _STRIP], design[i + 1, start : start + _STRIP]
+            z, w = design[i + 2, start : start + _STRIP], design[i + 3, start : start + _STRIP]
             for k in range(len(part)):
                 part[k] += (f * x[k] + g * y[k]) + (h * z[k] + m * w[k])
         for i in range(p - p % 4, p):
@@ -306,7 +306,7 @@ FREE, FIXED_COULOMB, FIXED_STATIC, FIXED_VISCOUS = 0, 1, 2, 3
 
 
 @njit(cache=True, nogil=True)
-def solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2):
+def _solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2):
     """Solve a symmetric 3 x 3 system in the unknowns whose mask is 1; the others are 0. NaN where it is singular."""
     a = u0 * g00 + 1.0 - u0
     b = u0 * u1 * g01 / a
@@ -363,7 +363,7 @@ def stribeck_inner(speed, white, whitening, velocity, shape, mode, fixed, parame
         if code & free != code:
             continue
         u0, u1, u2 = float(code & 1), float((code >> 1) & 1), float((code >> 2) & 1)
-        x0, x1, x2 = solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2)
+        x0, x1, x2 = _solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2)
         if x0 >= 0.0 and x1 >= 0.0 and x2 >= 0.0:
             gain = x0 * r0 + x1 * r1 + x2 * r2
             if gain > lowest:
@@ -382,7 +382,7 @@ def stribeck_inner(speed, white, whitening, velocity, shape, mode, fixed, parame
 
 
 @njit(cache=True, nogil=True)
-def copy_into(target, source):
+def _copy_into(target, source):
     """target[:] = source, which compiles twenty times faster when it is written as a loop."""
     for i in range(len(target)):
         target[i] = source[i]
@@ -402,7 +402,7 @@ def stribeck_descend(
     slopes = np.zeros((2, n))
     trial_parameters = np.zeros(3)
     trial = np.empty(2)
-    copy_into(trial, start)
+    _copy_into(trial, start)
     a, b, c, g, e = 0.0, 0.0, 0.0, 0.0, 0.0
     chi, damping, h = np.inf, 1e-3, 1e-5
     phase, rounds, tries = 0, 0, 0
@@ -420,8 +420,8 @@ def stribeck_descend(
         )
         if phase == 0:
             chi = trial_chi
-            copy_into(residual, moved)
-            copy_into(parameters, trial_parameters)
+            _copy_into(residual, moved)
+            _copy_into(parameters, trial_parameters)
         elif phase <= 2:
             for i in range(n):
                 slopes[phase - 1, i] = (moved[i] - residual[i]) / h
@@ -429,9 +429,9 @@ def stribeck_descend(
             gain = chi - trial_chi
             if gain > 0.0:
                 chi = trial_chi
-                copy_into(start, trial)
-                copy_into(residual, moved)
-                copy_into(parameters, trial_parameters)
+                _copy_into(start, trial)
+                _copy_into(residual, moved)
+                _copy_into(parameters, trial_parameters)
                 damping = max(damping * 0.2, 1e-9)
                 rounds += 1
                 if gain < 1e-9 * chi + 1e-9:
@@ -445,7 +445,7 @@ def stribeck_descend(
         phase += 1
         while 1 <= phase <= 2 and hold[phase - 1] == 1:
             phase += 1
-        copy_into(trial, start)
+        _copy_into(trial, start)
         if phase <= 2:
             h = 1e-5 if start[phase - 1] + 1e-5 <= bounds[phase - 1, 1] else -1e-5
             trial[phase - 1] += h

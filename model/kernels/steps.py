@@ -20,7 +20,7 @@ from numba import njit
 from model.arrays import FloatArray, IntArray
 
 _FAST = {"contract", "nsz", "nnan", "ninf"}
-TERMS = 14
+_TERMS = 14
 """Of the exponential series at a norm of at most a quarter: what is left out lies below 1e-20."""
 
 
@@ -42,7 +42,7 @@ def exponential(matrix: FloatArray) -> FloatArray:
     small = matrix * 0.5**halvings
     whole = np.eye(size)
     term, work = np.eye(size), np.empty((size, size))
-    for k in range(1, TERMS):
+    for k in range(1, _TERMS):
         _product(term, small, work)
         term[:] = work / k
         whole += term

@@ -134,7 +134,7 @@ def _links_of_store(run: Path, sha256: str) -> Iterator[Link]:
             continue
         numbers.append(analysis.number)
         yield _link_of(analysis, sha256)
-        yield from links_named_by(run, analysis)
+        yield from _links_named_by(run, analysis)
     yield from _gone(folder, numbers)
     try:
         kept_by_hand(run)
@@ -170,7 +170,7 @@ def _link_of(analysis: Analysis, run_sha256: str) -> Link:
     )
 
 
-def links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
+def _links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
     """What an analysis names: its figures, its tare with the analysis of that, the analysis that it builds on."""
     try:
         analysis.whole_result()

@@ -31,11 +31,11 @@ from rig.runfile.read import close_recording, open_run
 
 GROUPS = (*RUN_GROUPS, "results")
 """What is compared, in this order."""
-PROGRAM_FACTS = dict(
+_PROGRAM_FACTS = dict(
     zip(("program version", "program commit", "program files"), PROGRAM_KEYS, strict=True)
 )
 """What an analysis says of the program that made it, and its key there; older ones do not say all of it."""
-SUBJECT = (
+_SUBJECT = (
     "torque_is_of",
     "torque_balance",
     "channel",
@@ -228,7 +228,7 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
         other = any(
             change.first != change.second
             for change in apart
-            if change.name.split(": ")[1] in SUBJECT
+            if change.name.split(": ")[1] in _SUBJECT
         )
         common = common_grounds(a.grounds[kind], b.grounds[kind])
         first, second = left.result.estimates, right.result.estimates
@@ -258,7 +258,7 @@ def _analysed_otherwise(kind: str, left: Analysis, right: Analysis) -> Iterable[
             **a.result.options,
             **{f"setting {n}": v for n, v in a.content.get("settings", {}).items()},
             "tare": a.content.get("tare", {}).get("run", "none"),
-            **{t: a.content[key] for t, key in PROGRAM_FACTS.items() if key in a.content},
+            **{t: a.content[key] for t, key in _PROGRAM_FACTS.items() if key in a.content},
         }
         for a in (left, right)
     ]

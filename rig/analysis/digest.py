@@ -24,7 +24,7 @@ from rig.errors import ChangedRunError, RigError, RunFileError
 if TYPE_CHECKING:
     from model.identify.estimate import Estimate
 
-NO_ANALYSIS = "there is no analysis of this protocol"
+_NO_ANALYSIS = "there is no analysis of this protocol"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +96,7 @@ def digest(path: Path, created: str, kind: str = "", choices: Choices | None = N
     """
     kind = kind or protocol_of(path)
     if kind not in catalogue.kinds():
-        return Digest(path=path, in_force=InForce(kind=kind), because=(NO_ANALYSIS,))
+        return Digest(path=path, in_force=InForce(kind=kind), because=(_NO_ANALYSIS,))
     try:
         fit = fit_run(path, kind, choices)
     except AnalysisError as error:

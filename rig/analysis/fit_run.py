@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from rig.analysis.store import Analysis
 
-MOST_OTHERS = 4
+_MOST_OTHERS = 4
 """Other tares of the bench, the nearest in time, that one is held against."""
 TARE_AGE_SETTING = "tare_age_limit"
 """The setting of the checks that says from which age [days] on a tare is widened (`experiments.evidence.tare`)."""
@@ -162,7 +162,7 @@ def footing_of(
     recording = read.open_run(path)
     kind = kind_of(recording, kind)
     tared = _tare_for(recording, path, kind, choices, surroundings)
-    gear, source = gear_for(recording, path, kind, choices.gear, surroundings)
+    gear, source = _gear_for(recording, path, kind, choices.gear, surroundings)
     return Footing(
         recording=recording,
         learnt=_learnt(recording, path, kind, choices.settings, surroundings),
@@ -189,7 +189,7 @@ def evidence_for(
     return footing.recording, footing.evidence()
 
 
-def gear_for(
+def _gear_for(
     recording: Recording,
     path: Path,
     kind: str,
@@ -333,7 +333,7 @@ def _other_tares(
         except AnalysisError:
             # What gives no tare bears no witness of one.
             continue
-        if len(found) == MOST_OTHERS:
+        if len(found) == _MOST_OTHERS:
             break
     return tuple(found)
 

@@ -12,7 +12,7 @@ from typing import Any
 from model.identify.estimate import Cause
 
 FORMAT = "harmonic-rig-analysis-1"
-ANALYSIS_VERSION = 1
+_ANALYSIS_VERSION = 1
 
 _BEGINNINGS: Mapping[str, Cause] = {
     "torque scale": Cause.TORQUE_SCALE,
@@ -34,7 +34,7 @@ def from_format_1(content: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **content,
         "result": result,
-        "analysis_version": ANALYSIS_VERSION,
+        "analysis_version": _ANALYSIS_VERSION,
         "quantities": {
             name: {"title": name, "unit": unit, "definition": ""} for name, unit in units.items()
         },

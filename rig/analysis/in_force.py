@@ -39,11 +39,11 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
 
 KEPT_NAME = "kept.json"
-UNSEALED = "not sealed"
+_UNSEALED = "not sealed"
 """Stands for the hash of a run whose note is missing."""
-KEPT_FORMAT = "harmonic-rig-kept-2"
+_KEPT_FORMAT = "harmonic-rig-kept-2"
 """Sealed from birth, as analyses are."""
-KEPT_FORMAT_1 = "harmonic-rig-kept-1"
+_KEPT_FORMAT_1 = "harmonic-rig-kept-1"
 """The same without a seal: what version 0.2.0 wrote."""
 
 
@@ -258,7 +258,7 @@ class _Things:
 
     @property
     def _of_another_run(self) -> str:
-        if self._sha256 == UNSEALED:
+        if self._sha256 == _UNSEALED:
             return "the run file is not sealed: its note is missing"
         return "the run file is not the one that was analysed"
 
@@ -386,7 +386,7 @@ def _hash_now(path: Path) -> str:
     try:
         return sealed_sha256(path)
     except UnsealedError:
-        return UNSEALED
+        return _UNSEALED
     except RunFileError:
         return "changed"
 
@@ -410,9 +410,9 @@ def kept_by_hand(run: str | Path) -> tuple[Kept, ...]:
             return ()
         data, seal = read_sealed(path, is_sealed_from_birth=False)
         content = json.loads(data)
-        if content["format"] not in (KEPT_FORMAT, KEPT_FORMAT_1):
+        if content["format"] not in (_KEPT_FORMAT, _KEPT_FORMAT_1):
             raise ValueError(content["format"])
-        if content["format"] == KEPT_FORMAT and not (seal.is_whole or is_unsealed_allowed()):
+        if content["format"] == _KEPT_FORMAT and not (seal.is_whole or is_unsealed_allowed()):
             raise unsealed(path)
         return tuple(
             Kept(str(c["kind"]), int(c["number"]), str(c["by"]), str(c["at"]))
@@ -460,7 +460,7 @@ def _listed(numbers: Iterable[int]) -> str:
 
 def _write_kept(run: Path, choices: tuple[Kept, ...]) -> None:
     folder = analysis_folder(run)
-    content = {"format": KEPT_FORMAT, "kept": [vars(choice) for choice in choices]}
+    content = {"format": _KEPT_FORMAT, "kept": [vars(choice) for choice in choices]}
     try:
         folder.mkdir(exist_ok=True)
         replace_sealed(folder / KEPT_NAME, (json_text(json_ready(content)) + "\n").encode())

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
 NO_GEAR = "the recording names no gear, so there is no limit to hold it against"
 """What is missing where nobody has said what the gear must show."""
-BROUGHT_TO_THE_END = ("COMPLETED", "")
+_BROUGHT_TO_THE_END = ("COMPLETED", "")
 """Outcomes of runs whose recording is whole; "" is that of an imported one."""
 
 
@@ -166,7 +166,7 @@ def judge_stored(
     found = InForce(kind=kind)
     try:
         found = in_force(run, kind)
-        if outcome not in BROUGHT_TO_THE_END:
+        if outcome not in _BROUGHT_TO_THE_END:
             because = f"the run ended as {outcome}"
         elif found.analysis is None or not found.of_this_run:
             because = f"the run is not analysed: rig fit {run}"
@@ -246,11 +246,13 @@ def doubts_of(one: Analysed) -> tuple[str, ...]:
 def _stale(found: Sequence[Analysed]) -> tuple[str, ...]:
     """What is stale of what was found, run by run."""
     return tuple(
-        f"run {one.result.run}, {one.result.kind}: {stale_words(one)}" for one in found if one.stale
+        f"run {one.result.run}, {one.result.kind}: {_stale_words(one)}"
+        for one in found
+        if one.stale
     )
 
 
-def stale_words(one: Analysed | InForce) -> str:
+def _stale_words(one: Analysed | InForce) -> str:
     """That an analysis is stale: what changed, and the command that makes it anew."""
     return f"the analysis is stale: {'; '.join(one.stale)}. Renew it: {one.renewed_by}"
 
@@ -342,10 +344,10 @@ def _lacks(one: Analysed, limit: Limit, estimate: Estimate, quantity: Quantity) 
     """What an estimate lacks to be judged by a limit: a whole run, an analysis that holds, evidence, a torque of what
     the limit is about, a number; "" for nothing.
     """
-    if one.outcome not in BROUGHT_TO_THE_END:
+    if one.outcome not in _BROUGHT_TO_THE_END:
         return f"the run ended as {one.outcome}"
     if one.stale:
-        return stale_words(one)
+        return _stale_words(one)
     checks = one.result.checks
     missing = [c.what for c in checks if c.is_evidence and c.severity is Severity.NOT_LOOKED_AT]
     if missing:

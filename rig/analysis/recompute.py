@@ -1,7 +1,7 @@
 """A stored analysis made again, from the same run, settings, set and tare, and compared number by number.
 
 On the machine and with the program that made it the same analysis gives the same digits. On another
-processor, or with other libraries of linear algebra, the last digits of a fit differ: `TOLERANCE` is
+processor, or with other libraries of linear algebra, the last digits of a fit differ: `_TOLERANCE` is
 what is let pass, and the worst difference is told whatever it is.
 """
 
@@ -28,7 +28,7 @@ from rig.runfile.read import close_recording, open_run
 if TYPE_CHECKING:
     from experiments.recording import Recording
 
-TOLERANCE = 0.0
+_TOLERANCE = 0.0
 """Relative difference of a number that is let pass: none, digits are equal."""
 
 
@@ -81,7 +81,7 @@ class Recomputed:
         )
 
 
-def recompute(run: Path, analysis: Analysis, *, tolerance: float = TOLERANCE) -> Recomputed:
+def recompute(run: Path, analysis: Analysis, *, tolerance: float = _TOLERANCE) -> Recomputed:
     """Make a stored analysis again and compare it with what is stored.
 
     One of another version of its kind is not made again, and says so. Raises the errors of the run

@@ -29,7 +29,7 @@ def result_from_mapping(
 
     Raises `ValueError`, `KeyError` or `TypeError` for what is none.
     """
-    estimates = {name: estimate_from_mapping(name, e) for name, e in mapping["parameters"].items()}
+    estimates = {name: _estimate_from_mapping(name, e) for name, e in mapping["parameters"].items()}
     return Result(
         run=str(mapping["run"]),
         kind=str(mapping["kind"]),
@@ -38,7 +38,7 @@ def result_from_mapping(
         metrics={name: _number(value) for name, value in mapping.get("metrics", {}).items()},
         warnings=tuple(str(warning) for warning in mapping.get("warnings", ())),
         plots=tuple(plot_from_mapping(plot) for plot in mapping.get("plots", ())),
-        tables=tuple(table_from_mapping(table) for table in (*mapping.get("tables", ()), *tables)),
+        tables=tuple(_table_from_mapping(table) for table in (*mapping.get("tables", ()), *tables)),
         checks=checks_from_mapping(mapping.get("checks", ())),
         options=dict(mapping.get("options", {})),
     )
@@ -58,7 +58,7 @@ def quantities_for(
     return with_bare(declared_quantities(kind), units)
 
 
-def estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
+def _estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
         BudgetLine(
@@ -158,7 +158,7 @@ def table_to_mapping(table: Table) -> dict[str, Any]:
     }
 
 
-def table_from_mapping(mapping: Mapping[str, Any]) -> Table:
+def _table_from_mapping(mapping: Mapping[str, Any]) -> Table:
     """A table out of JSON data; a number that JSON could not hold is a dash."""
     rows = tuple(tuple("–" if cell is None else cell for cell in row) for row in mapping["rows"])
     return Table(

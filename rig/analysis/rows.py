@@ -39,7 +39,7 @@ def estimate_grid(
             continue
         quantity, line = result.quantity(name), judged.get(name)
         shown = show(estimate, quantity)
-        words = catalogue_words(quantity, estimate, gear)
+        words = _catalogue_words(quantity, estimate, gear)
         if line is not None:
             words = f"{line.outcome} {limit_words(line)}"
         known = (estimate.identifiable, words, estimate.note)
@@ -61,7 +61,7 @@ def limit_words(line: Verdict) -> str:
     return f"({held_against(line)[1]}, {whose_limit(line)}{because})"
 
 
-def catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:
+def _catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:
     """The value of the catalogue, where it is from and under which conditions it holds; "" where there is none."""
     if quantity.catalogue is None or gear is None:
         return ""

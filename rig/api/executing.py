@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from experiments.steps.note import Prompt
     from model.gear import HarmonicDrive
 
-SIMULATED_ANSWER = "simulated"
+_SIMULATED_ANSWER = "simulated"
 """What a simulated rig answers to a prompt: there is nobody who could look."""
 
 
@@ -111,4 +111,4 @@ def _chosen(world: Mapping[str, Any]) -> WorldChoice:
 
 def _answers(backend: str, stop: StopRequest) -> Callable[[Prompt], str | None]:
     """Who answers the prompts of a run: whoever sits at the terminal of a rig of hardware, else the simulation."""
-    return terminal_ask(stop) if backend == HARDWARE else lambda prompt: SIMULATED_ANSWER
+    return terminal_ask(stop) if backend == HARDWARE else lambda prompt: _SIMULATED_ANSWER

@@ -101,11 +101,11 @@ def _fit_one(
         path=path,
         largest_missed_share=largest_missed_share,
     )
-    why_none = LEFT_AWAY if tare is None else IN_MEMORY
+    why_none = LEFT_AWAY if tare is None else _IN_MEMORY
     return made if made.tare is not None else replace(made, found_tare=FoundTare(None, (why_none,)))
 
 
-IN_MEMORY = "a recording in memory lies in no folder in which a tare could be found"
+_IN_MEMORY = "a recording in memory lies in no folder in which a tare could be found"
 
 
 def _path_of(tare: str | Path | None) -> Path | None:

@@ -10,7 +10,7 @@ from model.gear import HarmonicDrive
 from model.gear_file import load_gear, shipped_gear
 
 SHIPPED = "csf-25-120"
-UNIT_TYPE_PLACE = 3
+_UNIT_TYPE_PLACE = 3
 """The hyphen of a part number behind which its unit type stands: SHG-32-100-2UH."""
 
 
@@ -27,6 +27,6 @@ def gear(name: str | Path | HarmonicDrive = SHIPPED) -> HarmonicDrive:
     if text.lower().endswith(".toml"):
         return load_gear(text)
     # Part numbers end with a unit type; what ships is named without one.
-    if text.count("-") >= UNIT_TYPE_PLACE:
+    if text.count("-") >= _UNIT_TYPE_PLACE:
         return gear_of_product(read_product(text), {})
     return shipped_gear(text)

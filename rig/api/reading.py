@@ -138,7 +138,7 @@ def read_mdf(
     return _read("mdf", paths, channels, map, run, options)
 
 
-RENAMED = {
+_RENAMED = {
     "protocol": "experiment",
     "parameters": "gear",
     "gear": "gear_serial",
@@ -183,7 +183,7 @@ def _options(
 ) -> ImportOptions:
     """What the file does not say of itself. Raises `ConfigurationError` for an option that there is not."""
     stated = {name: options.get(name, {}) for name in STATED}
-    given = {RENAMED.get(n, n): value for n, value in options.items() if n not in STATED}
+    given = {_RENAMED.get(n, n): value for n, value in options.items() if n not in STATED}
     allowed = {f.name for f in fields(ImportOptions)} - {"channels", "segments", "reverse"}
     unknown = sorted(set(given) - allowed)
     if unknown:

@@ -165,7 +165,7 @@ class Run(Tabular):
         from experiments.result import Panel, Plot, Series
         from rig.present.figure import draw_figure
 
-        names = channels or tuple(self.channels)[:SHOWN_CHANNELS]
+        names = channels or tuple(self.channels)[:_SHOWN_CHANNELS]
         axis = self._axis(where)
         labels = [f"{name} [{self.channels.get(name, '')}]" for name in names]
         series = tuple(
@@ -229,5 +229,5 @@ class Run(Tabular):
         return Grid(title, columns("channel", ("unit", "unit"), "what"), rows, remarks)
 
 
-SHOWN_CHANNELS = 4
+_SHOWN_CHANNELS = 4
 """Channels of a figure for which nobody named any."""

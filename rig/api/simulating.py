@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from model.arrays import FloatArray
     from model.gear import HarmonicDrive
 
-REST = 0.05
+_REST = 0.05
 """s of standstill before a step of the speed."""
 UNITS = {
     "input_angle": ("rad", "input angle as prescribed"),
@@ -104,7 +104,7 @@ def _speed_step(speed: float, duration: float, rate: float) -> tuple[FloatArray,
             value=f"{speed / RPM:g} r/min for {duration:g} s",
             limit="finite, and a duration > 0 s",
         )
-    rows = np.arange(round((REST + duration) * rate) + 1)
-    since = (rows - round(REST * rate)) / rate
+    rows = np.arange(round((_REST + duration) * rate) + 1)
+    since = (rows - round(_REST * rate)) / rate
     turning = since > 0.0
     return speed * np.where(turning, since - 0.5 / rate, 0.0), speed * turning.astype(np.float64)

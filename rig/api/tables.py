@@ -12,7 +12,7 @@ WIDTH = 100
 """Letters of a line that fit a screen."""
 ROWS, REMARKS = 24, 6
 """Rows of a table, and sentences under it, that fit a screen."""
-CELL = 44
+_CELL = 44
 """Letters of a cell, after which it is cut in a terminal."""
 
 
@@ -61,5 +61,5 @@ def _more(count: int) -> list[str]:
     return [f"... and {count} more"] if count > 0 else []
 
 
-def _cut(text: str, length: int = CELL) -> str:
+def _cut(text: str, length: int = _CELL) -> str:
     return text if len(text) <= length else f"{text[: length - 1]}…"

@@ -16,7 +16,7 @@ DIGITS = 4
 """Significant digits of the smaller numbers of a column; the largest one has at most one more."""
 SPREAD = 100.0
 """Ratio of the largest number to the smaller ones up to which a column shares its decimals."""
-SMALL_UNITS = {"N m": "mN m"}
+_SMALL_UNITS = {"N m": "mN m"}
 """Units in which a column of small numbers is read, by its SI unit."""
 _UNIT = re.compile(r"\[([^\]]+)\]\s*\Z")
 
@@ -46,7 +46,7 @@ def data_column(title: str, cells: Sequence[Any]) -> tuple[Column, list[str]]:
 
 def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
     match = _UNIT.search(title)
-    unit = SMALL_UNITS.get(match[1]) if match else None
+    unit = _SMALL_UNITS.get(match[1]) if match else None
     if match is None or unit is None:
         return title, values
     if max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0:

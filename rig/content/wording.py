@@ -81,7 +81,7 @@ def show(estimate: Estimate, quantity: Quantity) -> Shown:
         power = 3 * math.floor(math.log10(size) / 3)
         value, low, high, expanded = (v / 10.0**power for v in (value, low, high, expanded))
         factor *= 10.0**power
-        unit = f"× 10{superscript(power)} {unit}".rstrip()
+        unit = f"× 10{_superscript(power)} {unit}".rstrip()
     decimals = decimals_of(expanded)
     if decimals is None:
         return Shown(
@@ -156,7 +156,7 @@ def number(value: object, digits: int = 4) -> str:
         return "0"
     power = math.floor(math.log10(abs(value)))
     if power >= 6 or power < -3:
-        return f"{_trim(fixed(value / 10.0**power, max(digits - 1, 0)))} × 10{superscript(power)}"
+        return f"{_trim(fixed(value / 10.0**power, max(digits - 1, 0)))} × 10{_superscript(power)}"
     return _trim(fixed(value, max(digits - 1 - power, 0)))
 
 
@@ -186,7 +186,7 @@ def days_text(moments: Iterable[str]) -> str:
     return " to ".join(dict.fromkeys((days[0], days[-1]))) if days else "not stated"
 
 
-def superscript(power: int) -> str:
+def _superscript(power: int) -> str:
     """An exponent as raised digits."""
     return str(power).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
@@ -198,18 +198,18 @@ def readable(key: str) -> str:
     return key.replace("_", " ").replace("-", " ")
 
 
-ENDINGS = {"_kg_m2": "kg m2", "_um": "um", "_rpm": "r/min", "_deg": "deg", "hours": "h"}
+_ENDINGS = {"_kg_m2": "kg m2", "_um": "um", "_rpm": "r/min", "_deg": "deg", "hours": "h"}
 """Units with which the names of fields and parameters end."""
 
 
 def named(key: str) -> tuple[str, str]:
     """A key of a file in words, and the unit that it ends with: "load_inertia_kg_m2" is "load inertia" in kg m2."""
-    ending = next((one for one in ENDINGS if key.endswith(one)), "")
+    ending = next((one for one in _ENDINGS if key.endswith(one)), "")
     words = readable(key.removesuffix(ending) or key).replace("runout", "run-out")
-    return words.replace("_", " ") if words.islower() else words, ENDINGS.get(ending, "")
+    return words.replace("_", " ") if words.islower() else words, _ENDINGS.get(ending, "")
 
 
-GREEK = {
+_GREEK = {
     "alpha": "α",
     "beta": "β",
     "gamma": "γ",
@@ -231,7 +231,7 @@ GREEK = {
 def printed_symbol(symbol: str) -> str:
     """A symbol with its Greek letter: alpha_t is α_t."""
     stem, line, index = symbol.partition("_")
-    return f"{GREEK.get(stem, stem)}{line}{index}"
+    return f"{_GREEK.get(stem, stem)}{line}{index}"
 
 
 def order_label(order: float, ratio: float) -> str:

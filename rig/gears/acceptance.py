@@ -35,11 +35,11 @@ FORMAT = "acceptance-1"
 
 Use = Literal["any", "simulated"]
 Standing = Literal["customer", "catalogue", "statistics", "demonstration"]
-Trust = Literal["A", "B", "C", "derived", ""]
+_Trust = Literal["A", "B", "C", "derived", ""]
 Subject = Literal["gear", "motor + gear"]
 
 _TOP = ("format", "name", "source", "use", "limits")
-_WORDS: Mapping[str, tuple[str, ...]] = {"standing": get_args(Standing), "trust": get_args(Trust)}
+_WORDS: Mapping[str, tuple[str, ...]] = {"standing": get_args(Standing), "trust": get_args(_Trust)}
 _LEFT_AWAY: Mapping[str, str] = {"subject": "gear"}
 """What is meant where a line says nothing, and is not written into a file."""
 
@@ -68,7 +68,7 @@ class Limit:
     lower: float | None = None
     condition: str = ""
     subject: Subject = "gear"
-    trust: Trust = ""
+    trust: _Trust = ""
     confirmed_by: str = ""
     confirmed_on: str = ""
 

@@ -46,7 +46,7 @@ FORMAT = "gear-card-1"
 LARGEST_FILE = 5_000_000
 """Bytes; a card with a long history is some hundred kilobytes."""
 
-RunOut = Annotated[
+_RunOut = Annotated[
     float | None, Ge(0.0), Le(1000.0), Unit("um"), Help("total indicator reading, as mounted")
 ]
 
@@ -80,10 +80,10 @@ class GearFacts:
     load_inertia_uncertainty_kg_m2: Annotated[
         float | None, Ge(0.0), Le(1e3), Unit("kg m2"), Help("its standard uncertainty")
     ] = None
-    output_radial_runout_um: RunOut = None
-    output_axial_runout_um: RunOut = None
-    input_radial_runout_um: RunOut = None
-    input_axial_runout_um: RunOut = None
+    output_radial_runout_um: _RunOut = None
+    output_axial_runout_um: _RunOut = None
+    input_radial_runout_um: _RunOut = None
+    input_axial_runout_um: _RunOut = None
     mounted_on: Annotated[str, Help("day since which it is mounted as it is, YYYY-MM-DD")] = ""
     mounting_notes: Annotated[
         str, Help("shims, screws and torques, coupling, whatever is unusual")
@@ -96,13 +96,13 @@ UNITS: Mapping[str, str] = {
 """The unit of every fact, "" for words."""
 CHOICES: Mapping[str, tuple[str, ...]] = {"mounting": ("circular-spline-fixed", "flexspline-fixed")}
 """Fields that take one of a few words."""
-REQUIRED = ("part", "mounting")
+_REQUIRED = ("part", "mounting")
 """Without these a card cannot be confirmed: limits and directions rest on them."""
 EXPECTED = ("lubricant", "hours", "load_inertia_kg_m2", "load_inertia_uncertainty_kg_m2")
 """A confirmed card without these is worth a warning: results are told with them."""
-NOT_CONFIRMED = frozenset({"hours", "hours_counted", "acceptance"})
+_NOT_CONFIRMED = frozenset({"hours", "hours_counted", "acceptance"})
 CONFIRMED_FIELDS = tuple(
-    f.name for f in dataclasses.fields(GearFacts) if f.name not in NOT_CONFIRMED
+    f.name for f in dataclasses.fields(GearFacts) if f.name not in _NOT_CONFIRMED
 )
 """Fields whose change asks for a new confirmation; hours grow by themselves, and what a gear must show changes
 nothing about how it turns."""
@@ -297,7 +297,7 @@ def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
     """The card confirmed by name. Raises `ConfigurationError` without a name, or while something that limits rest on is
     unknown."""
     _named(by, "confirm")
-    missing = [name for name in REQUIRED if name not in stated_facts(card.facts)]
+    missing = [name for name in _REQUIRED if name not in stated_facts(card.facts)]
     if missing:
         raise ConfigurationError(
             "the card cannot be confirmed while this is unknown",

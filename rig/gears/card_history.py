@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from rig.errors import ConfigurationError
 
-EventKind = Literal["changed", "confirmed"]
+_EventKind = Literal["changed", "confirmed"]
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class CardEvent:
 
     at: str
     by: str
-    what: EventKind
+    what: _EventKind
     values: Mapping[str, Any] = field(default_factory=dict)
     sha256: str = ""
 

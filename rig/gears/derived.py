@@ -11,7 +11,7 @@ from rig.content.grid import Grid, columns, number_columns
 from rig.content.wording import laboratory_unit, number
 
 DIGITS = 5
-STIFFNESSES = {name: f"K_HDf, {name}" for name in ("K1", "K2", "K3")}
+_STIFFNESSES = {name: f"K_HDf, {name}" for name in ("K1", "K2", "K3")}
 """Names of the catalogue for the stiffness of the paper in three ranges of torque."""
 
 
@@ -68,7 +68,7 @@ def _catalogue_grid(summary: Summary) -> Grid:
     for one in summary.catalogue:
         factor, unit = laboratory_unit(one.unit, one.computed, "arcmin")
         numbers = (number(value / factor) for value in (one.computed, one.catalogue))
-        name = STIFFNESSES.get(one.name, one.name.replace("_", " "))
+        name = _STIFFNESSES.get(one.name, one.name.replace("_", " "))
         rows.append((name, *numbers, unit, f"{one.ratio:.2f}", one.provenance))
     heads = columns(
         "name",

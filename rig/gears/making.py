@@ -24,7 +24,7 @@ from rig.gears.card import (
 )
 from rig.gears.card_places import card_file, cards_folder
 
-SETS = "sets"
+_SETS = "sets"
 """Folder of the parameter sets that were made for cards, in the folder of the cards."""
 
 
@@ -44,7 +44,7 @@ class NewGear:
 
 def set_path(folder: str | Path, serial: str) -> Path:
     """The file of the parameter set that is made for a gear."""
-    return cards_folder(folder) / SETS / card_file(serial)
+    return cards_folder(folder) / _SETS / card_file(serial)
 
 
 def made_gear(

@@ -56,7 +56,7 @@ def value_of(path: str, text: str, meta: Mapping[str, Any]) -> float:
             "is no number with its unit",
             where=path,
             value=repr(text),
-            limit=f"{allowed_range(meta)}, in {', '.join(units_for(unit))}",
+            limit=f"{allowed_range(meta)}, in {', '.join(_units_for(unit))}",
             remedy=f'Write {path}="VALUE {unit}".',
         )
     return quantities.to_si(float(match[1]), match[2], unit, path)
@@ -69,6 +69,6 @@ def remark_of(path: str, text: str, meta: Mapping[str, Any]) -> str:
     return f"{path}: {remark}" if unit and (remark := read(unit, (meta["unit"],)).remark) else ""
 
 
-def units_for(si_unit: str) -> tuple[str, ...]:
+def _units_for(si_unit: str) -> tuple[str, ...]:
     """The units in which a quantity of this SI unit can be typed."""
     return understood((si_unit,))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
 
 
-OUT_OF_REACH = (
+_OUT_OF_REACH = (
     (
         "hysteresis_loss",
         "hysteresis loss: torsion left at the output after loading both ways, input locked",
@@ -43,7 +43,7 @@ COLUMNS = columns(
     "conditions and source of the catalogue's value",
     "conditions here",
 )
-TITLE = "Beside the catalogue"
+_TITLE = "Beside the catalogue"
 NOTE = (
     "The conditions of the catalogue are the customary ones; those of the unit's own "
     "catalogue decide, and stand behind its "
@@ -57,11 +57,11 @@ def catalogue_grid(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) ->
     """The table beside the catalogue, from the fits and the conditions of each; None where there is
     nothing to compare.
     """
-    rows = catalogue_rows(fits, conditions)
-    return Grid(TITLE, COLUMNS, rows, NOTE) if rows else None
+    rows = _catalogue_rows(fits, conditions)
+    return Grid(_TITLE, COLUMNS, rows, NOTE) if rows else None
 
 
-def catalogue_rows(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) -> tuple[Row, ...]:
+def _catalogue_rows(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) -> tuple[Row, ...]:
     """A row per measured quantity that the catalogue of its gear states; what this rig cannot
     measure closes the table.
     """
@@ -124,7 +124,7 @@ def _here(fit: Fit, quantity: Quantity, conditions: Mapping[str, str]) -> str:
 def _unmeasured(gear: HarmonicDrive) -> Iterator[Row]:
     """What the catalogue states and this rig cannot measure; a source that several share is said once."""
     said = ""
-    for name, words, shown in OUT_OF_REACH:
+    for name, words, shown in _OUT_OF_REACH:
         stated: Value = gear.value(f"ratings.{name}")
         factor, unit = laboratory_unit(stated.unit, stated.value, shown)
         text = f"{number(stated.value / factor)} {unit}".rstrip()

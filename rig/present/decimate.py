@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-LINE_BINS = 700
+_LINE_BINS = 700
 """Bins along a curve of full width; each keeps its first, lowest, highest and last value."""
 SCATTER_COLUMNS, SCATTER_ROWS = 1400, 700
 """Raster on which scattered points that fall on the same cell count as one."""
 
 
-def peak_rows(y: NDArray[np.float64], bins: int = LINE_BINS) -> NDArray[np.intp]:
+def peak_rows(y: NDArray[np.float64], bins: int = _LINE_BINS) -> NDArray[np.intp]:
     """Rows of a curve that must stay so that it looks the same: first, lowest, highest and last value of each bin.
 
     `y` (n,) in the order in which it is drawn; NaN (a gap in the line) is kept as one row per bin. Returns rising row

@@ -36,7 +36,7 @@ COMMON = (
 )
 """Terms that every report needs; those of a kind of fit stand with its protocol."""
 
-NOT_MEASURED = (
+_NOT_MEASURED = (
     "Hysteresis loss, lost motion, static torsional stiffness, back-driving torque and "
     "efficiency under load: they need a "
     "locked input or a driven output with an output-torque sensor.",
@@ -54,7 +54,7 @@ def title_of(kind: str) -> str:
     return kind if experiment is None else experiment.title
 
 
-def definitions_for(kinds: Iterable[str]) -> tuple[tuple[str, str], ...]:
+def _definitions_for(kinds: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """The definitions that a report on these kinds of fit needs, each once."""
     experiments = [catalogue.declared(kind) for kind in dict.fromkeys(kinds)]
     terms = [term for experiment in experiments if experiment for term in experiment.terms]
@@ -69,10 +69,10 @@ def sections(
         Section(
             title="Definitions",
             anchor="definitions",
-            terms=(*terms, *definitions_for(kinds)),
+            terms=(*terms, *_definitions_for(kinds)),
             note=f"Equation and figure numbers are those of {PAPER}.",
         ),
-        Section(title="What this rig cannot measure", anchor="scope", items=NOT_MEASURED),
+        Section(title="What this rig cannot measure", anchor="scope", items=_NOT_MEASURED),
     )
 
 

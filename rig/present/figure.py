@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 FULL_WIDTH = (7.1, 2.8)
 HALF_WIDTH = (3.5, 2.5)
 """Width and height [inch]: the whole text width of A4, and half of it; of the first panel."""
-TALL = 0.75
+_TALL = 0.75
 """Share of the first panel's height that a panel of its full share adds: the axis of x is there once."""
 LETTER_WIDTH, SIGN = 0.0084, 0.42
 """Width [inch] of a letter of one point, and of the sign and the gap before it in a legend."""
@@ -96,7 +96,7 @@ def draw_svg(
     import matplotlib
 
     plot, remarks = _drawable(plot)
-    size = size_of(plot, size)
+    size = _size_of(plot, size)
     style: Any = {**_STYLE, "svg.hashsalt": identifier}
     with matplotlib.rc_context(style):
         figure = _draw(plot, origin, size, "")
@@ -114,7 +114,7 @@ def draw_png(
     import matplotlib
 
     plot, _ = _drawable(plot)
-    size = size_of(plot, size)
+    size = _size_of(plot, size)
     with matplotlib.rc_context(_STYLE):
         figure = _draw(plot, origin, (size[0], size[1] + 0.3), plot.title)
         return _saved(figure, format="png", dpi=dpi, metadata={"Software": None})
@@ -125,14 +125,14 @@ def draw_figure(plot: Plot, origin: str, size: tuple[float, float] = FULL_WIDTH)
     import matplotlib
 
     plot, _ = _drawable(plot)
-    size = size_of(plot, size)
+    size = _size_of(plot, size)
     with matplotlib.rc_context(_STYLE):
         return _draw(plot, origin, (size[0], size[1] + 0.3), plot.title)
 
 
-def size_of(plot: Plot, size: tuple[float, float]) -> tuple[float, float]:
+def _size_of(plot: Plot, size: tuple[float, float]) -> tuple[float, float]:
     """Width and height [inch] of a figure with all its panels; `size` is that of the first one."""
-    return size[0], size[1] * (1.0 + TALL * sum(panel.share for panel in plot.panels))
+    return size[0], size[1] * (1.0 + _TALL * sum(panel.share for panel in plot.panels))
 
 
 def _saved(figure: Figure, **output: Any) -> bytes:
@@ -322,7 +322,7 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
     # In little room the legend begins left of the panel, over the numbers of its axis.
     letters, begin = (7.5, 0.0) if size[0] > 5 else (6.0, -0.3)
     columns = _columns(labels, size[0] - 0.65 - begin, letters)
-    place = first.transAxes + ScaledTranslation(begin, 0.0, figure_of(first).dpi_scale_trans)
+    place = first.transAxes + ScaledTranslation(begin, 0.0, _figure_of(first).dpi_scale_trans)
     legend = first.legend(
         [handles[label] for label in labels if label in handles],
         [label for label in labels if label in handles],
@@ -355,7 +355,7 @@ def _columns(labels: Sequence[str], room: float, letters: float) -> int:
     return 1
 
 
-def figure_of(axes: Axes) -> Figure:
+def _figure_of(axes: Axes) -> Figure:
     """The figure in which axes stand."""
     figure = axes.get_figure(root=True)
     assert figure is not None

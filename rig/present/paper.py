@@ -21,9 +21,9 @@ from rig.present.typesetting import Document, set_pages
 TEMPLATE, FRONT = "page.typ", "front.typ"
 PLACE = b"// FRONT\n"
 """Where the functions of page one stand in the template: after those that they call."""
-LONGEST_WORD = 26
+_LONGEST_WORD = 26
 """Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
-HEADING_LENGTH = 80
+_HEADING_LENGTH = 80
 
 
 def render_pdf(page: Page) -> bytes:
@@ -63,7 +63,7 @@ def paper_content(page: Page) -> dict[str, Any]:
     }
 
 
-AS_IT_IS = frozenset({"svg", "logo_bytes", "tone"})
+_AS_IT_IS = frozenset({"svg", "logo_bytes", "tone"})
 """What is no text of a run."""
 
 
@@ -83,7 +83,7 @@ def _plain(value: Any) -> Any:
         value = vars(value)
     if isinstance(value, Mapping):
         return {
-            key: one if key in AS_IT_IS else _plain(one)
+            key: one if key in _AS_IT_IS else _plain(one)
             for key, one in value.items()
             if key != "logo"
         }
@@ -93,17 +93,17 @@ def _plain(value: Any) -> Any:
 
 
 def _shortened(text: str) -> str:
-    return text if len(text) <= HEADING_LENGTH else text[: HEADING_LENGTH - 1] + "…"
+    return text if len(text) <= _HEADING_LENGTH else text[: _HEADING_LENGTH - 1] + "…"
 
 
 def _breakable(text: str) -> str:
     """The text with a zero-width space in every word that is too long for a column."""
-    if all(len(word) <= LONGEST_WORD for word in text.split()):
+    if all(len(word) <= _LONGEST_WORD for word in text.split()):
         return text
-    step = LONGEST_WORD // 2
+    step = _LONGEST_WORD // 2
     return " ".join(
         word
-        if len(word) <= LONGEST_WORD
+        if len(word) <= _LONGEST_WORD
         else "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
         for word in text.split(" ")
     )

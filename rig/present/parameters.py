@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
 
 
-def parameter_grid(gear: HarmonicDrive) -> Grid:
+def _parameter_grid(gear: HarmonicDrive) -> Grid:
     """The whole parameter set with the source of every number, in the units in which a parameter file reads best."""
     heads = columns(
         "parameter",
@@ -78,7 +78,7 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
     grids: list[Grid] = []
     whole: Grid | None = None
     for gear, kinds in parameter_sets:
-        grid = parameter_grid(gear)
+        grid = _parameter_grid(gear)
         whole = whole or grid
         title = (
             f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"

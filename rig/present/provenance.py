@@ -34,18 +34,18 @@ class Provenance:
     """What makes the run's scales doubtful, and a file that could still change."""
 
 
-MATRIX_COLUMNS = 4
+_MATRIX_COLUMNS = 4
 """Runs that fit side by side on A4."""
 
 
-def side_by_side(facts: Sequence[tuple[str, Sequence[Fact]]], title: str = "") -> tuple[Grid, ...]:
+def _side_by_side(facts: Sequence[tuple[str, Sequence[Fact]]], title: str = "") -> tuple[Grid, ...]:
     """Facts of several runs, each under its heading, side by side, at most four to a table; runs
     without any are left out.
     """
     runs = [(heading, {f.title: f.text for f in rows}) for heading, rows in facts if rows]
     grids = []
-    for first in range(0, len(runs), MATRIX_COLUMNS):
-        shown = runs[first : first + MATRIX_COLUMNS]
+    for first in range(0, len(runs), _MATRIX_COLUMNS):
+        shown = runs[first : first + _MATRIX_COLUMNS]
         names = dict.fromkeys(name for _, texts in shown for name in texts)
         rows = [(name, *(texts.get(name, "–") for _, texts in shown)) for name in names]
         heads = columns(("", "name"), *(heading for heading, _ in shown))
@@ -59,7 +59,7 @@ def provenance_sections(
     """Conditions, calibrations and provenance of all runs, one column each; what is empty is left out."""
 
     def beside(name: str, title: str = "") -> tuple[Grid, ...]:
-        return side_by_side([(heading, getattr(one, name)) for heading, one in sources], title)
+        return _side_by_side([(heading, getattr(one, name)) for heading, one in sources], title)
 
     origin = (
         *((files,) if files is not None else ()),
@@ -83,7 +83,7 @@ def provenance_of(fit: Fit) -> Provenance:
         tuple(_identity(fit)),
         conditions_of(recording, fit.gear if fit.gear_known and m.gear_mounted else None),
         tuple(parameter_facts(m.experiment, {**m.parameters, **fit.settings})),
-        tuple(flat("options", fit.result.options, OPTION_UNITS)),
+        tuple(flat("options", fit.result.options, _OPTION_UNITS)),
         tuple(certificates_of(recording)),
         tuple(doubts_about(recording)),
     )
@@ -137,7 +137,7 @@ def tare_of(fit: Fit) -> str:
     return "none" if named == "none" else f"run {named}"
 
 
-OPTION_UNITS = {"phase_reference_angle": "rad"}
+_OPTION_UNITS = {"phase_reference_angle": "rad"}
 """SI units of the conventions that are quantities."""
 
 

@@ -46,11 +46,11 @@ if TYPE_CHECKING:
 
 UNFINISHED = {"ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"}
 """Outcomes of runs that did not reach their end."""
-LONG_TABLE = 16
+_LONG_TABLE = 16
 """Rows above which a table of data stands in the annex."""
 LONGEST_LINE = 124
 """Letters of run numbers that fit on the foot of a page."""
-ORIGIN_SENTENCES = {
+_ORIGIN_SENTENCES = {
     "simulated": "Made on a simulated rig with a simulated gear. "
     "This is no measurement of a physical gear, stays out of any gear's history and cannot be signed.",
     "replay": "Made by playing back a recorded run. It is no new measurement and cannot be signed.",
@@ -104,7 +104,7 @@ def report_page(
     sections = (
         *parts,
         *_truth(truth, [fit.result for fit in fits]),
-        *provenance_sections(sources, file_grid(fits)),
+        *provenance_sections(sources, _file_grid(fits)),
         *definitions.sections(fit.result.kind for fit in fits),
     )
     judged = (
@@ -112,7 +112,7 @@ def report_page(
         catalogue.catalogue_grid(fits, [s.conditions for _, s in sources]),
     )
     return Page(
-        number=report_number(fits),
+        number=_report_number(fits),
         heading=_heading(gears, serials, fits),
         created=created,
         version=program_version(),
@@ -129,7 +129,7 @@ def report_page(
         alarms=_alarms([one for _, one in sources], serials),
         judged=shown(*judged),
         warnings=tuple((part.title, part.anchor, text) for part in parts for text in part.warnings),
-        summary=shown(key_grid(key_results(fits)), paper_grid(plots, whole=len(fits) > 1)),
+        summary=shown(key_grid(_key_results(fits)), paper_grid(plots, whole=len(fits) > 1)),
         sections=sections,
         annexes=annexes_of(sections, "parameter set with its sources", parameter_grids(fits)),
         signature=signature_of(fits),
@@ -158,13 +158,13 @@ def page_facts(
 def marks_of(origins: Iterable[str]) -> tuple[tuple[str, str], ...]:
     """The words that tell what is no measurement, each with its sentence."""
     return tuple(
-        (ORIGIN_WORDS.get(origin, origin.upper()), ORIGIN_SENTENCES.get(origin, ""))
+        (ORIGIN_WORDS.get(origin, origin.upper()), _ORIGIN_SENTENCES.get(origin, ""))
         for origin in dict.fromkeys(origins)
         if origin != "hardware"
     )
 
 
-def report_number(fits: Sequence[Fit]) -> str:
+def _report_number(fits: Sequence[Fit]) -> str:
     """A number that follows from what is reported: the same runs and results give the same number."""
     digest = hashlib.sha256()
     for fit in fits:
@@ -214,7 +214,7 @@ def _source(line: Verdict) -> str:
     return f"{line.quantity.definition}; {whose_limit(line)}{because}"
 
 
-def file_grid(fits: Sequence[Fit]) -> Grid:
+def _file_grid(fits: Sequence[Fit]) -> Grid:
     """The run files that the report rests on, the tares among them, with their hashes whole."""
     recordings = [
         r
@@ -250,7 +250,7 @@ def part_of(fit: Fit, index: int, title: str) -> Section:
     others = [name for name in result.estimates if name not in orders]
     any_budget = any(e.budget for e in result.estimates.values())
     tables = [data_grid(t) for t in result.tables if t.name != "budget" or not any_budget]
-    annex = (statistical_grid(result), *(grid for grid in tables if len(grid.rows) > LONG_TABLE))
+    annex = (statistical_grid(result), *(grid for grid in tables if len(grid.rows) > _LONG_TABLE))
     return Section(
         anchor=f"part-{index + 1}",
         title=title,
@@ -260,7 +260,7 @@ def part_of(fit: Fit, index: int, title: str) -> Section:
             estimate_grid(result, others).without_empty(),
             order_grid(result, orders),
             metric_grid(result),
-            *(grid for grid in tables if len(grid.rows) <= LONG_TABLE),
+            *(grid for grid in tables if len(grid.rows) <= _LONG_TABLE),
             budget_grid(result, others),
         ),
         annex=tuple(replace(grid, title=f"{title}: {grid.title}") for grid in shown(*annex)),
@@ -272,7 +272,7 @@ def _is_order(result: Result, name: str) -> bool:
     return result.quantity(name).placeholder == "order"
 
 
-def key_results(fits: Sequence[Fit], most: int = 8) -> list[tuple[str, str, str, str]]:
+def _key_results(fits: Sequence[Fit], most: int = 8) -> list[tuple[str, str, str, str]]:
     """The results that a reader looks for first: kind, quantity, value ± U, identifiable."""
     rows = []
     for result in (fit.result for fit in fits):

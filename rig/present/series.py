@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#8A6D00", "#3B3B3B", "#7A4FBF")
 """Colours of the groups: after Okabe and Ito 2008, without the yellow that white paper swallows."""
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
-DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1)))
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (6, 1.5, 1.2, 1.5)), (0, (3, 1)))
 
 CROWDED_POINTS = 120
 """More scattered points than this are drawn as small dots."""
-VECTOR_POINTS = 1500
+_VECTOR_POINTS = 1500
 """More scattered points than this are painted as an image inside the SVG."""
 
 INK = "#1F2328"
@@ -65,8 +65,8 @@ def look_of(all_series: Sequence[Series], number: int, logarithmic: bool) -> Loo
     place = groups.index(series.group) if series.group in groups else 0
     return Look(
         colour={"null": NULL, "limit": LIMIT}.get(series.role, own),
-        marker=MARKERS[place % len(MARKERS)],
-        dash=DASHES[1 if series.role == "limit" else earlier % len(DASHES)],
+        marker=_MARKERS[place % len(_MARKERS)],
+        dash=_DASHES[1 if series.role == "limit" else earlier % len(_DASHES)],
         shift=shift,
         foot=foot_of(all_series) if logarithmic else 0.0,
         behind=series.role == "null",
@@ -116,7 +116,7 @@ def _steps(axes: Axes, series: Series, look: Look, bins: int) -> None:
 
 
 def _points(axes: Axes, series: Series, look: Look, bins: int) -> None:
-    many, crowded = len(series.y) > VECTOR_POINTS, len(series.y) > CROWDED_POINTS
+    many, crowded = len(series.y) > _VECTOR_POINTS, len(series.y) > CROWDED_POINTS
     rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
     size = 1.2 if many else 2.6 if crowded else 3.4
     # Points lie under lines: where there are many of them the curve through them must still be seen.

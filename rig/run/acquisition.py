@@ -24,21 +24,21 @@ from rig.run.logbook import Logbook
 if TYPE_CHECKING:
     from rig.runfile.header import RunHeader
 
-READ_IN = {
+_READ_IN = {
     "duration": (1.0, "s"),
     "nominal_rate": (1.0, "Hz"),
     "achieved_rate": (1.0, "Hz"),
     "missed_share": (1e-2, "%"),
 }
 """Figures of an acquisition that have a unit, besides the times below: how much of SI it is, and the unit."""
-SHORT_TIMES = ("jitter", "latency")
+_SHORT_TIMES = ("jitter", "latency")
 """How the names of those begin that are read in microseconds."""
 
 
 def _in_words(name: str, value: float) -> str:
     """A figure of an acquisition as an event says it."""
-    factor, unit = READ_IN.get(name, (1.0, ""))
-    if name.startswith(SHORT_TIMES):
+    factor, unit = _READ_IN.get(name, (1.0, ""))
+    if name.startswith(_SHORT_TIMES):
         factor, unit = 1e-6, "µs"
     return f"{name.replace('_', ' ')} {value / factor:.6g} {unit}".rstrip()
 
@@ -91,7 +91,7 @@ class AcquisitionLog:
             return {}
         logbook.flush()
         try:
-            skews, remarks = skews_of(logbook.run.part, logbook.run.header)
+            skews, remarks = _skews_of(logbook.run.part, logbook.run.header)
             for text in remarks:
                 logbook.event("warning", "skew", "acquisition", text)
             return skews
@@ -100,7 +100,7 @@ class AcquisitionLog:
             return {}
 
 
-def skews_of(part: Path, header: RunHeader) -> tuple[dict[str, Any], list[str]]:
+def _skews_of(part: Path, header: RunHeader) -> tuple[dict[str, Any], list[str]]:
     """Skew between the channels of a run file that is still open, as the file keeps it, and what
     has to be said of it.
     """

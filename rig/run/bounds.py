@@ -35,7 +35,7 @@ from rig.run.trips import (
     UNEXPECTED_STATE,
 )
 
-FAULT_BIT = 0x08
+_FAULT_BIT = 0x08
 """Set in "fault" and "fault reaction active", clear in every other state (CiA 402)."""
 STATE_MASK, ENABLED = 0x6F, 0x27
 """Bits of the statusword that tell "operation enabled"."""
@@ -147,7 +147,7 @@ class BoundMaker:
             )
         if STATUSWORD in self.channels:
             bounds.append(
-                Bound(cause=DRIVE_FAULT, weights={STATUSWORD: 1.0}, high=0.5, mask=FAULT_BIT)
+                Bound(cause=DRIVE_FAULT, weights={STATUSWORD: 1.0}, high=0.5, mask=_FAULT_BIT)
             )
         return tuple(bounds)
 

@@ -26,13 +26,13 @@ ASK: Final = "ask"
 ON_PROGRESS: Final = "on_progress"
 ON_EVENT: Final = "on_event"
 SERVING: Final = "the thread that serves the run"
-ONLY_TELL: Final = frozenset({ON_PROGRESS, ON_EVENT})
+_ONLY_TELL: Final = frozenset({ON_PROGRESS, ON_EVENT})
 """What the run does not depend on."""
 
 
 def ends_the_run(raised_by: str, error: BaseException) -> bool:
     """The rule: what only tells may fail; whoever raises anything else wants the run to end, or cannot answer it."""
-    return raised_by not in ONLY_TELL or not isinstance(error, Exception)
+    return raised_by not in _ONLY_TELL or not isinstance(error, Exception)
 
 
 class Callbacks:

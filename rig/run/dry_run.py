@@ -32,12 +32,12 @@ from rig.content.wording import laboratory_unit, number, percent
 from rig.errors import LimitError
 
 DEFAULT_SAMPLE_RATE = 1000.0
-TYPICAL_CHANNELS = 12
-BYTES_PER_SAMPLE = 0.7
+_TYPICAL_CHANNELS = 12
+_BYTES_PER_SAMPLE = 0.7
 """Bytes on disk per channel and cycle, counts compressed, as measured on the simulated rig with all its noise."""
-WORST_BYTES_PER_SAMPLE = 8.0
+_WORST_BYTES_PER_SAMPLE = 8.0
 """Bytes while it is written, if nothing compresses."""
-TRAVEL_ROOM = 5.0 * REVOLUTION
+_TRAVEL_ROOM = 5.0 * REVOLUTION
 """Input angle beyond the plan's own travel at which the run trips [rad]."""
 
 
@@ -127,14 +127,14 @@ class PlannedRun:
         """Nominal number of cycles."""
         return round(self.nominal * self.sample_rate)
 
-    def file_size(self, channels: int = TYPICAL_CHANNELS) -> int:
+    def file_size(self, channels: int = _TYPICAL_CHANNELS) -> int:
         """Expected size of the run file [bytes]."""
-        return round(self.samples * channels * BYTES_PER_SAMPLE) + 100_000
+        return round(self.samples * channels * _BYTES_PER_SAMPLE) + 100_000
 
-    def space_needed(self, channels: int = TYPICAL_CHANNELS) -> int:
+    def space_needed(self, channels: int = _TYPICAL_CHANNELS) -> int:
         """Disk space for the longest run before anything is compressed [bytes]."""
         return (
-            round(self.longest * self.sample_rate * channels * WORST_BYTES_PER_SAMPLE) + 1_000_000
+            round(self.longest * self.sample_rate * channels * _WORST_BYTES_PER_SAMPLE) + 1_000_000
         )
 
     @property
@@ -144,7 +144,7 @@ class PlannedRun:
         for step in self.steps:
             low, high = low + step.travel[0], high + step.travel[1]
             lowest, highest = min(lowest, low), max(highest, high)
-        return lowest - TRAVEL_ROOM, highest + TRAVEL_ROOM
+        return lowest - _TRAVEL_ROOM, highest + _TRAVEL_ROOM
 
     def remaining(self, index: int) -> float:
         """Nominal time of the steps after `index` [s]."""
@@ -257,11 +257,11 @@ def plan_run(
         margins=margins,
     )
     for margin in margins:
-        refuse_broken(margin)
+        _refuse_broken(margin)
     return planned
 
 
-def refuse_broken(margin: Margin) -> None:
+def _refuse_broken(margin: Margin) -> None:
     """Raise `LimitError` if the planned value is above its limit."""
     if margin.margin >= -1e-9:
         return

@@ -37,7 +37,7 @@ from model.units import RPM
 from rig.errors import RigError
 from rig.run.phases import INDEX_LATCHES, Journal, Machine, Phase, PhaseRunner, Phases, Turn
 
-ENABLE_PATIENCE = 2.0
+_ENABLE_PATIENCE = 2.0
 """s until a drive that does not switch on or off is an error."""
 MODES = {Servo.OFF: Mode.OFF, Servo.SPEED: Mode.SPEED, Servo.TORQUE: Mode.TORQUE}
 CUT = " (cut)"
@@ -179,7 +179,7 @@ class Engine:
         self, mode: Mode, good: Callable[[DriveState], bool], what: str, window: int
     ) -> Phases:
         m = self._machine
-        for _ in range(math.ceil(ENABLE_PATIENCE / SWITCHING_TIME)):
+        for _ in range(math.ceil(_ENABLE_PATIENCE / SWITCHING_TIME)):
             yield Phase(mode, window, enabled=False)
             # A rig that reports no state is taken at its word; the supervisor watches what it does.
             state = m.state
@@ -189,7 +189,7 @@ class Engine:
             f"the drive does not {what}",
             where=self._where(),
             value=m.state.value if m.state else "unknown state",
-            limit=f"within {ENABLE_PATIENCE:g} s",
+            limit=f"within {_ENABLE_PATIENCE:g} s",
             remedy="Look at the drive's display: fault, enable input, safe torque off.",
         )
 

@@ -27,7 +27,7 @@ from drivers.samples import CycleFlag, SampleBlock
 from rig.run.bounds import Watch
 from rig.run.trips import LOST_COUNTS, Trip
 
-DOUBTFUL = np.uint16(
+_DOUBTFUL = np.uint16(
     CycleFlag.INCOMPLETE
     | CycleFlag.LATE
     | CycleFlag.DOUBLED
@@ -36,7 +36,7 @@ DOUBTFUL = np.uint16(
     | CycleFlag.SIGNAL_ERROR
 )
 """Marks of cycles whose latch is not looked at."""
-SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
+_SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
 """Angle, latch, and the bit of `INDEX_SEEN` of each encoder."""
 
 
@@ -77,7 +77,7 @@ class IndexReview:
         notes: list[tuple[str, str]] = []
         sides = [
             self._side(side, names, block, start, trips, notes)
-            for side, names in zip(state, SIDES, strict=True)
+            for side, names in zip(state, _SIDES, strict=True)
         ]
         return (sides[0], sides[1]), trips, tuple(notes)
 
@@ -85,7 +85,7 @@ class IndexReview:
         """Marks that were compared and the counts that were too many or lost, by encoder."""
         return {
             names[0]: {"marks": side.marks, "excess": side.excess, "worst_excess": side.worst}
-            for side, names in zip(state, SIDES, strict=True)
+            for side, names in zip(state, _SIDES, strict=True)
             if side.marks
         }
 
@@ -107,7 +107,7 @@ class IndexReview:
             return state
         counts, latches = block.counts[:, self.column[angle]], block.counts[:, self.column[index]]
         usable = ((block.counts[:, self.column[INDEX_SEEN]] & bit) != 0) & (
-            (block.flags & DOUBTFUL) == 0
+            (block.flags & _DOUBTFUL) == 0
         )
         for row in self._passes(state, latches, usable):
             before = int(counts[row - 1]) if row else state.count

@@ -57,9 +57,9 @@ STAGES: dict[Action, tuple[Stage, ...]] = {
 """The stages of each action, each taken when the one before was not obeyed; the servo is off at the
 end of all of them.
 """
-WITHOUT_QUICK_STOP: dict[Stage, Stage] = {Stage.QUICK_STOP: Stage.ZERO_REFERENCE}
+_WITHOUT_QUICK_STOP: dict[Stage, Stage] = {Stage.QUICK_STOP: Stage.ZERO_REFERENCE}
 """What stands in the place of a stage on a rig that has no quick stop."""
-DEAF: tuple[Stage, ...] = (Stage.QUICK_STOP, Stage.SERVO_OFF)
+_DEAF: tuple[Stage, ...] = (Stage.QUICK_STOP, Stage.SERVO_OFF)
 """The stages of a drive that hears no process data, whatever the action: a ramp would not be heard, and power is taken
 away only once it stands or its ramp is over.
 """
@@ -127,7 +127,7 @@ class MakeSafe:
         *,
         has_quick_stop: bool = True,
     ) -> None:
-        self._instead = {} if has_quick_stop else WITHOUT_QUICK_STOP
+        self._instead = {} if has_quick_stop else _WITHOUT_QUICK_STOP
         self._stage = Stage.SERVO_OFF
         self.report = MakeSafeReport(action=action)
         self._machine = machine
@@ -153,7 +153,7 @@ class MakeSafe:
         self._finish(False, problem)
 
     def _walk(self) -> Phases:
-        named = DEAF if self._is_deaf() else STAGES[self.report.action]
+        named = _DEAF if self._is_deaf() else STAGES[self.report.action]
         stages = [self._instead.get(stage, stage) for stage in named]
         while stages:
             stage = stages.pop(0)

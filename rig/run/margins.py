@@ -46,7 +46,7 @@ WORDS: Mapping[str, tuple[str, str, float]] = {
     DIFFERENCE: ("torque port against drive", "%", 0.01),
 }
 """Name, unit and factor from SI of what is watched besides the limited quantities."""
-SI_UNITS: Mapping[str, str] = {
+_SI_UNITS: Mapping[str, str] = {
     **lim.UNITS,
     OUTPUT_SPEED: "rad/s",
     FOLLOWING: "s",
@@ -71,7 +71,7 @@ def number(value: float) -> str:
 
 def with_units(margins: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, float | str]]:
     """The margins of a run with the SI unit of each, as `rig run --json` prints them."""
-    return {name: {**margin, "unit": SI_UNITS[name]} for name, margin in margins.items()}
+    return {name: {**margin, "unit": _SI_UNITS[name]} for name, margin in margins.items()}
 
 
 @dataclass(frozen=True)

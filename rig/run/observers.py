@@ -17,7 +17,7 @@ from drivers.port import Answer, Ask
 from rig.run.phases import Machine
 
 WORDS = {STATUSWORD: "statusword", INPUT_ANGLE: "input encoder", OUTPUT_ANGLE: "output encoder"}
-FRESH = 3
+_FRESH = 3
 """Windows after which an answer says nothing any more about now."""
 
 
@@ -127,7 +127,7 @@ class Observers:
     def _pair(self, name: str) -> tuple[_Heard, _Heard] | None:
         """The latest answer and, of an encoder, one that is at least a window older; None where that is not enough."""
         heard = self._asked.get(name, [])
-        if not heard or self.machine.rows - heard[-1].row > FRESH * self.window:
+        if not heard or self.machine.rows - heard[-1].row > _FRESH * self.window:
             return None
         last = heard[-1]
         before = [h for h in heard if h.cycle <= last.cycle - self.window]

@@ -39,7 +39,7 @@ from rig.bench.limits import Limits
 from rig.errors import LimitError, RigError
 from rig.run.dry_run import PlannedRun
 
-VERIFIED_PROVENANCES = ("catalogue", "measured", "identified", "published")
+_VERIFIED_PROVENANCES = ("catalogue", "measured", "identified", "published")
 """Ratings of any other provenance are worth a warning."""
 
 STANDING_TIME = 0.2
@@ -49,7 +49,7 @@ STANDING_COUNTS = 3
 LARGEST_ZERO = 0.1
 """Share of the rated torque that the torque port may show with the servo off."""
 MISSED_SHARE = 0.05
-READBACK_TOLERANCE = 0.02
+_READBACK_TOLERANCE = 0.02
 """Drives hold their limits in coarse units (0.1 % of rated torque, whole r/min)."""
 
 
@@ -146,7 +146,7 @@ def _ratings(planned: PlannedRun) -> tuple[Finding, ...]:
     doubtful = []
     for name in ("repeated_peak_torque", "maximum_input_speed"):
         value = planned.gear.value(f"ratings.{name}")
-        if value.origin.provenance not in VERIFIED_PROVENANCES:
+        if value.origin.provenance not in _VERIFIED_PROVENANCES:
             doubtful.append(f"{name} ({value.origin.provenance})")
     if not doubtful:
         return (Finding("ratings", Severity.PASSED, "limits rest on verified ratings"),)
@@ -236,16 +236,16 @@ def drive_limits_check(port: RigPort, limits: Limits) -> Finding:
     held = port.write_limits(wanted)
     if port.abilities.reads_limits_back:
         return limits_check(wanted, held)
-    return limits_by_hand_check(limits.of_the_rig.drive_limits(), held)
+    return _limits_by_hand_check(limits.of_the_rig.drive_limits(), held)
 
 
-def limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Finding:
+def _limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Finding:
     """Limits that somebody has set by the maker's tool: torque and speed must be said, and be no wider than what gear
     and motor bear. Ramps are the set-points' own there.
     """
     for name in ("torque", "speed"):
         value, most = getattr(held, name), getattr(allowed, name)
-        if not value <= (1.0 + READBACK_TOLERANCE) * most:
+        if not value <= (1.0 + _READBACK_TOLERANCE) * most:
             raise LimitError(
                 f"the drive's {name} limit, set by hand, is wider than gear and motor bear"
                 if math.isfinite(value)
@@ -275,7 +275,7 @@ def limits_check(wanted: DriveLimits, present: DriveLimits) -> Finding:
                 limit=f"{value:.5g} as written",
                 remedy=_HELD_OTHERWISE.get(name, "`rig doctor` lists the objects that it lacks."),
             )
-        if not abs(read[name] - value) <= READBACK_TOLERANCE * abs(value):
+        if not abs(read[name] - value) <= _READBACK_TOLERANCE * abs(value):
             raise LimitError(
                 f"the drive's {name.replace('_', ' ')} limit reads back differently: it is not armed",
                 where="drive limits",

@@ -19,13 +19,13 @@ from rig.run.serving import Relay, serve
 from rig.run.session import execute
 from rig.run.stop import StopRequest
 
-REACTION_TIME = 0.02
+_REACTION_TIME = 0.02
 """s of cycles per exchange: how soon the operator is heard."""
-LEAST_DEADLINE = 0.25
+_LEAST_DEADLINE = 0.25
 """s without a turn after which the watchdog stops the drive, at least."""
 
 
-def block_cycles(sample_rate: float, wanted: int, reaction: float = REACTION_TIME) -> int:
+def block_cycles(sample_rate: float, wanted: int, reaction: float = _REACTION_TIME) -> int:
     """Cycles per exchange in real time: never so many that the operator waits longer than `reaction` [s]."""
     return max(1, min(wanted, round(reaction * sample_rate)))
 
@@ -34,7 +34,7 @@ def watchdog_deadline(
     cycles: int, sample_rate: float, stale_cycles: int = 50, patience: float = 5.0
 ) -> float:
     """s that a turn may take: an exchange in which every cycle waits in full for a node that is silent, with room."""
-    return max(LEAST_DEADLINE, 2.0 * (cycles + min(cycles, stale_cycles) * patience) / sample_rate)
+    return max(_LEAST_DEADLINE, 2.0 * (cycles + min(cycles, stale_cycles) * patience) / sample_rate)
 
 
 def execute_in_real_time(

@@ -20,14 +20,14 @@ from experiments.recording import Event, Segment
 from rig.errors import RecorderOverflowError, RigError, RunFileError
 from rig.runfile.write import RunWriter
 
-FLUSH_INTERVAL_S = 0.4
+_FLUSH_INTERVAL_S = 0.4
 """s of real time between two flushes of the inline recorder, the first with the first block. It flushes when a
 block has come, so that rows lie in the file within 0.5 s wherever a block takes less than 0.1 s.
 """
-SYNCHRONISE_INTERVAL_S = 1.0
-DRAIN_INTERVAL_S = 0.05
-RING_SECONDS = 10.0
-SMALLEST_RING = 10_000
+_SYNCHRONISE_INTERVAL_S = 1.0
+_DRAIN_INTERVAL_S = 0.05
+_RING_SECONDS = 10.0
+_SMALLEST_RING = 10_000
 CLOSE_TIMEOUT_S = 60.0
 
 
@@ -73,7 +73,7 @@ class InlineRecorder:
         self,
         writer: RunWriter,
         wall_clock: Clock | None = None,
-        flush_interval: float = FLUSH_INTERVAL_S,
+        flush_interval: float = _FLUSH_INTERVAL_S,
     ) -> None:
         self._writer = writer
         self._flushing = _FlushSchedule(writer, wall_clock or WallClock(), flush_interval)
@@ -121,9 +121,9 @@ class ThreadedRecorder:
         sample_rate: float,
         *,
         wall_clock: Clock | None = None,
-        ring_seconds: float = RING_SECONDS,
-        drain_interval: float = DRAIN_INTERVAL_S,
-        smallest_ring: int = SMALLEST_RING,
+        ring_seconds: float = _RING_SECONDS,
+        drain_interval: float = _DRAIN_INTERVAL_S,
+        smallest_ring: int = _SMALLEST_RING,
     ) -> None:
         capacity = max(int(np.ceil(sample_rate * ring_seconds)), smallest_ring)
         columns = len(writer.header.columns)
@@ -316,7 +316,7 @@ class _FlushSchedule:
 
     def flush_when_due(self, *, at_once: bool = False) -> None:
         now = self._clock.monotonic_ns()
-        if now - self._synchronised_ns >= SYNCHRONISE_INTERVAL_S * 1e9:
+        if now - self._synchronised_ns >= _SYNCHRONISE_INTERVAL_S * 1e9:
             self._writer.synchronise()
             self._flushed_ns = self._synchronised_ns = now
         elif at_once or now - self._flushed_ns >= self._flush_ns:

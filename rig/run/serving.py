@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from experiments.steps.note import Prompt
     from rig.run.parts import Progress, RunReport
 
-SERVE_INTERVAL = 0.05
+_SERVE_INTERVAL = 0.05
 """s between two looks of the serving thread at what the turn thread has to tell."""
-SWITCH_INTERVAL = 0.0002
+_SWITCH_INTERVAL = 0.0002
 """s that another thread may go on in the interpreter once the turn thread wants it; the usual 5 ms
 are several SYNCs.
 """
-BEGIN_PATIENCE = 1.0
+_BEGIN_PATIENCE = 1.0
 """s that a turn thread may take to begin when Ctrl-C came while it was started."""
 
 
@@ -122,7 +122,7 @@ def serve(
     if threading.current_thread() is not threading.main_thread():
         pressed_by_the_exit(stop)
     try:
-        sys.setswitchinterval(SWITCH_INTERVAL)
+        sys.setswitchinterval(_SWITCH_INTERVAL)
         if watchdog is not None:
             watchdog.start()
         _start(thread, relay)
@@ -143,14 +143,14 @@ def _start(thread: TurnThread, relay: Relay) -> None:
         raise
     except BaseException as error:  # noqa: BLE001  Ctrl-C while it begins: it is served like any other
         relay.took(error)
-        thread.begun.wait(BEGIN_PATIENCE)
+        thread.begun.wait(_BEGIN_PATIENCE)
 
 
 def _serve_until_over(thread: TurnThread, relay: Relay) -> None:
     try:
         while thread.is_alive():
             relay.serve()
-            thread.join(SERVE_INTERVAL)
+            thread.join(_SERVE_INTERVAL)
     except BaseException as error:  # noqa: BLE001  a STOP; it is raised again once the rig stands
         try:
             relay.took(error)

@@ -58,13 +58,13 @@ from rig.run.telling import ProgressTeller
 from rig.run.trips import BUS_LOST, DEVICE_ERROR, DISK_SPACE, LATE_TURN, MAKE_SAFE_FAILED, Trip
 from rig.run.watchdog import Watchdog
 
-STOP_SHARE = 0.25
+_STOP_SHARE = 0.25
 """Share of the allowed deceleration that a controlled stop uses."""
-SPACE_CHECK_CYCLES = 1000
+_SPACE_CHECK_CYCLES = 1000
 """Cycles between two looks at the free space of the disk."""
 LEVELS = {Severity.WARNS: "warning", Severity.BLOCKS: "error"}
 """How the run's log ranks what preflight found; what is not listed is for information."""
-EXCHANGE_ATTEMPTS = 3
+_EXCHANGE_ATTEMPTS = 3
 """Exchanges in a row without an answer after which the run trips, and again as many until making safe is given up."""
 
 
@@ -251,7 +251,7 @@ class Session:
 
     def _watch_space(self) -> None:
         if (
-            self._machine.rows - self._space_rows < SPACE_CHECK_CYCLES
+            self._machine.rows - self._space_rows < _SPACE_CHECK_CYCLES
             or self._parts.free_space is None
         ):
             return
@@ -297,7 +297,7 @@ class Session:
             self._silent = 0
             return block
         self._silent += 1
-        if self._silent >= EXCHANGE_ATTEMPTS:
+        if self._silent >= _EXCHANGE_ATTEMPTS:
             self._supervisor.latch(Trip(STALE_DATA, row, float(self._silent), 0.0, "empty blocks"))
         return None
 
@@ -306,7 +306,7 @@ class Session:
         if self._change_leader():
             # The block belongs to a phase of the leader before; the new one starts with none.
             block = None
-        if self._make_safe is not None and self._silent >= 2 * EXCHANGE_ATTEMPTS:
+        if self._make_safe is not None and self._silent >= 2 * _EXCHANGE_ATTEMPTS:
             self._make_safe.give_up(GIVEN_UP)
             return None
         if self._make_safe is None:
@@ -366,7 +366,7 @@ class Session:
     def _make_safe_by(self, action: Action, journal: Journal | None = None) -> MakeSafe:
         limits = self._planned.limits
         if action is Action.CONTROLLED_STOP:
-            deceleration = STOP_SHARE * limits.value(lim.DECELERATION)
+            deceleration = _STOP_SHARE * limits.value(lim.DECELERATION)
         else:
             deceleration = limits.value(lim.QUICK_STOP_DECELERATION)
         ratio = self._planned.load.ratio if self._planned.experiment.gear_mounted else math.nan

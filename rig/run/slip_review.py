@@ -1,7 +1,7 @@
 """The slip's share of the review: input and output that have gone apart by less than the guard sees, and stay so.
 
 Slip is twist, against the position at the start and over a window, that neither the torque nor the
-kinematic error of a gear `SLIP_ROOM` times worse than its catalogue nor the encoders account for.
+kinematic error of a gear `_SLIP_ROOM` times worse than its catalogue nor the encoders account for.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from rig.run.trips import SLIP, Trip
 
 FloatArray = NDArray[np.float64]
 
-SLIP_ROOM = 3.0
+_SLIP_ROOM = 3.0
 """Times its kinematic error that a gear may twist without slipping: a bad gear is measured, not tripped."""
-SOFTEST = 0.5
+_SOFTEST = 0.5
 """Share of its stiffest torsion spring that a gear has at small torques (K1 over K3 of the catalogues)."""
 
 
@@ -73,7 +73,7 @@ class SlipReview:
         if rows * self.period < self.watch.slip_window:
             return replace(state, rows=rows, sums=sums, begin=begin), []
         value, carried = sums[0] / rows, geometry.ratio * sums[1] / rows
-        allowed = self._allowed(geometry) + carried / (SOFTEST * geometry.stiffness)
+        allowed = self._allowed(geometry) + carried / (_SOFTEST * geometry.stiffness)
         speed = (float(inner[-1]) - begin) / (rows * self.period * geometry.ratio)
         before = state.skew or (-self.watch.encoder_skew, self.watch.encoder_skew)
         skew = _skew_left(before, speed, value, allowed)
@@ -98,7 +98,7 @@ class SlipReview:
         inner, outer = self.channels[INPUT_ANGLE], self.channels[OUTPUT_ANGLE]
         doubt = 2.0 * half_width_of(outer) + outer.scale
         doubt += (2.0 * half_width_of(inner) + inner.scale) / geometry.ratio
-        return SLIP_ROOM * geometry.free_angle + doubt
+        return _SLIP_ROOM * geometry.free_angle + doubt
 
 
 def _skew_left(

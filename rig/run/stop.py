@@ -19,7 +19,7 @@ from typing import Any
 from rig.run import console_windows
 
 OPERATOR = "the operator"
-EXIT = "the end of the main thread"
+_EXIT = "the end of the main thread"
 """Who presses STOP, in words."""
 
 
@@ -60,7 +60,7 @@ class StopRequest:
     def heed_main_thread(self) -> None:
         """A main thread that has ended is a STOP: nobody is left who could press it. Looked at in every turn."""
         if not self._level and not threading.main_thread().is_alive():
-            self.stop(by=EXIT)
+            self.stop(by=_EXIT)
 
     def note(self, text: str) -> None:
         """Write something into the run."""
@@ -98,7 +98,7 @@ def pressed_by_the_exit(stop: StopRequest) -> None:
     def press() -> None:
         asked = waiting()
         if asked is not None:
-            asked.stop(by=EXIT)
+            asked.stop(by=_EXIT)
 
     register = getattr(threading, "_register_atexit", None)
     if register is not None:
@@ -106,7 +106,7 @@ def pressed_by_the_exit(stop: StopRequest) -> None:
             register(press)
         except RuntimeError:
             # It is ending already.
-            stop.stop(by=EXIT)
+            stop.stop(by=_EXIT)
 
 
 ESCALATING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGBREAK")

@@ -70,7 +70,7 @@ LONGEST_STEP = 100
 """Periods between two SYNCs above which the computer, or the clock that stamps them, has failed."""
 
 
-MISSED_FLAGS = np.uint16(CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)
+_MISSED_FLAGS = np.uint16(CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHORT)
 """A cycle with one of these was missed. A number of numpy: with a flag of Python every `&` takes far longer."""
 
 
@@ -311,7 +311,7 @@ class Supervisor:
         and stamps that run backwards or away from the SYNCs.
         """
         lost = 0 if state.next_cycle is None else max(0, block.first_cycle - state.next_cycle)
-        bad = int(np.count_nonzero(block.flags & MISSED_FLAGS))
+        bad = int(np.count_nonzero(block.flags & _MISSED_FLAGS))
         rows, missed = state.window_rows + len(block) + lost, state.window_missed + bad + lost
         trips: list[Trip] = []
         length = max(1, round(self.watch.missed_window / self._period))

@@ -14,7 +14,7 @@ from rig.run.trips import OVERLOAD, TORQUE_DISAGREEMENT, TORQUE_FROZEN, TORQUE_Z
 
 FloatArray = NDArray[np.float64]
 
-HEAT_PIECE = 4096
+_HEAT_PIECE = 4096
 """Cycles of the heat integral at a time, so that its powers stay numbers."""
 
 
@@ -145,7 +145,7 @@ class TorqueState:
     agreement: Agreement = field(default_factory=Agreement)
 
 
-Reviewed = tuple[TorqueState, list[Trip], tuple[tuple[str, str], ...]]
+_Reviewed = tuple[TorqueState, list[Trip], tuple[tuple[str, str], ...]]
 """The state after a block, trips, and what is worth an event (code, text)."""
 
 
@@ -157,7 +157,7 @@ class TorqueReview:
     rating: float
     period: float
 
-    def heated(self, state: TorqueState, torque: FloatArray, start: int) -> Reviewed:
+    def heated(self, state: TorqueState, torque: FloatArray, start: int) -> _Reviewed:
         """Mean square of the torque (n,) with one time constant, against the rating."""
         heat = heat_integral(
             state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time
@@ -183,7 +183,7 @@ class TorqueReview:
 
     def compared(
         self, state: TorqueState, port: FloatArray, drive: FloatArray, start: int
-    ) -> Reviewed:
+    ) -> _Reviewed:
         """Port against drive (n,), r.m.s. over a window (an open line hums about zero): first an event, then a trip."""
         if not len(port):
             return state, [], ()
@@ -276,8 +276,8 @@ def heat_integral(before: float, load: FloatArray, step: float) -> FloatArray:
     the length of the block.
     """
     heat = np.empty(len(load))
-    for begin in range(0, len(load), HEAT_PIECE):
-        part = load[begin : begin + HEAT_PIECE]
+    for begin in range(0, len(load), _HEAT_PIECE):
+        part = load[begin : begin + _HEAT_PIECE]
         decay = np.exp(-step * np.arange(1, len(part) + 1))
         heat[begin : begin + len(part)] = decay * (
             before - math.expm1(-step) * np.cumsum(part / decay)

@@ -35,13 +35,13 @@ BUS_LOST = "bus_lost"
 DEVICE_ERROR = "device_error"
 DISK_SPACE = "disk_space"
 EMERGENCY = "emcy"
-HEARTBEAT_LOST = "heartbeat_lost"
+_HEARTBEAT_LOST = "heartbeat_lost"
 BOOT_UP = "boot_up"
-NOT_OPERATIONAL = "not_operational"
-DRIVE_STATE = "drive_state"
-DRIVE_MODE = "drive_mode"
-DRIVE_FOLLOWING = "drive_following"
-DRIVE_NOT_FOLLOWING = "drive_not_following"
+_NOT_OPERATIONAL = "not_operational"
+_DRIVE_STATE = "drive_state"
+_DRIVE_MODE = "drive_mode"
+_DRIVE_FOLLOWING = "drive_following"
+_DRIVE_NOT_FOLLOWING = "drive_not_following"
 FOREIGN_SYNC = "foreign_sync"
 FOREIGN_TPDO = "foreign_tpdo"
 FOREIGN_COMMAND = "foreign_command"
@@ -55,13 +55,13 @@ SESSION_ERRORS = frozenset({"preflight", "step-failed", "recorder", "exception",
 DEVICE_CAUSES = frozenset(
     {
         EMERGENCY,
-        HEARTBEAT_LOST,
+        _HEARTBEAT_LOST,
         BOOT_UP,
-        NOT_OPERATIONAL,
-        DRIVE_STATE,
-        DRIVE_MODE,
-        DRIVE_FOLLOWING,
-        DRIVE_NOT_FOLLOWING,
+        _NOT_OPERATIONAL,
+        _DRIVE_STATE,
+        _DRIVE_MODE,
+        _DRIVE_FOLLOWING,
+        _DRIVE_NOT_FOLLOWING,
         FOREIGN_SYNC,
         FOREIGN_TPDO,
         FOREIGN_COMMAND,
@@ -135,7 +135,7 @@ TRIPS: dict[str, TripRule] = {
         Action.QUICK_STOP,
         "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",
     ),
-    DRIVE_MODE: TripRule(
+    _DRIVE_MODE: TripRule(
         "somebody else has changed the drive's mode of operation",
         Action.QUICK_STOP,
         "Find the other master or the tool on the bus and take it off.",
@@ -156,12 +156,12 @@ TRIPS: dict[str, TripRule] = {
         "Look for two nodes with one node-ID and for a program that sends process data; check the bus for errors that "
         "make frames come twice.",
     ),
-    DRIVE_FOLLOWING: TripRule(
+    _DRIVE_FOLLOWING: TripRule(
         "the shaft is further behind its target position than the drive allows (0x6065)",
         Action.QUICK_STOP,
         "Something blocks, a limit in the drive is too low, or the position loop is badly tuned.",
     ),
-    DRIVE_NOT_FOLLOWING: TripRule(
+    _DRIVE_NOT_FOLLOWING: TripRule(
         "the drive does not follow its target position any more (statusword bit 12)",
         Action.QUICK_STOP,
         "Somebody halted it, or a limit of its own holds it: look with its tool.",
@@ -250,7 +250,7 @@ TRIPS: dict[str, TripRule] = {
         Action.QUICK_STOP,
         "Look the code up in the device's manual, remove the cause.",
     ),
-    HEARTBEAT_LOST: TripRule(
+    _HEARTBEAT_LOST: TripRule(
         "the heartbeat of a node has stayed away",
         Action.QUICK_STOP,
         "Check supply and cable of the node.",
@@ -260,12 +260,12 @@ TRIPS: dict[str, TripRule] = {
         Action.QUICK_STOP,
         "Check its supply: it has lost its configuration and its counts.",
     ),
-    NOT_OPERATIONAL: TripRule(
+    _NOT_OPERATIONAL: TripRule(
         "a node has left OPERATIONAL, and not by our word",
         Action.QUICK_STOP,
         "Look for another master on the bus; check the node.",
     ),
-    DRIVE_STATE: TripRule(
+    _DRIVE_STATE: TripRule(
         "the drive has left operation enabled by itself",
         Action.QUICK_STOP,
         "Check enable input, emergency stop and bus; the drive may have seen its safe torque off.",

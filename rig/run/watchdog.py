@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 from drivers.clock import Clock
 
-NS = 1e-9
+_NS = 1e-9
 
 
 class Watchdog:
@@ -50,7 +50,7 @@ class Watchdog:
         """The loop has turned."""
         now = self._clock.monotonic_ns()
         if self._last is not None:
-            self.longest_pause = max(self.longest_pause, (now - self._last) * NS)
+            self.longest_pause = max(self.longest_pause, (now - self._last) * _NS)
         self._last = now
 
     def take_problem(self) -> str:
@@ -67,7 +67,7 @@ class Watchdog:
         last = self._last
         if last is None:
             return False
-        late = (self._clock.monotonic_ns() - last) * NS
+        late = (self._clock.monotonic_ns() - last) * _NS
         if late <= self.deadline:
             return False
         self.longest_pause = max(self.longest_pause, late)

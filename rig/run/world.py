@@ -39,9 +39,9 @@ OUTPUT_BEARINGS: Mapping[str, Mapping[str, Any]] = {
 }
 """What the card of a simulated bench says of its output bearing, by population: Coulomb friction [N m] and viscous
 friction [N m s/rad] with their expanded uncertainties (k = 2)."""
-BODIES = ("gear_seed", "bench_seed", "population", "version")
+_BODIES = ("gear_seed", "bench_seed", "population", "version")
 """What has the temperatures: those of another gear or bench are not to be had."""
-LEFT_WARM = (*BODIES, "mount", "mount_turn", "day", "day_correlation", "hours")
+_LEFT_WARM = (*_BODIES, "mount", "mount_turn", "day", "day_correlation", "hours")
 """What two runs share that follow each other: nobody took the gear off or ran it elsewhere, no night was between."""
 
 
@@ -88,14 +88,14 @@ def start_state(
         return _as_named(folder, word, world)
     sealed = sealed_runs(folder, serial) if folder.is_dir() else ()
     endings = (_ending_of(path) for path in reversed(sealed))
-    fitting = (e.state for e in endings if e is not None and e.shares(LEFT_WARM, world))
+    fitting = (e.state for e in endings if e is not None and e.shares(_LEFT_WARM, world))
     return next(fitting, StartState())
 
 
 def _as_named(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
     path = run_named(folder, word)
     ending = ending_of(glance(path).metadata)
-    if ending is None or not ending.shares(BODIES, world):
+    if ending is None or not ending.shares(_BODIES, world):
         raise ConfigurationError(
             "has no temperatures to start from"
             if ending is None

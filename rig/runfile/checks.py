@@ -25,7 +25,7 @@ from rig.runfile.source import FileSource
 BLOCK_ROWS = 65536
 LARGEST_RATE, SMALLEST_RATE = 1e9, 1e-9
 """Hz; the time stamps count nanoseconds, and end after centuries."""
-ORIGINS_OF_BACKEND: Final[dict[str, tuple[str, ...]]] = {
+_ORIGINS_OF_BACKEND: Final[dict[str, tuple[str, ...]]] = {
     "sim": ("simulated",),
     "wire": ("simulated",),
     "wire-box": ("simulated",),
@@ -118,7 +118,7 @@ def _check_origin(recording: Recording, source: FileSource) -> Iterator[Finding]
         assert isinstance(process, h5py.Group)
         mark = layout.read_text(process, "origin_mark")
     wrong = []
-    if m.origin not in ORIGINS_OF_BACKEND.get(backend, (m.origin,)):
+    if m.origin not in _ORIGINS_OF_BACKEND.get(backend, (m.origin,)):
         wrong.append(f"it says {m.origin}, but was made by the backend {backend}")
     if mark != ORIGIN_WORDS[m.origin]:
         wrong.append(f"it says {m.origin}, but is marked {mark or 'as from hardware'}")

@@ -20,7 +20,7 @@ from rig.runfile import layout
 CHECKSUM = f"{layout.PROCESS}/closing_checksum"
 _LENGTHS = {"end_time": 48, "outcome": 32, "status": 32}
 ACQUISITION = "acquisition"
-VERDICTS_WRITTEN_BEFORE = ("PASS", "MARGINAL", "FAIL")
+_VERDICTS_WRITTEN_BEFORE = ("PASS", "MARGINAL", "FAIL")
 """What versions up to 0.2.0 wrote as the outcome of a run that was brought to its end."""
 LONGEST_ACQUISITION = 12_000
 """Bytes of JSON that the figures of the acquisition may take."""
@@ -96,7 +96,7 @@ def read_closing(file: h5py.File) -> Closing:
 
 def outcome_read(word: str) -> str:
     """The outcome that a word in a file stands for: a verdict was written of a run that reached its end."""
-    return "COMPLETED" if word in VERDICTS_WRITTEN_BEFORE else word
+    return "COMPLETED" if word in _VERDICTS_WRITTEN_BEFORE else word
 
 
 def acquisition_text(figures: Mapping[str, object]) -> str:

@@ -14,14 +14,14 @@ import h5py
 
 from rig.errors import RigError, RunFileError
 
-COPY_REMEDY = (
+_COPY_REMEDY = (
     "Was it copied completely? A run that was cut off keeps its .part file: see `rig recover`."
 )
 
 
 @contextlib.contextmanager
 def refusing_damage(
-    path: Path, what: str = "is not a readable run file", remedy: str = COPY_REMEDY
+    path: Path, what: str = "is not a readable run file", remedy: str = _COPY_REMEDY
 ) -> Iterator[None]:
     """Turn whatever the HDF5 library says about a damaged or foreign file into one line."""
     try:

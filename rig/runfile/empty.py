@@ -25,7 +25,7 @@ VERSION_AND_SIZES = b"\x03\x08\x08"
 """What follows the signature: version of the superblock, and the bytes of an address and of a length."""
 BEING_WRITTEN, TAKING_ROWS = 0x01, 0x05
 """The mark of a writer that is still at its header, and of one that may have appended rows (SWMR)."""
-TABLE_OF_ROWS = b"EAHD"
+_TABLE_OF_ROWS = b"EAHD"
 """How the index of a growing column or table begins: it stands in the file as soon as a flush has brought a row."""
 _SUPERBLOCK = 48
 _MARK_AT = 11
@@ -80,7 +80,7 @@ def part_bytes(part: Path) -> PartBytes:
         stream.seek(0)
         found, before = False, b""
         while not found and (step := stream.read(_STEP)):
-            found = TABLE_OF_ROWS in before + step
-            before = step[1 - len(TABLE_OF_ROWS) :]
+            found = _TABLE_OF_ROWS in before + step
+            before = step[1 - len(_TABLE_OF_ROWS) :]
         return PartBytes(size, mark, end, found)
     raise AssertionError

@@ -16,13 +16,13 @@ from rig.errors import RunFileError
 from rig.runfile.header import ORIGIN_WORDS
 
 BLOCK_ROWS = 16384
-TIME_DECIMALS = 9
+_TIME_DECIMALS = 9
 """Nanoseconds, as the run file keeps them."""
-LARGEST_MATLAB_BYTES = 2**31 - 1
+_LARGEST_MATLAB_BYTES = 2**31 - 1
 """A variable of a MATLAB 5 file cannot be longer."""
 
 
-def origin_note(recording: Recording) -> str:
+def _origin_note(recording: Recording) -> str:
     """SIMULATED, REPLAY or IMPORTED for a run that is not from hardware, else ""."""
     return ORIGIN_WORDS[recording.metadata.origin]
 
@@ -57,7 +57,7 @@ def export_table(
     Raises `RunFileError`.
     """
     whole = [
-        TableColumn("time [s]", lambda part: recording.time(part).round(TIME_DECIMALS).tolist()),
+        TableColumn("time [s]", lambda part: recording.time(part).round(_TIME_DECIMALS).tolist()),
         *columns,
         TableColumn("flags", lambda part: recording.flags(part).tolist()),
         TableColumn("segment", lambda part: _segment_of_rows(recording, part)),
@@ -99,12 +99,12 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
     """Write the run as a MATLAB 5 file: one array per channel, structs `units`, `run`, `segments`; returns the rows."""
     import scipy.io
 
-    if recording.rows * 8 > LARGEST_MATLAB_BYTES:
+    if recording.rows * 8 > _LARGEST_MATLAB_BYTES:
         raise RunFileError(
             "is too long for a MATLAB 5 file",
             where=recording.metadata.run_id,
             value=f"{recording.rows} rows",
-            limit=f"<= {LARGEST_MATLAB_BYTES // 8} rows",
+            limit=f"<= {_LARGEST_MATLAB_BYTES // 8} rows",
             remedy="MATLAB opens the run file itself with h5read.",
         )
     m = recording.metadata
@@ -119,7 +119,7 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
     }
     content["run"] = {
         "description": "\n".join(_description(recording)),
-        "origin": origin_note(recording) or "HARDWARE",
+        "origin": _origin_note(recording) or "HARDWARE",
         "run_id": m.run_id,
         "experiment": m.experiment,
         "outcome": m.outcome,
@@ -160,7 +160,7 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
 def _description(recording: Recording) -> Iterator[str]:
     """What the run is, one line at a time, for the head of an export."""
     m = recording.metadata
-    mark = origin_note(recording)
+    mark = _origin_note(recording)
     yield f"harmonic-rig export of run {m.run_id}" + (f": {mark}" if mark else "")
     if mark:
         yield f"{mark}: these are not measurements of this rig"

@@ -61,7 +61,7 @@ TIME, CYCLE, FLAGS = "time", "cycle", "flags"
 BOOKKEEPING: Final = (TIME, CYCLE, FLAGS)
 """Columns of the data group that are no channels."""
 
-TIME_UNITS: Final = "nanoseconds since 1970-01-01 00:00:00"
+_TIME_UNITS: Final = "nanoseconds since 1970-01-01 00:00:00"
 OPEN_STOP: Final = -1
 """`stop` of a segment that has begun and not yet ended."""
 RUNNING, COMPLETE, RECOVERED = "running", "complete", "recovered"
@@ -91,7 +91,7 @@ EVENT_TYPE: Final = np.dtype(
 MAXIMUM_TEXT: Final = 16_000_000
 """Bytes; a text field beyond this is damage, not a parameter set."""
 
-LARGEST_COMPACT: Final = 60_000
+_LARGEST_COMPACT: Final = 60_000
 """Bytes that fit into an object header (HDF5 allows 64 KiB)."""
 
 _FILTERS: Final[dict[str, Any]] = {
@@ -154,7 +154,7 @@ class Column:
 def create_field(group: h5py.Group, name: str, value: str | float | bool, unit: str = "") -> None:
     """One scalar or text that never changes, in the checksummed header of the object; a long text compressed."""
     dtype, raw = _field_data(value)
-    if raw.nbytes > LARGEST_COMPACT:
+    if raw.nbytes > _LARGEST_COMPACT:
         filters: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "fletcher32": True}
         group.create_dataset(name, data=raw.reshape(1), dtype=dtype, chunks=(1,), **filters)
         return
@@ -287,7 +287,7 @@ def create_data(
     create(
         TIME,
         "<i8",
-        {"units": TIME_UNITS, "calendar": "proleptic_gregorian", "long_name": "time (UTC)"},
+        {"units": _TIME_UNITS, "calendar": "proleptic_gregorian", "long_name": "time (UTC)"},
     )
     create(CYCLE, "<i8", {"units": "1", "long_name": "index of the SYNC cycle"})
     flags = [flag for flag in CycleFlag if flag]

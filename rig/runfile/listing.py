@@ -97,13 +97,13 @@ def _carefully(path: Path) -> Listing:
         origin=m.origin,
         backend=str(m.process.get("backend", "")),
         rows=seen.rows,
-        notes=notes_of(seen.events),
+        notes=_notes_of(seen.events),
         bench=str(m.process.get("bench", "")),
         mounting=m.mounting,
     )
 
 
-def notes_of(events: tuple[Event, ...]) -> str:
+def _notes_of(events: tuple[Event, ...]) -> str:
     """What the operators noted, in one text."""
     return "; ".join(e.text for e in events if e.source == "operator" and e.code == "note")
 

@@ -24,10 +24,10 @@ from rig.runfile.damage import refusing_damage
 from rig.runfile.layout import PART_SUFFIX
 from rig.runfile.structure import refuse_foreign_structure
 
-READ_ATTEMPTS = 22
+_READ_ATTEMPTS = 22
 """Reads of a block of metadata before it counts as damaged: the last wait is 2 ms."""
 
-FileNumber = tuple[int, int]
+_FileNumber = tuple[int, int]
 """Device and number of a file: what it is, whatever it is called."""
 
 
@@ -36,13 +36,13 @@ class _Shared:
     """One opened file, how many readers it has, and the datasets that they read."""
 
     file: h5py.File
-    number: FileNumber | None = None
+    number: _FileNumber | None = None
     readers: int = 1
     lock: threading.RLock = field(default_factory=threading.RLock)
     datasets: dict[str, h5py.Dataset] = field(default_factory=dict)
 
 
-_growing: dict[FileNumber, _Shared] = {}
+_growing: dict[_FileNumber, _Shared] = {}
 _registry = threading.RLock()
 
 
@@ -190,6 +190,6 @@ def _open_as_swmr_reader(path: Path) -> h5py.File:
         # The library is not made for threads: h5py takes turns by this lock, and whoever goes past
         # it has to take it as well.
         with phil:
-            limit_attempts(access.id, READ_ATTEMPTS)
+            limit_attempts(access.id, _READ_ATTEMPTS)
     flags = h5py.h5f.ACC_RDONLY | h5py.h5f.ACC_SWMR_READ
     return h5py.File(h5py.h5f.open(os.fsencode(path), flags, access))

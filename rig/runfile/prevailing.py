@@ -18,7 +18,10 @@ from rig.runfile.facts import flat, temperature_ranges
 EXPIRED = "EXPIRED WHEN THE RUN BEGAN"
 CALIBRATED = frozenset({"input_angle", "output_angle", "torque"})
 """Channels whose certificate is asked for even where there is none."""
-SKEWS = {"encoder_skew": "skew, output after input", "torque_skew": "skew, torque port after drive"}
+_SKEWS = {
+    "encoder_skew": "skew, output after input",
+    "torque_skew": "skew, torque port after drive",
+}
 
 
 def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[Fact, ...]:
@@ -127,7 +130,7 @@ def acquisition_facts(figures: object) -> Iterator[Fact]:
         )
     for name, group in _groups(figures.get("skew")):
         skew = _sentence(
-            SKEWS.get(name, name),
+            _SKEWS.get(name, name),
             group,
             value=("{:+.1f} µs", 1e6),
             expanded_uncertainty=("U {:.1f} µs", 1e6),

@@ -17,7 +17,7 @@ from rig.runfile.opening import open_for_reading, require_hdf5
 from rig.runfile.seal import Seal, check_seal, hash_path
 from rig.runfile.source import FileSource, read_events, require_column
 
-SOUND_KEPT = 256
+_SOUND_KEPT = 256
 """Runs of which a process remembers that it found them sound."""
 
 
@@ -36,7 +36,7 @@ _sound: OrderedDict[str, _Sound] = OrderedDict()
 def _remember(seal: Seal, found: _Sound) -> None:
     if seal.sha256:
         _sound[seal.sha256] = found
-        if len(_sound) > SOUND_KEPT:
+        if len(_sound) > _SOUND_KEPT:
             _sound.popitem(last=False)
 
 

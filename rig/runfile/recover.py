@@ -32,9 +32,9 @@ from rig.runfile.seal import (
     seal_file,
 )
 
-SLAB_ROWS = 8192
-COPY_SUFFIX = ".sealing"
-KEPT_SUFFIX = ".kept"
+_SLAB_ROWS = 8192
+_COPY_SUFFIX = ".sealing"
+_KEPT_SUFFIX = ".kept"
 """What the name of a `.part` file ends in after the run that could be made of it was sealed."""
 
 
@@ -126,7 +126,7 @@ def compact(part: Path, final: Path) -> Path:
 
 def _copied(part: Path, final: Path) -> tuple[_Copied, Path]:
     """What could be copied of a `.part`, and the copy, which is not sealed yet."""
-    copy = final.with_name(final.name + COPY_SUFFIX)
+    copy = final.with_name(final.name + _COPY_SUFFIX)
     copy.unlink(missing_ok=True)
     try:
         remedy = "The .part file is left as it is; is there room on the disk?"
@@ -169,7 +169,7 @@ def _left(part: Path, final: Path, copied: _Copied, found: PartBytes) -> Recover
 
 def _keep(part: Path) -> Path:
     """Give a `.part` whose run is sealed another name, so that nobody takes it for one that waits."""
-    names = (f"{part.name}{KEPT_SUFFIX}{number or ''}" for number in itertools.count())
+    names = (f"{part.name}{_KEPT_SUFFIX}{number or ''}" for number in itertools.count())
     kept = next(path for path in map(part.with_name, names) if not path.exists())
     with _refusing(part, "cannot be renamed"):
         part.rename(kept)
@@ -242,7 +242,7 @@ def _copy(source: h5py.File, target: Path) -> _Copied:
     closing = read_closing(source)
     with _new_file(target) as file:
         write_header(file, header)
-        datasets = layout.create_data(file, header.columns, SLAB_ROWS, compress=True)
+        datasets = layout.create_data(file, header.columns, _SLAB_ROWS, compress=True)
         rows = _copy_columns(source, datasets, rows, notes)
         unread = max(lengths.values()) - rows
         is_complete = closing.status == layout.COMPLETE and not unread
@@ -282,8 +282,8 @@ def _copy_columns(
         dataset.resize((rows,))
         stored = source[f"{layout.DATA}/{name}"]
         assert isinstance(stored, h5py.Dataset)
-        for first in range(0, readable, SLAB_ROWS):
-            stop = min(first + SLAB_ROWS, readable)
+        for first in range(0, readable, _SLAB_ROWS):
+            stop = min(first + _SLAB_ROWS, readable)
             try:
                 slab = stored[first:stop]
             except (OSError, RuntimeError, ValueError) as error:

@@ -23,7 +23,7 @@ from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.runfile.damage import refusing_damage
 from rig.runfile.layout import HASH_SUFFIX, PART_SUFFIX
 
-SETTLED_NS = 2_000_000_000
+_SETTLED_NS = 2_000_000_000
 """ns after its last change from which on a further one shows in a file's times, on every file system."""
 _LONGEST_NOTE = 4096
 _Fingerprint = tuple[int, int, int, int, int]
@@ -118,7 +118,7 @@ def check_seal(run: Path, *, anew: bool = False, now_ns: Callable[[], int] = tim
         computed = file_sha256(run)
         if _fingerprint(run) != before:
             raise ChangedRunError("was changed while it was read", where=str(run))
-        if now_ns() - max(before[-2:]) > SETTLED_NS:
+        if now_ns() - max(before[-2:]) > _SETTLED_NS:
             _hashes[before] = computed
             if len(_hashes) > HASHES_KEPT:
                 _hashes.popitem(last=False)

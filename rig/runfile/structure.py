@@ -21,15 +21,15 @@ from h5py import h5a, h5d, h5g, h5l, h5o, h5s, h5z  # pyright: ignore[reportAttr
 from rig.errors import RunFileError
 from rig.runfile.layout import DATA, MAXIMUM_TEXT, TIME
 
-MOST_OBJECTS: Final = 20_000
+_MOST_OBJECTS: Final = 20_000
 """Groups and datasets of a file; a channel takes 18 of them."""
 DEEPEST: Final = 5
 """Names in a path: /entry/instrument/NAME/calibration/scale."""
-MOST_ATTRIBUTES: Final = 64
+_MOST_ATTRIBUTES: Final = 64
 """Of one group or dataset."""
-LARGEST_ATTRIBUTE: Final = 65_536
+_LARGEST_ATTRIBUTE: Final = 65_536
 """Bytes; what fits into an object header."""
-LARGEST_CHUNK: Final = MAXIMUM_TEXT
+_LARGEST_CHUNK: Final = MAXIMUM_TEXT
 """Bytes that must be held in memory to read one row; a chunk of a column takes 65 kB."""
 LARGEST_RATIO: Final = 1032
 """Bytes read per byte stored: the format can do no better (258 bytes by 2 bits), whoever packs. A constant channel of a
@@ -38,7 +38,7 @@ LARGEST_TIME_RATIO: Final = 250
 """The same for the time of the rows, which is never constant and reaches 120; it bounds the rows of a file."""
 FILTERS: Final = (h5z.FILTER_SHUFFLE, h5z.FILTER_DEFLATE, h5z.FILTER_FLETCHER32)
 """In the order in which a run uses them, each at most once: what was packed twice would grow 1032 times twice."""
-SLACK_CHUNKS: Final = 16
+_SLACK_CHUNKS: Final = 16
 """Chunks by which a column that is being written may be longer than what is stored of it."""
 _LEAST_ENTRY = 8
 """Bytes that the place of a chunk takes in the file, whatever it holds."""
@@ -100,7 +100,7 @@ _RULES: Final[tuple[_Rule, ...]] = (
     ("has more than one dimension", lambda d: len(d.shape) > 1),
     ("is packed by filters that no run uses", lambda d: not _are_ours(d.filters)),
     ("is a column that is not in chunks", lambda d: d.is_column and not d.chunk),
-    ("has chunks of absurd size", lambda d: d.chunk * d.itemsize > LARGEST_CHUNK),
+    ("has chunks of absurd size", lambda d: d.chunk * d.itemsize > _LARGEST_CHUNK),
     ("is larger than its file", lambda d: not d.chunk and d.claimed > d.file_size),
     ("has more rows than its file can hold", lambda d: d.chunks * _LEAST_ENTRY > d.file_size),
 )
@@ -108,7 +108,7 @@ _ChunkRule = tuple[str, Callable[[_Stored, _Chunks], bool]]
 _CHUNK_RULES: Final[tuple[_ChunkRule, ...]] = (
     (
         "has rows that were never stored",
-        lambda d, c: d.chunks > c.count + (SLACK_CHUNKS if d.grows else 0),
+        lambda d, c: d.chunks > c.count + (_SLACK_CHUNKS if d.grows else 0),
     ),
     ("is cut off: its rows lie beyond the end of the file", lambda d, c: c.end > d.file_size),
     (
@@ -151,8 +151,8 @@ def refuse_foreign_structure(file: h5py.File, *, grows: bool, leave_out: str = "
         path, group = walk.groups.pop()
         _check_attributes(path, group)
         walk.objects += group.get_num_objs()
-        if walk.objects > MOST_OBJECTS:
-            _refuse("has more groups and datasets than any run", path, walk.objects, MOST_OBJECTS)
+        if walk.objects > _MOST_OBJECTS:
+            _refuse("has more groups and datasets than any run", path, walk.objects, _MOST_OBJECTS)
         for name in group:
             place = f"{path}/{name.decode()}".lstrip("/")
             if place != leave_out:
@@ -248,17 +248,17 @@ def _check_dataset(walk: _Walk, path: str, dataset: Any) -> None:
 
 def _check_attributes(path: str, item: Any) -> None:
     number = h5a.get_num_attrs(item)
-    if number > MOST_ATTRIBUTES:
-        _refuse("has more attributes than anything in a run", path, number, MOST_ATTRIBUTES)
+    if number > _MOST_ATTRIBUTES:
+        _refuse("has more attributes than anything in a run", path, number, _MOST_ATTRIBUTES)
     for index in range(number):
         attribute = h5a.open(item, index=index)
-        if attribute.get_storage_size() > LARGEST_ATTRIBUTE:
+        if attribute.get_storage_size() > _LARGEST_ATTRIBUTE:
             name = f"{path}@{attribute.name.decode()}"
             _refuse(
                 "is larger than any attribute of a run",
                 name,
                 attribute.get_storage_size(),
-                LARGEST_ATTRIBUTE,
+                _LARGEST_ATTRIBUTE,
             )
 
 
@@ -269,7 +269,7 @@ def _are_ours(filters: tuple[int, ...]) -> bool:
 
 def _slack(d: _Stored) -> int:
     """Bytes that a growing column may still be without: a chunk there may be claimed and not yet stored."""
-    return SLACK_CHUNKS * d.chunk * d.itemsize if d.grows else 0
+    return _SLACK_CHUNKS * d.chunk * d.itemsize if d.grows else 0
 
 
 def _described(d: _Stored) -> str:

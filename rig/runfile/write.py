@@ -32,8 +32,8 @@ from rig.runfile.seal import hold_while_writing, part_path, seal_file
 OUTCOMES = ("COMPLETED", "ABORTED", "TRIPPED", "ERROR", "INTERRUPTED", "")
 """What a run can come to; "" for a recording of another rig. What the gear is worth is never written into a run."""
 
-CHUNK_ROWS = 8192
-CHUNK_CACHE = 256 * 1024
+_CHUNK_ROWS = 8192
+_CHUNK_CACHE = 256 * 1024
 """Bytes of each column that stay in memory: a few chunks, all that an appending writer needs. The
 library's own 8 MB per
 column would grow for half an hour of every run."""
@@ -50,7 +50,7 @@ class RunWriter:
     """
 
     def __init__(
-        self, path: Path, header: RunHeader, *, compress: bool = True, chunk_rows: int = CHUNK_ROWS
+        self, path: Path, header: RunHeader, *, compress: bool = True, chunk_rows: int = _CHUNK_ROWS
     ) -> None:
         self.path, self.part, self.header = path, part_path(path), header
         self._compress, self._chunk_rows, self._epoch_ns = compress, chunk_rows, header.epoch_ns
@@ -86,7 +86,7 @@ class RunWriter:
                 self.part,
                 "x",
                 libver=layout.LIBRARY_VERSION,
-                rdcc_nbytes=CHUNK_CACHE,
+                rdcc_nbytes=_CHUNK_CACHE,
                 locking=False,
             )
             try:

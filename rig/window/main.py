@@ -49,7 +49,7 @@ from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
 PAGES = ("prepare", "run", "review", "fleet")
 """The pages in the order of the navigation; Ctrl+1 to Ctrl+4."""
-X11_PACKAGES = ("libxcb-cursor0", "libxcb-icccm4", "libxcb-keysyms1", "libxkbcommon-x11-0")
+_X11_PACKAGES = ("libxcb-cursor0", "libxcb-icccm4", "libxcb-keysyms1", "libxkbcommon-x11-0")
 """What Qt needs of a Debian system that has never had a Qt window."""
 SMALLEST = (860, 430)
 """Logical pixels that the window needs at least: a screen of 1366 x 768 at one and a half has 911 x 512."""
@@ -274,7 +274,7 @@ def refuse_a_screen_that_qt_cannot_use(
         raise ConfigurationError(
             "the window cannot be opened: the system lacks a library of X11",
             where=missing,
-            remedy=f"On Debian and Ubuntu: sudo apt install {' '.join(X11_PACKAGES)}. "
+            remedy=f"On Debian and Ubuntu: sudo apt install {' '.join(_X11_PACKAGES)}. "
             "Every part also works on the command line.",
         ) from error
 

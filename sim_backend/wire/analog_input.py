@@ -15,10 +15,10 @@ TORQUE_MONITOR, SPEED_MONITOR, HOUSING, ROOM = 1, 2, 3, 4
 """What is connected to which input."""
 UPPER_LIMIT, LOWER_LIMIT, DELTA = 0x01, 0x02, 0x04
 """Bits of the interrupt trigger selection 0x6421."""
-ALL_EVENTS = UPPER_LIMIT | LOWER_LIMIT | DELTA
+_ALL_EVENTS = UPPER_LIMIT | LOWER_LIMIT | DELTA
 
 
-def analog_input_entries(node_id: int, serial: int) -> list[Entry]:
+def _analog_input_entries(node_id: int, serial: int) -> list[Entry]:
     """Every object that the simulated module really has. Limits and deltas are left-aligned in 32 bits."""
     numbered = [f"input {i}" for i in range(1, CHANNELS + 1)]
     return [
@@ -32,8 +32,8 @@ def analog_input_entries(node_id: int, serial: int) -> list[Entry]:
         *array(
             0x6421,
             "Analogue input interrupt trigger selection",
-            [(n, U8, "rw", ALL_EVENTS) for n in numbered],
-            high=ALL_EVENTS,
+            [(n, U8, "rw", _ALL_EVENTS) for n in numbered],
+            high=_ALL_EVENTS,
         ),
         Entry(
             index=0x6423,
@@ -53,7 +53,7 @@ def analog_input_entries(node_id: int, serial: int) -> list[Entry]:
     ]
 
 
-ANALOG_INPUT_PDOS = (
+_ANALOG_INPUT_PDOS = (
     PdoPlan(1, transmit=True, mapping=(), transmission=255, exists=False),
     PdoPlan(
         2,
@@ -69,7 +69,7 @@ class AnalogInput(Slave):
 
     def __init__(self, node_id: int, send: Send, *, serial: int = 1) -> None:
         self._sent_values = [0] * (CHANNELS + 1)
-        super().__init__(node_id, analog_input_entries(node_id, serial), ANALOG_INPUT_PDOS, send)
+        super().__init__(node_id, _analog_input_entries(node_id, serial), _ANALOG_INPUT_PDOS, send)
 
     def take(self, increments: tuple[int, ...]) -> None:
         """The increments latched at this SYNC, input 1 first; beyond the range the converter stands at its end."""

@@ -45,7 +45,7 @@ from sim_backend.faults import (
 )
 from sim_backend.imperfections import Imperfections
 from sim_backend.plant import Plant
-from sim_backend.sensors import TEMPERATURE_COUNT, Instruments
+from sim_backend.sensors import Instruments
 from sim_backend.servo_drive import ServoDrive
 from sim_backend.truth import tell
 from sim_backend.wire.analog_amplifier import AnalogAmplifier, ReferenceDevice
@@ -64,11 +64,11 @@ Listener = Callable[[int, bytes, int], None]
 
 DRIVE_NODE, COUNTER_NODE, ANALOG_INPUT_NODE, MOTOR_COUNTER_NODE = 1, 2, 3, 4
 SYNC = 0x080
-SILENCE_CYCLES = 20
+_SILENCE_CYCLES = 20
 """Periods without SYNC after which the plant goes on alone."""
-LONGEST_CATCH_UP = 5000
+_LONGEST_CATCH_UP = 5000
 """Cycles that are made up for at once; after a longer silence (a suspended process) the rest did not happen."""
-FRAME_NS = 111_000
+_FRAME_NS = 111_000
 """Time that a frame of eight bytes takes at 1 Mbit/s."""
 FIRST_STAMP_NS = 1_000_000_000
 """The adapter's clock at the first SYNC: it has been running for a second."""
@@ -81,7 +81,7 @@ _LOOP_MODE = {
     Mode.TORQUE: closed_loop.TORQUE,
     Mode.QUICK_STOP: closed_loop.QUICK_STOP,
 }
-POWER_STAGE_ERROR = 0x2310
+_POWER_STAGE_ERROR = 0x2310
 
 
 def synchronise(slaves: Sequence[Slave], now_ns: int) -> None:
@@ -128,7 +128,7 @@ class WireBench:
         clock: Clock | None = None,
         faults: Sequence[Fault] = (),
         start: ThermalState | None = None,
-        silence_cycles: int | None = SILENCE_CYCLES,
+        silence_cycles: int | None = _SILENCE_CYCLES,
         reference: ReferenceDevice | None = None,
         start_ns: int = FIRST_STAMP_NS,
     ) -> None:
@@ -203,7 +203,7 @@ class WireBench:
             lambda: float(self._counts[self._column[names.OUTPUT_ANGLE]]) * self._output_scale
         )
         self._fault_drive = _TrippedDrive(
-            motor, lambda: self.drive.fault(POWER_STAGE_ERROR, coasts=True)
+            motor, lambda: self.drive.fault(_POWER_STAGE_ERROR, coasts=True)
         )
 
     def _drive_device(self, motor: ServoMotor, counts_per_revolution: int) -> DriveDevice:
@@ -225,7 +225,7 @@ class WireBench:
         self._cycle = 0
         self._last_sync_ns: int | None = None
         self._elapsed_ns = self.clock.monotonic_ns()
-        self._stamp_ns = self._sync.start_ns - FRAME_NS
+        self._stamp_ns = self._sync.start_ns - _FRAME_NS
         self._frames_since = 0
         self._late: Counts = np.empty(0, dtype=np.int64)
         self._late_from = -1
@@ -259,7 +259,7 @@ class WireBench:
     @property
     def stamp_ns(self) -> int:
         """The adapter's time stamp of the latest frame [ns]."""
-        return self._stamp_ns + self._frames_since * FRAME_NS
+        return self._stamp_ns + self._frames_since * _FRAME_NS
 
     @property
     def input_speed(self) -> float:
@@ -465,7 +465,7 @@ class WireBench:
             }
 
     def _deliver(self, cob_id: int, data: bytes, owner: object) -> None:
-        stamp = self._stamp_ns + self._frames_since * FRAME_NS
+        stamp = self._stamp_ns + self._frames_since * _FRAME_NS
         self._frames_since += 1
         for listening, listener in self._listeners:
             if listening is not owner or getattr(listening, "receives_own", False):
@@ -524,7 +524,7 @@ class WireBench:
         missed = (now - self._last_sync_ns) // self.cycle_ns - 1
         if missed < self._silence_cycles:
             return
-        for _ in range(min(missed, LONGEST_CATCH_UP)):
+        for _ in range(min(missed, _LONGEST_CATCH_UP)):
             self._advance_plant()
             self._cycle += 1
         self._last_sync_ns += missed * self.cycle_ns
@@ -604,7 +604,3 @@ class WireBench:
         self.instruments.restore(latches)
         self._counts = counts[0]
         self._take(counts[0].tolist(), 0.0)
-
-
-KELVIN_PER_INCREMENT = TEMPERATURE_COUNT
-"""Kelvin per increment of the temperature inputs; 32 K/V at 0.3125 mV."""

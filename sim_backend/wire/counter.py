@@ -20,21 +20,21 @@ from sim_backend.wire.dictionary import (
 from sim_backend.wire.pdo import Send
 from sim_backend.wire.slave import PdoPlan, Slave, standard_entries
 
-INCREMENTAL_WITH_TURNS = 0x0005_0196
+_INCREMENTAL_WITH_TURNS = 0x0005_0196
 """Device type: incremental rotary encoder with electronic turn count, profile 406."""
-POSITION_ERROR = 0x0001
+_POSITION_ERROR = 0x0001
 """Bit 0 of the alarms 0x6503: the position value is not valid."""
 REVERSE_BIT, SCALING_BIT = 0x0001, 0x0004
-SENSOR_ERROR = 0x7300
+_SENSOR_ERROR = 0x7300
 
 
-def counter_entries(
+def _counter_entries(
     node_id: int, counts_per_revolution: int, total_range: int, serial: int
 ) -> list[Entry]:
     """Every object that the simulated counter really has. `total_range` 0 stands for 2^32."""
     turns = min(0xFFFF, (total_range or 0x1_0000_0000) // counts_per_revolution)
     return [
-        *standard_entries(node_id, INCREMENTAL_WITH_TURNS, "Simulated encoder counter", 0x406, serial),
+        *standard_entries(node_id, _INCREMENTAL_WITH_TURNS, "Simulated encoder counter", 0x406, serial),
         *array(0x2000, "Index latch", (("position at the last mark", U32, "ro", 0), ("marks seen", U8, "ro", 0)), mappable="t"),  # noqa: E501
         entry(0x6000, 0, "Operating parameters", U16, "rw", 0, low=0, high=REVERSE_BIT | SCALING_BIT),
         entry(0x6001, 0, "Measuring units per revolution", U32, "rw", counts_per_revolution, low=1),
@@ -46,7 +46,7 @@ def counter_entries(
         entry(0x6501, 0, "Single-turn resolution", U32, "const", counts_per_revolution),
         entry(0x6502, 0, "Number of distinguishable revolutions", U16, "const", turns),
         entry(0x6503, 0, "Alarms", U16, "ro", 0, mappable="t"),
-        entry(0x6504, 0, "Supported alarms", U16, "const", POSITION_ERROR),
+        entry(0x6504, 0, "Supported alarms", U16, "const", _POSITION_ERROR),
         entry(0x6505, 0, "Warnings", U16, "ro", 0, mappable="t"),
         entry(0x6506, 0, "Supported warnings", U16, "const", 0),
         entry(0x6507, 0, "Profile and software version", U32, "const", 0x0100_0302),
@@ -57,7 +57,7 @@ def counter_entries(
     ]  # fmt: skip
 
 
-COUNTER_PDOS = (
+_COUNTER_PDOS = (
     PdoPlan(1, transmit=True, mapping=(0x60040020, 0x65030010)),
     PdoPlan(2, transmit=True, mapping=(0x20000120, 0x20000208)),
 )
@@ -80,8 +80,8 @@ class Counter(Slave):
         self._index = (0, 0)
         super().__init__(
             node_id,
-            counter_entries(node_id, counts_per_revolution, total_range, serial),
-            COUNTER_PDOS,
+            _counter_entries(node_id, counts_per_revolution, total_range, serial),
+            _COUNTER_PDOS,
             send,
         )
         d = self.dictionary
@@ -115,11 +115,11 @@ class Counter(Slave):
 
     def signal_error(self, is_wrong: bool) -> None:
         """The encoder's signals are not valid: alarm bit and emergency message."""
-        self.dictionary.store(0x6503, 0, POSITION_ERROR if is_wrong else 0)
+        self.dictionary.store(0x6503, 0, _POSITION_ERROR if is_wrong else 0)
         if is_wrong:
-            self.emergency(SENSOR_ERROR, 0x20)
+            self.emergency(_SENSOR_ERROR, 0x20)
         else:
-            self.recover(SENSOR_ERROR)
+            self.recover(_SENSOR_ERROR)
 
     def on_reset(self, application: bool) -> None:
         if application:

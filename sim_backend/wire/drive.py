@@ -49,9 +49,9 @@ from sim_backend.wire.state_machine import (
     command_of,
 )
 
-SI_UNIT_MILLI_RPM = 0xFDB44700
+_SI_UNIT_MILLI_RPM = 0xFDB44700
 """0x60A9: prefix 10^-3, revolutions, per minute."""
-SI_UNIT_RPM_PER_SECOND = 0x00C00300
+_SI_UNIT_RPM_PER_SECOND = 0x00C00300
 """0x60AA: revolutions per minute, per second."""
 PROFILE_VELOCITY, PROFILE_TORQUE, CYCLIC_POSITION, CYCLIC_VELOCITY, CYCLIC_TORQUE = 3, 4, 8, 9, 10
 MODES = {
@@ -62,7 +62,7 @@ MODES = {
     CYCLIC_TORQUE: Mode.TORQUE,
 }
 SUPPORTED = sum(1 << (mode - 1) for mode in MODES)
-LIMIT_OBJECTS = frozenset({0x6072, 0x6080, 0x6083, 0x6084, 0x6085})
+_LIMIT_OBJECTS = frozenset({0x6072, 0x6080, 0x6083, 0x6084, 0x6085})
 SLOW_DOWN, STAY_SLOW_DOWN, STAY = 1, 5, 6
 QUICK_STOP_OPTIONS = (0, SLOW_DOWN, 2, STAY_SLOW_DOWN, STAY)
 """0x605A: 0 power off, 1 profile deceleration, 2 quick stop deceleration, then power off; 5 and 6 the same and stay."""
@@ -70,16 +70,16 @@ STANDSTILL = 0.05 * RPM
 """Speed below which a ramp is over [rad/s]."""
 PROBE_ON, PROBE_CONTINUOUS, PROBE_ZERO_IMPULSE, PROBE_POSITIVE = 0x0001, 0x0002, 0x0004, 0x0010
 """Bits of the touch probe function 0x60B8; bits 2 and 3 are the source, 1 the encoder's zero impulse."""
-PROBE_STORED = 0x0002
+_PROBE_STORED = 0x0002
 INTERLOCK = 0x0000_0008
 """Bit 3 of the digital inputs: the guard is closed."""
 FOLLOWING_ERROR = 0x8611
 """Error code of a drive whose shaft stays further behind its target position than 0x6065 for longer than 0x6066."""
-SYNC_CONTROLLER = 0x8700
+_SYNC_CONTROLLER = 0x8700
 """Error code of a drive that faults because its SYNC stayed away."""
-FOLLOWING_BIT = 0x2000
+_FOLLOWING_BIT = 0x2000
 """Bit 13 of the statusword in cyclic position."""
-DRIVE_ERROR = 0x20
+_DRIVE_ERROR = 0x20
 """Bit 5 of the error register: device profile specific."""
 
 
@@ -98,7 +98,7 @@ class DriveDevice:
     serial_number: int = 1
 
 
-def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
+def _drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
     """Every object that the simulated drive really has."""
     peak = math.floor(device.peak_torque / (TORQUE_COUNT_OF_RATED * device.rated_torque) + 1e-6)
     fastest, ramp = (
@@ -136,8 +136,8 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
         *array(0x6091, "Gear ratio", (
             ("motor shaft revolutions", U32, "const", 1), ("driving shaft revolutions", U32, "const", 1),
         )),
-        entry(0x60A9, 0, "SI unit velocity", U32, "ro", SI_UNIT_MILLI_RPM),
-        entry(0x60AA, 0, "SI unit acceleration", U32, "ro", SI_UNIT_RPM_PER_SECOND),
+        entry(0x60A9, 0, "SI unit velocity", U32, "ro", _SI_UNIT_MILLI_RPM),
+        entry(0x60AA, 0, "SI unit acceleration", U32, "ro", _SI_UNIT_RPM_PER_SECOND),
         entry(0x60B0, 0, "Position offset", I32, "rw", 0, mappable="r"),
         entry(0x60B1, 0, "Velocity offset", I32, "rw", 0, mappable="r"),
         # Its current loop takes no torque that is fed forward.
@@ -157,7 +157,7 @@ def drive_entries(node_id: int, device: DriveDevice) -> list[Entry]:
     ]  # fmt: skip
 
 
-DRIVE_PDOS = (
+_DRIVE_PDOS = (
     # Set-points act at once until a master ties them to the SYNC, as CiA 402 has its default RPDOs.
     PdoPlan(1, transmit=False, mapping=(0x60400010, 0x60FF0020, 0x60600008), transmission=255),
     PdoPlan(2, transmit=False, mapping=(0x60710010,), transmission=255),
@@ -192,7 +192,7 @@ class Drive(Slave):
         self._position_loop = PositionLoop(device.counts_per_revolution, device.cycle_ns)
         self._cycles_behind = 0
         self._torque_count = TORQUE_COUNT_OF_RATED * device.rated_torque
-        super().__init__(node_id, drive_entries(node_id, device), DRIVE_PDOS, send)
+        super().__init__(node_id, _drive_entries(node_id, device), _DRIVE_PDOS, send)
         d = self.dictionary
         d.on_write(0x6040, 0, lambda value: self._control(int(value)))
         d.on_write(0x605A, 0, self._check_quick_stop_option)
@@ -248,8 +248,8 @@ class Drive(Slave):
         sense, origin = self._mirror
         position, index = sense * position + origin, sense * index + origin
         self._position = position
-        store(0x6064, 0, wrap_i32(position))
-        store(0x606C, 0, wrap_i32(round(speed / SPEED_COUNT)))
+        store(0x6064, 0, _wrap_i32(position))
+        store(0x606C, 0, _wrap_i32(round(speed / SPEED_COUNT)))
         store(0x6077, 0, max(-32768, min(32767, torque)))
         self._mark = (seen & 1, index)
         self._store_probe()
@@ -264,7 +264,7 @@ class Drive(Slave):
         """Two lines of its encoder are swapped: it counts the other way from where it is."""
         self._mirror = (-self._mirror[0], self._position + self._mirror[0] * self._true)
 
-    def fault(self, code: int, register: int = DRIVE_ERROR, *, coasts: bool = False) -> None:
+    def fault(self, code: int, register: int = _DRIVE_ERROR, *, coasts: bool = False) -> None:
         """Something has failed: emergency, fault reaction (none for a fault of the power stage: it
         `coasts`), then fault.
         """
@@ -296,7 +296,7 @@ class Drive(Slave):
         self._connection_lost()
 
     def on_sync_lost(self) -> None:
-        self._connection_lost(SYNC_CONTROLLER)
+        self._connection_lost(_SYNC_CONTROLLER)
 
     def on_nmt(self, state: NmtState) -> None:
         if state is NmtState.STOPPED:
@@ -354,7 +354,7 @@ class Drive(Slave):
         """The speed by which it goes after its target position, offset included; too far behind it is a fault."""
         number = self.dictionary.number
         speed = self._position_loop.demand(
-            number(0x607A) + number(0x60B0), wrap_i32(self._position)
+            number(0x607A) + number(0x60B0), _wrap_i32(self._position)
         )
         error, window = self._position_loop.error, number(0x6065)
         self.dictionary.store(0x60F4, 0, error)
@@ -408,7 +408,7 @@ class Drive(Slave):
             raise AbortError(Abort.VALUE)
 
     def _on_change(self, index: int, sub: int) -> None:
-        if index in LIMIT_OBJECTS:
+        if index in _LIMIT_OBJECTS:
             self.limits_changed = True
 
     def _statusword(self) -> int:
@@ -418,7 +418,7 @@ class Drive(Slave):
         if self.drive_state is DriveState.ENABLED and self._is_by_position and self._follows:
             word |= FOLLOWS_BIT
         if self._cycles_behind:
-            word |= FOLLOWING_BIT
+            word |= _FOLLOWING_BIT
         return word & ~0x0010 if self._is_torque_off else word
 
     # The latch of the encoder's index mark ------------------------------------------------------------------------
@@ -440,11 +440,11 @@ class Drive(Slave):
         if is_on and has_passed and (self._stored is None or function & PROBE_CONTINUOUS):
             self._stored = self._mark
         stored = self._stored if is_on else None
-        status = (PROBE_ON if function & PROBE_ON else 0) | (PROBE_STORED if stored else 0)
+        status = (PROBE_ON if function & PROBE_ON else 0) | (_PROBE_STORED if stored else 0)
         self.dictionary.store(0x60B9, 0, status)
-        self.dictionary.store(0x60BA, 0, wrap_i32(stored[1]) if stored else 0)
+        self.dictionary.store(0x60BA, 0, _wrap_i32(stored[1]) if stored else 0)
 
 
-def wrap_i32(value: int) -> int:
+def _wrap_i32(value: int) -> int:
     """A count as the 32-bit signed counter of a device shows it."""
     return (value + 0x8000_0000) % 0x1_0000_0000 - 0x8000_0000

@@ -6,8 +6,8 @@ from collections import defaultdict
 
 from sim_backend.wire.dictionary import Entry, ObjectDictionary
 
-EMCY_COB_ID = 0x1014
-PDO_COMMUNICATION = (*range(0x1400, 0x1600), *range(0x1800, 0x1A00))
+_EMCY_COB_ID = 0x1014
+_PDO_COMMUNICATION = (*range(0x1400, 0x1600), *range(0x1800, 0x1A00))
 
 
 def electronic_data_sheet(
@@ -78,7 +78,7 @@ def _fields(entry: Entry, name: str, node_id: int) -> list[str]:
         else entry.access
     )
     default = str(int(entry.default)) if isinstance(entry.default, bool) else str(entry.default)
-    if entry.index == EMCY_COB_ID or (entry.index in PDO_COMMUNICATION and entry.sub == 1):
+    if entry.index == _EMCY_COB_ID or (entry.index in _PDO_COMMUNICATION and entry.sub == 1):
         # The same file for every node-ID.
         default = f"$NODEID+0x{int(entry.default) - node_id:X}"
     lines = [

@@ -46,7 +46,7 @@ from sim_backend.wire.readout_faults import (
     ReadoutSilent,
 )
 
-NO_FRAME: tuple[Frame, ...] = ()
+_NO_FRAME: tuple[Frame, ...] = ()
 _UPLOAD_ANSWER, _UPLOAD_REQUEST, _DOWNLOAD_REQUEST = 0x40, 0x40, 0x20
 
 
@@ -60,7 +60,7 @@ class HeartbeatLost(WireFault):
     node_id: int = DRIVE_NODE
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return NO_FRAME if frame[0] == 0x700 + self.node_id and frame[1] != b"\0" else (frame,)
+        return _NO_FRAME if frame[0] == 0x700 + self.node_id and frame[1] != b"\0" else (frame,)
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class NodeSilent(WireFault):
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
         own = frame[0] & 0x7F == self.node_id and frame[0] > 0x80
-        return NO_FRAME if own else (frame,)
+        return _NO_FRAME if own else (frame,)
 
 
 @dataclass(frozen=True)
@@ -234,7 +234,7 @@ class TpdoLost(_TpdoFault):
     """Process data do not arrive."""
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return NO_FRAME if self._is_mine(frame, bench) else (frame,)
+        return _NO_FRAME if self._is_mine(frame, bench) else (frame,)
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class TpdoLate(_TpdoFault):
         if not self._is_mine(frame, bench):
             return (frame,)
         bench.hold(frame, bench.cycle + self.late_cycles)
-        return NO_FRAME
+        return _NO_FRAME
 
 
 @dataclass(frozen=True)
@@ -258,7 +258,7 @@ class AnswersHeld(WireFault):
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
         bench.hold(frame, self.end)
-        return NO_FRAME
+        return _NO_FRAME
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ class SyncLost(WireFault):
     """The SYNC does not reach the devices: they latch and send nothing, and the motor goes on as it was told last."""
 
     def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return NO_FRAME if frame[0] == SYNC else (frame,)
+        return _NO_FRAME if frame[0] == SYNC else (frame,)
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,7 @@ class SdoAborted(_SdoFault):
         if not self._is_request(frame):
             return (frame,)
         bench.answer(0x580 + self.node_id, b"\x80" + frame[1][1:4] + struct.pack("<I", self.code))
-        return NO_FRAME
+        return _NO_FRAME
 
 
 @dataclass(frozen=True)
@@ -357,7 +357,7 @@ class SdoSilent(_SdoFault):
     """The device does not answer requests for the object: the client's time-out."""
 
     def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return NO_FRAME if self._is_request(frame) else (frame,)
+        return _NO_FRAME if self._is_request(frame) else (frame,)
 
 
 @dataclass(frozen=True)

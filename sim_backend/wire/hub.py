@@ -17,11 +17,11 @@ Listener = Callable[[int, int, bytes], None]
 
 LONGEST_LINE = 512
 """Bytes without a closing bracket after which a client is disconnected."""
-LAST_ARRIVAL = 0.02
+_LAST_ARRIVAL = 0.02
 """Seconds after the door has been closed within which those in the door are in."""
-LONGEST_GOODBYE = 2.0
+_LONGEST_GOODBYE = 2.0
 """Seconds that closed connections have to end."""
-LARGEST_BACKLOG = 1 << 20
+_LARGEST_BACKLOG = 1 << 20
 """Bytes that a client may leave unread before it is disconnected."""
 
 
@@ -41,11 +41,11 @@ class Visitors:
     async def leave(self) -> None:
         """Close every connection and wait until whoever served it is done. Nobody must be let in any more."""
         # Who was accepted just now still has to come in.
-        await asyncio.sleep(LAST_ARRIVAL)
+        await asyncio.sleep(_LAST_ARRIVAL)
         for writer in self._present.values():
             writer.close()
         if self._present:
-            await asyncio.wait(list(self._present), timeout=LONGEST_GOODBYE)
+            await asyncio.wait(list(self._present), timeout=_LONGEST_GOODBYE)
 
 
 class Hub:
@@ -88,7 +88,7 @@ class Hub:
         for key, writer in list(self._clients.items()):
             if key == but or writer.is_closing():
                 continue
-            if writer.transport.get_write_buffer_size() > LARGEST_BACKLOG:
+            if writer.transport.get_write_buffer_size() > _LARGEST_BACKLOG:
                 # Who does not read would fill the memory.
                 writer.close()
             else:

@@ -40,7 +40,7 @@ class Bench(Protocol):
     def wire_faults(self) -> list[WireFault]: ...
 
 
-LONGEST_QUEUE = 1 << 16
+_LONGEST_QUEUE = 1 << 16
 """Frames that a client may leave unread; then the oldest are lost, as in an adapter."""
 
 
@@ -122,7 +122,7 @@ class BenchBus(can.BusABC):
         self.channel_info = "simulated CAN bus"
         self.receives_own = receive_own_messages
         self._bench = bench
-        self._queue: deque[can.Message] = deque(maxlen=LONGEST_QUEUE)
+        self._queue: deque[can.Message] = deque(maxlen=_LONGEST_QUEUE)
         self._error_sent = False
         bench.listen(self, self._hear)
 

@@ -33,10 +33,10 @@ INVALID = 0x8000_0000
 """Bit 31 of a PDO's COB-ID: the PDO does not exist."""
 NO_RTR = 0x4000_0000
 """Bit 30 of a TPDO's COB-ID: it cannot be asked for by a remote frame."""
-EXTENDED = 0x2000_0000
-MAPPING_SLOTS = 8
+_EXTENDED = 0x2000_0000
+_MAPPING_SLOTS = 8
 LAST_SYNCHRONOUS = 240
-EVENT_DRIVEN = 254
+_EVENT_DRIVEN = 254
 
 Send = Callable[[int, bytes], None]
 Mapping = tuple[tuple[int, int, int], ...]
@@ -48,7 +48,7 @@ _DUMMIES: dict[int, DataType] = {
 """Data types whose index in the dictionary (0x0001...) may fill a gap of an RPDO."""
 
 
-def is_restricted(cob_id: int) -> bool:
+def _is_restricted(cob_id: int) -> bool:
     """Whether an 11-bit COB-ID may not be used by a PDO (CiA 301, table of restricted CAN-IDs; 0x080 is the SYNC)."""
     return (
         cob_id <= 0x80
@@ -69,7 +69,7 @@ def communication_entries(
     base, kind = (0x1800, "TPDO") if transmit else (0x1400, "RPDO")
     index, mapped = base + number - 1, base + 0x200 + number - 1
     name = f"{kind} {number} communication"
-    words = [*mapping, *[0] * (MAPPING_SLOTS - len(mapping))]
+    words = [*mapping, *[0] * (_MAPPING_SLOTS - len(mapping))]
     objects = f"{kind} {number} mapping"
     entries = [
         entry(index, 0, f"{name}: highest sub-index", U8, "const", 5 if transmit else 2),
@@ -77,7 +77,7 @@ def communication_entries(
         entry(index, 2, f"{name}: transmission type", U8, "rw", transmission),
         entry(index, 3, f"{name}: inhibit time", U16, "rw", 0),
         entry(index, 5, f"{name}: event timer", U16, "rw", 0),
-        entry(mapped, 0, f"{objects}: number of objects", U8, "rw", len(mapping), high=MAPPING_SLOTS),
+        entry(mapped, 0, f"{objects}: number of objects", U8, "rw", len(mapping), high=_MAPPING_SLOTS),
         *(entry(mapped, i, f"{objects}: object {i}", U32, "rw", word) for i, word in enumerate(words, start=1)),
     ]  # fmt: skip
     # An RPDO has neither inhibit time nor event timer.
@@ -109,7 +109,7 @@ class Pdo:
             on_write(self.index, 3, self._write_inhibit_time)
             on_write(self.index, 5, self._write_event_timer)
         on_write(self.mapped_index, 0, self._write_count)
-        for slot in range(1, MAPPING_SLOTS + 1):
+        for slot in range(1, _MAPPING_SLOTS + 1):
             on_write(self.mapped_index, slot, self._write_slot)
         self.reload()
 
@@ -121,13 +121,13 @@ class Pdo:
     @property
     def is_event_driven(self) -> bool:
         """Transmission types 254 and 255."""
-        return self.transmission >= EVENT_DRIVEN
+        return self.transmission >= _EVENT_DRIVEN
 
     @property
     def takes_events(self) -> bool:
         """Whether a change of a value makes it due: types 0, 254 and 255."""
         return (
-            self.transmission == 0 or self.transmission >= EVENT_DRIVEN
+            self.transmission == 0 or self.transmission >= _EVENT_DRIVEN
         ) and not self.cob_id & INVALID
 
     @property
@@ -186,17 +186,17 @@ class Pdo:
 
     def _write_cob_id(self, value: Number) -> None:
         wanted = int(value)
-        if wanted & EXTENDED or (self.transmit and not wanted & NO_RTR):
+        if wanted & _EXTENDED or (self.transmit and not wanted & NO_RTR):
             raise AbortError(Abort.VALUE)
         if self.exists and not wanted & INVALID and (wanted ^ self.cob_id) & 0x7FF:
             raise AbortError(Abort.VALUE)
-        if not wanted & INVALID and is_restricted(wanted & 0x7FF):
+        if not wanted & INVALID and _is_restricted(wanted & 0x7FF):
             raise AbortError(Abort.VALUE)
         self.cob_id = wanted
         self.rest()
 
     def _write_transmission(self, value: Number) -> None:
-        if LAST_SYNCHRONOUS < int(value) < EVENT_DRIVEN:
+        if LAST_SYNCHRONOUS < int(value) < _EVENT_DRIVEN:
             raise AbortError(Abort.VALUE)
         self.transmission = int(value)
         self.rest()

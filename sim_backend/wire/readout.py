@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 STX, ENQ, ACK, NAK, ESC, XOFF, XON = 0x02, 0x05, 0x06, 0x15, 0x1B, 0x13, 0x11
-LONGEST_COMMAND = 8
+_LONGEST_COMMAND = 8
 
 UNITS: dict[str, str] = {"deg": "G", "dms": "M", "rad": "R"}
 """The unit character of each angle display."""
@@ -87,7 +87,7 @@ class Readout:
     def _command(self, byte: int) -> bytes:
         if byte != 0x0D:
             self._pending += bytes([byte])
-            if len(self._pending) > LONGEST_COMMAND:
+            if len(self._pending) > _LONGEST_COMMAND:
                 self._pending = b""
                 return bytes([NAK])
             return b""

@@ -10,7 +10,7 @@ import struct
 
 from sim_backend.wire.dictionary import Abort, AbortError, ObjectDictionary
 
-LONGEST_DOWNLOAD = 4096
+_LONGEST_DOWNLOAD = 4096
 """Bytes a segmented download may bring before the device is out of memory."""
 
 
@@ -65,7 +65,7 @@ class SdoServer:
         else:
             entry = self._dictionary.writable(self._index, self._sub)
             self._announced = struct.unpack_from("<I", request, 4)[0] if sized else 0
-            if self._announced > LONGEST_DOWNLOAD:
+            if self._announced > _LONGEST_DOWNLOAD:
                 raise AbortError(Abort.OUT_OF_MEMORY)
             if entry.type.length and self._announced > entry.type.length:
                 raise AbortError(Abort.TOO_LONG)
@@ -80,7 +80,7 @@ class SdoServer:
         if toggle != self._toggle:
             raise AbortError(Abort.TOGGLE)
         self._buffer += request[1 : 8 - ((request[0] >> 1) & 7)]
-        if len(self._buffer) > LONGEST_DOWNLOAD:
+        if len(self._buffer) > _LONGEST_DOWNLOAD:
             raise AbortError(Abort.OUT_OF_MEMORY)
         self._toggle ^= 1
         if request[0] & 1:

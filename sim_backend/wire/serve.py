@@ -26,9 +26,9 @@ from sim_backend.wire.bench import WireBench
 from sim_backend.wire.hub import Hub, Visitors
 from sim_backend.world import FIRST_WORLD, ThermalState, World
 
-LONGEST_SLEEP = 0.02
+_LONGEST_SLEEP = 0.02
 """Seconds after which the devices' timers are looked at again."""
-MEASURING_TIME = 0.0026
+_MEASURING_TIME = 0.0026
 """Seconds from the request to the readout's answer: 1 ms until the value is stored and 187 bits at 115200 Bd."""
 TimeSource = Literal["wall", "sync"]
 ReadoutLine = Literal["pty", "socket"]
@@ -82,7 +82,7 @@ class Server:
                 self._hub.disconnect()
             wait = (self.bench.next_due_ns() - self.bench.clock.monotonic_ns()) * 1e-9
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(until.wait(), min(max(wait, 0.0), LONGEST_SLEEP))
+                await asyncio.wait_for(until.wait(), min(max(wait, 0.0), _LONGEST_SLEEP))
 
     async def stop(self) -> None:
         """Disconnect everybody."""
@@ -136,7 +136,7 @@ class Server:
         except OSError:
             return
         if answer:
-            asyncio.get_running_loop().call_later(MEASURING_TIME, self._write_pty, master, answer)
+            asyncio.get_running_loop().call_later(_MEASURING_TIME, self._write_pty, master, answer)
 
     def _write_pty(self, master: int, answer: bytes) -> None:
         if self._ends:
@@ -149,7 +149,7 @@ class Server:
             while data := await reader.read(256):
                 answer = self._answer(data)
                 if answer:
-                    await asyncio.sleep(MEASURING_TIME)
+                    await asyncio.sleep(_MEASURING_TIME)
                     writer.write(answer)
                     await writer.drain()
         except ConnectionError:

@@ -41,9 +41,9 @@ HISTORY = 8
 MILLISECOND = 1_000_000
 GENERIC, COMMUNICATION = 0x01, 0x10
 """Bits of the error register 0x1001."""
-SYNC_ERROR = 0x8100
-"""Emergency of a SYNC that stayed away for longer than `SYNC_TOLERANCE` periods of 0x1006."""
-SYNC_TOLERANCE = 1.5
+_SYNC_ERROR = 0x8100
+"""Emergency of a SYNC that stayed away for longer than `_SYNC_TOLERANCE` periods of 0x1006."""
+_SYNC_TOLERANCE = 1.5
 HEARTBEAT_ERROR, SHORT_PDO, LONG_PDO, REFUSED_VALUE = 0x8130, 0x8210, 0x8220, 0x6320
 NEVER = 2**63
 
@@ -236,8 +236,8 @@ class Slave:
             return
         self._synced_ns = now_ns
         self._watch_sync(self.dictionary.value(0x1006))
-        if SYNC_ERROR in self._errors:
-            self.recover(SYNC_ERROR)
+        if _SYNC_ERROR in self._errors:
+            self.recover(_SYNC_ERROR)
 
     def next_due_ns(self) -> int:
         """The next instant at which `tick` has something to do."""
@@ -427,13 +427,13 @@ class Slave:
     def _watch_sync(self, period_us: Number) -> None:
         """0x1006 supervises from the latest SYNC heard while OPERATIONAL; 0 does not."""
         supervises = period_us and self._synced_ns is not None
-        limit_ns = round(SYNC_TOLERANCE * int(period_us) * 1000)
+        limit_ns = round(_SYNC_TOLERANCE * int(period_us) * 1000)
         self._sync_due_ns = (self._synced_ns or 0) + limit_ns if supervises else NEVER
 
     def _lose_sync(self) -> None:
         """The SYNC is overdue: the same as a lost heartbeat; the supervision begins anew with the next SYNC."""
         self._synced_ns, self._sync_due_ns = None, NEVER
-        self.emergency(SYNC_ERROR, COMMUNICATION)
+        self.emergency(_SYNC_ERROR, COMMUNICATION)
         self.on_sync_lost()
         self._leave_operational()
 

@@ -35,11 +35,11 @@ _MS: Final = 1_000_000
 _POLL_NS: Final = 2 * _MS
 _RESET_MS: Final = 100
 """How long alarm reset is held: amplifiers ask for some tens of milliseconds."""
-OUTPUT_ERROR_MODE: Final = 0x6206
-OUTPUT_ERROR_VALUE: Final = 0x6207
-REFERENCE_ERROR_MODE: Final = 0x6443
-REFERENCE_ERROR_VALUE: Final = 0x6444
-CONTACTS: Final = "statusword made of contacts: alarm, power, ready, speed reached"
+_OUTPUT_ERROR_MODE: Final = 0x6206
+_OUTPUT_ERROR_VALUE: Final = 0x6207
+_REFERENCE_ERROR_MODE: Final = 0x6443
+_REFERENCE_ERROR_VALUE: Final = 0x6444
+_CONTACTS: Final = "statusword made of contacts: alarm, power, ready, speed reached"
 """What the status channel is called: it is no word that the amplifier sent."""
 
 
@@ -105,16 +105,16 @@ class ReferenceAmplifier:
         sub_out, sub_ref = config.outputs.subindex, config.reference.subindex
         every_bit = (1 << 8 * config.outputs.value_type.size) - 1
         rows = (
-            (OUTPUT_ERROR_MODE, sub_out, config.outputs.value_type, every_bit, "servo-on"),
+            (_OUTPUT_ERROR_MODE, sub_out, config.outputs.value_type, every_bit, "servo-on"),
             (
-                OUTPUT_ERROR_VALUE,
+                _OUTPUT_ERROR_VALUE,
                 sub_out,
                 config.outputs.value_type,
                 config.idle_outputs,
                 "servo-on",
             ),
-            (REFERENCE_ERROR_MODE, sub_ref, U8, 1, "the reference"),
-            (REFERENCE_ERROR_VALUE, sub_ref, I32, 0, "the reference"),
+            (_REFERENCE_ERROR_MODE, sub_ref, U8, 1, "the reference"),
+            (_REFERENCE_ERROR_VALUE, sub_ref, I32, 0, "the reference"),
         )
         lacking: dict[str, list[str]] = {}
         for index, sub, kind, value, what in rows:
@@ -159,7 +159,7 @@ class ReferenceAmplifier:
                 remedy="Take the motor encoder's divided pulses to a counter, and give it that channel.",
             )
         inputs = self.config.inputs
-        status = Channel(name=names.STATUSWORD, unit="1", scale=1.0, long_name=CONTACTS)
+        status = Channel(name=names.STATUSWORD, unit="1", scale=1.0, long_name=_CONTACTS)
         planned = Planned(
             channel=status,
             kind="lines",

@@ -17,7 +17,7 @@ from drivers.bus.status_lines import Line, StatusLines
 from drivers.errors import DriverError
 from drivers.port import DriveLimits
 
-NO_LIMITS: Final = DriveLimits(math.inf, math.inf, math.inf, math.inf, math.inf)
+_NO_LIMITS: Final = DriveLimits(math.inf, math.inf, math.inf, math.inf, math.inf)
 """Nobody has said which limits the amplifier holds."""
 
 
@@ -53,7 +53,7 @@ class ReferenceConfig:
     )
     outputs: ObjectRef = field(default_factory=lambda: ObjectRef(0x6200, 1, U8, "digital outputs"))
     inputs: ObjectRef = field(default_factory=lambda: ObjectRef(0x6000, 1, U8, "digital inputs"))
-    limits_by_hand: DriveLimits = NO_LIMITS
+    limits_by_hand: DriveLimits = _NO_LIMITS
     description: DeviceDescription | None = None
     heartbeat_ms: int = 100
     computer_heartbeat_ms: int = 50

@@ -21,19 +21,19 @@ from drivers.bus.cia402 import tables as obj
 
 MAXON: Final = 0x0000_00FB
 """Vendor-ID of a maker whose drives are known to count 0x6076 in uN m (public driver code of the EPOS4)."""
-LARGEST_VOLTAGE: Final = 3000.0
+_LARGEST_VOLTAGE: Final = 3000.0
 """V of T * omega / I: three times what a servo amplifier at 575 V of mains can feed, as 0x6080 may lie above
 the motor's own speed.
 """
-LARGEST_TORQUE_CONSTANT: Final = 20.0
+_LARGEST_TORQUE_CONSTANT: Final = 20.0
 """N m/A, where the drive tells no speed: beyond most direct-drive motors."""
-LARGEST_POWER: Final = 1e5
+_LARGEST_POWER: Final = 1e5
 """W, where the drive tells no current."""
-LARGEST_TORQUE: Final = 100.0
+_LARGEST_TORQUE: Final = 100.0
 """N m at a motor, where the drive tells neither current nor speed."""
 LARGEST_RATIO: Final = 30.0
 """By how much the drive's rated torque may differ from that of the motor that the description names."""
-LARGEST_SPEED: Final = 100_000.0
+_LARGEST_SPEED: Final = 100_000.0
 """r/min in 0x6080 from which on nobody has set it."""
 _RPM: Final = 2.0 * math.pi / 60.0
 _NUMERATORS: Final[Mapping[int, float]] = {
@@ -144,17 +144,17 @@ def _doubt(torque: float, stated: Statement, motor: float | None) -> str:
     if motor and not 1.0 / LARGEST_RATIO <= torque / motor <= LARGEST_RATIO:
         return f"the motor that the description names has {motor:g} N m"
     rpm = stated.largest_speed or 0
-    speed = rpm * _RPM if rpm < LARGEST_SPEED else 0.0
+    speed = rpm * _RPM if rpm < _LARGEST_SPEED else 0.0
     current = (stated.rated_current or 0) * 1e-3
-    if current and speed and torque * speed / current > LARGEST_VOLTAGE:
+    if current and speed and torque * speed / current > _LARGEST_VOLTAGE:
         volts = torque * speed / current
         return f"with {current:g} A and {rpm} r/min that would be a motor of {volts * 1e-3:.3g} kV"
-    if current and not speed and torque / current > LARGEST_TORQUE_CONSTANT:
+    if current and not speed and torque / current > _LARGEST_TORQUE_CONSTANT:
         return f"with {current:g} A that would be {torque / current:.3g} N m/A, which no motor has"
-    if speed and not current and torque * speed > LARGEST_POWER:
+    if speed and not current and torque * speed > _LARGEST_POWER:
         return f"with {rpm} r/min that would be a motor of {torque * speed * 1e-3:.3g} kW"
-    if torque > LARGEST_TORQUE and not (current and speed):
-        return f"no motor before a gear has more than {LARGEST_TORQUE:g} N m"
+    if torque > _LARGEST_TORQUE and not (current and speed):
+        return f"no motor before a gear has more than {_LARGEST_TORQUE:g} N m"
     if stated.vendor_id == MAXON:
         return "this maker's drives are known to count it in uN m, where the standard has mN m"
     return ""

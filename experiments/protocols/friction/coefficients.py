@@ -24,9 +24,9 @@ from experiments.tares.motor_heat import MAGNETS, MAGNETS_UNCERTAINTY
 from model.arrays import FloatArray
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, Estimate
 
-LEAST_SPAN = 1.0
+_LEAST_SPAN = 1.0
 """K between the coldest and the warmest run below which nothing is learnt."""
-TOLD_BY = {"dry": "coulomb", "viscous": "viscous"}
+_TOLD_BY = {"dry": "coulomb", "viscous": "viscous"}
 """The estimate whose change tells a coefficient."""
 
 
@@ -45,10 +45,10 @@ def per_kelvin(results: Sequence[Result]) -> dict[str, Any]:
     """
     runs = [result for result in results if _is_told(result)]
     warmth = [result.metrics["housing_temperature"] for result in runs]
-    if len(runs) < 2 or max(warmth) - min(warmth) < LEAST_SPAN:
+    if len(runs) < 2 or max(warmth) - min(warmth) < _LEAST_SPAN:
         return {}
     learnt: dict[str, Any] = {}
-    for part, name in TOLD_BY.items():
+    for part, name in _TOLD_BY.items():
         both = _with_assumed(_coefficient(runs, part, name), ASSUMED[part])
         learnt[f"{part}_per_kelvin"] = (both.value, 2.0 * both.standard_uncertainty)
     names = ", ".join(sorted(result.run for result in runs))
@@ -60,7 +60,7 @@ def per_kelvin(results: Sequence[Result]) -> dict[str, Any]:
 
 
 def _is_told(result: Result) -> bool:
-    estimates = [result.estimates.get(name) for name in TOLD_BY.values()]
+    estimates = [result.estimates.get(name) for name in _TOLD_BY.values()]
     return (
         result.options.get("torque_is_of") == "gear"
         and math.isfinite(result.metrics.get("housing_temperature", math.nan))

@@ -20,7 +20,7 @@ from model.identify.friction import nominal_bearing_torque
 from model.identify.running_torque import pair_directions
 from model.identify.stribeck import StribeckBounds, fit_stribeck, stribeck_curve
 
-EXPONENTIAL = (1.0 - 1e-6, 1.0 + 1e-6)
+_EXPONENTIAL = (1.0 - 1e-6, 1.0 + 1e-6)
 """Shapes of a Stribeck curve that is an exponential."""
 
 
@@ -102,7 +102,7 @@ LADDER = Ladder(
         Rung(name="mean torque (null)", parameters=1, fit=_line(0), predict=_on_line),
         Rung(name="Coulomb and viscous", parameters=2, fit=_line(1), predict=_on_line),
         Rung(
-            name="Stribeck, exponential", parameters=4, fit=_curve(EXPONENTIAL), predict=_on_curve
+            name="Stribeck, exponential", parameters=4, fit=_curve(_EXPONENTIAL), predict=_on_curve
         ),
         Rung(
             name="Stribeck, free shape",

@@ -35,7 +35,7 @@ from experiments.steps.vocabulary import (
 from model.gear import HarmonicDrive
 from model.units import DEGREE, RPM
 
-GOLDEN_STEP = 0.6180339887498949
+_GOLDEN_STEP = 0.6180339887498949
 """Output revolutions between the start positions of successive speeds: neighbouring speeds lie far
 apart on the output, any
 number of positions is spread evenly, and none repeats."""
@@ -111,7 +111,7 @@ def _bracket(p: Parameters, sweep: int) -> Iterator[Step]:
 
 def _start_position(p: Parameters, gear: HarmonicDrive, position: int) -> Step:
     """A move by a golden part of the output revolution, forward or back so that the output stays within one."""
-    here, there = ((GOLDEN_STEP * k) % 1.0 for k in (position, position + 1))
+    here, there = ((_GOLDEN_STEP * k) % 1.0 for k in (position, position + 1))
     turns = (there - here) * gear.ratio
     speed = p.move_rpm * RPM
     return MoveRevolutions(

@@ -18,7 +18,7 @@ from model.identify.friction import FrictionFit
 from model.identify.running_torque import FrictionPoints, Tare
 from model.units import RPM
 
-ENLARGED_BELOW_RPM = 100.0
+_ENLARGED_BELOW_RPM = 100.0
 MILLI = 1e-3
 
 
@@ -33,7 +33,7 @@ def friction_plots(
             ),
             enlarged=(0.0, _knee(fit)),
         ),
-        _figure_9(fit, "friction-curve-low", "Enlargement of the low speeds", ENLARGED_BELOW_RPM),
+        _figure_9(fit, "friction-curve-low", "Enlargement of the low speeds", _ENLARGED_BELOW_RPM),
         _figure_17(fit, holds, tare),
         _residuals(fit),
     ]
@@ -50,7 +50,7 @@ def _knee(fit: FrictionFit) -> float:
     known = velocity.identifiable != "no" and np.isfinite(velocity.value)
     speeds = np.sort(fit.speed) / RPM
     third = float(speeds[min(2, len(speeds) - 1)])
-    return max(velocity.value / RPM if known else ENLARGED_BELOW_RPM, third)
+    return max(velocity.value / RPM if known else _ENLARGED_BELOW_RPM, third)
 
 
 def _label(fit: FrictionFit) -> str:
@@ -313,7 +313,7 @@ def point_table(
     )
 
 
-FIT_TABLE = "fitted-points"
+_FIT_TABLE = "fitted-points"
 
 
 def fit_table(fit: FrictionFit) -> Table:
@@ -336,5 +336,5 @@ def fit_table(fit: FrictionFit) -> Table:
         "shared errors [N m]",
     )
     return Table(
-        FIT_TABLE, "Friction points and fit", columns, rows, "half-difference of the directions"
+        _FIT_TABLE, "Friction points and fit", columns, rows, "half-difference of the directions"
     )

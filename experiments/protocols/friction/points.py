@@ -77,9 +77,9 @@ PLACE_ORDERS = (1, 2, 3, 4)
 """Orders of the output revolution that friction is looked at over."""
 SAME_SPEED = 0.03
 """Relative difference of two speeds up to which they are visits to one."""
-REPETITIONS_PER_ORDER = 3
+_REPETITIONS_PER_ORDER = 3
 """Repetitions of speeds that each order needs."""
-BEARING_RELATIVE = 0.2
+_BEARING_RELATIVE = 0.2
 """Relative standard uncertainty of M_0 where f_0 and nu_0 are taken from the literature."""
 LOSS_RELATIVE, OWN_RELATIVE, HOLD_RELATIVE = 2.0, 1.0, 0.5
 """Relative standard uncertainties of the loss by vibration: of a factor that all speeds share, since stiffness (within
@@ -302,7 +302,7 @@ def bearing_torque(curve: FittedCurve, speed: FloatArray) -> FloatArray:
 def bearing_relative(gear: HarmonicDrive, law: TemperatureLaw) -> float:
     """Relative standard uncertainty of M_0: of its factor, and of a temperature that nobody measured."""
     factor = gear.origins.get("bearing.friction_factor", Origin("assumed"))
-    relative = BEARING_RELATIVE
+    relative = _BEARING_RELATIVE
     if factor.standard_uncertainty is not None and gear.bearing.friction_factor > 0.0:
         relative = factor.standard_uncertainty / gear.bearing.friction_factor
     unknown = (
@@ -382,7 +382,7 @@ def common_errors(
         )
     )
     if spread.place > 0.0:
-        waves = place_columns(every, PLACE_ORDERS) * dry[:, None]
+        waves = _place_columns(every, PLACE_ORDERS) * dry[:, None]
         errors.append(
             CommonError(
                 source=PLACE,
@@ -542,7 +542,7 @@ def spread_of(
     tare = measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
     whole = curve.whole(points.speed)
     speed = np.array([abs(h.torque.speed) for h in every])
-    waves = place_columns(every, PLACE_ORDERS[: freedom // REPETITIONS_PER_ORDER])
+    waves = _place_columns(every, PLACE_ORDERS[: freedom // _REPETITIONS_PER_ORDER])
     waves = points.mean_of(waves * curve.dry(speed)[:, None]) / whole[:, None]
     if measured.tare is not None:
         others = [*others, tare_scatter(measured.tare, speed)]
@@ -561,7 +561,7 @@ def spread_of(
     return Spread(point=point, place=place, freedom=freedom)
 
 
-def place_columns(holds: list[Hold], orders: tuple[int, ...]) -> FloatArray:
+def _place_columns(holds: list[Hold], orders: tuple[int, ...]) -> FloatArray:
     """cos and sin of the orders of the output angle, each averaged over the angle that a hold covers; (n, 2 orders)."""
     spans = [h.place for h in holds if h.place is not None]
     if len(spans) < len(holds) or not orders:

@@ -16,7 +16,7 @@ from experiments.shape import Shape
 CATALOGUE_SPEEDS_RPM = (500.0, 1000.0, 2000.0, 3500.0)
 """Input speeds at which catalogues give the no-load running torque."""
 
-OF_THE_READING: Mapping[str, Dependence] = {"channel": "proportional", **ANGLES_IN_ITS_BUDGET}
+_OF_THE_READING: Mapping[str, Dependence] = {"channel": "proportional", **ANGLES_IN_ITS_BUDGET}
 """Half-sums of the directions: what is not known of the zero is in them in full."""
 
 _AT_REFERENCE = "_at_20_degrees"
@@ -126,7 +126,7 @@ ESTIMATES = (
         unit="N m",
         definition="half-sum of the directions, extrapolated to standstill: rest of the torque zero",
         is_signed=True,
-        rests_on=OF_THE_READING,
+        rests_on=_OF_THE_READING,
     ),
     Quantity(
         name="asymmetry",

@@ -46,17 +46,17 @@ SLOW, STILL = 0.1, 0.3
 STIFFNESS, HIGHEST_PEAK = 0.4, 10.0
 """Relative half-width of the stiffness of a gear about its card's; torsion over error at a resonance that sampling
 hides."""
-FOLDED = (0.05, 0.45)
+_FOLDED = (0.05, 0.45)
 """Turns per sample between which an alias shows the amplitude of what folds there."""
-SPLIT = 2.0
+_SPLIT = 2.0
 """Two orders that fold to one place share what stands there."""
 LAG = 1e-3
 """s by which a torque port lags, assumed; 0 to twice as much."""
-TURNED = 0.02
+_TURNED = 0.02
 """Radians by which the lag or a period must turn the highest order to be looked at."""
 ROWS = 20_000
 """Rows of a hold that are looked at, its last ones."""
-TREND = 2
+_TREND = 2
 """Degree of the polynomial over time that stands for the turning of the output and its own slow orders in a block."""
 SEEN = 4.0
 """Mean square of an order over that of the noise from which on it is a motion."""
@@ -64,7 +64,7 @@ BLOCK_ROWS, BLOCK_REVOLUTIONS = 80, 5.0
 """A block has at least so many rows and covers so many input revolutions, all of a shorter hold, but one at least."""
 LEAST_REVOLUTIONS, ENOUGH = 0.95, 16
 """Input revolutions that a hold needs, and slow holds, in many places on the output, that tell the error."""
-REVOLUTION_ROWS = 200
+_REVOLUTION_ROWS = 200
 """Rows per input revolution that are enough."""
 
 
@@ -95,7 +95,7 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
     error = _at_rest(recording, holds, mode, gear) if any(shaken) else np.zeros(len(orders))
     for k, hold in enumerate(holds):
         speed = abs(hold.torque.speed)
-        if orders[-1] * speed * max(LAG, period) < TURNED:
+        if orders[-1] * speed * max(LAG, period) < _TURNED:
             continue
         waves = _waves(
             recording, hold, ["input_angle", channel] + ["output_angle"] * int(shaken[k])
@@ -137,8 +137,8 @@ def _sampled(
     """
     hidden, folded = turns >= HIGHEST_SHARE, np.abs(turns - np.round(turns))
     found = _torsion(ratio, np.where(hidden, math.nan, motion), error)
-    shown = hidden & (folded > FOLDED[0]) & (folded < FOLDED[1])
-    most = np.where(shown, SPLIT * _torsion(ratio, motion, error), math.inf)
+    shown = hidden & (folded > _FOLDED[0]) & (folded < _FOLDED[1])
+    most = np.where(shown, _SPLIT * _torsion(ratio, motion, error), math.inf)
     return np.minimum(found, most)
 
 
@@ -218,7 +218,7 @@ def _waves(recording: Recording, hold: Hold, names: list[str]) -> _Waves | None:
     """The orders of some signals of a hold by blocks; None where it is too short."""
     rows = slice(max(hold.segment.start, hold.segment.stop - ROWS), hold.segment.stop)
     per_turn = REVOLUTION * recording.metadata.sample_rate / abs(hold.torque.speed)
-    good = np.flatnonzero(usable(recording, rows))[:: max(1, int(per_turn / REVOLUTION_ROWS))]
+    good = np.flatnonzero(usable(recording, rows))[:: max(1, int(per_turn / _REVOLUTION_ROWS))]
     angle = recording.si("input_angle", rows)[good]
     turns = abs(angle[-1] - angle[0]) / REVOLUTION if len(angle) else 0.0
     if turns < LEAST_REVOLUTIONS:
@@ -236,12 +236,12 @@ def _waves(recording: Recording, hold: Hold, names: list[str]) -> _Waves | None:
     moved = moved - moved.mean(axis=2, keepdims=True)
     place = np.broadcast_to(np.linspace(-1.0, 1.0, size), turned.shape)
     waves = [f(n * turned) for n in ORDERS for f in (np.cos, np.sin)]
-    design = np.stack([*(place**k for k in range(TREND + 1)), *waves], axis=2)
+    design = np.stack([*(place**k for k in range(_TREND + 1)), *waves], axis=2)
     # Normal equations: columns are of unit size, and what aliases away is cut off.
     right = np.moveaxis(moved, 0, 2)
     inverse = np.linalg.pinv(design.mT @ design, rcond=1e-6, hermitian=True)
     solution = inverse @ (design.mT @ right)
     residual = right - design @ solution
     noise = 4.0 * np.mean(residual**2, axis=(0, 1)) / size
-    parts = np.moveaxis(solution[:, TREND + 1 :, :], 2, 0)
+    parts = np.moveaxis(solution[:, _TREND + 1 :, :], 2, 0)
     return _Waves(parts[:, :, 0::2] - 1j * parts[:, :, 1::2], noise)

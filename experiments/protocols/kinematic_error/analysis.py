@@ -75,13 +75,13 @@ SETTINGS = (
 OUTPUT_ECCENTRICITY, INPUT_ECCENTRICITY = 2.0, 1.0
 """arcsec at the output, once per output and once per input revolution: a seat that is trued up to half a micrometre."""
 
-TORQUE_LAG = 0.002
+_TORQUE_LAG = 0.002
 """s; what the torque port may lag (filters and settling), standard uncertainty of a lag that is taken as zero."""
 
-STATED_MODE_UNCERTAINTY = 0.05
+_STATED_MODE_UNCERTAINTY = 0.05
 """Relative standard uncertainty of a resonance that was stated: it depends on amplitude and warmth."""
 
-STIFFNESS_TOLERANCE = 0.4
+_STIFFNESS_TOLERANCE = 0.4
 """Half-width of the rectangular distribution of K over the stiffness of a parameter set that no run identified."""
 
 
@@ -255,7 +255,7 @@ def stated_mode(recording: Recording) -> StatedMode | None:
     if stated is None:
         return None
     return StatedMode(
-        first_mode=float(stated) * REVOLUTION, relative_uncertainty=2.0 * STATED_MODE_UNCERTAINTY
+        first_mode=float(stated) * REVOLUTION, relative_uncertainty=2.0 * _STATED_MODE_UNCERTAINTY
     )
 
 
@@ -266,7 +266,7 @@ def spring_of(gear: HarmonicDrive, ratio: float, *, is_simulated: bool = False) 
     but what the run shows (`UnstatedMode`).
 
     Where a run identified the resonance (it stands in the set's output inertia) its uncertainty
-    counts; else the stiffness is one within `STIFFNESS_TOLERANCE` of the set's.
+    counts; else the stiffness is one within `_STIFFNESS_TOLERANCE` of the set's.
     """
     origin = gear.value("inertia.output").origin
     if origin.provenance in UNSTATED and not is_simulated:
@@ -278,7 +278,7 @@ def spring_of(gear: HarmonicDrive, ratio: float, *, is_simulated: bool = False) 
             parameters=parameters,
             relative_uncertainty=origin.standard_uncertainty / gear.inertia.output,
         )
-    low, high = 1.0 - STIFFNESS_TOLERANCE, 1.0 + STIFFNESS_TOLERANCE
+    low, high = 1.0 - _STIFFNESS_TOLERANCE, 1.0 + _STIFFNESS_TOLERANCE
     mean = math.log(high / low) / (high - low)
     return Torsion(
         parameters=parameters, relative_uncertainty=math.sqrt(1.0 / (low * high) - mean**2)
@@ -346,7 +346,7 @@ def _figure_16(
     if ahead.torque is None or back.torque is None:
         return None
     return phase_relation(
-        combined, ahead.torque, back.torque, torque_lag_angle=(0.0, TORQUE_LAG * speed)
+        combined, ahead.torque, back.torque, torque_lag_angle=(0.0, _TORQUE_LAG * speed)
     )
 
 

@@ -22,7 +22,7 @@ from model.units import REVOLUTION
 
 CELLS = 128
 """Stretches of an input revolution whose means are one value each; order 12 loses 1.4 % by that."""
-WHOLE_ORDERS = 12
+_WHOLE_ORDERS = 12
 
 
 def sample(recording: Recording, evidence: Evidence) -> Sample:
@@ -93,7 +93,7 @@ def _with_sidebands(sample: Sample) -> Sequence[float]:
     """Whole orders of the input, the first two of the output, and the sidebands of orders 1, 2 and 4."""
     turn = 1.0 / sample.gear.ratio
     beside = [n + k * turn for n in (0, 1, 2, 4) for k in (-2, -1, 1, 2) if n + k > 0]
-    return [*_whole(WHOLE_ORDERS)(sample), *beside]
+    return [*_whole(_WHOLE_ORDERS)(sample), *beside]
 
 
 def _as_stated(_: None, sample: Sample) -> FloatArray:
@@ -119,7 +119,7 @@ LADDER = Ladder(
         _rung("order 2", lambda sample: [2.0], 1),
         _rung("orders 2 and 4", lambda sample: [2.0, 4.0], 2),
         _rung("orders 1 to 4", _whole(4), 4),
-        _rung("orders 1 to 12", _whole(WHOLE_ORDERS), WHOLE_ORDERS),
-        _rung("and sidebands", _with_sidebands, WHOLE_ORDERS + SIDEBANDS),
+        _rung("orders 1 to 12", _whole(_WHOLE_ORDERS), _WHOLE_ORDERS),
+        _rung("and sidebands", _with_sidebands, _WHOLE_ORDERS + SIDEBANDS),
     ),
 )

@@ -22,7 +22,7 @@ from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, St
 from model.gear import HarmonicDrive
 from model.units import REVOLUTION, RPM
 
-MAXIMUM_SPEED = 300.0 * RPM
+_MAXIMUM_SPEED = 300.0 * RPM
 """rad/s; above it no kinematic error is measured."""
 
 
@@ -63,7 +63,7 @@ def _speed(p: Parameters, gear: HarmonicDrive) -> float:
     """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
     wanted = p.speed_rpm * RPM
     ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    highest = max(min(gear.ratings.maximum_input_speed, MAXIMUM_SPEED), wanted)
+    highest = max(min(gear.ratings.maximum_input_speed, _MAXIMUM_SPEED), wanted)
     lattice = p.output_counts / ratio
     moved = off_lattice(wanted, p.sync_rate, lattice, ratio, ceiling=highest)
     lock = lattice_lock(moved, p.sync_rate, lattice, ratio)

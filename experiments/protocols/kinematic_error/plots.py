@@ -20,9 +20,9 @@ from model.identify.kinematic_error import KinematicErrorFit
 from model.kinematic_error import series_value
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 
-RAW_REVOLUTIONS = 4.0
+_RAW_REVOLUTIONS = 4.0
 """Input revolutions of raw samples that figure 12 shows."""
-RAW_POINTS = 4000
+_RAW_POINTS = 4000
 FITTED = 6
 """Group of the fitted curves, whose colour is that of no direction."""
 
@@ -55,14 +55,14 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
     for rows in recording.blocks(segment_rows, size=1 << 15):
         good = usable(recording, rows)
         angle = recording.si("input_angle", rows)[good] - reference.input_angle
-        inside = sign * (angle - start) <= RAW_REVOLUTIONS * REVOLUTION
+        inside = sign * (angle - start) <= _RAW_REVOLUTIONS * REVOLUTION
         angles.append(angle[inside])
         values.append(recording.output_angle(rows)[good][inside] - angle[inside] / fit.ratio)
         if not inside.all():
             break
     angle, raw = np.concatenate(angles), np.concatenate(values)
-    pick = slice(None, None, max(1, len(angle) // RAW_POINTS))
-    fitted_at = np.linspace(start, start + sign * RAW_REVOLUTIONS * REVOLUTION, 1500)
+    pick = slice(None, None, max(1, len(angle) // _RAW_POINTS))
+    fitted_at = np.linspace(start, start + sign * _RAW_REVOLUTIONS * REVOLUTION, 1500)
     fitted = _value(fit, fitted_at)
     middle = float(np.mean(raw - _value(fit, angle))) if len(angle) else 0.0
     series = (
@@ -347,7 +347,7 @@ def order_table(combined: CombinedKinematicError) -> Table:
     )
 
 
-GOODNESS = (
+_GOODNESS = (
     ("MSE (22), samples that were fitted", "mse_curve"),
     ("MSE (22), revolutions that were left out", "mse_left_out"),
     ("MSE (22), raw samples", "mse_raw"),
@@ -365,6 +365,6 @@ PAPERS_GOODNESS = (
 def goodness_table(fits: list[KinematicErrorFit]) -> Table:
     """MSE (22) of each direction, on the samples fitted and on revolutions left out, beside the paper's figures."""
     ways = _one_each_way(fits)
-    rows = tuple((title, *(float(fit.metrics[name]) for fit in ways)) for title, name in GOODNESS)
+    rows = tuple((title, *(float(fit.metrics[name]) for fit in ways)) for title, name in _GOODNESS)
     columns = ("goodness of fit", *(way_of(fit.direction) for fit in ways))
     return Table("goodness", "How well the series fits", columns, rows, note=PAPERS_GOODNESS)

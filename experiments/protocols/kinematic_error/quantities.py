@@ -10,7 +10,7 @@ from experiments.quantity import (
 )
 from model.units import ARCSEC
 
-COMPARED_BY = ("part", "mounting", "speed", "orders")
+_COMPARED_BY = ("part", "mounting", "speed", "orders")
 _CATALOGUE = Counterpart(
     rating="transmission_accuracy",
     definition="largest positive plus largest negative deviation of the output from the ideal "
@@ -33,7 +33,7 @@ ESTIMATES = (
         unit="rad",
         shown="arcmin",
         definition=_ACCURACY,
-        conditions=COMPARED_BY,
+        conditions=_COMPARED_BY,
         target_uncertainty=_ACCURACY_TARGET,
         target_reason=_ACCURACY_REASON,
         is_key=True,
@@ -48,7 +48,7 @@ ESTIMATES = (
         unit="rad",
         shown="arcmin",
         definition=_ACCURACY,
-        conditions=COMPARED_BY,
+        conditions=_COMPARED_BY,
         target_uncertainty=_ACCURACY_TARGET,
         target_reason=_ACCURACY_REASON,
         is_key=True,
@@ -66,7 +66,7 @@ ESTIMATES = (
         shown="arcsec",
         definition="amplitude of this order of the kinematic error, cycles per input revolution; "
         "mean of both directions",
-        conditions=COMPARED_BY,
+        conditions=_COMPARED_BY,
         target_uncertainty=6.0 * ARCSEC,
         target_reason="a tenth of the transmission accuracy that catalogues state, 1 arcmin; "
         "an output encoder of 5 arcsec allows it",

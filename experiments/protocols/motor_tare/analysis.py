@@ -43,16 +43,16 @@ from model.identify.running_torque import (
 )
 from model.units import REVOLUTION, RPM
 
-DISC_INERTIA = 0.005
+_DISC_INERTIA = 0.005
 """Relative standard uncertainty of the inertia of a disc that was turned and weighed."""
 
-HEAT_CAPACITY = 350.0
+_HEAT_CAPACITY = 350.0
 """J/K of a servo motor of this size (some 0.9 kg of steel and copper), assumed within a factor of two."""
 
-UNSEEN_LOSSES = 2.0
+_UNSEEN_LOSSES = 2.0
 """Losses of the whole run over those of the holds: ramps and settling turn as far again."""
 
-COGGING_BELOW = 100.0 * RPM
+_COGGING_BELOW = 100.0 * RPM
 """Input speed up to which the torque over angle shows cogging and not the inertia of a rippling speed."""
 
 
@@ -83,7 +83,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     warnings += points.warnings
     estimates, covariance = _straight_line(recording, averages, points, heat)
     estimates |= _offset(points, zero)
-    slow = [s for s in segments if abs(s.setpoint) <= COGGING_BELOW]
+    slow = [s for s in segments if abs(s.setpoint) <= _COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
     plots = [_plot(holds, estimates)]
     metrics = {"speeds": float(len(tare.speed)), "torque_zero_drift": zero.drift}
@@ -214,7 +214,7 @@ def _warming(averages: Sequence[RunningTorque]) -> FloatArray:
     order = np.argsort([t.time for t in averages])
     losses = [abs(t.torque) * REVOLUTION * t.revolutions for t in (averages[k] for k in order)]
     warmer = np.empty(len(averages))
-    warmer[order] = np.cumsum(losses) * UNSEEN_LOSSES / HEAT_CAPACITY
+    warmer[order] = np.cumsum(losses) * _UNSEEN_LOSSES / _HEAT_CAPACITY
     return warmer
 
 
@@ -264,7 +264,7 @@ def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
     error = float(fit.standard_error[0])
     budget = (
         BudgetLine("scatter of the ramps", "A", error, degrees_of_freedom=fit.freedom),
-        BudgetLine("inertia of the disc", "B", DISC_INERTIA, "turned and weighed"),
+        BudgetLine("inertia of the disc", "B", _DISC_INERTIA, "turned and weighed"),
         ROTOR.line("inertia of the rotor", ROTOR.standard_uncertainty * rotor / inertia),
     )
     return Estimate(

@@ -31,7 +31,7 @@ from model.units import DEGREE
 
 SETTINGS = (*NAMES, "dry_per_kelvin", "per_kelvin_source")
 
-LARGEST_DOUBTFUL = 0.25
+_LARGEST_DOUBTFUL = 0.25
 """Share of the ramps that may have ended by something else than motion."""
 
 
@@ -96,12 +96,12 @@ def _ramps(
     ramps = [b for b in found if isinstance(b, Breakaway)]
     unused = Counter(b for b in found if isinstance(b, Unused))
     doubtful = unused[Unused.JUMPED] + unused[Unused.ALONE]
-    if doubtful > LARGEST_DOUBTFUL * len(found):
+    if doubtful > _LARGEST_DOUBTFUL * len(found):
         raise AnalysisError(
             "too many ramps were ended by something that is no motion of the gear",
             where=recording.metadata.run_id,
             value=", ".join(f"{n} {why}" for why, n in unused.items()),
-            limit=f"<= {100.0 * LARGEST_DOUBTFUL:g} % of {len(found)} ramps",
+            limit=f"<= {100.0 * _LARGEST_DOUBTFUL:g} % of {len(found)} ramps",
             remedy="Look at both encoders, their cables and couplings; then run it again.",
         )
     if not ramps:

@@ -16,14 +16,14 @@ LARGEST_CONDITION = 3.0
 """Of the patterns beside the mean: above it an error of the one would become one of the other."""
 HIGHEST_ORDER = 6
 """Orders of the input that are told from scatter, where there are positions enough."""
-FAR = 6.0
+_FAR = 6.0
 """Standard deviations of the others by which a ramp may be away from them."""
 NEAR_SHARE, FAR_SHARE = 0.15, 0.35
 """Shares of the middle torque within which a ramp is never refused, and beyond which it always is: friction over the
 angle differs by less, and a motor's cogging is not in the half-difference of the directions."""
-LARGEST_ASYMMETRY = 0.25
+_LARGEST_ASYMMETRY = 0.25
 """Half-sum of the directions over their half-difference from which on they are not of one gear."""
-AGAIN = "Look at that ramp for stray rows, a slipping coupling or something that rubs; then run it again."
+_AGAIN = "Look at that ramp for stray rows, a slipping coupling or something that rubs; then run it again."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,7 @@ def _refuse_disagreeing(places: list[Breakaway], torque: FloatArray, run: str) -
     """
     middle = float(np.median(torque))
     away = np.abs(torque - middle)
-    spread = FAR * 1.4826 * float(np.median(away))
+    spread = _FAR * 1.4826 * float(np.median(away))
     allowed = min(max(spread, NEAR_SHARE * abs(middle)), FAR_SHARE * abs(middle))
     worst = int(np.argmax(away))
     if middle > 0.0 and away[worst] <= allowed:
@@ -117,19 +117,19 @@ def _refuse_disagreeing(places: list[Breakaway], torque: FloatArray, run: str) -
         where=f"{run}, position {places[worst].position / DEGREE:.0f} deg",
         value=f"{1e3 * float(torque[worst]):.3g} mN m",
         limit=f"{1e3 * middle:.3g} ± {1e3 * allowed:.2g} mN m, as the others",
-        remedy=AGAIN,
+        remedy=_AGAIN,
     )
 
 
 def _refuse_asymmetric(friction: float, asymmetry: float, run: str) -> None:
     """Refuse directions that are too far apart to be of one gear and one zero."""
-    if abs(asymmetry) <= LARGEST_ASYMMETRY * abs(friction):
+    if abs(asymmetry) <= _LARGEST_ASYMMETRY * abs(friction):
         return
     raise AnalysisError(
         "the directions disagree: the half-sum of their torques is no small part of the half-difference",
         where=run,
         value=f"{1e3 * asymmetry:.3g} mN m beside {1e3 * friction:.3g} mN m",
-        limit=f"<= {100.0 * LARGEST_ASYMMETRY:g} %",
+        limit=f"<= {100.0 * _LARGEST_ASYMMETRY:g} %",
         remedy="Read the torque zero with the servo off, look at the scale of both signs; then run it again.",
     )
 

@@ -22,23 +22,23 @@ from model.units import ARCMIN, DEGREE
 
 FIRST_MOTION = 0.2 * DEGREE
 """Input angle that counts as motion; less is the elastic wind-up of gear and grease, or counts flickering."""
-QUIET_SHARE = 0.25
+_QUIET_SHARE = 0.25
 """Share of it below which the input is at rest, as far as its encoder can tell."""
-STUCK = 0.4 * DEGREE
+_STUCK = 0.4 * DEGREE
 """Standstill in an approach, in angle at its mean speed, from which on it sticks and slips: the output swings when the
 input stops, and is no longer wound up as far as its friction held it."""
 LEAST_ROWS = 20
 """Rows of a ramp without which nothing is told."""
-AT_REST = 5
+_AT_REST = 5
 """Rows at the start of a ramp whose median is its rest."""
-MEDIAN = 5
+_MEDIAN = 5
 """Rows of the running median: up to two stray rows beside each other are no motion."""
-SUDDEN = 4.0
+_SUDDEN = 4.0
 """How many times as much as in the rows beside it an angle gains where its counter jumped; what has come loose gains
 more and more."""
-WOUND = 2.0 * ARCMIN
+_WOUND = 2.0 * ARCMIN
 """Of the output: wind-up and kinematic error within a ramp, by which both encoders may differ."""
-FLICKER = 4.0
+_FLICKER = 4.0
 """Counts of the output by which they may differ beside that."""
 STRAY = 6.0
 """Standard deviations from the line of a ramp beyond which a reading of the torque is none."""
@@ -74,7 +74,7 @@ def breakaway_of(recording: Recording, segment: Segment, zero: TorqueZero) -> Br
     signal = recording.signals["input_angle"]
     angle = settled(recording.si("input_angle", segment)[good])
     threshold = max(FIRST_MOTION, 3.0 * signal.quantum)
-    rest = float(np.median(angle[:AT_REST]))
+    rest = float(np.median(angle[:_AT_REST]))
     moved = np.abs(angle - rest)
     away = int(np.flatnonzero(moved <= threshold)[-1]) + 1
     if away >= len(moved) or away < LEAST_ROWS // 2:
@@ -95,9 +95,9 @@ def breakaway_of(recording: Recording, segment: Segment, zero: TorqueZero) -> Br
 
 def settled(angle: FloatArray) -> FloatArray:
     """An angle without its stray rows: the running median."""
-    half = MEDIAN // 2
+    half = _MEDIAN // 2
     padded = np.pad(angle, half, mode="reflect")
-    windows = np.lib.stride_tricks.sliding_window_view(padded, MEDIAN)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, _MEDIAN)
     return np.asarray(np.median(windows, axis=1), dtype=np.float64)
 
 
@@ -108,7 +108,7 @@ def _jumps(angle: FloatArray, least: float) -> bool:
     for k in (1, 2):
         beside[k:] = np.maximum(beside[k:], step[:-k])
         beside[:-k] = np.maximum(beside[:-k], step[k:])
-    return bool(np.any((step > least) & (step >= SUDDEN * beside)))
+    return bool(np.any((step > least) & (step >= _SUDDEN * beside)))
 
 
 def _is_seen_by_both(
@@ -120,8 +120,8 @@ def _is_seen_by_both(
     if not (is_there and math.isfinite(ratio) and ratio > 0.0):
         return True
     outer = settled(recording.output_angle(segment)[good])
-    apart = outer - float(np.median(outer[:AT_REST])) - travel / ratio
-    allowed = WOUND + FLICKER * recording.signals["output_angle"].quantum
+    apart = outer - float(np.median(outer[:_AT_REST])) - travel / ratio
+    allowed = _WOUND + _FLICKER * recording.signals["output_angle"].quantum
     return float(np.abs(apart).max()) <= allowed
 
 
@@ -146,7 +146,7 @@ def first_motion(time: FloatArray, moved: FloatArray, threshold: float) -> tuple
     free, with its cube where the torque rises evenly. A straight line through the roots goes back
     to the moment of rest; it lies between those of the two laws.
     """
-    quiet = int(np.flatnonzero(moved <= QUIET_SHARE * threshold)[-1])
+    quiet = int(np.flatnonzero(moved <= _QUIET_SHARE * threshold)[-1])
     still = float(time[quiet])
     later, angle = time[quiet + 1 :] - still, moved[quiet + 1 :]
     if len(angle) < 3 or angle[-1] <= angle[0]:
@@ -177,7 +177,7 @@ def approach_remarks(recording: Recording, ramps: Iterable[Segment]) -> list[str
 def stuck_share(recording: Recording) -> float:
     """The share of the approaches that stuck and slipped."""
     approaches = [a for a in recording.labelled("position") if a.stop - a.start > 2]
-    return float(np.mean([_rest_angle(recording, a) > STUCK for a in approaches] or [0.0]))
+    return float(np.mean([_rest_angle(recording, a) > _STUCK for a in approaches] or [0.0]))
 
 
 def _rest_angle(recording: Recording, segment: Segment) -> float:

@@ -37,7 +37,7 @@ from model.identify.least_squares import student_quantile
 
 APART = "directions apart"
 """The line of a half-sum of the directions that is more than scatter and zero explain."""
-MOTOR_SHARE = 0.5
+_MOTOR_SHARE = 0.5
 """Share of the starting torque that may be the motor's own: a gear's coefficient does not hold for it."""
 
 
@@ -86,7 +86,7 @@ def conditions_of(
 def _of_both(gear: Coefficient) -> Coefficient:
     """The coefficient of motor and gear together: that of the gear, and what the motor's share may make of it."""
     apart = math.hypot(gear.value - FRICTION, FRICTION_UNCERTAINTY)
-    u = math.hypot(gear.standard_uncertainty, MOTOR_SHARE / math.sqrt(3.0) * apart)
+    u = math.hypot(gear.standard_uncertainty, _MOTOR_SHARE / math.sqrt(3.0) * apart)
     return replace(gear, standard_uncertainty=u)
 
 

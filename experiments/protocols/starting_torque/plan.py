@@ -21,20 +21,20 @@ from experiments.steps.vocabulary import (
 from model.gear import HarmonicDrive
 from model.units import DEGREE, REVOLUTION, RPM
 
-RELEASE_TIME = 0.5
+_RELEASE_TIME = 0.5
 """s without power before a ramp: what the servo held at standstill is let go, the torque port settles."""
 
-LEAST_APPROACH = 1.0
+_LEAST_APPROACH = 1.0
 """Input revolutions in its own direction before the first ramp of a direction: the wind-up of the other is gone."""
 
 CREEP = 0.05
 """rad of input that a position is approached with at the end, so slowly that the output comes to rest as
 its own friction has wound it up; many times the wind-up itself."""
 
-SLOWEST_CREEP = 0.02
+_SLOWEST_CREEP = 0.02
 """rad/s."""
 
-LEFT_BY_STOPPING = 2e-4
+_LEFT_BY_STOPPING = 2e-4
 """N m at the input that the moving output may take out of the wind-up when the input comes to rest."""
 
 STEP_SHARE = 0.43
@@ -73,7 +73,7 @@ def _ramps(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
     phases, turns = _places(p.positions, gear.ratio)
     for repeat in range(p.repeats):
         for way in (1, -1):
-            yield _travel(p, way * max(turns[0], LEAST_APPROACH), repeat)
+            yield _travel(p, way * max(turns[0], _LEAST_APPROACH), repeat)
             for place, phase in enumerate(phases[::way]):
                 if place and turns[place]:
                     yield _travel(p, way * turns[place], repeat)
@@ -82,7 +82,7 @@ def _ramps(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
                 yield MoveRevolutions(
                     way * CREEP / REVOLUTION, creep, gentle, 2.0 * CREEP / creep + 5.0, label
                 )
-                yield ServoOff(RELEASE_TIME, SegmentLabel("rest", phase, way, repeat))
+                yield ServoOff(_RELEASE_TIME, SegmentLabel("rest", phase, way, repeat))
                 label = SegmentLabel("torque-ramp", phase, way, repeat)
                 yield TorqueRamp(way * p.rate, p.torque_limit, p.motion_deg * DEGREE, label)
                 yield stop(p.acceleration)
@@ -90,13 +90,13 @@ def _ramps(p: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
 
 def _gentle(p: Parameters, gear: HarmonicDrive) -> tuple[float, float]:
     """Input speed [rad/s] and acceleration [rad/s2] at which the output, moving, carries no more than
-    `LEFT_BY_STOPPING` past the standstill of the input: v sqrt(J_o K_1)/N^2 when it stops at once,
+    `_LEFT_BY_STOPPING` past the standstill of the input: v sqrt(J_o K_1)/N^2 when it stops at once,
     a J_o/N^2 when it is braked.
     """
     inertia, ratio = gear.inertia.output, gear.ratio
-    at_once = LEFT_BY_STOPPING * ratio**2 / math.sqrt(inertia * gear.ratings.stiffness_1)
-    speed = min(max(at_once, SLOWEST_CREEP), p.approach_rpm * RPM)
-    return speed, min(LEFT_BY_STOPPING * ratio**2 / inertia, p.acceleration)
+    at_once = _LEFT_BY_STOPPING * ratio**2 / math.sqrt(inertia * gear.ratings.stiffness_1)
+    speed = min(max(at_once, _SLOWEST_CREEP), p.approach_rpm * RPM)
+    return speed, min(_LEFT_BY_STOPPING * ratio**2 / inertia, p.acceleration)
 
 
 def _places(positions: int, ratio: float) -> tuple[list[float], list[int]]:

@@ -17,7 +17,7 @@ _CATALOGUE = Counterpart(
     conditions="nothing on the output, housing at 20 °C, the unit's own grease",
 )
 TARGET = 0.015
-TARGET_REASON = "a tenth of what catalogues state for this size at ratio 50, 0.15 N m"
+_TARGET_REASON = "a tenth of what catalogues state for this size at ratio 50, 0.15 N m"
 QUANTITIES = (
     Quantity(
         name="starting_torque_{way}",
@@ -27,7 +27,7 @@ QUANTITIES = (
         definition=_DEFINITION,
         conditions=_COMPARED_BY,
         target_uncertainty=TARGET,
-        target_reason=TARGET_REASON,
+        target_reason=_TARGET_REASON,
         is_key=True,
         catalogue=_CATALOGUE,
         is_above_zero=True,
@@ -43,7 +43,7 @@ QUANTITIES = (
         definition=_DEFINITION,
         conditions=_COMPARED_BY,
         target_uncertainty=TARGET,
-        target_reason=TARGET_REASON,
+        target_reason=_TARGET_REASON,
         is_key=True,
         is_watched=True,
         catalogue=_CATALOGUE,

@@ -59,7 +59,7 @@ from model.units import REVOLUTION
 
 SETTINGS = ("kinematic_error", "ladder", *NAMES)
 
-LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
+_LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
 """The setting `ladder`: up to which rung is fitted; full costs several times as much."""
 
 
@@ -73,7 +73,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     damping ratio, as it is entered (settings as of friction) or as the bench's card has it.
     """
     gear = evidence.gear
-    richest = _choice(evidence, "ladder", "full", tuple(LADDERS))
+    richest = _choice(evidence, "ladder", "full", tuple(_LADDERS))
     steps, named, warnings = _steps_of(recording, gear, evidence)
     given = "parameter set" in named["kinematic_error"]
     if not given:
@@ -89,7 +89,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         ladder = fit_ladder(
             [step.data for step in steps],
             expected_of(gear, is_known=is_known),
-            richest=LADDERS[richest],
+            richest=_LADDERS[richest],
             paper=[paper(step) for step in steps],
             error_given=given,
         )
@@ -115,7 +115,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         metrics={
             **_metrics(scores, ladder, steps),
             "skew": skew.value,
-            "torque_amplitude": amplitude_of(gear),
+            "torque_amplitude": _amplitude_of(gear),
             "output_bearing_damping_subtracted": damped,
         },
         warnings=tuple(dict.fromkeys(warnings)),
@@ -133,12 +133,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "output_bearing": bearing.words(),
             "ladder": richest,
             "rung": ladder.chosen,
-            "stiffness": f"secant, at +-{amplitude_of(gear):.3g} N m at the output",
+            "stiffness": f"secant, at +-{_amplitude_of(gear):.3g} N m at the output",
         },
     )
 
 
-def amplitude_of(gear: HarmonicDrive) -> float:
+def _amplitude_of(gear: HarmonicDrive) -> float:
     """The torque at the output [N m] at which stiffness and damping are stated: T1/4."""
     return 0.25 * gear.ratings.torque_1
 
@@ -158,7 +158,7 @@ def expected_of(gear: HarmonicDrive, *, is_known: bool = True) -> Expected:
             ratings.stiffness_3 / ratings.stiffness_1,
         ),
         loss=ratings.hysteresis_loss,
-        amplitude=amplitude_of(gear),
+        amplitude=_amplitude_of(gear),
         is_known=is_known,
     )
 

@@ -19,7 +19,7 @@ from model.units import REVOLUTION
 
 WAYS = ("", "_forward", "_reverse")
 BY_LOAD = "output bearing, inertia of the output"
-UNSTATED_TIMES = 2.0 / math.sqrt(3.0)
+_UNSTATED_TIMES = 2.0 / math.sqrt(3.0)
 """Of the bearing's damping by the set's inertia: from none to twice as much, none of it taken off."""
 
 
@@ -42,7 +42,7 @@ def without_bearing(
         whole = float(bearing.is_subtracted) * bearing.viscous * per_viscous
         off = float(load.is_stated) * whole
         doubt = bearing.viscous_uncertainty * per_viscous
-        by_load = load.relative_uncertainty * off if load.is_stated else UNSTATED_TIMES * whole
+        by_load = load.relative_uncertainty * off if load.is_stated else _UNSTATED_TIMES * whole
         lines = [
             bearing.line(VISCOUS, doubt),
             load.marked(BudgetLine(BY_LOAD, "B", by_load, "of the set, beside its own doubt")),

@@ -30,13 +30,13 @@ from model.identify.step_data import SPEED_SMOOTHING, StepData, step_data
 from model.kinematic_error import design_matrix
 from model.units import RPM
 
-REST_SHOWN = 0.1
+_REST_SHOWN = 0.1
 """s of standstill before the step that belong to it."""
 SLOW = 300.0 * RPM
 """Input speed up to which a step's steady part shows the kinematic error as it is (its orders far
 below the first mode).
 """
-SLOW_ORDERS = (1, 2, 3, 4, 5, 6)
+_SLOW_ORDERS = (1, 2, 3, 4, 5, 6)
 RISE = 0.015
 """s over which a commanded speed is taken to rise: that of a drive's speed loop of some 40 Hz. A step without any
 would command an infinite acceleration, which no drive gives.
@@ -155,7 +155,7 @@ def _arrays(
     start = (
         segment.start
         if before is None
-        else max(before.start, segment.start - round(REST_SHOWN * rate))
+        else max(before.start, segment.start - round(_REST_SHOWN * rate))
     )
     rows = slice(start, segment.stop)
     good = usable(recording, rows)
@@ -210,9 +210,9 @@ def _own_series(raw: list[_Stretch], ratio: float, resonance: float) -> tuple[Ha
     for index, part in enumerate(slow):
         time, angle = part.time, part.input_angle
         steady = time >= max(0.4 * float(time[-1]), 0.2)
-        orders = [float(n) for n in SLOW_ORDERS]
+        orders = [float(n) for n in _SLOW_ORDERS]
         raised = 1.0 / (
-            1.0 - (np.array(orders) * part_speed(angle[steady], time[steady]) / resonance) ** 2
+            1.0 - (np.array(orders) * _part_speed(angle[steady], time[steady]) / resonance) ** 2
         )
         designs.append(
             design_matrix(angle[steady], orders, constant=False, trend=False) * np.repeat(raised, 2)
@@ -225,11 +225,12 @@ def _own_series(raw: list[_Stretch], ratio: float, resonance: float) -> tuple[Ha
     coefficients = np.linalg.lstsq(design, np.concatenate(values), rcond=None)[0][len(slow) :]
     pairs = coefficients.reshape(-1, 2)
     return tuple(
-        Harmonic(float(n), float(a), float(b)) for n, (a, b) in zip(SLOW_ORDERS, pairs, strict=True)
+        Harmonic(float(n), float(a), float(b))
+        for n, (a, b) in zip(_SLOW_ORDERS, pairs, strict=True)
     )
 
 
-def part_speed(angle: FloatArray, time: FloatArray) -> float:
+def _part_speed(angle: FloatArray, time: FloatArray) -> float:
     """Mean speed over a stretch [rad/s]."""
     return float(angle[-1] - angle[0]) / float(time[-1] - time[0])
 

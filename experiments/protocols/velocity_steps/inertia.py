@@ -20,13 +20,13 @@ from model.identify.estimate import BudgetLine, Estimate, Identifiable, coverage
 from model.identify.step_inertia import LEAST_STEPS, InertiaFit, fit_inertia
 from model.units import RPM
 
-INERTIA_ABOVE = 250.0 * RPM
+_INERTIA_ABOVE = 250.0 * RPM
 """Input speed from which the torque of a step is asked for the inertia of the output."""
 SCATTER, SMOOTHING = "scatter between the steps, and what they share", "smoothing of the rise"
 SKEW = "torque delay"
 TWICE = "all sides smoothed twice as wide"
 AGAINST_CARDS = "input inertia against the cards"
-RUNG = "choice of the rung"
+_RUNG = "choice of the rung"
 """The line of the mode's budget that is computed anew for what torque tells."""
 
 
@@ -45,7 +45,7 @@ def output_inertia(
     asked = [
         index
         for index, (step, rung) in enumerate(zip(steps, rings, strict=True))
-        if step.torque is not None and rung and abs(step.data.target) >= INERTIA_ABOVE
+        if step.torque is not None and rung and abs(step.data.target) >= _INERTIA_ABOVE
     ]
     if len(asked) < LEAST_STEPS:
         return {}
@@ -68,7 +68,7 @@ def output_inertia(
         ]
         if beside is not None and other is not None:
             away = abs(other.values[name] - value)
-            lines.append(BudgetLine(RUNG, "B", beside.share * away, beside.note))
+            lines.append(BudgetLine(_RUNG, "B", beside.share * away, beside.note))
         return lines
 
     estimates: dict[str, Estimate] = {}
@@ -79,12 +79,12 @@ def output_inertia(
     inertia = found.values["output_inertia"]
     value = inertia * ratio.value
     lines = [
-        _share(line, ratio.value) for line in lines_of("output_inertia") if line.source != RUNG
+        _share(line, ratio.value) for line in lines_of("output_inertia") if line.source != _RUNG
     ]
-    lines += [_share(line, abs(inertia)) for line in ratio.budget if line.source != RUNG]
+    lines += [_share(line, abs(inertia)) for line in ratio.budget if line.source != _RUNG]
     if beside is not None and other is not None:
         away = abs(other.values["output_inertia"] * beside.secant - value)
-        lines.append(BudgetLine(RUNG, "B", beside.share * away, beside.note))
+        lines.append(BudgetLine(_RUNG, "B", beside.share * away, beside.note))
     stiffness = _estimate(
         "output_stiffness",
         "N m/rad",

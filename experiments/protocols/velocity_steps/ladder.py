@@ -98,7 +98,7 @@ def _predicted(fitted: FittedRung, sample: Sample) -> FloatArray:
     return _beyond_rigid(sample.at, predict_steps(fitted, [step.data for step in sample.at]))
 
 
-SPRINGS = {"linear": 4, "hardening": 7, "hysteresis": 9}
+_SPRINGS = {"linear": 4, "hardening": 7, "hysteresis": 9}
 """Numbers of the spring of each fitted rung, beside those of the kinematic error."""
 ERROR = 2 * len(BASIS)
 """Coefficients of the kinematic error that are fitted with a spring."""
@@ -120,7 +120,7 @@ LADDER = Ladder(
         *(
             Rung(
                 name=f"{name} spring" if name == "linear" else f"and {name}",
-                parameters=SPRINGS[name] + ERROR,
+                parameters=_SPRINGS[name] + ERROR,
                 fit=_fitted(name),
                 predict=_predicted,
             )

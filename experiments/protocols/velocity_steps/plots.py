@@ -25,18 +25,18 @@ from model.units import ARCSEC, RPM
 
 SHOWN = 0.3
 """s of a step that figure 19 shows: the rise and the ring-down."""
-AT_THE_END = 0.1
+_AT_THE_END = 0.1
 """s before the end of what is fitted of a step in which a slope has no room on both sides."""
 HIGHEST_ORDER = 16.0
 LEAST_REVOLUTIONS = 6.0
 
 
-Simulation = Callable[[RecordedStep], FloatArray]
+_Simulation = Callable[[RecordedStep], FloatArray]
 """Output angle (n,) [rad] of a model at the stamps of a step, for the input that the step has."""
 
 
 def fitted_step_plots(
-    steps: list[RecordedStep], scores: list[StepScore], ladder: LadderFit, paper: Simulation
+    steps: list[RecordedStep], scores: list[StepScore], ladder: LadderFit, paper: _Simulation
 ) -> tuple[Plot, ...]:
     """Figure 19 per speed with the chosen rung beside the paper's model, what each rung leaves, and skills."""
     return (
@@ -48,7 +48,7 @@ def fitted_step_plots(
 
 
 def scored_step_plots(
-    steps: list[RecordedStep], scores: list[StepScore], simulation: Simulation, name: str
+    steps: list[RecordedStep], scores: list[StepScore], simulation: _Simulation, name: str
 ) -> tuple[Plot, ...]:
     """Figure 19 per speed with a given parameter set, and its skills."""
     return (*_figure_19(steps, scores, simulation, name), _skills(steps, scores))
@@ -57,9 +57,9 @@ def scored_step_plots(
 def _figure_19(
     steps: list[RecordedStep],
     scores: list[StepScore],
-    simulation: Simulation,
+    simulation: _Simulation,
     label: str,
-    paper: Simulation | None = None,
+    paper: _Simulation | None = None,
 ) -> list[Plot]:
     """One figure per speed: the first forward step of it (reverse where there is none).
 
@@ -81,13 +81,13 @@ def _step_figure(
     rpm: int,
     step: RecordedStep,
     score: StepScore,
-    simulation: Simulation,
+    simulation: _Simulation,
     label: str,
-    paper: Simulation | None,
+    paper: _Simulation | None,
 ) -> Plot:
     """Figure 19 of one step: measured, and simulated from the commanded input."""
     asked = commanded_step(step)
-    end = float(score.time[-1]) - AT_THE_END
+    end = float(score.time[-1]) - _AT_THE_END
     shown = score.time <= min(max(SHOWN, 3.0 * 60.0 / max(rpm, 1)), end)
 
     def speed_of(simulated: FloatArray) -> FloatArray:

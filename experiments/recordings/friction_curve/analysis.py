@@ -36,17 +36,17 @@ from model.identify.least_squares import student_quantile
 
 SETTINGS = ("law", "speed", "effort", "uncertainty", "direction", "least_speed")
 
-SPEED_UNITS = ("rad/s", "m/s")
+_SPEED_UNITS = ("rad/s", "m/s")
 
-DIRECTIONS = ("both", "forward", "reverse", "each")
+_DIRECTIONS = ("both", "forward", "reverse", "each")
 
 CHANCE = 0.05
 """Of points on a straight line to look as bent, above which they do not bend."""
 
-LARGEST_WRONG = 0.25
+_LARGEST_WRONG = 0.25
 """Share of the points left out above which nothing is called identified."""
 
-LARGEST_SCATTER = 3.0
+_LARGEST_SCATTER = 3.0
 """Times the stated uncertainties by which points may scatter about the curve."""
 
 CURVE_POINTS = 300
@@ -62,7 +62,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     check_settings(settings, SETTINGS, NAME)
     table = _Table.of(recording, settings)
     fits: dict[str, CurveFit] = {}
-    for suffix, rows in _parts(table, _choice(settings, "direction", DIRECTIONS)).items():
+    for suffix, rows in _parts(table, _choice(settings, "direction", _DIRECTIONS)).items():
         with analysing(recording.metadata.run_id):
             fits[suffix] = _fit(table, rows, settings)
     estimates: dict[str, Estimate] = {}
@@ -128,12 +128,12 @@ class _Table:
         usual = (*EFFORTS, "output_torque")
         effort = chosen_channel(recording, settings, "effort", usual, "a friction curve")
         unit = recording.signals[speed].unit
-        if unit not in SPEED_UNITS:
+        if unit not in _SPEED_UNITS:
             raise AnalysisError(
                 "is not a speed",
                 where=f"{NAME}.speed: {speed}",
                 value=f"unit {unit or 'none'}",
-                limit=" or ".join(SPEED_UNITS),
+                limit=" or ".join(_SPEED_UNITS),
                 remedy="Correct the map of the import.",
             )
         wanted = settings.get("uncertainty", f"{effort}_uncertainty")
@@ -228,7 +228,7 @@ def _verdict(fit: CurveFit, name: str, closed: bool) -> tuple[Identifiable, str]
         return "no", "the points do not bend at low speed"
     if name in law.at_bound:
         return "weakly", "stopped at its bound"
-    if left_out > LARGEST_WRONG:
+    if left_out > _LARGEST_WRONG:
         return "weakly", f"{100.0 * left_out:.0f} % of the points had to be left out"
     return "yes", ""
 
@@ -281,7 +281,7 @@ def _remarks(table: _Table, fit: CurveFit) -> list[str]:
         remarks.append(
             f"{fit.wrong} points lie far from the curve of the others and were left out."
         )
-    if table.error is not None and fit.scatter > LARGEST_SCATTER:
+    if table.error is not None and fit.scatter > _LARGEST_SCATTER:
         remarks.append(
             f"The points scatter {fit.scatter:.2g} times as much as their uncertainties say: these, or the law, are "
             "wrong; the intervals are as wide as the scatter."

@@ -10,22 +10,22 @@ from experiments.quantity import Dependence, Quantity
 
 NAME = "friction-curve"
 
-OF_FORCES: Mapping[str, Dependence] = {"effort": "difference"}
+_OF_FORCES: Mapping[str, Dependence] = {"effort": "difference"}
 
-OF_SPEEDS: Mapping[str, Dependence] = {"speed": "difference"}
+_OF_SPEEDS: Mapping[str, Dependence] = {"speed": "difference"}
 
-OF_SLOPES: Mapping[str, Dependence] = {**OF_FORCES, **OF_SPEEDS}
+_OF_SLOPES: Mapping[str, Dependence] = {**_OF_FORCES, **_OF_SPEEDS}
 
 QUANTITIES = (
-    Quantity(name="coulomb", title="Coulomb friction", unit="", is_key=True, rests_on=OF_FORCES),
-    Quantity(name="viscous", title="viscous friction", unit="", is_key=True, rests_on=OF_SLOPES),
-    Quantity(name="static", title="static friction", unit="", is_key=True, rests_on=OF_FORCES),
+    Quantity(name="coulomb", title="Coulomb friction", unit="", is_key=True, rests_on=_OF_FORCES),
+    Quantity(name="viscous", title="viscous friction", unit="", is_key=True, rests_on=_OF_SLOPES),
+    Quantity(name="static", title="static friction", unit="", is_key=True, rests_on=_OF_FORCES),
     Quantity(
         name="stribeck_velocity",
         title="Stribeck velocity",
         unit="",
         is_key=True,
-        rests_on=OF_SPEEDS,
+        rests_on=_OF_SPEEDS,
     ),
     Quantity(name="shape", title="Stribeck shape", unit="1", rests_on={}),
     Quantity(
@@ -36,11 +36,14 @@ QUANTITIES = (
         is_signed=True,
         rests_on={"effort": "proportional"},
     ),
-    Quantity(name="coulomb_{way}", title="Coulomb friction {way}", unit="", rests_on=OF_FORCES),
-    Quantity(name="viscous_{way}", title="viscous friction {way}", unit="", rests_on=OF_SLOPES),
-    Quantity(name="static_{way}", title="static friction {way}", unit="", rests_on=OF_FORCES),
+    Quantity(name="coulomb_{way}", title="Coulomb friction {way}", unit="", rests_on=_OF_FORCES),
+    Quantity(name="viscous_{way}", title="viscous friction {way}", unit="", rests_on=_OF_SLOPES),
+    Quantity(name="static_{way}", title="static friction {way}", unit="", rests_on=_OF_FORCES),
     Quantity(
-        name="stribeck_velocity_{way}", title="Stribeck velocity {way}", unit="", rests_on=OF_SPEEDS
+        name="stribeck_velocity_{way}",
+        title="Stribeck velocity {way}",
+        unit="",
+        rests_on=_OF_SPEEDS,
     ),
     Quantity(name="shape_{way}", title="Stribeck shape {way}", unit="1", rests_on={}),
     Quantity(name="points", title="points", unit="1"),

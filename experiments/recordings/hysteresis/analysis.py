@@ -36,7 +36,7 @@ TORSION = "torsion"
 MOST_ROWS = 4_000_000
 """Rows that are read; of more the first."""
 
-PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss", "lost_motion")
+_PROPORTIONAL = ("branch_stiffness", "secant_stiffness", "loss", "lost_motion")
 """What is proportional to the scale of the torque; lost motion inversely, by the torque that it is stated at."""
 
 
@@ -149,7 +149,7 @@ def _with_scale(fit: HysteresisFit, recording: Recording, torque: str) -> dict[s
     """The estimates with the scale of the torque in their budgets, where they are proportional to it."""
     return {
         name: e.with_budget((scale_line(recording, e.value, torque),))
-        if name in PROPORTIONAL and e.budget
+        if name in _PROPORTIONAL and e.budget
         else replace(e)
         for name, e in fit.estimates.items()
     }

@@ -41,7 +41,7 @@ SETTINGS = (
     *("cutoff_hz", "decimation", "start", "stop"),
 )
 
-MOST_HARMONICS = 40
+_MOST_HARMONICS = 40
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -132,13 +132,13 @@ def _load_orders(settings: Mapping[str, Any]) -> tuple[int, ...]:
     if load == "gravity":
         return (1,)
     name, _, count = load.partition(":")
-    if name == "harmonics" and count.isdecimal() and 1 <= int(count) <= MOST_HARMONICS:
+    if name == "harmonics" and count.isdecimal() and 1 <= int(count) <= _MOST_HARMONICS:
         return tuple(range(1, int(count) + 1))
     raise AnalysisError(
         "no such load",
         where=f"{NAME}.load",
         value=repr(load),
-        limit=f"gravity, or harmonics:K with K from 1 to {MOST_HARMONICS}",
+        limit=f"gravity, or harmonics:K with K from 1 to {_MOST_HARMONICS}",
     )
 
 

@@ -18,19 +18,19 @@ from model.units import REVOLUTION
 
 HIGHEST_SHARE = 0.4
 """Of the samples per revolution: no order above it is identified."""
-HIGHEST_ALIAS = 400
+_HIGHEST_ALIAS = 400
 """Orders up to which a gear, a motor or a joint has ripple of its own: teeth, slots, and their harmonics."""
 ONE_AND_THE_SAME = 0.95
 """Correlation of two orders over the samples above which they are given as a pair."""
-IMAGE = 0.3
+_IMAGE = 0.3
 """The same for one that is no whole order: a speed that drifts smears the image of another."""
 NEAR_FOLD, MOST_STEPS = 0.02, 400
 """Share of the samples per revolution by which their median may be off, and steps that are looked at to each side."""
 DRAWN = 2048
 """Samples of a part that stand for all of it."""
-STEP_ROWS = 8
+_STEP_ROWS = 8
 """Rows to each side over which the step from sample to sample is averaged."""
-CREEPS = 0.1
+_CREEPS = 0.1
 """Of the mean step, below which a sample hardly moves."""
 WHOLE = 1e-3
 """Orders apart up to which one counts as whole."""
@@ -45,7 +45,7 @@ class SamplingSums:
     def take(self, angle: Array) -> Array:
         """A contiguous part (n,) [rad]; returns the mean step from sample to sample about each, (n,) [rad]."""
         n = len(angle)
-        steps = mean_steps(angle)
+        steps = _mean_steps(angle)
         some = np.linspace(0, n - 1, min(n, DRAWN)).astype(np.int64)
         # Evenly spaced rows would be a sampling of their own: each is moved within its share.
         some = np.minimum(
@@ -66,7 +66,7 @@ class SamplingSums:
         angle = np.concatenate([part[0] for part in self._parts])
         weight = np.concatenate([part[1] for part in self._parts])
         steps = np.concatenate([part[2] for part in self._parts])
-        moving = steps > CREEPS * float(weight @ steps) / float(weight.sum())
+        moving = steps > _CREEPS * float(weight @ steps) / float(weight.sum())
         if not moving.any():
             return SamplingWindow(angle, weight, math.inf)
         sizes: Array = steps[moving]
@@ -78,13 +78,13 @@ class SamplingSums:
         return SamplingWindow(angle[moving], weight[moving], REVOLUTION / typical)
 
 
-def mean_steps(angle: Array) -> Array:
+def _mean_steps(angle: Array) -> Array:
     """Mean step from sample to sample about each one (n,): over some rows, so that counting does not show."""
     n = len(angle)
     if n < 2:
         return np.zeros(n)
     rows = np.arange(n)
-    low, high = np.maximum(rows - STEP_ROWS, 0), np.minimum(rows + STEP_ROWS, n - 1)
+    low, high = np.maximum(rows - _STEP_ROWS, 0), np.minimum(rows + _STEP_ROWS, n - 1)
     steps: Array = (angle[high] - angle[low]) / (high - low)
     return steps
 
@@ -112,7 +112,7 @@ class SamplingWindow:
 
     def alias_of(self, order: float) -> int | None:
         """The whole order that these samples cannot tell from this one; None where there is none."""
-        least = ONE_AND_THE_SAME if abs(order - round(order)) < WHOLE else IMAGE
+        least = ONE_AND_THE_SAME if abs(order - round(order)) < WHOLE else _IMAGE
         for other, sign in self.candidates(order):
             if self._together(other - sign * order) > least:
                 return other
@@ -124,7 +124,7 @@ class SamplingWindow:
             other
             for lattice in self._lattice
             for other in (lattice - order, lattice + order)
-            if order < other <= HIGHEST_ALIAS
+            if order < other <= _HIGHEST_ALIAS
         ]
         return min(found, default=None)
 
@@ -133,7 +133,7 @@ class SamplingWindow:
         """Orders by which two may differ, or that they may add up to, and look the same: multiples of the samples."""
         if not math.isfinite(self.per_revolution):
             return []
-        folds = range(1, math.ceil(2.0 * HIGHEST_ALIAS / self.per_revolution) + 1)
+        folds = range(1, math.ceil(2.0 * _HIGHEST_ALIAS / self.per_revolution) + 1)
         fine = 0.25 * REVOLUTION / max(float(np.ptp(self.angle)), REVOLUTION)
         found: list[float] = []
         for fold in folds:
@@ -142,7 +142,7 @@ class SamplingWindow:
             near = middle + fine * np.arange(-steps, steps + 1)
             alike = [self._together(order) for order in near.tolist()]
             at = int(np.argmax(alike))
-            if alike[at] > IMAGE:
+            if alike[at] > _IMAGE:
                 found.append(float(near[at]))
         return found
 
@@ -150,13 +150,13 @@ class SamplingWindow:
         """Whole orders above this one that sampling may fold onto it, and in which sense."""
         if not math.isfinite(self.per_revolution):
             return []
-        folds = range(1, math.ceil(2.0 * HIGHEST_ALIAS / self.per_revolution) + 1)
+        folds = range(1, math.ceil(2.0 * _HIGHEST_ALIAS / self.per_revolution) + 1)
         every = [
             (round(fold * self.per_revolution + sign * order), sign)
             for fold in folds
             for sign in (-1.0, 1.0)
         ]
-        return [(other, sign) for other, sign in every if order < other <= HIGHEST_ALIAS]
+        return [(other, sign) for other, sign in every if order < other <= _HIGHEST_ALIAS]
 
     def principal(self, order: float) -> float:
         """The lowest order that looks the same at these samples: the order itself where none does."""

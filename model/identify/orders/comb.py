@@ -24,9 +24,9 @@ LARGEST_GRID = 1 << 20
 """Points of one window."""
 NEIGHBOURS = 24
 """Free lines of the spectrum beside an order that tell its noise."""
-MEDIANS_AT_ONCE = 1 << 20
+_MEDIANS_AT_ONCE = 1 << 20
 """Numbers of which medians are taken at a time."""
-EMPTIED = 1.2
+_EMPTIED = 1.2
 """Lines to each side of a fitted order that the fit has emptied."""
 
 Weighted = tuple[Array, Array, Array]
@@ -115,7 +115,7 @@ class Comb:
         free = np.ones(len(self.power), dtype=bool)
         free[: math.ceil(lowest / self.spacing)] = False
         for order in np.asarray(taken) / self.spacing:
-            low, high = math.ceil(order - EMPTIED), math.floor(order + EMPTIED)
+            low, high = math.ceil(order - _EMPTIED), math.floor(order + _EMPTIED)
             free[max(low, 0) : high + 1] = False
         places = np.flatnonzero(free)
         if not len(places):
@@ -137,7 +137,7 @@ def median_floor(power: Array, half: int) -> Array:
     centres = np.arange(0, n, block)
     window = np.arange(min(2 * half + 1, n))
     low = np.clip(centres - half, 0, max(n - 2 * half - 1, 0))
-    parts = np.array_split(low, max(1, low.size * window.size // MEDIANS_AT_ONCE))
+    parts = np.array_split(low, max(1, low.size * window.size // _MEDIANS_AT_ONCE))
     medians = np.concatenate([np.median(power[part[:, None] + window], axis=1) for part in parts])
     floor: Array = np.interp(np.arange(n), centres, medians)
     return np.maximum(floor, np.finfo(float).tiny)

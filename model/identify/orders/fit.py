@@ -28,7 +28,7 @@ DIFFERENCE = 1e-3
 """Chance that noise alone makes the two directions of an order differ as much, below which they are told apart."""
 LEAST_FREEDOM = 12.0
 """Degrees of freedom of the noise beside an order below which all of the residual tells it."""
-LEAST_STRETCHES = 4
+_LEAST_STRETCHES = 4
 """Stretches of one direction from which their scatter tells more than the spectrum."""
 FLOOR_LINES = 20
 
@@ -155,7 +155,7 @@ def _waves(
     for k in range(len(solved.orders)):
         block = slice(2 * k, 2 * k + 2)
         covariance, known = variance[k] * solved.inverse[block, block], float(freedom[k])
-        if scattered is not None and stretches >= LEAST_STRETCHES:
+        if scattered is not None and stretches >= _LEAST_STRETCHES:
             other = scattered[block, block]
             if np.trace(other) > np.trace(covariance):
                 size = float(np.trace(other) / np.trace(covariance))

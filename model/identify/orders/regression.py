@@ -26,7 +26,7 @@ from model.units import REVOLUTION
 
 ROWS = 8192
 """Samples whose waves are held in memory at a time."""
-SINGLE = 100_000
+_SINGLE = 100_000
 """Samples from which on the waves are single precision: 1e-7 of an amplitude, at a fifth of the time."""
 
 
@@ -72,7 +72,7 @@ def solve(
     moving: Moving | None = None,
 ) -> Solved:
     """Trend and orders of one direction; those that are `moving` are refined too."""
-    single = samples.samples > SINGLE
+    single = samples.samples > _SINGLE
     columns = 2 * len(orders) + (0 if moving is None else len(moving.places))
     normal, right = np.zeros((columns, columns)), np.zeros(columns)
     tables: dict[int, tuple[Array, Array, Array]] = {}
@@ -128,7 +128,7 @@ def residuals(
     samples: OrderSamples, pieces: Iterable[Piece], solved: Solved, direction: int
 ) -> Iterator[Weighted]:
     """Angle, residual and count of one direction, piece by piece."""
-    single = samples.samples > SINGLE
+    single = samples.samples > _SINGLE
     for piece in pieces:
         if piece.direction != direction:
             continue

@@ -24,7 +24,7 @@ from model.identify.orders.samples import WHOLE_TURN, OrderSamples, Piece
 
 FALSE_ALARM = 0.01
 """Probability that noise alone brings a line anywhere in the spectrum."""
-MEDIAN_EFFICIENCY = 0.48
+_MEDIAN_EFFICIENCY = 0.48
 """Of the median of exponentially distributed numbers against their mean."""
 FLOOR_LINES = 20
 """Independent lines to each side that tell the floor under a line."""
@@ -35,20 +35,20 @@ MOST_LINES = 48
 """Orders that are fitted; a gear has some dozens."""
 APART = 0.75
 """Lines between two orders below which they are one."""
-NEAR_WHOLE = 0.1
+_NEAR_WHOLE = 0.1
 """Lines by which a short way may miss a whole order."""
 CERTAIN = 3.0
 """Standard uncertainties of an order within which it is a whole one, or one of the gear's lattice."""
 GROWTH = 4.0
 """By which the way grows over which an order is refined."""
 PADDING = 2
-STRONGER = 1.2
+_STRONGER = 1.2
 """Amplitude of a whole order over that of a line from which on the line is its image."""
-BETWEEN_WHOLE = 0.35
+_BETWEEN_WHOLE = 0.35
 """Orders between two lines from which on nothing stands between two whole orders."""
 BLIND = 0.99
 """Correlation of an order with itself, turned back, from which on its sine or cosine is zero at every sample."""
-HARDLY_ALIKE = 0.05
+_HARDLY_ALIKE = 0.05
 """Correlation of two orders below which neither is an image of the other."""
 
 
@@ -80,7 +80,7 @@ def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
     for _ in range(ROUNDS):
         taken = np.array([line.order for line in lines])
         found = _strongest(samples, search, taken, lowest)
-        only_whole = search.prefers_whole and BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN
+        only_whole = search.prefers_whole and _BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN
         if only_whole:
             found = np.unique(np.maximum(np.rint(found), 1.0))
         fresh = _fresh(found, taken, apart)
@@ -132,7 +132,7 @@ def _strongest(samples: OrderSamples, search: Search, taken: Array, lowest: floa
         share = comb.power[1:] / (floor / _median_share(comb.windows))
         power += comb.windows * np.interp(orders, comb.orders[1:], share, left=0.0)
         freedom += 2.0 * comb.windows
-        floors += MEDIAN_EFFICIENCY * 2 * FLOOR_LINES * 2.0 * comb.windows
+        floors += _MEDIAN_EFFICIENCY * 2 * FLOOR_LINES * 2.0 * comb.windows
     chance = scipy.special.fdtrc(freedom, max(floors, 8.0), 2.0 * power / freedom)
     independent = max(len(orders) / PADDING, 1.0)
     is_top = np.ones(len(orders), dtype=bool)
@@ -249,7 +249,7 @@ def _noise_at(
 
 def _settled(line: Line, ratio: float, resolution: float) -> Line:
     """The whole order, or that of the gear's lattice, that a line cannot be told from; else the line."""
-    near = CERTAIN * line.uncertainty + NEAR_WHOLE * resolution
+    near = CERTAIN * line.uncertainty + _NEAR_WHOLE * resolution
     whole = round(line.order)
     if whole > 0 and abs(line.order - whole) <= near:
         return Line(float(whole), 0.0)
@@ -299,9 +299,9 @@ def _whole_instead(
         if alike > ONE_AND_THE_SAME:
             if search.prefers_whole and other <= search.highest:
                 return Line(float(other), 0.0)
-        elif alike > HARDLY_ALIKE:
+        elif alike > _HARDLY_ALIKE:
             its = _strength(samples, float(other))
-            if its > STRONGER * strength:
+            if its > _STRONGER * strength:
                 best, strength = Line(float(other), 0.0), its
     return best
 

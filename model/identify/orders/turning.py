@@ -15,19 +15,19 @@ from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.units import DEGREE
 
-MOST_WIDENING = 12
+_MOST_WIDENING = 12
 """Doublings of the half width at most."""
-MOVING_PERCENTILE = 95.0
+_MOVING_PERCENTILE = 95.0
 """Of the travel: even of a robot that stands still most of the time these rows move."""
 STANDS_OUT = 10.0
 """Travel over noise from which a direction is believed."""
-NOISE_FACTOR = 5.0
+_NOISE_FACTOR = 5.0
 """Standard deviations of the noise that no noise exceeds."""
-STILL_SHARE = 0.02
+_STILL_SHARE = 0.02
 """Of the travel when it moves, below which it creeps or settles."""
-OFF_COUNT = 0.02
+_OFF_COUNT = 0.02
 """Counts by which a step may be off a whole number of them."""
-STILL_ROWS = 0.02
+_STILL_ROWS = 0.02
 """Share of rows without any step from which on an angle counts."""
 LEAST_ROWS = 8
 """Rows of a stretch, at least."""
@@ -49,7 +49,7 @@ class DeadZone:
         shortest = min(len(part) for part in parts)
         half = 1
         moved = _travel_when_moving(parts, half)
-        for _ in range(MOST_WIDENING):
+        for _ in range(_MOST_WIDENING):
             if moved >= STANDS_OUT * noise or 8 * half > shortest:
                 break
             half *= 2
@@ -61,7 +61,7 @@ class DeadZone:
                 value=f"{moved / DEGREE:.3g} degrees in {2 * half} rows",
                 limit=f"> {STANDS_OUT * noise / DEGREE:.3g} degrees, {STANDS_OUT:g} times its noise",
             )
-        return cls(half, max(NOISE_FACTOR * noise, STILL_SHARE * moved), _rounding(parts))
+        return cls(half, max(_NOISE_FACTOR * noise, _STILL_SHARE * moved), _rounding(parts))
 
     def ways(self, angle: Array) -> np.ndarray:
         """+1, -1, or 0 at standstill, for each sample of a contiguous angle (n,)."""
@@ -120,9 +120,9 @@ def _rounding(parts: Sequence[Array]) -> float:
     multiples: Array = moved / smallest
     off: Array = np.abs(multiples - np.rint(multiples))
     is_counted = (
-        np.count_nonzero(off < OFF_COUNT) > 0.99 * len(off) and float(multiples.max()) > 1.5
+        np.count_nonzero(off < _OFF_COUNT) > 0.99 * len(off) and float(multiples.max()) > 1.5
     )
-    has_still = np.count_nonzero(steps == 0.0) > STILL_ROWS * len(steps)
+    has_still = np.count_nonzero(steps == 0.0) > _STILL_ROWS * len(steps)
     return smallest if is_counted or has_still else 0.0
 
 
@@ -138,4 +138,4 @@ def _travel(angle: Array, half: int) -> Array:
 
 def _travel_when_moving(parts: Sequence[Array], half: int) -> float:
     travel = np.concatenate([np.abs(_travel(part, half)) for part in parts])
-    return float(np.percentile(travel, MOVING_PERCENTILE))
+    return float(np.percentile(travel, _MOVING_PERCENTILE))

@@ -20,12 +20,12 @@ from rig.analysis.passport.content import ControlLimits
 
 BASELINE_RUNS = 10
 """Runs that make the limits; with fewer there are none yet."""
-D2 = 1.128
+_D2 = 1.128
 """Mean range of two draws of a normal distribution over its standard deviation."""
-D4 = 3.267
+_D4 = 3.267
 """Upper limit of the moving range over its mean (three sigma of the range of two)."""
-RANGE_VARIANCE = 2.0 - 4.0 / math.pi
-NEIGHBOUR_COVARIANCE = 4.0 / math.pi * (math.sqrt(0.75) + math.pi / 12.0 - 1.0)
+_RANGE_VARIANCE = 2.0 - 4.0 / math.pi
+_NEIGHBOUR_COVARIANCE = 4.0 / math.pi * (math.sqrt(0.75) + math.pi / 12.0 - 1.0)
 """Of moving ranges of two in units of sigma^2: of one, and of one with the next, with which it has a run in common."""
 
 RULES: Mapping[str, str] = {
@@ -50,14 +50,14 @@ def control_limits(
     mean_range = float(np.abs(np.diff(x)).mean())
     if mean_range <= 1e-12 * float(np.abs(x).max()):
         return None
-    centre, sigma = float(x.mean()), mean_range / D2
+    centre, sigma = float(x.mean()), mean_range / _D2
     return ControlLimits(
         centre=centre,
         sigma=sigma,
         lower=centre - 3.0 * sigma,
         upper=centre + 3.0 * sigma,
         moving_range=mean_range,
-        moving_range_upper=D4 * mean_range,
+        moving_range_upper=_D4 * mean_range,
         runs=tuple(runs[: len(x)]),
         false_alarms=false_alarm_share(len(x)),
     )
@@ -70,7 +70,7 @@ def false_alarm_share(baseline: int) -> float:
     relative variance r follows from the ranges: a t distribution with about 1/(2 r) + 1/4 degrees of freedom.
     """
     ranges = baseline - 1
-    variance = (ranges * RANGE_VARIANCE + 2.0 * (ranges - 1) * NEIGHBOUR_COVARIANCE) / ranges**2
+    variance = (ranges * _RANGE_VARIANCE + 2.0 * (ranges - 1) * _NEIGHBOUR_COVARIANCE) / ranges**2
     relative = variance / (4.0 / math.pi)
     unbiased = math.sqrt(1.0 + relative)
     return float(

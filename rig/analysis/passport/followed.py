@@ -12,7 +12,7 @@ from experiments.quantity import Quantity
 
 LARGEST = 6
 """Members of a family without members of its own that get a chart each: the largest ones."""
-NOMINAL_RATIO = 100.0
+_NOMINAL_RATIO = 100.0
 """Ratio by which labels such as 2+2/N are put in order, whatever the gear."""
 
 Facts = Mapping[str, str]
@@ -82,7 +82,7 @@ def largest_members(sizes: Sequence[Mapping[str, float]], most: int = LARGEST) -
         for member, size in one.items():
             largest[member] = max(size, largest.get(member, size))
     chosen = sorted(largest, key=lambda member: (-largest[member], member))[:most]
-    return tuple(sorted(chosen, key=lambda member: (order_of(member, NOMINAL_RATIO), member)))
+    return tuple(sorted(chosen, key=lambda member: (order_of(member, _NOMINAL_RATIO), member)))
 
 
 def order_of(label: str, ratio: float | None) -> float:
@@ -106,7 +106,7 @@ def comparable(facts: Facts, quantity: Quantity) -> dict[str, str]:
     return {name: facts[name] for name in quantity.conditions if facts.get(name)}
 
 
-SettingReader = Callable[[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]], str]
+_SettingReader = Callable[[Mapping[str, Any], Mapping[str, Any], Mapping[str, Any]], str]
 """(parameters of the run, options of the analysis, settings of the analysis) -> one fact."""
 
 
@@ -146,7 +146,7 @@ def _ramp(
     return f"{rate:g} N m/s" if isinstance(rate, (int, float)) else ""
 
 
-FACTS: Mapping[str, SettingReader] = {
+FACTS: Mapping[str, _SettingReader] = {
     "speed": _speed,
     "orders": _orders,
     "ramp": _ramp,

@@ -23,7 +23,7 @@ from rig.analysis.passport.gather import AnalysedRun
 from rig.content.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
-TEMPERATURE_THAT_MATTERS = 1.0
+_TEMPERATURE_THAT_MATTERS = 1.0
 """K between a run's housing and that of the first runs from which on it is told: friction falls
 some percent per kelvin.
 """
@@ -125,7 +125,7 @@ def _point(
     remarks = list(_changes(members[index - 1], one)) if index else []
     if temperature is not None and one.housing_temperature is not None:
         warmer = one.housing_temperature - temperature
-        if abs(warmer) > TEMPERATURE_THAT_MATTERS:
+        if abs(warmer) > _TEMPERATURE_THAT_MATTERS:
             remarks.append(
                 f"housing {abs(warmer):.1f} K {'warmer' if warmer > 0 else 'colder'} than in the first runs"
             )

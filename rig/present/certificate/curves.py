@@ -22,7 +22,7 @@ PAPER = ("9", "12", "13", "16", "17", "19")
 """The figures of the paper that a certificate shows, in their order."""
 TWICE = frozenset({"friction-curve-low"})
 """Figures that another one shows enlarged beside itself."""
-MARK = 0.06
+_MARK = 0.06
 """Half the length of a limit's line over the speed at which it holds, as a share of the largest speed."""
 
 
@@ -43,7 +43,7 @@ def _limited(plot: Plot, lines: Sequence[Verdict]) -> Plot:
 
 def _torque_limits(plot: Plot, lines: Sequence[Verdict]) -> Iterator[Series]:
     """Limits of the running torque, each a short line at its speed."""
-    reach = MARK * max(float(series.x.max()) for series in plot.series if len(series.x))
+    reach = _MARK * max(float(series.x.max()) for series in plot.series if len(series.x))
     said: set[str] = set()
     for line in lines:
         speed, _, reference = line.estimate.name.removeprefix("running_torque_").partition("_rpm")

@@ -71,7 +71,7 @@ def front_page(
         "values": value_grid(gathered),
         "curves": [asdict(curve) for curve in _curves(gathered.fits)],
         "conditions": prevailed(gathered),
-        "hashes": hash_grid(gathered, manifest),
+        "hashes": _hash_grid(gathered, manifest),
         "remarks": _remarks(gathered),
     }
 
@@ -236,7 +236,7 @@ def prevailed(gathered: Certified) -> list[tuple[str, str]]:
     return lines
 
 
-def hash_grid(gathered: Certified, manifest: Manifest) -> Grid:
+def _hash_grid(gathered: Certified, manifest: Manifest) -> Grid:
     """Run files, tares, parameter sets, acceptance file, program and manifest with their SHA-256."""
     rows = [
         (f"run, {fit.result.kind}", fit.recording.metadata.run_id, fit.recording.metadata.sha256)

@@ -8,7 +8,7 @@ from pathlib import Path
 from rig.bench.config.load import load_laboratory
 from rig.errors import ConfigurationError
 
-LARGEST_LOGO = 500_000
+_LARGEST_LOGO = 500_000
 """Bytes."""
 FORMATS = {
     b"\x89PNG\r\n\x1a\n": "png",
@@ -76,12 +76,12 @@ def _logo(path: Path, name: str) -> Logo:
             value=str(file),
             limit="PNG, JPEG or SVG",
         )
-    if len(content) > LARGEST_LOGO:
+    if len(content) > _LARGEST_LOGO:
         raise ConfigurationError(
             "the logo is too large",
             where=where,
             value=f"{len(content)} bytes",
-            limit=f"{LARGEST_LOGO} bytes",
+            limit=f"{_LARGEST_LOGO} bytes",
             remedy="Make the picture smaller.",
         )
     return Logo(content, kind)

@@ -45,7 +45,7 @@ class Row:
     shown: str = ""
 
 
-GEOMETRY = (
+_GEOMETRY = (
     Row("teeth of the flexspline", "Z_f", "teeth.flexspline"),
     Row("teeth of the circular spline", "Z_c", "teeth.circular_spline"),
     Row("reference diameter, flexspline", "d_f", "geometry.flexspline_diameter"),
@@ -105,7 +105,7 @@ def number_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
         return ()
     card = known[0].recording.metadata.gear or known[0].gear
     return (
-        _grid("Geometry, stiffness and mode", card, GEOMETRY, fits),
+        _grid("Geometry, stiffness and mode", card, _GEOMETRY, fits),
         _orders(card, fits),
         _grid("Friction", card, FRICTION, fits, NOTE),
     )

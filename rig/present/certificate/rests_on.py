@@ -19,7 +19,7 @@ from rig.program import Program, this_program
 from rig.runfile.manifest import Entry, Manifest
 from rig.runfile.seal import file_sha256
 
-Thing = tuple[Path, str]
+_Thing = tuple[Path, str]
 """A file and its kind."""
 PROGRAM = "program"
 """The kind of an entry that is no file: a program by its version and commit, with the hash of its files."""
@@ -52,7 +52,7 @@ def _name(path: Path, start: Path) -> str:
     return os.path.relpath(path.resolve(), start).replace(os.sep, "/")
 
 
-def _things(gathered: Certified) -> Iterator[Thing]:
+def _things(gathered: Certified) -> Iterator[_Thing]:
     for fit, found in zip(gathered.fits, gathered.analyses, strict=True):
         assert fit.path is not None
         yield from _of_analysis(fit.path, found)
@@ -67,7 +67,7 @@ def _things(gathered: Certified) -> Iterator[Thing]:
         yield Path(gathered.acceptance.path), "acceptance"
 
 
-def _of_analysis(run: Path, found: InForce) -> Iterator[Thing]:
+def _of_analysis(run: Path, found: InForce) -> Iterator[_Thing]:
     yield run, "run"
     if found.analysis is None:
         return
@@ -83,19 +83,19 @@ def _of_analysis(run: Path, found: InForce) -> Iterator[Thing]:
         yield from _built_on(run.parent, builds_on)
 
 
-def _stored(analysis: Analysis) -> Iterator[Thing]:
+def _stored(analysis: Analysis) -> Iterator[_Thing]:
     yield analysis.path, "analysis"
     figures = str(analysis.content.get("figures", ""))
     if figures:
         yield analysis.path.parent / figures, "figures"
 
 
-def _named(folder: Path, name: Any) -> Iterator[Thing]:
+def _named(folder: Path, name: Any) -> Iterator[_Thing]:
     if name:
         yield folder / str(name), "analysis"
 
 
-def _built_on(folder: Path, named: Mapping[str, Any]) -> Iterator[Thing]:
+def _built_on(folder: Path, named: Mapping[str, Any]) -> Iterator[_Thing]:
     """The run on whose analysis another one builds, and that analysis."""
     run = folder / str(named.get("file", ""))
     yield run, "run"

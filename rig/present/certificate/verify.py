@@ -41,7 +41,7 @@ from rig.runfile.seal import file_sha256, hash_path
 from rig.runfile.sealed import read_sealed
 
 PAGES = (".pdf", ".html")
-GOES_ON = frozenset({"gear card", "choice"})
+_GOES_ON = frozenset({"gear card", "choice"})
 """Kinds that people go on writing after a certificate: another state of theirs is told, and contradicts nothing. What
 was used of them stands in the runs and analyses.
 """
@@ -156,7 +156,7 @@ def _rests_on(found: _Certificate) -> Iterator[Finding]:
     kept = 0
     for entry in files:
         path = found.runs / entry.name
-        severity = Severity.WARNS if entry.kind in GOES_ON else Severity.BLOCKS
+        severity = Severity.WARNS if entry.kind in _GOES_ON else Severity.BLOCKS
         if not path.is_file():
             yield Finding("rests on", severity, f"{entry.kind} {path} is missing")
         elif (now := file_sha256(path)) != entry.sha256:

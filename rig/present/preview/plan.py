@@ -29,7 +29,7 @@ from rig.run.dry_run import Margin, PlannedRun
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-RAMP_POINTS = 9
+_RAMP_POINTS = 9
 """Instants within a ramp at which the torque is predicted; the friction curve bends, a ramp does not."""
 
 
@@ -225,7 +225,7 @@ def _instants(
 
     Two for a piece at constant speed; a ramp is divided, once more where it passes zero, where the torque jumps.
     """
-    share = np.linspace(0.0, 1.0, RAMP_POINTS)
+    share = np.linspace(0.0, 1.0, _RAMP_POINTS)
     steady = np.array([0.0, 1.0])
     shares, owners, senses = [], [], []
     for k, (begin, end) in enumerate(zip(course.begin, course.end, strict=True)):

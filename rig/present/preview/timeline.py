@@ -21,7 +21,7 @@ from rig.run.dry_run import PlannedRun
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-MarkKind = Literal["prompt", "mark"]
+_MarkKind = Literal["prompt", "mark"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class PreviewMark:
 
     time: float
     step: int
-    kind: MarkKind
+    kind: _MarkKind
     text: str
 
 

@@ -42,11 +42,11 @@ DOUBT: Mapping[str, float] = {
 """Relative standard uncertainty of a parameter that states none, by its provenance."""
 WARMTH = 2.0
 """K, standard uncertainty of the grease's temperature about that at which the parameters hold."""
-TREMBLE = 1e-6
+_TREMBLE = 1e-6
 """rad/s that counts as turning: the least speed at which the friction curve is read."""
-LARGEST_EXPONENT = 700.0
+_LARGEST_EXPONENT = 700.0
 """exp(-700) is nothing, and still a number."""
-MESH = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
+_MESH = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class TorqueModel:
 
     def running(self, speed: ArrayLike) -> PredictedTorque:
         """Magnitude of the torque that keeps the input turning at constant speeds [rad/s] of either sign."""
-        omega = np.maximum(np.abs(np.asarray(speed, dtype=np.float64)), TREMBLE)
+        omega = np.maximum(np.abs(np.asarray(speed, dtype=np.float64)), _TREMBLE)
         value, variance = np.zeros_like(omega), np.zeros_like(omega)
         for torque, doubt in self._friction(omega):
             value += torque
@@ -163,7 +163,7 @@ class TorqueModel:
     def _mesh(self, omega: FloatArray) -> tuple[FloatArray, ...]:
         mesh, lever = self.gear.mesh_friction, mesh_lever(self.gear)
         ratio = omega / mesh.stribeck_velocity
-        power = np.minimum(ratio**mesh.shape, LARGEST_EXPONENT)
+        power = np.minimum(ratio**mesh.shape, _LARGEST_EXPONENT)
         decay = np.exp(-power)
         fall = (mesh.static - mesh.coulomb) * decay
         slopes = {
@@ -178,7 +178,7 @@ class TorqueModel:
             lever
             * np.abs(slopes[name])
             * self._gear_doubt(f"mesh_friction.{name}", getattr(mesh, name))
-            for name in MESH
+            for name in _MESH
         )
         return lever * force, *doubts
 

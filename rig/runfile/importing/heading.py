@@ -18,7 +18,7 @@ from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.reading import Reading, Rows
 from rig.runfile.seal import file_sha256
 
-EARLIEST_CALENDAR_S = 978_307_200.0
+_EARLIEST_CALENDAR_S = 978_307_200.0
 """2001-01-01 in seconds since 1970: a time column beyond this is calendar time."""
 
 
@@ -96,7 +96,7 @@ def _start(reading: Reading, options: ImportOptions, first: Rows) -> tuple[int, 
             ) from None
         moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
         return int(moment.timestamp() * 1e6) * 1000 - int(first.time_ns[0]), start_time
-    if first.time_ns[0] >= EARLIEST_CALENDAR_S * 1e9:
+    if first.time_ns[0] >= _EARLIEST_CALENDAR_S * 1e9:
         return 0, iso_time(int(first.time_ns[0]))
     start_ns = reading.start_ns
     if start_ns:

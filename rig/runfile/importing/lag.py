@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-LONGEST_S = 1.0
+_LONGEST_S = 1.0
 LEAST_ROWS = 64
 CLEAR = 0.5
 """Correlation below which the two have nothing to do with each other."""
@@ -25,7 +25,7 @@ def lag_of_speed(angle: NDArray[np.float64], speed: NDArray[np.float64], rate: f
     own, other = own - own.mean(), speed - speed.mean()
     size = 1 << (2 * len(own) - 1).bit_length()
     product = np.fft.irfft(np.conj(np.fft.rfft(own, size)) * np.fft.rfft(other, size), size)
-    reach = min(max(1, round(LONGEST_S * rate)), len(own) // 4)
+    reach = min(max(1, round(_LONGEST_S * rate)), len(own) // 4)
     shifts = np.arange(-reach, reach + 1)
     near = product[shifts]
     best = int(np.argmax(near))

@@ -28,7 +28,7 @@ from rig.runfile.importing.wraps import wraps
 
 STILL = 0.01
 """Share of the largest change per block below which a block stands still."""
-LAG_ROWS = 1 << 16
+_LAG_ROWS = 1 << 16
 """Rows at the beginning that the lags are looked for in."""
 NEIGHBOURS = {
     "input_speed": "input_angle",
@@ -97,8 +97,8 @@ class _Watch:
             look.step = min(look.step, float(moved.min()))
         if look.unit == "rad":
             look.wraps += len(wraps(values, 1.0))
-        if len(self.head) < LAG_ROWS:
-            self.head = np.concatenate([self.head, values[: LAG_ROWS - len(self.head)]])
+        if len(self.head) < _LAG_ROWS:
+            self.head = np.concatenate([self.head, values[: _LAG_ROWS - len(self.head)]])
         values = np.concatenate([self._rest, values])
         whole = len(values) // size * size
         self._rest = values[whole:]

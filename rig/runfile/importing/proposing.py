@@ -12,7 +12,7 @@ BLOCK_S = 0.05
 """Length of the blocks of rows whose change is looked at."""
 STEADY = 0.05
 """Relative change of the speed within which a stretch is steady."""
-LEAST_BLOCKS = 10
+_LEAST_BLOCKS = 10
 STILL = 0.01
 MOST = 200
 """Stretches that are proposed; a motion that never rests has none."""
@@ -35,7 +35,7 @@ def propose(
     begin = 0
     while begin < len(changes) and len(found) < MOST:
         end = _steady_until(changes, begin)
-        if still[begin] or end - begin < LEAST_BLOCKS:
+        if still[begin] or end - begin < _LEAST_BLOCKS:
             begin += 1
             continue
         start = _onset(still, begin)

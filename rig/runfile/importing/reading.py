@@ -20,7 +20,7 @@ from rig.runfile.importing.wiring import Wiring, wire
 from rig.runfile.importing.wraps import range_like, wraps
 from rig.runfile.layout import Column
 
-FASTEST_RAD_S = 4000.0
+_FASTEST_RAD_S = 4000.0
 """An angle that turns faster than this (38 000 r/min) has the wrong unit."""
 ANGLES = ("input_angle", "output_angle", "position")
 """The channels whose direction labels stretches, the first that is there."""
@@ -94,7 +94,7 @@ class Reading:
         if self.dropped:
             self.notes.append(self._left_out.words)
         for name, speed in self._fastest.items():
-            if speed > FASTEST_RAD_S:
+            if speed > _FASTEST_RAD_S:
                 self.notes.append(
                     f"WARNING: {name} turns at up to {speed:.3g} rad/s: is its unit right?"
                 )

@@ -12,7 +12,7 @@ from experiments.recording import Segment
 from rig.errors import ConfigurationError
 from rig.runfile.importing.channel_map import ForeignSegment, SegmentsFrom
 
-MOST_WORDS = 1000
+_MOST_WORDS = 1000
 """Different words in a column of labels; more are numbers that were measured."""
 
 
@@ -61,7 +61,7 @@ class Words:
     def read(self, text: str) -> float:
         """The code of a word; `ValueError` where there are too many."""
         code = self.codes.setdefault(text.strip('"'), len(self.codes))
-        if code > MOST_WORDS:
+        if code > _MOST_WORDS:
             raise ValueError("more different labels than a recording has segments")
         return float(code)
 

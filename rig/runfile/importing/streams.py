@@ -17,9 +17,9 @@ from rig.runfile.importing.adapters.table import BadCell, Batch, CellReader, Tab
 from rig.runfile.importing.clocks import LATEST_S, NumberClock, TextClock
 from rig.runfile.importing.wraps import wraps
 
-LISTED_ROWS = 5
-OUTSIDE = "no sample of the other channels before, after or near enough"
-LARGEST_EXACT = 2.0**53
+_LISTED_ROWS = 5
+_OUTSIDE = "no sample of the other channels before, after or near enough"
+_LARGEST_EXACT = 2.0**53
 GAP = 1.5
 """A step of the time that is longer than so many usual ones is a gap: nothing is interpolated across it."""
 FIRST_STAYS = "Name it as the first channel, whose samples stay as they are, or import it as a run of its own."
@@ -52,7 +52,7 @@ class LeftOut:
                 remedy=f"Correct the {word}, or leave such rows out with --drop-bad-rows.",
             )
         self.rows += rows
-        if len(self.listed) < LISTED_ROWS:
+        if len(self.listed) < _LISTED_ROWS:
             many = f" and the {rows - 1} after it" if rows > 1 else ""
             self.listed.append(f"{word} {bad.line}{many}{column}: {bad.why} ({bad.text})")
 
@@ -65,7 +65,7 @@ class LeftOut:
     @property
     def words(self) -> str:
         """How many rows were left out, and the first of them."""
-        is_short = self.rows > len(self.listed) and OUTSIDE not in self.listed
+        is_short = self.rows > len(self.listed) and _OUTSIDE not in self.listed
         more = f", and {self.rows - len(self.listed)} more" if is_short else ""
         return f"{self.rows} rows left out: {'; '.join(self.listed)}{more}"
 
@@ -174,7 +174,7 @@ class Stream:
     def _check_counts(self, batch: Batch, good: NDArray[np.bool_], index: int, name: str) -> None:
         values = batch.values[:, index]
         with np.errstate(invalid="ignore"):
-            wrong = good & ((values != np.rint(values)) | (np.abs(values) >= LARGEST_EXACT))
+            wrong = good & ((values != np.rint(values)) | (np.abs(values) >= _LARGEST_EXACT))
         heading = self.table.headings[self.columns[index - int(self.time is not None)]]
         for row in np.flatnonzero(wrong):
             good[row] = False
@@ -231,7 +231,7 @@ def joined(streams: Sequence[Stream], left_out: LeftOut, *, interpolate: bool) -
         for piece in streams[0].pieces():
             parts = [other.at(piece.stamps) for other in others]
             inside = np.all([np.isfinite(part).all(axis=1) for part in parts], axis=0)
-            left_out.count(int(np.count_nonzero(~inside)), OUTSIDE)
+            left_out.count(int(np.count_nonzero(~inside)), _OUTSIDE)
             if inside.any():
                 values = np.column_stack([piece.values, *parts])
                 yield Piece(piece.stamps, piece.cycles, piece.lines, values).rows(inside)

@@ -24,7 +24,7 @@ from rig.runfile.importing.units import (
 )
 from rig.runfile.layout import Column
 
-LABEL_COLUMN = "label"
+_LABEL_COLUMN = "label"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ def wire(
     rate = options.rate or _stated_rate(wires, options)
     if options.segments_from is not None and options.segments_from.column:
         wanted = options.segments_from
-        label = ChannelSource(name=LABEL_COLUMN, column=wanted.column, file=wanted.file)
+        label = ChannelSource(name=_LABEL_COLUMN, column=wanted.column, file=wanted.file)
         wires.append(_wire(tables, label, time, options))
     words = Words()
     streams, places = _streams(wires, columns, time, words, left_out, options)
@@ -305,7 +305,7 @@ def _check_lines(
                 why = "is counted: there are no values between its counts"
             elif moduli.get(name):
                 why = "is wrapped: a line across its range is no angle"
-            elif has_label and name == LABEL_COLUMN:
+            elif has_label and name == _LABEL_COLUMN:
                 why = "holds labels: there is nothing between two of them"
             if why:
                 raise ConfigurationError(why, where=f"--interpolate, {name}", remedy=FIRST_STAYS)

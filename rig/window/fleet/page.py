@@ -39,15 +39,15 @@ NOTHING = (
     "No results of many runs here yet. `rig fleet fit DIR` makes them of a folder of runs; "
     "Open … takes those of another folder."
 )
-MOST_LISTED = 2000
+_MOST_LISTED = 2000
 """Gears of the list; the filter finds the others."""
 WIDEST = 200
 """Pixels of a column at first: all of them fit beside the plots."""
 COLUMNS = columns("gear", "bench", ("verdict", "word"), "why")
-ChooseFolder = Callable[[QWidget], str]
+_ChooseFolder = Callable[[QWidget], str]
 
 
-def ask_for_folder(parent: QWidget) -> str:
+def _ask_for_folder(parent: QWidget) -> str:
     """The folder that somebody chooses; "" where nobody does."""
     return QFileDialog.getExistingDirectory(parent, "Folder of results")
 
@@ -58,7 +58,7 @@ class FleetPage(QWidget):
     run_chosen = Signal(Path)
 
     def __init__(
-        self, session: WindowSession, *, choose_folder: ChooseFolder = ask_for_folder
+        self, session: WindowSession, *, choose_folder: _ChooseFolder = _ask_for_folder
     ) -> None:
         super().__init__()
         self._session, self._choose_folder = session, choose_folder
@@ -161,7 +161,7 @@ class FleetPage(QWidget):
 
     def choose_gear(self, gear: str) -> None:
         """Choose a gear in the list."""
-        for row, one in enumerate(self._shown[:MOST_LISTED]):
+        for row, one in enumerate(self._shown[:_MOST_LISTED]):
             if one.gear == gear:
                 self.gears.selectRow(row)
                 self.gears.scrollTo(self.gears.model().index(row, 0))
@@ -203,7 +203,7 @@ class FleetPage(QWidget):
         self._shown = WantedGears(self.text.text(), bench, verdict).of(lot) if lot else ()
         rows = [
             (one.gear, one.bench or "–", one.verdict, "; ".join(one.because or why_of(one)))
-            for one in self._shown[:MOST_LISTED]
+            for one in self._shown[:_MOST_LISTED]
         ]
         with QSignalBlocker(self.gears):
             self.gears.clearSelection()
@@ -222,8 +222,8 @@ class FleetPage(QWidget):
         every, shown = len(lot.gears), len(self._shown)
         text = f"{every} gears" if shown == every else f"{shown} of {every} gears"
         text += ": " + ", ".join(f"{count} {word}" for word, count in lot.verdicts.items() if count)
-        if shown > MOST_LISTED:
-            text += f" · the first {MOST_LISTED} are listed"
+        if shown > _MOST_LISTED:
+            text += f" · the first {_MOST_LISTED} are listed"
         self.count.setText(" · ".join((text, *lot.notes)))
 
     def _select(self) -> None:

@@ -17,7 +17,7 @@ from rig.window.plot.plots import LabPlot
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, split
 
-CHOSEN_SIZE = 16
+_CHOSEN_SIZE = 16
 """Pixels of the ring around the gear that is chosen."""
 
 
@@ -32,7 +32,7 @@ class LotPlots(QWidget):
         self.distribution, self.scatter = LabPlot(session), LabPlot(session)
         self._places: dict[str, tuple[float, float]] = {}
         self._chosen = ""
-        self._ring = pg.ScatterPlotItem(size=CHOSEN_SIZE, brush=None)
+        self._ring = pg.ScatterPlotItem(size=_CHOSEN_SIZE, brush=None)
         both = split((self.distribution, 1), (self.scatter, 1), way=Qt.Orientation.Vertical)
         self.setLayout(in_column(both, margins=(0, 0, 0, 0)))
         session.theme_changed.connect(lambda _: self._draw_ring())
@@ -89,7 +89,7 @@ class LotPlots(QWidget):
             curve.item.sigPointsClicked.connect(
                 lambda _item, points, *_, gears=gears: self._click(points, gears)
             )
-        self._ring = pg.ScatterPlotItem(size=CHOSEN_SIZE, brush=None)
+        self._ring = pg.ScatterPlotItem(size=_CHOSEN_SIZE, brush=None)
         plot.item.addItem(self._ring)
         self._draw_ring()
         plot.item.enableAutoRange()

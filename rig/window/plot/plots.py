@@ -24,11 +24,11 @@ from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column
 
-KEPT = QGraphicsItem.CacheMode.DeviceCoordinateCache
+_KEPT = QGraphicsItem.CacheMode.DeviceCoordinateCache
 """Qt keeps what it painted until the data, the colour or the range change."""
-BEHIND = -5.0
+_BEHIND = -5.0
 """Place of null models in the order of painting: under every curve, over bands."""
-MARK_HEIGHT = 16
+_MARK_HEIGHT = 16
 """Pixels of the row in which the mark stands."""
 CurveStyle = Literal["line", "dashed", "dotted", "points", "steps", "band", "bars"]
 _DASHES = {"dashed": [6.0, 4.0], "dotted": [1.5, 3.0]}
@@ -188,11 +188,11 @@ class LabPlot(QWidget):
             # Stroke by stroke: as one path a smoothed line wider than a pixel takes four to thirty times as long.
             item.curve.setSegmentedLineMode("on")
         if still:
-            item.curve.setCacheMode(KEPT)
+            item.curve.setCacheMode(_KEPT)
         self.item.addItem(item)
         curve = Curve(item, name, group, style, dense, role=role)
         if role == "null":
-            item.setZValue(BEHIND)
+            item.setZValue(_BEHIND)
         self._curves.append(curve)
         self._style_curve(curve, self._session.palette)
         self._draw_legend(self._session.palette)
@@ -313,7 +313,7 @@ class LabPlot(QWidget):
             self.item.addItem(edge)
             edges.append(edge)
         item = pg.FillBetweenItem(*edges)
-        item.setCacheMode(KEPT)
+        item.setCacheMode(_KEPT)
         item.setZValue(-10)
         self.item.addItem(item)
 
@@ -383,8 +383,8 @@ class LabPlot(QWidget):
             justify="right",
         )
         if self._mark_text:
-            self._mark.setMaximumHeight(MARK_HEIGHT)
-            self.item.layout.setRowFixedHeight(0, MARK_HEIGHT)
+            self._mark.setMaximumHeight(_MARK_HEIGHT)
+            self.item.layout.setRowFixedHeight(0, _MARK_HEIGHT)
         else:
             self.item.layout.setRowFixedHeight(0, 6)
 

@@ -35,9 +35,9 @@ from rig.window.shell.stack import (
 
 CROWDED_POINTS = 120
 """More points than this are drawn small."""
-MANY_POINTS = 1500
+_MANY_POINTS = 1500
 """More points than this are thinned to those that fall on different pixels."""
-LONG_LINE = 4000
+_LONG_LINE = 4000
 """More points than this are thinned to the pixels of the view by their peaks."""
 LOWEST_PANEL, AXIS_WIDTH = 80, 70
 """Pixels: least height of a lower panel, and width of the axes at the left where there are panels."""
@@ -75,7 +75,7 @@ class PanelPlot(LabPlot):
     ) -> None:
         series = all_series[number]
         rows = np.arange(len(series.x))
-        if series.style == "points" and len(rows) > MANY_POINTS:
+        if series.style == "points" and len(rows) > _MANY_POINTS:
             rows = scatter_rows(series.x, series.y)
         low, high = (
             None if edge is None or len(rows) < len(edge) else edge
@@ -101,7 +101,7 @@ class PanelPlot(LabPlot):
                 curve.item.setSymbol("o")
                 curve.item.setSymbolSize(3)
                 curve.item.setSymbolPen(None)
-        elif len(rows) > LONG_LINE and np.all(np.diff(series.x) >= 0):
+        elif len(rows) > _LONG_LINE and np.all(np.diff(series.x) >= 0):
             curve.item.setDownsampling(auto=True, method="peak")
             curve.item.setClipToView(True)
 
@@ -111,7 +111,7 @@ class PanelPlot(LabPlot):
         """
         series = all_series[number]
         foot = foot_of(all_series) if logs[1] else 0.0
-        x = series.x + shift_of(all_series, number)
+        x = series.x + _shift_of(all_series, number)
         y = np.where(np.isfinite(series.y), series.y, foot)
         item = upright(x, np.full(len(x), foot), y, logs)
         self.item.addItem(item)
@@ -231,7 +231,7 @@ def dash_of(all_series: Sequence[Series], number: int) -> CurveStyle:
     return _DASHES[earlier % len(_DASHES)]
 
 
-def shift_of(all_series: Sequence[Series], number: int) -> float:
+def _shift_of(all_series: Sequence[Series], number: int) -> float:
     """By how much bars stand beside those of the other series: within a third of the least distance of two bars."""
     barred = [i for i, s in enumerate(all_series) if s.style == "bars"]
     if len(barred) < 2:

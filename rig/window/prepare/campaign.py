@@ -60,7 +60,7 @@ def look_ahead_campaign(intent: Intent) -> Outlook:
         walked = walk(plan, order)
         checks += _walk_checks(walked, intent)
         if not intent.anew:
-            done = runs_that_count(intent.rig.folder, plan, order.serial)
+            done = _runs_that_count(intent.rig.folder, plan, order.serial)
     except (RigError, ExperimentError, ModelError) as error:
         problem = error
     serial = intent.facts.serial if intent.facts is not None else ""
@@ -107,7 +107,7 @@ def joined(of_runs: Sequence[tuple[str, Finding]]) -> list[Finding]:
     return sorted(told, key=lambda check: WORST_FIRST.index(check.severity))
 
 
-def runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str, ...]:
+def _runs_that_count(folder: Path, plan: CampaignPlan, serial: str) -> tuple[str, ...]:
     """The run of every stage of an unfinished campaign that is done already; nothing where none is unfinished.
 
     Whether it still counts is looked at once more when the campaign goes on. Raises `RunFileError`.

@@ -25,7 +25,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 
-Checker = Callable[[str, Any], None]
+_Checker = Callable[[str, Any], None]
 """Raises `PlanError` for a value of a field that the model refuses."""
 
 
@@ -156,7 +156,7 @@ class ParameterForm(QWidget):
     def __init__(
         self,
         fields: Iterable[ParameterField],
-        checker: Checker,
+        checker: _Checker,
         choices: Mapping[str, tuple[str, ...]] | None = None,
         suggestions: Mapping[str, tuple[str, ...]] | None = None,
     ) -> None:

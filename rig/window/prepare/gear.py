@@ -43,7 +43,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 
-NEW_GEAR = "another gear …"
+_NEW_GEAR = "another gear …"
 
 
 class GearSection(QWidget):
@@ -68,7 +68,7 @@ class GearSection(QWidget):
             parameter_fields(GearFacts),
             _check_fact,
             CHOICES,
-            {"part": shipped_parts(), "acceptance": shipped_names()},
+            {"part": _shipped_parts(), "acceptance": shipped_names()},
         )
         self.form.rows["serial"].editor.setAccessibleName("Serial number of the gear")
         self.status = text_label(wraps=True)
@@ -183,7 +183,7 @@ class GearSection(QWidget):
         self.choice.clear()
         for listed in list_cards(self._session.folder):
             self._add(listed)
-        self.choice.addItem(NEW_GEAR, "")
+        self.choice.addItem(_NEW_GEAR, "")
         self.choice.setCurrentIndex(
             max(self.choice.findData(chosen), 0) if chosen else self.choice.count() - 1
         )
@@ -191,7 +191,7 @@ class GearSection(QWidget):
     def _add(self, listed: ListedCard) -> None:
         if listed.card is not None:
             facts = stated_facts(listed.card.facts)
-            words = f"{listed.card.serial} · {file_words(facts.get('part', 'part not known'))}"
+            words = f"{listed.card.serial} · {_file_words(facts.get('part', 'part not known'))}"
             self.choice.addItem(
                 words if listed.card.is_confirmed else f"{words} · not confirmed",
                 listed.card.serial,
@@ -274,19 +274,19 @@ class GearSection(QWidget):
             text, part = f"✓ Confirmed by {last.by}, {_day(last.at)}", "good"
         else:
             text, part = f"Not confirmed: {stored.warning if stored else ''}.", "warning"
-        self.digest.setText(digest_of(stored.facts) if stored is not None else "")
+        self.digest.setText(_digest_of(stored.facts) if stored is not None else "")
         self.status.setText(text if part == "good" else f"! {text}")
         restyled(self.status, part)
 
 
-def digest_of(facts: GearFacts) -> str:
+def _digest_of(facts: GearFacts) -> str:
     """A card in two lines."""
     values = stated_facts(facts)
     words = [
-        file_words(values[name]) for name in ("part", "mounting", "lubricant") if name in values
+        _file_words(values[name]) for name in ("part", "mounting", "lubricant") if name in values
     ]
     if "acceptance" in values:
-        words.append(f"must show what {file_words(values['acceptance'])} lists")
+        words.append(f"must show what {_file_words(values['acceptance'])} lists")
     if facts.hours is not None:
         words.append(f"{facts.hours:g} h")
     if facts.load_inertia_kg_m2 is not None:
@@ -299,7 +299,7 @@ def digest_of(facts: GearFacts) -> str:
     return " · ".join(words)
 
 
-def file_words(told: object) -> str:
+def _file_words(told: object) -> str:
     """What a fact of the card says; of a file its name alone."""
     text = str(told)
     return Path(text).name if text.lower().endswith(".toml") else text
@@ -317,7 +317,7 @@ def _check_fact(name: str, value: Any) -> None:
     make_facts(values)
 
 
-def shipped_parts() -> tuple[str, ...]:
+def _shipped_parts() -> tuple[str, ...]:
     """The parameter sets that come with the program, by name."""
     folder = resources.files("model") / "gears"
     return tuple(

@@ -32,7 +32,7 @@ from rig.window.work.background import single_shot
 
 TYPING_PAUSE = 200
 """ms without a change after which a part number is looked up."""
-EXAMPLE = "SHG-32-100-2UH"
+_EXAMPLE = "SHG-32-100-2UH"
 ASSUMED = ("assumed", "recalled")
 """Provenances that nobody has looked up."""
 
@@ -82,7 +82,7 @@ class NewGearForm(QWidget):
         self._known = declared(SECTIONS)
         self.gear: HarmonicDrive | None = None
         """What the part number alone makes; None while it names no product."""
-        self.product = NewGearField("Part number", f"such as {EXAMPLE}")
+        self.product = NewGearField("Part number", f"such as {_EXAMPLE}")
         self.serial = NewGearField("Serial number", "from the plate of the gear")
         self.nameplate = {path: NewGearField("") for path in NAMEPLATE}
         self.says = text_label("", "muted", wraps=True)
@@ -189,7 +189,7 @@ class NewGearForm(QWidget):
             value = self.gear.value(path)
             (text,), unit = readable([value.value], value.unit)
             words = value.description[:1].upper() + value.description[1:]
-            field.label.setText(short_label(path))
+            field.label.setText(_short_label(path))
             field.editor.setAccessibleName(words)
             set_tip(field.editor, words)
             field.editor.setPlaceholderText(f"{text} {unit}".rstrip())
@@ -225,7 +225,7 @@ class NewGearForm(QWidget):
         self.says.setText(f"! {waits} {assumed}" if waits else assumed)
 
 
-def short_label(path: str) -> str:
+def _short_label(path: str) -> str:
     """What a value of the nameplate is called beside its field."""
     section, _, name = path.rpartition(".")
     words = name if section == "ratings" else f"{section} {name}"

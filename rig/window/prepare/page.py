@@ -66,9 +66,9 @@ from rig.window.work.child import Ending, RunProcess
 
 TYPING_PAUSE = 250
 """ms without a change after which the plan is worked out anew."""
-LEAST_PREVIEW = 120
+_LEAST_PREVIEW = 120
 """Logical pixels of the height of the preview at least."""
-OPERATORS_KEPT = 12
+_OPERATORS_KEPT = 12
 """Names that are offered again."""
 
 
@@ -169,7 +169,7 @@ class PreparePage(QWidget):
         checks = room_for(in_column(head, (scrolled(self.checklist), 1), margins=(8, 4, 8, 0)))
         both = split((preview, 3), (checks, 2), sizes=[420, 220], way=Qt.Orientation.Vertical)
         # On a small screen the checklist and Start keep their room, and the preview gives way.
-        preview.setMinimumHeight(LEAST_PREVIEW)
+        preview.setMinimumHeight(_LEAST_PREVIEW)
         start = in_row(self._start_row(), margins=(8, 4, 8, 8))
         return room_for(in_column((both, 1), start, margins=(0, 0, 0, 0), spacing=0))
 
@@ -331,7 +331,7 @@ class PreparePage(QWidget):
             operator,
             *(name for name in self._session.recall("operators", []) if name != operator),
         ]
-        self._session.remember("operators", names[:OPERATORS_KEPT])
+        self._session.remember("operators", names[:_OPERATORS_KEPT])
         self._session.remember("operator", operator)
         self._session.remember("protocol", protocol)
 

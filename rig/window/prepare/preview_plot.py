@@ -39,7 +39,7 @@ FIGURES = {
 }
 """The plots and what they are called while they are empty."""
 PREDICTION = "PREDICTION"
-LONGEST_NAME = 16
+_LONGEST_NAME = 16
 """Letters of a name on a button."""
 
 
@@ -141,5 +141,5 @@ def summary(preview: PlanPreview) -> str:
 
 def short_name(name: str) -> str:
     """A name as it fits on a button."""
-    text = name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME - 1].rstrip()}…"
+    text = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1].rstrip()}…"
     return text.replace("&", "&&")

@@ -28,7 +28,7 @@ from rig.window.shell.stack import (
 CAMPAIGN = "campaign:"
 """Before the name of a campaign, or the path of its plan, among the choices."""
 PLAN_FILE = "campaign of a plan file …"
-PlanChooser = Callable[[], "Path | None"]
+_PlanChooser = Callable[[], "Path | None"]
 
 
 class ProtocolSection(QWidget):
@@ -38,7 +38,7 @@ class ProtocolSection(QWidget):
 
     changed = Signal()
 
-    def __init__(self, session: WindowSession, choose_plan: PlanChooser | None = None) -> None:
+    def __init__(self, session: WindowSession, choose_plan: _PlanChooser | None = None) -> None:
         super().__init__()
         self._session = session
         self._choose_plan = choose_plan or self._ask_for_plan

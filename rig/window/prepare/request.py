@@ -110,7 +110,7 @@ class Outlook:
 def order_for(intent: Intent) -> Order:
     """The order of an intent. Raises `ConfigurationError`, `ParameterError`; nothing is connected."""
     rig, facts = intent.rig, intent.facts
-    config = described_by(rig)
+    config = _described_by(rig)
     known = described(config)
     gear = known.pop("gear", None) or shipped_gear()
     mounted = catalogue.load(intent.protocol).gear_mounted
@@ -129,7 +129,7 @@ def order_for(intent: Intent) -> Order:
     return Order(protocol=intent.protocol, values=dict(intent.values), backend=rig.backend, **known)
 
 
-def described_by(rig: RigChoice) -> Path | None:
+def _described_by(rig: RigChoice) -> Path | None:
     """The file that describes a rig, where one does."""
     return configuration_of(rig.backend, rig.configuration)
 
@@ -148,7 +148,7 @@ def look_ahead(intent: Intent) -> Outlook:
     if planned is not None and preview is not None:
         checks += (
             parameters_check(planned, intent.rig),
-            plan_check(planned),
+            _plan_check(planned),
             *prediction_checks(preview),
         )
         checks += static_checks(planned, intent.rig.folder)
@@ -183,7 +183,7 @@ def parameters_check(planned: PlannedRun, rig: RigChoice) -> Finding:
     return passed_if("parameters", not doubtful, evidence, remedy, otherwise=Severity.WARNS)
 
 
-def plan_check(planned: PlannedRun) -> Finding:
+def _plan_check(planned: PlannedRun) -> Finding:
     """The plan in one line."""
     turns = planned.input_revolutions
     evidence = (
@@ -327,15 +327,15 @@ def arming(intent: Intent, typed: str) -> Arming:
         intent.facts.serial if intent.facts is not None else "",
         typed,
         catalogue.load(intent.protocol).gear_mounted,
-        limits_set_by_hand(intent.rig),
+        _limits_set_by_hand(intent.rig),
     )
 
 
-def limits_set_by_hand(rig: RigChoice) -> str:
+def _limits_set_by_hand(rig: RigChoice) -> str:
     """The limits of a drive that does not tell them, in the words in which they are typed again."""
     from rig.bench.config.apply import limits_by_hand
 
-    return limits_by_hand(described_by(rig))
+    return limits_by_hand(_described_by(rig))
 
 
 def to_be_typed(rig: RigChoice, is_mounted: bool) -> str:
@@ -344,7 +344,7 @@ def to_be_typed(rig: RigChoice, is_mounted: bool) -> str:
     """
     what = "the gear's serial number" if is_mounted else WITHOUT_GEAR
     try:
-        return f"{what} {limits_set_by_hand(rig)}".strip()
+        return f"{what} {_limits_set_by_hand(rig)}".strip()
     except ConfigurationError:
         return what
 

@@ -10,7 +10,7 @@ from rig.trial.campaign.walk import Walk, walk_grid
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 
-NO_RUNS = Grid("", (), ())
+_NO_RUNS = Grid("", (), ())
 
 
 class WalkTable(GridTable):
@@ -21,7 +21,7 @@ class WalkTable(GridTable):
 
     def show_walk(self, walked: Walk | None, done: Sequence[str] = ()) -> None:
         """A walked campaign; `done` names the run that counts already for each of its stages, "" for none."""
-        self.show_grid(NO_RUNS if walked is None else walk_grid(walked, done))
+        self.show_grid(_NO_RUNS if walked is None else walk_grid(walked, done))
 
 
 def walk_summary(walked: Walk, done: Sequence[str] = ()) -> str:

@@ -21,7 +21,7 @@ from rig.analysis.tare import tare_kind
 from rig.library.index import IndexedRun, fingerprint_of
 from rig.window.work.background import BackgroundCommand, in_words
 
-MOST_KEPT = 40
+_MOST_KEPT = 40
 """Results with their figures that are kept in memory; the oldest go first."""
 
 
@@ -171,7 +171,7 @@ class FitDesk(QObject):
 
     def _remember(self, order: FitOrder, result: Result) -> None:
         self.cache[order.key()] = result
-        while len(self.cache) > MOST_KEPT:
+        while len(self.cache) > _MOST_KEPT:
             del self.cache[next(iter(self.cache))]
 
     def _count(self, order: FitOrder, answer: Result | str) -> None:

@@ -52,11 +52,11 @@ from rig.window.shell.stack import (
 from rig.window.work.background import single_shot
 from rig.window.work.verdicts import VerdictDesk
 
-CHOSEN_PAUSE_MS = 120
+_CHOSEN_PAUSE_MS = 120
 """ms that the selection must rest before the run is opened: arrow keys run through the table
 without waiting for each.
 """
-WIDTHS = {
+_WIDTHS = {
     "#": 36,
     "protocol": 108,
     "gear": 78,
@@ -70,9 +70,9 @@ WIDTHS = {
 }
 JUDGED_AT_ONCE = 300
 """Runs from the first row in view on whose verdicts are worked out: what nobody looks at needs none."""
-SCROLLED_PAUSE_MS = 150
+_SCROLLED_PAUSE_MS = 150
 """ms that the rows must rest before the verdicts of those in view are worked out."""
-MANY = 20
+_MANY = 20
 """Files to be read from which on the progress is shown."""
 HTML, PDF = ".html", ".pdf"
 PERIODS = ("any time", "today", "last 7 days", "last 30 days", "this year", "between …")
@@ -187,7 +187,7 @@ class LibraryTable(QWidget):
         self.count = text_label("Reading the runs …", "muted", wraps=True)
         self.says = text_label(wraps=True, selectable=True)
         self.says.hide()
-        self._pause = single_shot(self, CHOSEN_PAUSE_MS, lambda: self.chosen.emit(self.selected))
+        self._pause = single_shot(self, _CHOSEN_PAUSE_MS, lambda: self.chosen.emit(self.selected))
         self._waited_for: Path | None = None
         self.setLayout(
             in_column(
@@ -213,7 +213,7 @@ class LibraryTable(QWidget):
         self.source.progressed.connect(self._progress)
         self.table.selectionModel().selectionChanged.connect(lambda *_: self._selection_changed())
         self.table.activated.connect(lambda index: self.opened.emit(index.data(RUN_ROLE).path))
-        self._rest = single_shot(self, SCROLLED_PAUSE_MS, self._judge)
+        self._rest = single_shot(self, _SCROLLED_PAUSE_MS, self._judge)
         self.table.verticalScrollBar().valueChanged.connect(lambda _: self._rest.start())
         self.table.horizontalHeader().sortIndicatorChanged.connect(lambda *_: self._rest.start())
         session.theme_changed.connect(lambda _: self.model.restyle())
@@ -336,7 +336,7 @@ class LibraryTable(QWidget):
 
     def _progress(self, done: int, of: int) -> None:
         # One run that grows is read within a blink; a whole folder is read once, and people wait for it.
-        if of >= MANY:
+        if of >= _MANY:
             self.count.setText(f"Reading the runs: {done} of {of}, once for this folder …")
         elif not of:
             self._count()
@@ -404,7 +404,7 @@ def _table(model: LibraryFilter) -> QTableView:
     table.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
     table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.Interactive)
     for place, column in enumerate(COLUMNS):
-        table.setColumnWidth(place, WIDTHS[column.heading])
+        table.setColumnWidth(place, _WIDTHS[column.heading])
     table.setSortingEnabled(True)
     table.sortByColumn(0, Qt.SortOrder.DescendingOrder)
     return table

@@ -16,9 +16,9 @@ from model.units import DEGREE, RPM
 from rig.window.plot.plots import shade
 from rig.window.shell.palette import Palette
 
-EVENT_COLOURS = {"error": "bad", "warning": "warning"}
+_EVENT_COLOURS = {"error": "bad", "warning": "warning"}
 """Colours of the palette by level of an event; any other one is muted."""
-SETPOINTS = {"speed": (RPM, "r/min"), "torque": (1.0, "N m"), "position": (DEGREE, "°")}
+_SETPOINTS = {"speed": (RPM, "r/min"), "torque": (1.0, "N m"), "position": (DEGREE, "°")}
 """Factor from SI and unit in which a set-point is read, by what a protocol sets its segments to."""
 
 
@@ -66,7 +66,7 @@ def segment_words(segment: Segment, protocol: str) -> str:
     parts = [f"segment {segment.index}: {segment.label}"]
     if segment.setpoint:
         experiment = catalogue.declared(protocol)
-        factor, unit = SETPOINTS["speed" if experiment is None else experiment.setpoint]
+        factor, unit = _SETPOINTS["speed" if experiment is None else experiment.setpoint]
         parts.append(f"{segment.setpoint / factor:.5g} {unit}".replace(" °", "°"))
     if segment.direction:
         parts.append("forward" if segment.direction > 0 else "reverse")
@@ -114,7 +114,7 @@ class MarksItem(pg.GraphicsObject):
         painter.fillPath(path, shade(self._palette.muted, 26))
         for moment, event in self._marks.events:
             if view.left() <= moment <= view.right():
-                colour = getattr(self._palette, EVENT_COLOURS.get(event.level, "muted"))
+                colour = getattr(self._palette, _EVENT_COLOURS.get(event.level, "muted"))
                 pen = pg.mkPen(shade(colour, 150), width=1.2, style=Qt.PenStyle.DashLine)
                 painter.setPen(pen)
                 painter.drawLine(QLineF(moment, view.top(), moment, view.bottom()))

@@ -48,7 +48,7 @@ from rig.window.work.verdicts import SIGNS, ListedVerdict, listed_verdict
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport
 
-RUN_COLUMNS = columns(
+_RUN_COLUMNS = columns(
     ("#", "number"), "started", "protocol", "outcome", "verdict", "operator", "file"
 )
 
@@ -193,7 +193,7 @@ class PassportView(QWidget):
         self.verdict.setText(f"{SIGNS[read.judged.verdict]} {read.judged.verdict}")
         restyled(self.verdict, VERDICT_COLOURS[read.judged.verdict])
         reasons = read.judged.because
-        self.because.setText(because_words(reasons))
+        self.because.setText(_because_words(reasons))
         set_tip(self.because, "\n".join(reasons))
         self.because.setVisible(bool(reasons))
         self.title.setText(
@@ -214,7 +214,7 @@ class PassportView(QWidget):
             )
             for run in passport.runs
         ]
-        self.runs.show_grid(Grid("Runs of the gear", RUN_COLUMNS, rows))
+        self.runs.show_grid(Grid("Runs of the gear", _RUN_COLUMNS, rows))
         gaps = missing_grid((*passport.missing, *passport.left_out))
         self.missing.show_grid(gaps)
         self.tabs.setTabText(3, f"Missing ({len(gaps.rows)})" if gaps.rows else "Nothing missing")
@@ -261,12 +261,12 @@ def _reader(folder: Path, serial: str) -> Callable[[], ReadGear]:
 
         made = passport(folder, serial)
         listed = {run.path: listed_verdict(run) for run in made.runs}
-        return ReadGear(made, gear_verdict(folder, serial), listed)
+        return ReadGear(made, _gear_verdict(folder, serial), listed)
 
     return read
 
 
-def gear_verdict(folder: Path, serial: str) -> GearVerdict:
+def _gear_verdict(folder: Path, serial: str) -> GearVerdict:
     """The verdict on a gear as its certificate has it; NOT JUDGED, and why, where none could be written."""
     try:
         with certified(folder, serial) as gathered:
@@ -275,7 +275,7 @@ def gear_verdict(folder: Path, serial: str) -> GearVerdict:
         return not_judged(str(error))
 
 
-def because_words(reasons: Sequence[str]) -> str:
+def _because_words(reasons: Sequence[str]) -> str:
     """The first of the reasons, and how many more there are."""
     more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
     return f"{reasons[0]}{more}" if reasons else ""

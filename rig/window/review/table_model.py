@@ -31,7 +31,7 @@ from rig.window.work.verdicts import ListedVerdict
 
 NO_SERIAL = "unknown"
 """What stands in a run file for a gear without a serial number, and for no gear at all."""
-AnyIndex = QModelIndex | QPersistentModelIndex
+_AnyIndex = QModelIndex | QPersistentModelIndex
 _NOWHERE = QModelIndex()
 RUN_ROLE = Qt.ItemDataRole.UserRole + 1
 SIGNS = {
@@ -239,10 +239,10 @@ class LibraryModel(QAbstractTableModel):
         for first, last in stretches:
             self.dataChanged.emit(self.index(first, 0), self.index(last, len(COLUMNS) - 1))
 
-    def rowCount(self, parent: AnyIndex = _NOWHERE) -> int:
+    def rowCount(self, parent: _AnyIndex = _NOWHERE) -> int:
         return 0 if parent.isValid() else len(self._rows)
 
-    def columnCount(self, parent: AnyIndex = _NOWHERE) -> int:
+    def columnCount(self, parent: _AnyIndex = _NOWHERE) -> int:
         return 0 if parent.isValid() else len(COLUMNS)
 
     def headerData(
@@ -252,7 +252,7 @@ class LibraryModel(QAbstractTableModel):
             return COLUMNS[section].heading
         return None
 
-    def data(self, index: AnyIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
+    def data(self, index: _AnyIndex, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         if not index.isValid():
             return None
         run, column = self._rows[index.row()], COLUMNS[index.column()]
@@ -265,7 +265,7 @@ class LibraryModel(QAbstractTableModel):
             return run
         if role == Qt.ItemDataRole.ToolTipRole:
             said = verdict.reasons if verdict is not None else ""
-            return plain_tip("\n".join(part for part in (tool_tip(run), said) if part))
+            return plain_tip("\n".join(part for part in (_tool_tip(run), said) if part))
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if column.numeric else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter
@@ -289,7 +289,7 @@ class LibraryModel(QAbstractTableModel):
         return None
 
 
-def tool_tip(run: IndexedRun) -> str:
+def _tool_tip(run: IndexedRun) -> str:
     """What does not fit into the row."""
     facts = [
         run.path.name,
@@ -375,6 +375,6 @@ class LibraryFilter(QSortFilterProxyModel):
             self.wanted = wanted
             self.invalidate()
 
-    def filterAcceptsRow(self, source_row: int, source_parent: AnyIndex) -> bool:
+    def filterAcceptsRow(self, source_row: int, source_parent: _AnyIndex) -> bool:
         source = self.sourceModel()
         return not isinstance(source, LibraryModel) or self.wanted.passes(source.rows[source_row])

@@ -16,18 +16,18 @@ from rig.errors import RigError
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.window.work.background import single_shot
 
-PAUSE_MS = 250
+_PAUSE_MS = 250
 """ms that must pass without a further change before the folder is read."""
 GROWING_MS = 2000
 """ms between two looks while a run is being written: its file grows without the folder changing."""
 
-MOST_WATCHED = 200
+_MOST_WATCHED = 200
 """Folders that are watched: some computers give a program no more."""
 
 PROGRESS_INTERVAL = 0.2
 """s between two words about how far the reading is."""
 
-LONGEST_STOP = 5.0
+_LONGEST_STOP = 5.0
 """s that the end of the window waits for the file that is being read."""
 
 
@@ -59,7 +59,7 @@ class LibrarySource(QObject):
         self._thread: threading.Thread | None = None
         self._watcher = QFileSystemWatcher(self)
         self._watcher.directoryChanged.connect(lambda _: self._pause.start())
-        self._pause = single_shot(self, PAUSE_MS, self.look)
+        self._pause = single_shot(self, _PAUSE_MS, self.look)
         self._growing = single_shot(self, GROWING_MS, self.look)
         self._read.connect(self._take)
         program = QCoreApplication.instance()
@@ -81,11 +81,11 @@ class LibrarySource(QObject):
         """Read no further, and wait for the file that is being read: a program must not end within the HDF5 library."""
         self._stopped = True
         if self._thread is not None:
-            self._thread.join(LONGEST_STOP)
+            self._thread.join(_LONGEST_STOP)
 
     def _watch(self) -> None:
         """Watch the folder and those of the folders in it that hold runs."""
-        folders = {str(folder) for folder in self._index.folders[:MOST_WATCHED]}
+        folders = {str(folder) for folder in self._index.folders[:_MOST_WATCHED]}
         if self.folder.is_dir():
             folders.add(str(self.folder))
         fresh = sorted(folders - set(self._watcher.directories()))

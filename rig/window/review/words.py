@@ -14,7 +14,7 @@ from rig.content.wording import readable
 from rig.window.shell.palette import Palette
 
 
-def verdict_words(judged: GearVerdict) -> str:
+def _verdict_words(judged: GearVerdict) -> str:
     """The verdict with its reasons in one sentence."""
     because = "; ".join(judged.because)
     return f"Verdict: {judged.verdict}" + (f". {because}." if because else ".")
@@ -27,7 +27,7 @@ def result_page(result: Result, palette: Palette, judged: GearVerdict | None = N
         lines = "".join(f"<li>{html.escape(w)}</li>" for w in result.warnings)
         parts.append(f'<h4 style="color:{palette.warning}">To beware of</h4><ul>{lines}</ul>')
     if judged is not None:
-        parts.append(f"<p>{html.escape(verdict_words(judged))}</p>")
+        parts.append(f"<p>{html.escape(_verdict_words(judged))}</p>")
     for v in judged.of(result) if judged is not None else ():
         colour = getattr(palette, tone_of(v.outcome) or "muted")
         value, _ = held_against(v)

@@ -23,10 +23,10 @@ from rig.window.shell.stack import (
 )
 from rig.window.shell.theme import BANNER_CAPITAL
 
-WORD_SHARE = 0.6
+_WORD_SHARE = 0.6
 """Share of the banner's width that symbol and word take at most."""
-SYMBOL_WIDTH = 64
-SPACING = 2
+_SYMBOL_WIDTH = 64
+_SPACING = 2
 """Pixels between the letters of the word."""
 LINES, LETTER = 3, 7.5
 """Lines of small words beside the word at most, and pixels of a letter in them."""
@@ -64,7 +64,7 @@ OUTCOMES: dict[str, tuple[str, str, str]] = {
     "ERROR": ("✖", "#a3150c", "#ffffff"),
 }
 """Symbol and colours of a finished run's outcome; that it was completed says nothing of the gear."""
-VERDICTS: dict[str, tuple[str, str, str]] = {
+_VERDICTS: dict[str, tuple[str, str, str]] = {
     "PASS": ("✔", "#006b50", "#ffffff"),
     "MARGINAL": ("≈", "#f0e442", "#16191d"),
     "FAIL": ("✘", "#8a3800", "#ffffff"),
@@ -76,8 +76,12 @@ VERDICTS: dict[str, tuple[str, str, str]] = {
 def look_of(state: RunState) -> Look:
     """The look of a state; of a finished run that of its outcome and, where it was completed, of its verdict."""
     look = LOOKS[state.state]
-    if state.state is State.FINISHED and state.outcome == "COMPLETED" and state.verdict in VERDICTS:
-        symbol, background, text = VERDICTS[state.verdict]
+    if (
+        state.state is State.FINISHED
+        and state.outcome == "COMPLETED"
+        and state.verdict in _VERDICTS
+    ):
+        symbol, background, text = _VERDICTS[state.verdict]
         return Look(f"COMPLETED: {state.verdict}", symbol, background, text)
     if state.state is State.FINISHED and state.outcome in OUTCOMES:
         symbol, background, text = OUTCOMES[state.outcome]
@@ -97,7 +101,7 @@ class Banner(QFrame):
         self._symbol, self._word = text_label(align=Qt.AlignmentFlag.AlignCenter), text_label()
         self._title = text_label(wraps=True, align=at_right)
         self._what = text_label(wraps=True, align=at_right)
-        self._symbol.setMinimumWidth(SYMBOL_WIDTH)
+        self._symbol.setMinimumWidth(_SYMBOL_WIDTH)
         right = in_column((None, 1), self._title, self._what, (None, 1), spacing=2)
         self.setLayout(
             in_row(self._symbol, self._word, (right, 1), margins=(14, 6, 16, 6), spacing=12)
@@ -143,9 +147,9 @@ class Banner(QFrame):
     def _fit(self) -> None:
         if self._look is None:
             return
-        letters = LINES * (1.0 - WORD_SHARE) * self.width() / LETTER
+        letters = LINES * (1.0 - _WORD_SHARE) * self.width() / LETTER
         self._what.setText(_short(self._words, max(round(letters), 30)))
-        size = banner_font(self._look.word, WORD_SHARE * self.width() - SYMBOL_WIDTH)
+        size = _banner_font(self._look.word, _WORD_SHARE * self.width() - _SYMBOL_WIDTH)
         if size != self._size:
             self._size = size
             self._write_large()
@@ -154,17 +158,17 @@ class Banner(QFrame):
         assert self._look is not None
         large = f"font-size: {self._size}px; font-weight: 800; color: {self._look.text};"
         self._symbol.setStyleSheet(large)
-        self._word.setStyleSheet(f"{large} letter-spacing: {SPACING}px;")
+        self._word.setStyleSheet(f"{large} letter-spacing: {_SPACING}px;")
 
 
-def banner_font(word: str, room: float) -> int:
+def _banner_font(word: str, room: float) -> int:
     """Pixels of the font in which a word fits into `room` [px], no larger than `BANNER_CAPITAL` asks for."""
     font = QFont()
     font.setPixelSize(100)
     font.setWeight(QFont.Weight(800))
     measured = QFontMetricsF(font)
     largest = math.ceil(100.0 * BANNER_CAPITAL / measured.capHeight())
-    fitting = 100.0 * (room - SPACING * len(word)) / measured.horizontalAdvance(word)
+    fitting = 100.0 * (room - _SPACING * len(word)) / measured.horizontalAdvance(word)
     return max(min(largest, int(fitting)), 12)
 
 

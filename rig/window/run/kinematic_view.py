@@ -23,11 +23,11 @@ from rig.window.work.live_file import Block
 
 FloatArray = NDArray[np.float64]
 WAVE_BINS = 360
-WIDEST_HOLE = WAVE_BINS // 10
+_WIDEST_HOLE = WAVE_BINS // 10
 """Bins in a row that may be empty within a whole revolution: a fast one has fewer rows than bins."""
 WIND_UP = 1.5 * REVOLUTION
 """Input angle after a change of set-point that is not shown."""
-FASTEST = 400.0 * REVOLUTION / 60.0
+_FASTEST = 400.0 * REVOLUTION / 60.0
 """rad/s; above, the output's vibration hides the error (the protocol's own highest speed is 300 r/min)."""
 WAYS = ((1, "forward"), (-1, "reverse"))
 
@@ -51,7 +51,7 @@ class SteadyRows:
             self._changed_at if self._target is not None else angle[0],
         )
         self._target, self._changed_at = float(target[-1]), float(since[-1])
-        return (np.abs(angle - since) >= WIND_UP) & (target != 0.0) & (np.abs(target) <= FASTEST)
+        return (np.abs(angle - since) >= WIND_UP) & (target != 0.0) & (np.abs(target) <= _FASTEST)
 
 
 class Revolutions:
@@ -97,7 +97,7 @@ class Revolutions:
             return np.full(WAVE_BINS, np.nan)
         mean = self._sum[been] / self._hits[been]
         curve = np.interp(np.arange(WAVE_BINS), been, mean - mean.mean(), np.nan, np.nan)
-        for hole in np.flatnonzero(np.diff(been) > WIDEST_HOLE):
+        for hole in np.flatnonzero(np.diff(been) > _WIDEST_HOLE):
             curve[been[hole] + 1 : been[hole + 1]] = np.nan
         return curve
 
@@ -111,7 +111,7 @@ class Revolutions:
         if (
             self._which is not None
             and len(been)
-            and np.diff(been, append=been[0] + WAVE_BINS).max() <= WIDEST_HOLE
+            and np.diff(been, append=been[0] + WAVE_BINS).max() <= _WIDEST_HOLE
         ):
             curve = np.interp(
                 np.arange(WAVE_BINS), been, self._sum[been] / self._hits[been], period=WAVE_BINS

@@ -15,11 +15,11 @@ RECENT = 20.0
 """s that "latest" shows."""
 GROWTH = 1.2
 """How far a time axis reaches beyond the run when it has to grow."""
-HEADROOM = 0.08
+_HEADROOM = 0.08
 """Share of the height of the data that stays free above and below when a value axis is made anew."""
-LEAST_FILLED = 0.5
+_LEAST_FILLED = 0.5
 """Share of a value axis that the data fill at least; under it the axis is made anew."""
-FLAT = 1e-12
+_FLAT = 1e-12
 """Height over size of a signal that counts as constant: it gets half a unit each way."""
 
 
@@ -78,13 +78,13 @@ class ValueAxis:
         if bounds is None:
             return
         low, high = bounds
-        if high - low <= FLAT * max(abs(low), abs(high), 1.0):
+        if high - low <= _FLAT * max(abs(low), abs(high), 1.0):
             low, high = low - 0.5, high + 0.5
         if self._shown is not None:
             bottom, top = self._shown
-            if bottom <= low and high <= top and high - low >= LEAST_FILLED * (top - bottom):
+            if bottom <= low and high <= top and high - low >= _LEAST_FILLED * (top - bottom):
                 return
-        room = HEADROOM * (high - low)
+        room = _HEADROOM * (high - low)
         self._shown = (low - room, high + room)
         self._plot.item.setYRange(*self._shown, padding=0.0)
 

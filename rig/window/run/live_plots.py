@@ -29,13 +29,13 @@ from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.live_file import Block, LiveFile, open_live
 from rig.window.work.segment_work import SegmentWork
 
-FRAME_MS = 25
+_FRAME_MS = 25
 """ms between two looks at the file, and between two frames: forty a second."""
-COUNT_FRAMES = 8
+_COUNT_FRAMES = 8
 """Frames between two counts of the rows in words: nobody reads them faster, and each lays the page out anew."""
-READING_ALLOWED = 0.010
+_READING_ALLOWED = 0.010
 """s of a frame that reading may take while it catches up."""
-SEGMENTS_ALLOWED = 0.005
+_SEGMENTS_ALLOWED = 0.005
 """s of a frame that the views may take to take in segments."""
 
 Maker = Callable[[WindowSession, LiveContext], LiveView]
@@ -99,7 +99,7 @@ class LivePlots(QWidget):
         self._recent.setVisible(False)
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.setInterval(FRAME_MS)
+        self._timer.setInterval(_FRAME_MS)
         self._timer.timeout.connect(self.refresh)
         session.theme_changed.connect(lambda _: self._draw())
 
@@ -145,7 +145,7 @@ class LivePlots(QWidget):
         if fresh or ended:
             self._frames += 1
             self._draw()
-            if self._frames % COUNT_FRAMES == 1:
+            if self._frames % _COUNT_FRAMES == 1:
                 self._count()
             self.drawn.emit()
         if self._is_over and not ended and self._work.is_idle:
@@ -258,14 +258,14 @@ class LivePlots(QWidget):
         """Look, read, and give the views the rows of this frame; returns how many."""
         if self._pacer.expects:
             live.look()
-        live.read(READING_ALLOWED, self._pacer.put)
+        live.read(_READING_ALLOWED, self._pacer.put)
         return self._take_all(self._pacer.due(behind=live.behind > 0))
 
     def _take_segments(self) -> int:
         """Tell the views of segments that have ended, as many as the work on them has room for."""
         assert self.live is not None
         begin, count = time.monotonic(), 0
-        while not count or time.monotonic() - begin < SEGMENTS_ALLOWED:
+        while not count or time.monotonic() - begin < _SEGMENTS_ALLOWED:
             segment = None if self._work is None or self._work.is_full else self.live.next_segment()
             if segment is None:
                 break

@@ -18,7 +18,7 @@ from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, Envelope, RollingEnvelope, SlidingSpeed
 from rig.window.work.segment_work import SegmentWork
 
-RUN_TIME = "time since the start of the run [s]"
+_RUN_TIME = "time since the start of the run [s]"
 MILLI = 1e-3
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -121,7 +121,7 @@ class TraceView(RowView):
         signals: Sequence[tuple[str, str, float, Any]],
         duration: float = 0.0,
     ) -> None:
-        self.plot = LabPlot(session, title, RUN_TIME, y_label)
+        self.plot = LabPlot(session, title, _RUN_TIME, y_label)
         self._axis, self._values = TimeAxis(self.plot, duration), ValueAxis(self.plot)
         self.wanted = tuple(signal[0] for signal in signals)
         self._signals = [
@@ -203,7 +203,7 @@ class SpeedView(RowView):
     wanted = ("input_angle", "target_speed")
 
     def __init__(self, session: WindowSession, context: LiveContext) -> None:
-        self.plot = LabPlot(session, "Input speed", RUN_TIME, "input speed [r/min]")
+        self.plot = LabPlot(session, "Input speed", _RUN_TIME, "input speed [r/min]")
         self._axis, self._values = TimeAxis(self.plot, context.duration), ValueAxis(self.plot)
         self._speed = SlidingSpeed(context.period)
         self._measured, self._target = Trace(), Trace()

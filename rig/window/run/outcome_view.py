@@ -34,9 +34,9 @@ from rig.window.work.verdicts import ReadRun, read_run
 READING = "Reading the results …"
 MOST_LINES = 6
 """Results that are named here; all of them stand in review and report."""
-MOST_REASONS = 4
+_MOST_REASONS = 4
 """Reasons of a campaign's verdict that are named here."""
-OBSERVERS = {
+_OBSERVERS = {
     "statusword": "the drive",
     "input_angle": "the input encoder",
     "output_angle": "the output encoder",
@@ -107,7 +107,7 @@ class OutcomeView(QFrame):
         """The end of a run. `path` is its sealed file, None where there is none."""
         self._path = path
         self.review.setText("Review this run")
-        self.headline.setText(headline_of(state, report))
+        self.headline.setText(_headline_of(state, report))
         session = self._session
         bench = option_of(session.backend, session.folder, session.configuration)
         self.text.setText(sentence_of(state, report, bench))
@@ -133,7 +133,7 @@ class OutcomeView(QFrame):
         self._path = path
         self.review.setText("Review the last run")
         self.headline.setText(
-            campaign_headline(state, report) if report else headline_of(state, run)
+            _campaign_headline(state, report) if report else _headline_of(state, run)
         )
         session = self._session
         bench = option_of(session.backend, session.folder, session.configuration)
@@ -231,7 +231,7 @@ class OutcomeView(QFrame):
             self._session.message.emit(f"Written, but nothing here opens it: {page}")
 
 
-def headline_of(state: RunState, report: dict[str, Any]) -> str:
+def _headline_of(state: RunState, report: dict[str, Any]) -> str:
     """One line: outcome and run."""
     if state.state is State.REFUSED:
         return "The run was not started"
@@ -242,10 +242,10 @@ def headline_of(state: RunState, report: dict[str, Any]) -> str:
     return f"{state.outcome}   {report.get('run', '')}"
 
 
-def campaign_headline(state: RunState, report: dict[str, Any]) -> str:
+def _campaign_headline(state: RunState, report: dict[str, Any]) -> str:
     """One line: how a campaign stands, and of which gear it is."""
     if state.safe is False:
-        return headline_of(state, report)
+        return _headline_of(state, report)
     what = f"Campaign {report.get('campaign', '')}, gear {report.get('gear', '')}"
     if report.get("complete"):
         return f"{what}: COMPLETED, {report.get('verdict', '')}"
@@ -257,9 +257,9 @@ def campaign_lines(report: dict[str, Any]) -> list[str]:
     if not report:
         return []
     reasons = [str(why) for why in report.get("because", ())]
-    more = len(reasons) - MOST_REASONS
+    more = len(reasons) - _MOST_REASONS
     if more > 0:
-        reasons = [*reasons[:MOST_REASONS], f"{more} more: see the certificate"]
+        reasons = [*reasons[:_MOST_REASONS], f"{more} more: see the certificate"]
     lines = [
         verdict_line(str(report["verdict"]), reasons),
         *report.get("resumed", ()),
@@ -288,7 +288,7 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
     if made_safe.get("safe"):
         parts.append(
             f"Made safe ({made_safe.get('action', '')}), standstill verified by "
-            f"{', '.join(OBSERVERS.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
+            f"{', '.join(_OBSERVERS.get(str(w), str(w)) for w in made_safe.get('verified_by', ()))}."
         )
     if state.outcome == "TRIPPED":
         parts.append(

@@ -16,7 +16,7 @@ import numpy as np
 
 from rig.window.work.live_file import BLOCK_ROWS, Block
 
-FIRST_INTERVAL = 0.05
+_FIRST_INTERVAL = 0.05
 """s between two bursts before any is known: the recorder's of a rig in real time."""
 LONGEST = 0.6
 """s that a row may wait."""
@@ -24,9 +24,9 @@ MOST = 32 * BLOCK_ROWS
 """Rows that may wait: a window that opens a long run does not keep all of it."""
 LATE = 1.25
 """How much later than usual a burst may come before the rows run out."""
-TRUST = 0.5
+_TRUST = 0.5
 """Weight of the latest interval in the mean of them."""
-EARLY = 0.7
+_EARLY = 0.7
 """Share of the usual interval before which no burst is looked for."""
 
 
@@ -37,7 +37,7 @@ class Pacer:
         self._clock = clock
         self._waiting: deque[Block] = deque()
         self._rows, self._put, self._goes_on = 0, False, False
-        self._interval, self._burst_at, self._handed_at = FIRST_INTERVAL, clock(), clock()
+        self._interval, self._burst_at, self._handed_at = _FIRST_INTERVAL, clock(), clock()
 
     @property
     def waiting(self) -> int:
@@ -47,7 +47,7 @@ class Pacer:
     @property
     def expects(self) -> bool:
         """Whether the next burst may have come: a look at the file costs as much as a plot."""
-        return self._clock() - self._burst_at >= EARLY * self._interval
+        return self._clock() - self._burst_at >= _EARLY * self._interval
 
     def put(self, block: Block) -> None:
         """Take a block in; several at once are one burst."""
@@ -61,7 +61,7 @@ class Pacer:
         elapsed, self._handed_at = now - self._handed_at, now
         if self._put and not self._goes_on:
             passed, self._burst_at = now - self._burst_at, now
-            self._interval += TRUST * (min(passed, LONGEST / LATE) - self._interval)
+            self._interval += _TRUST * (min(passed, LONGEST / LATE) - self._interval)
         self._put, self._goes_on = False, behind
         left = self._burst_at + LATE * self._interval - now
         share = elapsed / (elapsed + left) if left > 0.0 else 1.0

@@ -47,9 +47,9 @@ from rig.window.shell.stack import (
 from rig.window.work.child import Ending, RunProcess
 from rig.window.work.prepared import PreparedCampaign, PreparedRun
 
-SIDE_WIDTH = 330
+_SIDE_WIDTH = 330
 """Logical pixels of the column of margins and events."""
-FOLDED_UNDER = 1000
+_FOLDED_UNDER = 1000
 """Logical pixels of the page under which that column is folded away to begin with."""
 
 
@@ -160,7 +160,7 @@ class RunPage(QWidget):
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Fold the side column away where it takes too much of the width; once, then it is as somebody has it."""
         super().resizeEvent(event)
-        narrow = self.width() < FOLDED_UNDER
+        narrow = self.width() < _FOLDED_UNDER
         if narrow != self._is_narrow:
             self._is_narrow = narrow
             self.fold.setChecked(not narrow)
@@ -339,7 +339,7 @@ class RunPage(QWidget):
         self.bar.setFixedHeight(12)
         self.bar.setRange(0, 1000)
         strip = in_row(self._step, (self.bar, 1), self._times, self.fold, spacing=12)
-        body = split((self.plots, 1), self.side, sizes=[10_000, SIDE_WIDTH])
+        body = split((self.plots, 1), self.side, sizes=[10_000, _SIDE_WIDTH])
         # What must be seen and reached stands still; what is only looked at is scrolled where the screen is small.
         rest = scrolled(
             room_for(

@@ -25,7 +25,7 @@ from rig.window.run.live_view import MILLI, LiveContext, SegmentView
 from rig.window.shell.session import WindowSession
 
 COUNTED = ("hold", "bracket")
-PREDICTED = "predicted"
+_PREDICTED = "predicted"
 WAYS = ((1, "forward"), (-1, "reverse"))
 
 
@@ -61,7 +61,7 @@ class TorquePoints(SegmentView):
         if seen is not None and len(seen.curve_speed):
             low, high = seen.curve.low / MILLI, seen.curve.high / MILLI
             self.plot.add_series(
-                PREDICTED,
+                _PREDICTED,
                 seen.curve_speed / RPM,
                 seen.curve.value / MILLI,
                 "band",
@@ -80,7 +80,7 @@ class TorquePoints(SegmentView):
         torque = planned.motor.coulomb_friction + planned.motor.viscous_friction * speed
         if mounted:
             torque = torque + friction_torque(planned.gear, speed)
-        self.plot.curve(PREDICTED, 3, "dashed").item.setData(speed / RPM, torque / MILLI)
+        self.plot.curve(_PREDICTED, 3, "dashed").item.setData(speed / RPM, torque / MILLI)
 
     def ended(self, segment: Segment, recording: Recording) -> None:
         """A hold has ended: its running torque, over whole input revolutions."""

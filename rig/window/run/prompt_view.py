@@ -24,9 +24,9 @@ from rig.window.shell.stack import (
 
 UNARMED_NS = 1_000_000_000
 """ns after a question in which nothing answers it."""
-LOOKS_MS = 50
+_LOOKS_MS = 50
 """ms between two looks whether they are over."""
-BY_INTENT = (
+_BY_INTENT = (
     Qt.FocusReason.TabFocusReason,
     Qt.FocusReason.BacktabFocusReason,
     Qt.FocusReason.MouseFocusReason,
@@ -48,7 +48,7 @@ class ConsentButton(QPushButton):
 
     def focusInEvent(self, event: QFocusEvent) -> None:
         """Remember how the keyboard came here."""
-        self._is_meant = event.reason() in BY_INTENT
+        self._is_meant = event.reason() in _BY_INTENT
         super().focusInEvent(event)
 
     def event(self, event: QEvent) -> bool:
@@ -87,7 +87,7 @@ class PromptView(QFrame):
         self.field.returnPressed.connect(self._answer)
         self.field.textChanged.connect(lambda _: self._show_armed())
         self._looks = QTimer(self)
-        self._looks.setInterval(LOOKS_MS)
+        self._looks.setInterval(_LOOKS_MS)
         self._looks.timeout.connect(self._show_armed)
         session.theme_changed.connect(lambda _: self._colour())
         self._colour()

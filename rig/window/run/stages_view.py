@@ -12,9 +12,9 @@ from PySide6.QtWidgets import QLabel, QSizePolicy
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import set_tip
 
-SYMBOLS = {"to come": "○", "under way": "▶", "counts": "✓", "COMPLETED": "✓"}
+_SYMBOLS = {"to come": "○", "under way": "▶", "counts": "✓", "COMPLETED": "✓"}
 """Before the name of a run; any other outcome has a cross."""
-OTHER = "✖"
+_OTHER = "✖"
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class StagesView(QLabel):
     @property
     def words(self) -> list[str]:
         """Every run with its symbol, as it is shown."""
-        return [f"{SYMBOLS.get(row.standing, OTHER)} {row.protocol}" for row in self.rows]
+        return [f"{_SYMBOLS.get(row.standing, _OTHER)} {row.protocol}" for row in self.rows]
 
     def _show(self) -> None:
         palette = self._session.palette

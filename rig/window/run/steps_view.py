@@ -35,7 +35,7 @@ from rig.window.shell.session import WindowSession
 
 SHOWN = 0.6
 """s of a step that are shown at least: the rise and the ring-down."""
-SHOWN_REVOLUTIONS = 3.0
+_SHOWN_REVOLUTIONS = 3.0
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class StepView(SegmentView):
             return
         segment, score = latest.segment, latest.score
         shown = score.time <= max(
-            SHOWN, SHOWN_REVOLUTIONS * REVOLUTION / max(abs(segment.setpoint), 1.0)
+            SHOWN, _SHOWN_REVOLUTIONS * REVOLUTION / max(abs(segment.setpoint), 1.0)
         )
         x = score.time[shown]
         self._measured.item.setData(x, score.measured_speed[shown] / RPM)

@@ -14,8 +14,8 @@ from PySide6.QtWidgets import QAbstractButton, QApplication, QWidget
 
 Act = Callable[[], object]
 KEYS = (QEvent.Type.ShortcutOverride, QEvent.Type.KeyPress)
-PRESSES = (QEvent.Type.MouseButtonPress, QEvent.Type.MouseButtonDblClick)
-WINDOWS = (Qt.WindowType.Window, Qt.WindowType.Dialog, Qt.WindowType.Sheet, Qt.WindowType.Tool)
+_PRESSES = (QEvent.Type.MouseButtonPress, QEvent.Type.MouseButtonDblClick)
+_WINDOWS = (Qt.WindowType.Window, Qt.WindowType.Dialog, Qt.WindowType.Sheet, Qt.WindowType.Tool)
 """Kinds of windows that may keep keys and presses from the one with STOP; lists, menus and tips are none of them."""
 
 
@@ -57,7 +57,7 @@ class StopFilter(QObject):
         kind = event.type()
         if kind in KEYS and isinstance(event, QKeyEvent):
             return self._hear(event)
-        if kind in PRESSES and isinstance(event, QMouseEvent):
+        if kind in _PRESSES and isinstance(event, QMouseEvent):
             return self._feel(event)
         if (
             kind is QEvent.Type.Show
@@ -95,7 +95,7 @@ class StopFilter(QObject):
         return False
 
     def _is_in_the_way(self, widget: QWidget) -> bool:
-        return widget.isWindow() and widget is not self._window and widget.windowType() in WINDOWS
+        return widget.isWindow() and widget is not self._window and widget.windowType() in _WINDOWS
 
 
 def _close_popups() -> None:

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 
 from PySide6.QtCore import QTimer
 
-INTERVAL_MS = 500
+_INTERVAL_MS = 500
 
 
 @contextmanager
@@ -26,8 +26,8 @@ def collector_in_this_thread() -> Iterator[None]:
     gc.freeze()
     gc.disable()
     timer = QTimer()
-    timer.timeout.connect(collect_what_is_due)
-    timer.start(INTERVAL_MS)
+    timer.timeout.connect(_collect_what_is_due)
+    timer.start(_INTERVAL_MS)
     try:
         yield
     finally:
@@ -37,7 +37,7 @@ def collector_in_this_thread() -> Iterator[None]:
             gc.enable()
 
 
-def collect_what_is_due() -> None:
+def _collect_what_is_due() -> None:
     """The young objects at every call, the older ones when enough has come together, as the
     collector does it by itself.
     """

@@ -70,10 +70,10 @@ DARK = Palette(
     stop_text="#ffffff",
     series=("#56b4e9", "#e69f00", "#2fc79a", "#e29ac3", "#3d8fd1", "#f07b2e", "#eceff2", "#f0e442"),
 )
-PALETTES = {palette.name: palette for palette in (LIGHT, DARK)}
+_PALETTES = {palette.name: palette for palette in (LIGHT, DARK)}
 """Every theme by its name."""
 
 
 def palette_of(theme: str) -> Palette:
     """The colours of a theme; an unknown name is the light one."""
-    return PALETTES.get(theme, LIGHT)
+    return _PALETTES.get(theme, LIGHT)

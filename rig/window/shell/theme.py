@@ -10,7 +10,7 @@ from rig.window.shell.palette import Palette, palette_of
 
 THEMES = ("system", "light", "dark")
 """What `--theme` takes."""
-KEPT_PICTURES = 128 * 1024
+_KEPT_PICTURES = 128 * 1024
 """kB of what was painted that Qt may keep: the still curves of all plots on a large screen. Its own
 10 MB hold those of one.
 """
@@ -31,10 +31,10 @@ def theme_named(wanted: str) -> str:
 def apply_theme(application: QApplication, theme: str) -> Palette:
     """Give the whole application the colours of a theme, unless it has them already; returns them."""
     palette = palette_of(theme)
-    sheet = style_sheet(palette)
+    sheet = _style_sheet(palette)
     if application.styleSheet() == sheet:
         return palette
-    QPixmapCache.setCacheLimit(KEPT_PICTURES)
+    QPixmapCache.setCacheLimit(_KEPT_PICTURES)
     application.setStyle("Fusion")
     application.setPalette(_qt_palette(palette))
     application.setStyleSheet(sheet)
@@ -65,7 +65,7 @@ def _qt_palette(p: Palette) -> QPalette:
     return palette
 
 
-def style_sheet(p: Palette) -> str:
+def _style_sheet(p: Palette) -> str:
     """The style sheet. Widgets choose a part by their property `part`, so that colours stand here and nowhere else."""
     return f"""
     QWidget {{ font-size: 10pt; }}

@@ -22,7 +22,7 @@ from rig.runfile.read import close_recording, follow, open_run
 FloatArray = NDArray[np.float64]
 BLOCK_ROWS = 8192
 """Rows that are read at once: a chunk of the file."""
-TABLE_INTERVAL = 0.25
+_TABLE_INTERVAL = 0.25
 """s between two looks at the tables of segments and events, which are read whole."""
 
 
@@ -54,7 +54,7 @@ class LiveFile:
         self._names: tuple[str, ...] = ()
         self._segments_seen = 0
         self._is_open = True
-        self._looked = -TABLE_INTERVAL
+        self._looked = -_TABLE_INTERVAL
         self._origin_ns: int | None = None
         self._latest_ns = np.iinfo(np.int64).min
 
@@ -75,7 +75,7 @@ class LiveFile:
     def look(self) -> None:
         """See how far the file has grown, and now and then what its tables say."""
         now = self._clock()
-        if now - self._looked >= TABLE_INTERVAL:
+        if now - self._looked >= _TABLE_INTERVAL:
             self._looked = now
             self.recording = follow(self.recording)
         else:
@@ -111,7 +111,7 @@ class LiveFile:
         self.close()
         self.path, self.recording = path, open_run(path, digest=False)
         self._is_open = True
-        self._looked = -TABLE_INTERVAL
+        self._looked = -_TABLE_INTERVAL
 
     def close(self) -> None:
         """Let go of the file."""

@@ -35,7 +35,7 @@ class ArrayTable:
         self.path = path
         self._columns: dict[str, NDArray[Any]] = {}
         for name, array in arrays.items():
-            self._columns |= named_columns(name, array)
+            self._columns |= _named_columns(name, array)
         self.headings = tuple(self._columns)
         if not self.headings:
             raise RunFileError(
@@ -60,14 +60,14 @@ class ArrayTable:
             yield Batch(lines, values, not_finite(values, lines, names))
 
 
-def named_columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[Any]]:
+def _named_columns(name: str, array: NDArray[Any]) -> dict[str, NDArray[Any]]:
     """The columns of an array: a vector is the column of its name; a matrix `M` gives `M#1`, `M#2`, ...;
     fields of a structured array are `M.field`.
     """
     if array.dtype.names:
         fields: dict[str, NDArray[Any]] = {}
         for field in array.dtype.names:
-            fields |= named_columns(f"{name}.{field}", array[field])
+            fields |= _named_columns(f"{name}.{field}", array[field])
         return fields
     if array.dtype.kind not in NUMERIC or array.size < 1 or array.ndim > 2:
         return {}

@@ -28,7 +28,7 @@ from rig.runfile.importing.adapters.table import (
     not_finite,
 )
 
-EARLIEST = datetime(1990, 1, 1, tzinfo=UTC)
+_EARLIEST = datetime(1990, 1, 1, tzinfo=UTC)
 """Moments before this are the zero of a clock that nobody set."""
 DAMAGE = (
     OSError, ValueError, KeyError, IndexError, EOFError, MemoryError, ArithmeticError, struct.error, RuntimeError,
@@ -156,7 +156,7 @@ def calendar_ns(moment: object) -> int:
         stamp = round((aware - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds() * 1e6) * 1000
     else:
         return 0
-    return stamp if stamp >= EARLIEST.timestamp() * 1e9 else 0
+    return stamp if stamp >= _EARLIEST.timestamp() * 1e9 else 0
 
 
 def headings_of(places: Sequence[tuple[str, str]]) -> list[str]:

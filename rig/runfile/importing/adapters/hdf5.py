@@ -15,7 +15,7 @@ from rig.runfile.importing.adapters.table import BATCH_ROWS, Batch, CellReader, 
 from rig.runfile.structure import refuse_foreign_storage
 
 UNIT_ATTRIBUTES = ("units", "unit", "Unit", "Units")
-MOST_COLUMNS = 64
+_MOST_COLUMNS = 64
 """Columns of a matrix that are listed: an image is no recording."""
 
 
@@ -106,7 +106,7 @@ def _columns(name: str, item: h5py.Dataset) -> dict[str, str | int | None]:
     if item.ndim == 1 or 1 in item.shape:
         return {name: None}
     width = min(item.shape)
-    return {f"{name}#{k + 1}": k for k in range(width)} if width <= MOST_COLUMNS else {}
+    return {f"{name}#{k + 1}": k for k in range(width)} if width <= _MOST_COLUMNS else {}
 
 
 def _unit(item: h5py.Dataset) -> str:

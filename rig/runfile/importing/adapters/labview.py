@@ -19,7 +19,7 @@ _END = "***End_of_Header***"
 _LONGEST_HEADER = 400
 _SHOWN = 5
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";", "": "\t"}
-X_HEADING = "X_Value"
+_X_HEADING = "X_Value"
 
 
 def is_labview(path: Path) -> bool:
@@ -72,7 +72,7 @@ class LabviewTable(TextRows):
 
     def _find_times(self, block: dict[str, list[str]], kind: str, *, comma: bool) -> None:
         """Units and columns of time, or the step that stands in the header."""
-        places = [i for i, name in enumerate(self.headings) if name == X_HEADING]
+        places = [i for i, name in enumerate(self.headings) if name == _X_HEADING]
         is_time = all(cell in ("Time", "") for cell in block.get("X_Dimension", ["Time"]))
         multi = kind == "Multi"
         units, times = [], []
@@ -80,8 +80,8 @@ class LabviewTable(TextRows):
         # The cells of a header stand below the channels: one per channel, or with X columns between them.
         channels = 0
         for index, name in enumerate(self.headings):
-            if name == X_HEADING or index >= self._comments:
-                units.append("s" if name == X_HEADING and is_time and kind != "No" else "")
+            if name == _X_HEADING or index >= self._comments:
+                units.append("s" if name == _X_HEADING and is_time and kind != "No" else "")
                 times.append(None)
                 continue
             cell = 2 * channels if multi else channels

@@ -19,9 +19,9 @@ from rig.runfile.importing.adapters.matlab_older import DAMAGE, may_kill, read_a
 from rig.runfile.structure import refuse_foreign_storage
 
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
-TEXTS_AND_CELLS = (b"char", b"cell", b"struct", "char", "cell", "struct")
+_TEXTS_AND_CELLS = (b"char", b"cell", b"struct", "char", "cell", "struct")
 DEEPEST = 12
-READER = "rig.runfile.importing.adapters.matlab_older"
+_READER = "rig.runfile.importing.adapters.matlab_older"
 
 
 class MatlabTable(ArrayTable):
@@ -67,7 +67,7 @@ class MatlabTable(ArrayTable):
                 "-W",
                 "ignore",
                 "-m",
-                READER,
+                _READER,
                 str(self.path),
                 str(copy),
             ]
@@ -116,5 +116,5 @@ def _gather(
             inner = file[reference] if reference else None
             at = name if len(cells) == 1 else f"{name}{{{number}}}"
             _gather(file, at, inner, size, arrays, depth + 1)
-    elif kind not in TEXTS_AND_CELLS and item.dtype.kind in "iufb":
+    elif kind not in _TEXTS_AND_CELLS and item.dtype.kind in "iufb":
         arrays[name] = item[()].T

@@ -59,7 +59,7 @@ def may_kill(source: str) -> bool:
         raise ValueError(str(error)) from error
 
 
-def copy_arrays(source: str, target: str) -> int:
+def _copy_arrays(source: str, target: str) -> int:
     """Copy the arrays into an NPZ file, and their names as `names`; 0, or 1 with the reason printed."""
     try:
         arrays = read_arrays(source)
@@ -85,4 +85,4 @@ def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(copy_arrays(*sys.argv[1:]))
+    sys.exit(_copy_arrays(*sys.argv[1:]))

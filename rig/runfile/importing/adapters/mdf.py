@@ -28,7 +28,7 @@ from rig.runfile.importing.adapters.blocks import (
 from rig.runfile.importing.adapters.listening import heard
 
 KIND = "MDF file"
-SYNC_BY_TIME = 1
+_SYNC_BY_TIME = 1
 NUMBERS_3, NUMBERS_4 = (*range(4), *range(9, 17)), tuple(range(6))
 """Types of data that are numbers."""
 
@@ -138,7 +138,7 @@ def _channels_of(file: Any, number: int, group: Any) -> list[tuple[str, str, str
     found: list[tuple[str, str, str, _Place]] = []
     for index, channel in enumerate(group.channels):
         if index == file.masters_db.get(number):
-            is_time = is_older or channel.sync_type == SYNC_BY_TIME
+            is_time = is_older or channel.sync_type == _SYNC_BY_TIME
             # The standard has the master in seconds where it is a time.
             unit = "s" if is_time else file.get_channel_unit(group=number, index=index)
             found.append((called, channel.name, unit, _Place(number, None, rows, is_time)))

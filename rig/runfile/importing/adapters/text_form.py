@@ -18,7 +18,7 @@ from rig.errors import RunFileError
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
-WHITESPACE = "whitespace"
+_WHITESPACE = "whitespace"
 NOTHING = "nothing"
 """A single column: a blank in its heading separates nothing."""
 ANY = "any"
@@ -28,8 +28,8 @@ _ANY = re.compile(r"\s*[,;|\t]\s*|\s+")
 DELIMITERS = {
     "tab": "\t",
     "\\t": "\t",
-    "space": WHITESPACE,
-    WHITESPACE: WHITESPACE,
+    "space": _WHITESPACE,
+    _WHITESPACE: _WHITESPACE,
     ANY: ANY,
     "comma": ",",
     "semicolon": ";",
@@ -40,7 +40,7 @@ NAMES = {
     ",": "comma",
     ";": "semicolon",
     "|": "bar",
-    WHITESPACE: "white space",
+    _WHITESPACE: "white space",
     NOTHING: "nothing: there is one",
     ANY: "any of comma, semicolon, bar, tab and white space",
 }
@@ -123,7 +123,7 @@ def find_delimiter(sample: list[str]) -> str:
             DECIMAL_COMMA.fullmatch(cell) or NUMBER.fullmatch(cell) for row in words for cell in row
         )
         if numeric or commas == {1}:
-            return WHITESPACE
+            return _WHITESPACE
     if len(commas) == 1 and commas != {1}:
         return ","
     if commas == {1} and {len(row) for row in words} == {1}:
@@ -135,7 +135,7 @@ def find_delimiter(sample: list[str]) -> str:
         c: Counter(line.count(c) for line in lines if line.count(c)).most_common(1) for c in ",;\t|"
     }
     best = max(counts, key=lambda c: counts[c][0][1] if counts[c] else 0)
-    return best if counts[best] else WHITESPACE
+    return best if counts[best] else _WHITESPACE
 
 
 def _all_numbers(lines: list[str]) -> bool:
@@ -145,7 +145,7 @@ def _all_numbers(lines: list[str]) -> bool:
 
 def split_line(line: str, delimiter: str) -> list[str]:
     """The cells of a line."""
-    if delimiter == WHITESPACE:
+    if delimiter == _WHITESPACE:
         # `t [s]` is one heading.
         return _WORDS.findall(line) if "[" in line or "(" in line else line.split()
     if delimiter == NOTHING:

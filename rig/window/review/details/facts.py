@@ -13,7 +13,7 @@ from rig.runfile.prevailing import acquisition_facts, calibration_grid, conditio
 from rig.window.review.words import facts_html, grid_html
 from rig.window.shell.palette import Palette
 
-OF_THE_PROGRAM = (*PROGRAM_KEYS, "backend", "seed", "motor", "rig")
+_OF_THE_PROGRAM = (*PROGRAM_KEYS, "backend", "seed", "motor", "rig")
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Facts:
 def facts_of(recording: Recording) -> Facts:
     """The facts of a run; reads it once from end to end."""
     m = recording.metadata
-    process = {name: m.process[name] for name in OF_THE_PROGRAM if m.process.get(name)}
+    process = {name: m.process[name] for name in _OF_THE_PROGRAM if m.process.get(name)}
     return Facts(
         {
             "Conditions": conditions_of(recording, m.gear if m.gear_mounted else None),

@@ -19,7 +19,7 @@ from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import LatestTask
 
 COLUMNS = columns(("#", "number"), "kind of fit", "made", "tare", "program", "file")
-Opener = Callable[[QUrl], object]
+_Opener = Callable[[QUrl], object]
 
 
 class RunFilesView(QWidget):
@@ -27,7 +27,7 @@ class RunFilesView(QWidget):
 
     analysis_chosen = Signal(object)
 
-    def __init__(self, session: WindowSession, opener: Opener) -> None:
+    def __init__(self, session: WindowSession, opener: _Opener) -> None:
         super().__init__()
         self._opener = opener
         self._path: Path | None = None

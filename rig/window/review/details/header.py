@@ -24,9 +24,9 @@ from rig.window.shell.stack import (
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
 from rig.window.work.verdicts import ListedVerdict
 
-LEFT_BEHIND = "left behind"
+_LEFT_BEHIND = "left behind"
 """What the library calls a run whose acquisition ended without sealing it."""
-SHOWN_HASH = 16
+_SHOWN_HASH = 16
 """Characters of the SHA-256 that are shown; the whole of it is in the tip and can be copied."""
 
 
@@ -70,7 +70,7 @@ class RunHeaderView(QFrame):
         set_tip(self.title, str(path))
         self.mark.setText(ORIGIN_WORDS[m.origin])
         self.allow_report(state == "sealed")
-        self.recover.setVisible(state == LEFT_BEHIND)
+        self.recover.setVisible(state == _LEFT_BEHIND)
         self._show_outcome(m.outcome or (state if state != "sealed" else ""))
         gear = (
             " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part)
@@ -110,7 +110,7 @@ class RunHeaderView(QFrame):
 
     def show_problem(self, path: Path, state: str = "") -> None:
         """A file that cannot be read; `state` as the library knows it."""
-        self.recover.setVisible(state == LEFT_BEHIND)
+        self.recover.setVisible(state == _LEFT_BEHIND)
         self.show_verdict(None)
         self.title.setText(path.name)
         self.mark.clear()
@@ -126,5 +126,5 @@ class RunHeaderView(QFrame):
 
 
 def _hash_words(metadata: RunMetadata) -> str:
-    shown = f"SHA-256 {metadata.sha256[:SHOWN_HASH]}…" if metadata.sha256 else ""
+    shown = f"SHA-256 {metadata.sha256[:_SHOWN_HASH]}…" if metadata.sha256 else ""
     return " · ".join(part for part in ("" if metadata.is_sealed else "NOT SEALED", shown) if part)

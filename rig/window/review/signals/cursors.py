@@ -25,9 +25,9 @@ from rig.window.shell.stack import (
 )
 
 NAMES = ("A", "B")
-SHARES = (0.25, 0.75)
+_SHARES = (0.25, 0.75)
 """Where the cursors stand in the view when they are asked for."""
-DECIMALS = 4
+_DECIMALS = 4
 """Decimals of a cursor's time [s]: a tenth of a cycle at 1 kHz."""
 DIGITS = 6
 """Digits of a number between the cursors: counts need no more."""
@@ -43,9 +43,9 @@ COLUMNS = columns(
     ("max", "number"),
     ("slope [/s]", "number"),
 )
-FIELD_WIDTH = 110
+_FIELD_WIDTH = 110
 """Pixels of a field for a time."""
-MOST_HEIGHT = 150
+_MOST_HEIGHT = 150
 """Pixels of the table at most: the plots come first."""
 
 
@@ -76,8 +76,8 @@ class Cursors(QWidget):
         field = QDoubleSpinBox()
         set_tip(field, "Read at the nearest complete row within the stretch")
         field.setAccessibleName(f"Cursor {name}, time since the first row [s]")
-        field.setMinimumWidth(FIELD_WIDTH)
-        field.setDecimals(DECIMALS)
+        field.setMinimumWidth(_FIELD_WIDTH)
+        field.setDecimals(_DECIMALS)
         field.setSuffix(" s")
         field.setRange(0.0, 0.0)
         field.setKeyboardTracking(False)
@@ -110,14 +110,14 @@ class Cursors(QWidget):
 
     def place_within(self, begin: float, end: float) -> None:
         """Put them into a view [s], at a quarter and three quarters of it."""
-        self.place(*(begin + share * (end - begin) for share in SHARES))
+        self.place(*(begin + share * (end - begin) for share in _SHARES))
 
     def limit(self, end: float) -> None:
         """A run of this length [s]."""
         for field in self.times.values():
             with QSignalBlocker(field):
                 field.setRange(0.0, end)
-                field.setSingleStep(max(end / 1000.0, 10.0**-DECIMALS))
+                field.setSingleStep(max(end / 1000.0, 10.0**-_DECIMALS))
 
     def draw_in(self, plots: Iterable[LabPlot]) -> None:
         """Lines in these plots, and in no others: those of before went with their plots."""
@@ -140,7 +140,7 @@ class Cursors(QWidget):
         wanted = self.table.horizontalHeader().height() + 4
         wanted += self.table.horizontalScrollBar().sizeHint().height()
         wanted += sum(self.table.rowHeight(row) for row in range(self.table.rowCount()))
-        self.table.setFixedHeight(min(wanted, MOST_HEIGHT))
+        self.table.setFixedHeight(min(wanted, _MOST_HEIGHT))
         self.says.setText(between_words(a, b, stretches))
 
     def _show(self, on: bool) -> None:
@@ -170,7 +170,7 @@ class Cursors(QWidget):
 
 def between_words(a: float, b: float, stretches: Sequence[Stretch]) -> str:
     """How long it is from A to B [s], what frequency has that period, and how many rows lie in between."""
-    words = [f"B − A {fixed(b - a, DECIMALS)} s"]
+    words = [f"B − A {fixed(b - a, _DECIMALS)} s"]
     if a != b:
         words.append(f"1/(B − A) {number(1.0 / (b - a), 5)} Hz")
     if stretches:

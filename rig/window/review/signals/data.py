@@ -19,11 +19,11 @@ BLOCK = 65536
 """Rows that are read at once."""
 BINS = 2048
 """Bins per channel over the stretch that is shown."""
-LEAD = 0.03
+_LEAD = 0.03
 """s before a stretch that are read too: a speed is the difference of an angle over a little time."""
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 """Speeds that no channel holds and that follow from an angle."""
-SPEED_UNIT = "r/min"
+_SPEED_UNIT = "r/min"
 """Unit in which such a speed is drawn; a channel is drawn in its own, which is SI."""
 
 
@@ -40,7 +40,7 @@ class Shape:
 def channels_of(recording: Recording) -> dict[str, tuple[str, str]]:
     """What can be drawn: name, what it is, unit. Speeds first, then the channels as they were recorded, in SI."""
     channels = {
-        name: (f"{name.replace('_', ' ')}, from the angle", SPEED_UNIT)
+        name: (f"{name.replace('_', ' ')}, from the angle", _SPEED_UNIT)
         for name, angle in SPEEDS.items()
         if recording.has(angle) and np.isfinite(recording.metadata.sample_rate)
     }
@@ -74,7 +74,7 @@ def shapes_of(
     recording: Recording, names: list[str], begin: float, end: float, bins: int = BINS
 ) -> list[Shape]:
     """These channels between two times [s], one row more on either side."""
-    start = max(row_at(recording, begin - LEAD) - 1, 0)
+    start = max(row_at(recording, begin - _LEAD) - 1, 0)
     stop = min(row_at(recording, end) + 1, recording.rows)
     channels = channels_of(recording)
     envelopes = {name: Envelope(bins) for name in names if name in channels}
@@ -105,7 +105,7 @@ class Speed:
         self._recording, self._angle = recording, SPEEDS[name]
         rate = recording.metadata.sample_rate
         self._sliding = SlidingSpeed(1.0 / rate)
-        self.of(slice(max(start - 1 - math.ceil(LEAD * rate), 0), start))
+        self.of(slice(max(start - 1 - math.ceil(_LEAD * rate), 0), start))
 
     def of(self, rows: slice) -> FloatArray:
         """The speed in each of these rows [rad/s]."""

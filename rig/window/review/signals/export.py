@@ -17,9 +17,9 @@ from rig.runfile.export import TableColumn, export_table, recorded_column
 from rig.window.review.signals.data import SPEEDS, Speed
 from rig.window.review.signals.stretch import rows_between
 
-PICTURE_SCALE = 2.0
+_PICTURE_SCALE = 2.0
 """Pixels of a picture per pixel of the window: letters stay sharp on paper."""
-SPEED_DIGITS = 9
+_SPEED_DIGITS = 9
 """Digits of a speed, which is a difference of counts: more of them say nothing."""
 
 
@@ -55,7 +55,7 @@ def _speed_column(recording: Recording, name: str, start: int) -> TableColumn:
 
     def cells(rows: slice) -> list[str]:
         return [
-            "" if value != value else f"{value:.{SPEED_DIGITS}g}"
+            "" if value != value else f"{value:.{_SPEED_DIGITS}g}"
             for value in speed.of(rows).tolist()
         ]
 
@@ -84,8 +84,8 @@ def export_picture(seen: QWidget, title: str, target: Path) -> None:
 
 
 def _picture(seen: QWidget) -> QImage:
-    image = QImage(seen.size() * PICTURE_SCALE, QImage.Format.Format_RGB32)
-    image.setDevicePixelRatio(PICTURE_SCALE)
+    image = QImage(seen.size() * _PICTURE_SCALE, QImage.Format.Format_RGB32)
+    image.setDevicePixelRatio(_PICTURE_SCALE)
     image.fill(seen.palette().window().color())
     seen.render(image)
     return image

@@ -19,7 +19,7 @@ from experiments.recording import Recording
 from rig.window.review.signals.data import SPEEDS, Speed, channels_of, row_at, unit_factor
 
 FloatArray = NDArray[np.float64]
-CLOCK_STEP = 1e-9
+_CLOCK_STEP = 1e-9
 """s in which the run file counts: a time read off a row is that row's, however it was rounded."""
 
 
@@ -71,8 +71,8 @@ def stretches_of(
 
 def rows_between(recording: Recording, begin: float, end: float) -> tuple[int, int]:
     """The rows between two times since the first row [s], both included: the first, and the one after the last."""
-    start = row_at(recording, begin - CLOCK_STEP / 2)
-    stop = row_at(recording, end + CLOCK_STEP / 2)
+    start = row_at(recording, begin - _CLOCK_STEP / 2)
+    stop = row_at(recording, end + _CLOCK_STEP / 2)
     return start, max(start, stop)
 
 

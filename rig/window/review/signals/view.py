@@ -44,15 +44,15 @@ from rig.window.shell.stack import (
 )
 from rig.window.work.background import LatestTask, single_shot
 
-ZOOM_PAUSE_MS = 90
+_ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""
-AT_FIRST = ("input_speed", "torque")
+_AT_FIRST = ("input_speed", "torque")
 """Channels that are drawn at first, where a run has them."""
-MOST_PLOTS = 4
+_MOST_PLOTS = 4
 """Units, and with that plots, that stand over each other at most."""
 AXIS_WIDTH = 62
 """Pixels of the axis beside each plot."""
-EVENT_REACH = 6.0
+_EVENT_REACH = 6.0
 """Pixels within which an event is named."""
 FORMATS = {"Rows as text (*.csv)": ".csv", "Picture (*.png)": ".png", "Drawing (*.svg)": ".svg"}
 """What is seen can be taken along as."""
@@ -83,7 +83,7 @@ class SignalsView(QWidget):
         self._marker = LatestTask(self, self._take_marks)
         self.cursors = Cursors(session)
         self._between = LatestTask(self, self.cursors.show_stretches, self.readout.setText)
-        self._measuring = single_shot(self, ZOOM_PAUSE_MS, self._measure)
+        self._measuring = single_shot(self, _ZOOM_PAUSE_MS, self._measure)
         self.cursors.moved.connect(self._measuring.start)
         self.cursors.switch.toggled.connect(self._set_cursors)
         self._writing = LatestTask(self, self._say_written, session.message.emit)
@@ -97,7 +97,7 @@ class SignalsView(QWidget):
         )
         self.whole = push_button("&Whole run", tip="Show the whole run again", act=self.show_all)
         self._stack = split(way=Qt.Orientation.Vertical)
-        self._pause = single_shot(self, ZOOM_PAUSE_MS, self._read)
+        self._pause = single_shot(self, _ZOOM_PAUSE_MS, self._read)
         self._lay_out()
 
     def _lay_out(self) -> None:
@@ -142,7 +142,7 @@ class SignalsView(QWidget):
         channels = channels_of(recording)
         checked = (
             [name for name in checked if name in channels]
-            or [name for name in AT_FIRST if name in channels][:2]
+            or [name for name in _AT_FIRST if name in channels][:2]
             or [*channels][:1]
         )
         if not same or self.channels.count() != len(channels):
@@ -211,7 +211,7 @@ class SignalsView(QWidget):
         for place, name in enumerate(self.chosen):
             unit = channels[name][1]
             plot = self.plots.get(unit) or (
-                self._new_plot(unit) if len(self.plots) < MOST_PLOTS else None
+                self._new_plot(unit) if len(self.plots) < _MOST_PLOTS else None
             )
             if plot is not None:
                 self.curves[name] = plot.curve(name.replace("_", " "), place)
@@ -328,7 +328,7 @@ class SignalsView(QWidget):
         if not 0.0 <= moment <= self._end:
             return
         self.readout.setText(
-            "   ".join(self._words(recording, moment, EVENT_REACH * float(box.viewPixelSize()[0])))
+            "   ".join(self._words(recording, moment, _EVENT_REACH * float(box.viewPixelSize()[0])))
         )
 
     def _words(self, recording: Recording, moment: float, reach: float) -> list[str]:
