@@ -123,6 +123,8 @@ def plain(value: Any) -> str:
 def _text(name: str, value: Any) -> str:
     if isinstance(value, Mapping):
         doubt = value["expanded_uncertainty"]
+        if value["value"] is None:
+            return plain(None)
         return value_text(value["value"], doubt, str(value.get("unit", "1")))
     unit = "degC" if name.startswith("thermal_state.") else FIGURES.get(name, "")
     if unit and isinstance(value, (int, float)):

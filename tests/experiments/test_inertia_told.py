@@ -56,7 +56,9 @@ def test_a_torque_that_contradicts_the_inertia_of_the_cards_is_a_line(
     assert inner is not None
     values = {"input_inertia": gain * inner[0], "output_inertia": gain * 0.5}
     small = dict.fromkeys(values, 1e-8)
-    found = InertiaFit(values=values, errors=small, freedom=small, smoothing=small, residual=0.0)
+    found = InertiaFit(
+        values=values, errors=small, freedom=small, smoothing=small, skew=small, residual=0.0
+    )
     lines = _bench_lines(run, found, gain * 0.5, motor_heat(run, math.nan))
     told = [line for line in lines if line.source == AGAINST_CARDS]
     assert bool(told) is is_said

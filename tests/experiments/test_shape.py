@@ -38,7 +38,7 @@ def test_one_sweep_over_seven_speeds_is_weakly_and_the_plan_says_it_before(
     assert "10 points for 5 numbers, 5 degrees of freedom of 10 asked for" in said
     assert "2 points measured again of 3 asked for" in said
     assert planned.as_json()["remarks"] == [said]
-    check = next(c for c in static_checks(planned, tmp_path) if c.name == "points")
+    check = next(c for c in static_checks(planned, tmp_path) if c.what == "points")
     assert (check.result, f"{check.evidence}.") == ("warning", said)
     run = record(planned.plan, bench, "friction", parameters=dataclasses.asdict(THIN))
     result = friction.analyse(run, Evidence(gear, tare))

@@ -171,7 +171,9 @@ class Tried:
                 if abs(told - change) > allowed:
                     quantity = self.result.quantity(name).name
                     place = (self.experiment.name, quantity, doubt.channel, doubt.part)
-                    wrong[place] = f"{name}: the budget says {told:.3g}, it changes by {change:.3g}"
+                    wrong[place] = (
+                        f"{name}: the budget says {told:.3g}, it changes by {change:.3g} (u {estimate.standard_uncertainty:.3g})"
+                    )
         return wrong
 
 

@@ -223,7 +223,7 @@ def test_the_figures_in_words() -> None:
             },
         },
     }
-    facts = acquisition_facts(figures)
+    facts = list(acquisition_facts(figures))
     assert facts[0] == (
         "acquisition",
         "999.98 Hz achieved, jitter 21 µs r.m.s., 100 µs at most, 0.2 % missed",

@@ -20,7 +20,7 @@ from rig.bench.backends.replayed import replayed
 from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.main import app
 from rig.present.build import report_on_files, report_on_gear
-from rig.runfile import opening, seal
+from rig.runfile import opening, read, seal
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import allowing_unsealed, check_seal, file_sha256, hash_path
 from tests.rig.fitting import fit_files
@@ -225,6 +225,8 @@ def test_a_note_that_is_made_anew_is_believed(tmp_path: Path) -> None:
 def test_bytes_that_were_found_sound_are_not_examined_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # Other tests of this process may have looked at the same bytes.
+    monkeypatch.setattr(read, "_sound", OrderedDict())
     examined: list[str] = []
     examine = opening._examine
 

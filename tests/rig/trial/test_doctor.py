@@ -33,7 +33,7 @@ def test_it_prints_one_object_and_its_code_means_something(
     assert all(
         set(check)
         == {"group", "name", "result", "evidence", "limit"}
-        | {"what", "severity", "where", "found", "allowed", "remedy", "value", "unit"}
+        | {"what", "severity", "where", "found", "allowed", "remedy", "value", "unit", "follows"}
         for check in found["checks"]
     )
 
