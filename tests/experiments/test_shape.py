@@ -9,6 +9,7 @@ import pytest
 
 from experiments import catalogue
 from experiments.contract import Evidence
+from experiments.finding import Severity
 from experiments.protocols.friction import analysis as friction
 from experiments.protocols.friction import declaration as friction_declaration
 from experiments.protocols.friction.quantities import CURVE
@@ -39,7 +40,7 @@ def test_one_sweep_over_seven_speeds_is_weakly_and_the_plan_says_it_before(
     assert "2 points measured again of 3 asked for" in said
     assert planned.as_json()["remarks"] == [said]
     check = next(c for c in static_checks(planned, tmp_path) if c.what == "points")
-    assert (check.result, f"{check.evidence}.") == ("warning", said)
+    assert (check.severity, f"{check.found}.") == (Severity.WARNS, said)
     run = record(planned.plan, bench, "friction", parameters=dataclasses.asdict(THIN))
     result = friction.analyse(run, Evidence(gear, tare))
     assert said in result.warnings

@@ -54,6 +54,9 @@ WIND_UP_AND_SKEW = (
     "skew times speed is part of what is meant; one speed cannot tell it from the wind-up: weakly"
 )
 A_WHOLE_ROW = "moved by a whole row, twice as far as the torque may be late: there the fitted lag takes up less"
+ABOUT_THE_FIT_OF_BOTH = (
+    "one direction alone is told to first order about the fit of both, a point that a delay moves"
+)
 EXCEPTIONS: dict[tuple[str, str, str, Part], str] = {
     **{
         (kind, "offset", "torque", part): NOISE_OF_THE_ZEROS
@@ -68,6 +71,7 @@ EXCEPTIONS: dict[tuple[str, str, str, Part], str] = {
         ("velocity-steps", name, "torque", Part.DELAY): A_WHOLE_ROW
         for name in ("output_inertia", "output_stiffness")
     },
+    ("velocity-steps", "damping_ratio_{way}", "output_angle", Part.DELAY): ABOUT_THE_FIT_OF_BOTH,
     ("kinematic-error", "lost_motion", "output_angle", Part.DELAY): WIND_UP_AND_SKEW,
 }
 """Kind, quantity, channel and way of being wrong of every line that is not the change, with the physical reason."""
@@ -171,9 +175,9 @@ class Tried:
                 if abs(told - change) > allowed:
                     quantity = self.result.quantity(name).name
                     place = (self.experiment.name, quantity, doubt.channel, doubt.part)
-                    wrong[place] = (
-                        f"{name}: the budget says {told:.3g}, it changes by {change:.3g} (u {estimate.standard_uncertainty:.3g})"
-                    )
+                    u = estimate.standard_uncertainty
+                    said = f"the budget says {told:.3g}, it changes by {change:.3g}, u {u:.3g}"
+                    wrong[place] = f"{name}: {said}"
         return wrong
 
 

@@ -223,7 +223,7 @@ def test_the_figures_in_words() -> None:
             },
         },
     }
-    facts = list(acquisition_facts(figures))
+    facts = [(fact.title, fact.value) for fact in acquisition_facts(figures)]
     assert facts[0] == (
         "acquisition",
         "999.98 Hz achieved, jitter 21 µs r.m.s., 100 µs at most, 0.2 % missed",
@@ -231,4 +231,4 @@ def test_the_figures_in_words() -> None:
     assert ("index marks", "output_angle: 2 marks, at worst -7 counts off") in facts
     assert ("skew, output after input", "+9.0 µs, U 20.0 µs, identifiable: weakly, why") in facts
     assert ("skew, torque port after drive", "identifiable: no, too steady") in facts
-    assert acquisition_facts(None) == []
+    assert list(acquisition_facts(None)) == []
