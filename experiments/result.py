@@ -191,7 +191,9 @@ def outcome_against(estimate: Estimate, limit: float, *, is_upper: bool = True) 
     beyond, u = sign * (estimate.value - limit), estimate.expanded_uncertainty
     if lacks_number(estimate) or not math.isfinite(limit):
         return "NOT JUDGED"
-    return "PASS" if beyond + u <= 0.0 else "FAIL" if beyond - u > 0.0 else "MARGINAL"
+    if beyond + u <= 0.0:
+        return "PASS"
+    return "FAIL" if beyond - u > 0.0 else "MARGINAL"
 
 
 def lacks_number(estimate: Estimate) -> str:

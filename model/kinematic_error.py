@@ -184,7 +184,9 @@ def lattice_label(order: float, ratio: float) -> str:
         return f"{order:g}"
     if side == 0:
         return str(whole)
-    return f"{whole or ''}{'-' if side < 0 else '+' if whole else ''}{abs(side)}/N"
+    if whole == 0:
+        return f"{side}/N"
+    return f"{whole}{side:+d}/N"
 
 
 def order_of_label(label: str, ratio: float) -> float:

@@ -51,7 +51,8 @@ class Program:
         """One line: version, the commit's first letters, the hash's first letters."""
         commit, changed = self.commit.partition("+")[0], self.commit.endswith(CHANGED)
         words = [f"version {self.version or 'not stated'}"]
-        words += [f"commit {commit[:12]}{CHANGED if changed else ''}"] if commit else []
+        if commit:
+            words.append(f"commit {commit[:12]}" + (CHANGED if changed else ""))
         words.append(f"files {self.sha256[:12] or 'not hashed'}")
         return ", ".join(words)
 

@@ -230,7 +230,8 @@ class CountsLost(SignalFault):
         follows = (
             latched[0] + self.counts == before and sensed.first_cycle + rows.start > self.at_cycle
         )
-        start = 0 if follows else int(passed[0]) if len(passed) else len(latched)
+        start = int(passed[0]) if len(passed) else len(latched)
+        start = 0 if follows else start
         latched[start:] += self.counts
 
 

@@ -356,7 +356,7 @@ def _phase_verdict(difference: float, half: float) -> _PhaseVerdict:
 
 
 def _phase_sentence(label: str, difference: float, half: float, verdict: _PhaseVerdict) -> str:
-    digits = 0 if half >= 10.0 * DEGREE else 1 if half >= DEGREE else 2
+    digits = (half < 10.0 * DEGREE) + (half < DEGREE)
     number = (
         f"{difference / DEGREE:.{digits}f} ± {half / DEGREE:.{digits}f} degrees of order {label}"
     )

@@ -20,6 +20,7 @@ from model.dynamics import simulate_prescribed
 from model.errors import IdentificationError
 from model.gear import HarmonicDrive
 from model.identify.checks import Array, channels, positive
+from model.identify.estimate import Identifiable
 from model.linear import dynamic_parameters
 
 PARAMETERS = {
@@ -80,6 +81,13 @@ class Identifiability:
         return text + (f"; {', '.join(poor)} cannot be identified one by one." if poor else ".")
 
 
+def _identifiable(error: float) -> Identifiable:
+    """Whether a parameter of this relative standard error is identified."""
+    if error < IDENTIFIABLE:
+        return "yes"
+    return "weakly" if error < WEAK else "no"
+
+
 def step_identifiability(
     gear: HarmonicDrive,
     input_angle: ArrayLike,
@@ -133,8 +141,7 @@ def step_identifiability(
     )
     marginal = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
     verdicts = {
-        name: "yes" if m < IDENTIFIABLE else "weakly" if m < WEAK else "no"
-        for name, m in zip(names, marginal, strict=True)
+        name: _identifiable(float(error)) for name, error in zip(names, marginal, strict=True)
     }
     verdicts |= {name: "no" for name in ("mesh_stiffness", "bearing_damping") if name in verdicts}
     return Identifiability(

@@ -104,13 +104,9 @@ def doctor(
         print_json(examination.as_json())
     else:
         _print(examination)
-    raise typer.Exit(
-        exits.ABORTED
-        if examination.was_stopped
-        else exits.DONE
-        if examination.is_fine
-        else exits.ERROR
-    )
+    if examination.was_stopped:
+        raise typer.Exit(exits.ABORTED)
+    raise typer.Exit(exits.DONE if examination.is_fine else exits.ERROR)
 
 
 @contextmanager

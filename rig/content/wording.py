@@ -136,8 +136,10 @@ def decimals_of(expanded: float) -> int | None:
 
 def fixed(value: float, decimals: int) -> str:
     """A number with fixed decimals, a real minus sign and thin groups of thousands."""
-    if not math.isfinite(value):
-        return "–" if math.isnan(value) else ("∞" if value > 0 else "−∞")
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
     text = f"{value:,.{decimals}f}".replace(",", "\u202f")
     if not any(c in "123456789" for c in text):
         text = text.lstrip("-")
@@ -246,7 +248,10 @@ def order_label(order: float, ratio: float) -> str:
         or not math.isclose(order, whole + part / ratio, abs_tol=1e-6)
     ):
         return number(order, 6)
-    return f"{whole if whole else ''}{'+' if whole and part > 0 else '−' if part < 0 else ''}{abs(part)}/N"
+    sign = "−" if part < 0 else "+"
+    if whole == 0:
+        return f"{sign if part < 0 else ''}{abs(part)}/N"
+    return f"{whole}{sign}{abs(part)}/N"
 
 
 def unbroken(title: str) -> str:

@@ -164,7 +164,9 @@ def _waves(tasks: Sequence[RunTask], job: Job) -> list[Sequence[RunTask]]:
     for task in tasks:
         experiment = catalogue.declared(task.kind)
         builds = experiment is not None and bool(experiment.builds_on)
-        waves[2 if builds else 0 if task.kind == tare_kind() else 1].append(task)
+        # Tares first, what builds on others last.
+        first = int(task.kind != tare_kind())
+        waves[2 if builds else first].append(task)
     return list(waves)
 
 

@@ -89,7 +89,7 @@ def _line(axes: Axes, series: Series, look: Look, bins: int) -> None:
         axes.fill_between(
             series.x[rows], series.low[rows], series.high[rows], color=look.colour, alpha=0.18, lw=0
         )
-    width = 0.8 if look.behind else 1.1 if len(series.y) < 4000 else 0.8
+    width = 1.1 if len(series.y) < 4000 and not look.behind else 0.8
     axes.plot(
         series.x[rows],
         series.y[rows],
@@ -118,7 +118,9 @@ def _steps(axes: Axes, series: Series, look: Look, bins: int) -> None:
 def _points(axes: Axes, series: Series, look: Look, bins: int) -> None:
     many, crowded = len(series.y) > _VECTOR_POINTS, len(series.y) > CROWDED_POINTS
     rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
-    size = 1.2 if many else 2.6 if crowded else 3.4
+    size = 2.6 if crowded else 3.4
+    if many:
+        size = 1.2
     # Points lie under lines: where there are many of them the curve through them must still be seen.
     style: dict[str, Any] = {
         "ls": "none",

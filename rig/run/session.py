@@ -280,13 +280,9 @@ class Session:
             block = self._port.exchange(turn.command, turn.cycles, self._supervisor.guard(turn))
         except DriverError as error:
             stale = isinstance(error, StaleDataError)
-            cause = (
-                STALE_DATA
-                if stale
-                else BUS_LOST
-                if isinstance(error, BusLostError)
-                else DEVICE_ERROR
-            )
+            cause = BUS_LOST if isinstance(error, BusLostError) else DEVICE_ERROR
+            if stale:
+                cause = STALE_DATA
             self._silent += 1
             self._devices.keep_events()
             if self._silent == 1:

@@ -187,11 +187,9 @@ def _field_data(value: str | float | bool, length: int = 0) -> tuple[Any, Any]:
         raw = value.encode()
         dtype: Any = h5py.string_dtype("utf-8", max(len(raw), length, 1))
         return dtype, np.array(raw, dtype=dtype)
-    dtype = (
-        np.dtype("u1")
-        if isinstance(value, bool)
-        else np.dtype("<i8" if isinstance(value, int) else "<f8")
-    )
+    # A truth value is a whole number too.
+    kind = "<i8" if isinstance(value, int) else "<f8"
+    dtype = np.dtype("u1" if isinstance(value, bool) else kind)
     return dtype, np.array(value, dtype=dtype)
 
 

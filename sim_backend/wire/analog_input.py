@@ -75,7 +75,7 @@ class AnalogInput(Slave):
         """The increments latched at this SYNC, input 1 first; beyond the range the converter stands at its end."""
         store = self.dictionary.store
         for sub, value in enumerate(increments, 1):
-            store(0x6401, sub, -32768 if value < -32768 else 32767 if value > 32767 else value)
+            store(0x6401, sub, min(max(value, -32768), 32767))
         if self.dictionary.value(0x6423) and any(pdo.takes_events for pdo in self.tpdos):
             for sub in range(1, len(increments) + 1):
                 if self._is_event(sub):

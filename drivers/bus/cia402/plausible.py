@@ -99,7 +99,9 @@ def read_statement(read: Callable[[ObjectRef], float | None], *, vendor_id: int 
     def pair(above: ObjectRef, below: ObjectRef) -> tuple[int, int] | None:
         first, second = one(above), one(below)
         # A drive without the second entry counts by one revolution.
-        return None if first is None else (first, 1 if second is None else second)
+        if first is None:
+            return None
+        return first, 1 if second is None else second
 
     return Statement(
         vendor_id=vendor_id,

@@ -114,7 +114,9 @@ class PassportSeries:
         if self.control is None:
             return "no control limits yet"
         newest = self.points[-1].signals
-        return "out of control" if "1" in newest else "to be watched" if newest else "in control"
+        if "1" in newest:
+            return "out of control"
+        return "to be watched" if newest else "in control"
 
     def as_json(self) -> dict[str, Any]:
         """One series of `rig report --passport --json`."""

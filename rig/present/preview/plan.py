@@ -381,9 +381,8 @@ def _warnings(
         touching = [p for p in peaks if sum(p.predicted.get(margin.quantity, ())) >= reached]
         index = next((peak.index for peak in touching if peak.where == margin.where), None)
         others = len(touching) - 1
-        more = (
-            f"; {others} more {'step does' if others == 1 else 'steps do'} so" if others > 0 else ""
-        )
+        does = "step does" if others == 1 else "steps do"
+        more = f"; {others} more {does} so" if others > 0 else ""
         yield PreviewWarning(index, margin.quantity, f"{_sentence(margin)}{more}")
     starting = model.starting()
     value, doubt = float(starting.value), float(starting.uncertainty)

@@ -199,17 +199,17 @@ class NewGearForm(QWidget):
             field.say(f"{origin.provenance}: {origin.source.partition(': ')[0]}", part)
             set_tip(field.note, origin.source)
 
+    def _waits_for(self) -> str:
+        """What has to be typed before a gear can be made; "" where nothing is missing."""
+        if self.gear is None:
+            return "Type the part number."
+        if not self.serial.text:
+            return "Type the serial number."
+        return "" if self._operator else "The operator has to be named first (top of the page)."
+
     def _show_state(self) -> None:
         """What it waits for, and what is still assumed."""
-        waits = (
-            "Type the part number."
-            if self.gear is None
-            else "Type the serial number."
-            if not self.serial.text
-            else "The operator has to be named first (top of the page)."
-            if not self._operator
-            else ""
-        )
+        waits = self._waits_for()
         self.make_button.setEnabled(not waits)
         set_tip(self.make_button, waits)
         if self.gear is None:

@@ -143,13 +143,8 @@ class OverlayView(QWidget):
             keep = self.runs.count() == len(self._lines)
             self.runs.clear()
             for row, line in enumerate(self._lines):
-                state = (
-                    ""
-                    if line.result
-                    else "\ncannot be fitted"
-                    if line.problem
-                    else "\nbeing fitted …"
-                )
+                unfitted = "\ncannot be fitted" if line.problem else "\nbeing fitted …"
+                state = "" if line.result else unfitted
                 item = QListWidgetItem(
                     f"{line.name}\n{line.run.protocol}, {local_time(line.run.start)}{state}"
                 )

@@ -177,7 +177,8 @@ class ReviewPage(QWidget):
 
     def _open(self, path: Path) -> None:
         run = self.library.run_of(path)
-        state = run.state if run else "being written" if path.name.endswith(".part") else "sealed"
+        unlisted = "being written" if path.name.endswith(".part") else "sealed"
+        state = run.state if run else unlisted
         self.details.set_library(self.library.model.runs)
         self.right.setCurrentWidget(self.details)
         self.details.show_run(path, state)

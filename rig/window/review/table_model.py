@@ -63,7 +63,8 @@ def colour_of(outcome: str, palette: Palette) -> str:
 
 def with_sign(outcome: str) -> str:
     """The outcome with its sign."""
-    sign = SIGNS.get(outcome, "●" if outcome == "being written" else "!" if outcome else "")
+    unknown = "!" if outcome else ""
+    sign = SIGNS.get(outcome, "●" if outcome == "being written" else unknown)
     return f"{sign} {outcome}".strip()
 
 

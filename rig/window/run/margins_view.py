@@ -90,9 +90,8 @@ class MarginBars(QWidget):
         painter.setBrush(QColor(palette.raised))
         painter.drawRoundedRect(bar, 3, 3)
         share = min(max(1.0 - margin, 0.0), 1.0)
-        painter.setBrush(
-            QColor(palette.bad if margin < 0.0 else palette.warning if near else palette.accent)
-        )
+        inside = palette.warning if near else palette.accent
+        painter.setBrush(QColor(palette.bad if margin < 0.0 else inside))
         painter.drawRoundedRect(QRectF(0, top + 19, max(share * width, 2.0), 6), 3, 3)
 
     def _label(self, entry: tuple[str, float, float, float]) -> str:

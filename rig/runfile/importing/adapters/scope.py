@@ -68,9 +68,8 @@ class ScopeTable(TextRows):
                 latest = index
             headings.append("time" if name == "Name" else name)
             times.append(None if name == "Name" else latest)
-            found.append(
-                "ms" if name == "Name" else _unit(units[index] if index < len(units) else "")
-            )
+            stated = units[index] if index < len(units) else ""
+            found.append("ms" if name == "Name" else _unit(stated))
         self.headings, self.times, self.units = tuple(headings), tuple(times), tuple(found)
         self.start_ns = head.start_ns
         self.decimal_commas = (self._has_decimal_comma(),) * len(headings)
