@@ -58,6 +58,10 @@ def _bars() -> Iterator[Callable[[Step | Finished], None]]:
         yield show
 
 
+_ELSEWHERE = ("test", "|Δ| / U", "this bench sees", "in the statistical part")
+"""Columns of the truth that a terminal of eighty letters has no room for; the report has them."""
+
+
 def _print_misses(
     out: Console, demonstration: Demonstration, results: Mapping[str, Result]
 ) -> None:
@@ -90,12 +94,11 @@ def print_demonstration(demonstration: Demonstration) -> None:
             for row in demonstration.truth
             if row[0] == kind and not row[1].estimate.name.startswith("phase_")
         ]
-        grid = truth_grid(told, [result]).without("test", "|Δ| / U")
+        grid = truth_grid(told, [result]).without(*_ELSEWHERE)
         out.print(painted(grid, title=kind))
     out.print(
         Text(
-            "found ± U is held against the measurand (gear or motor alone, at the run's temperature), the "
-            "statistical part against what this bench sees (— where that is the same)."
+            "found ± U is held against the measurand: gear or motor alone, at the run's temperature."
         )
     )
     covered, within = (
