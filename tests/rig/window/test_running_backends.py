@@ -47,7 +47,12 @@ LONG_FLAGS = [flag.replace("0.3", "60") for flag in FLAGS]
 
 
 def prepared(
-    session: WindowSession, backend: str, values: dict[str, Any], flags: list[str], **more: Any
+    session: WindowSession,
+    backend: str,
+    values: dict[str, Any],
+    flags: list[str],
+    confirmation: str = "",
+    **more: Any,
 ) -> PreparedRun:
     request = Order(
         protocol="friction",
@@ -73,11 +78,8 @@ def prepared(
         str(session.folder),
         *flags,
     ]
-    for name, option in (
-        ("confirmation", "--confirm"),
-        ("configuration", "--config"),
-        ("sample_rate", "--sample-rate"),
-    ):
+    arguments += ["--confirm", confirmation] if confirmation else []
+    for name, option in (("config", "--config"), ("sample_rate", "--sample-rate")):
         arguments += [option, str(more[name])] if name in more else []
     return PreparedRun(request, plan_order(request), [*arguments, "--events", "--stdin-control"])
 
@@ -110,7 +112,7 @@ def test_through_the_drivers_of_hardware_in_real_time(
     with served_rig(RATE) as served:
         more = {
             "confirmation": "SN-0815",
-            "configuration": served.configuration(tmp_path),
+            "config": served.configuration(tmp_path),
             "sample_rate": RATE,
         }
         window.start(prepared(session, "hardware", LONG, LONG_FLAGS, **more))
