@@ -130,6 +130,13 @@ class Deviations:
     output_latch: float = 0.0
     thermal: Thermal | None = None
 
+    @property
+    def acts_in_each_step(self) -> bool:
+        """Whether the compiled loop has more to look at in each step than the published model."""
+        parallel = self.hardening or self.hysteresis_torque > 0.0 or self.backlash > 0.0
+        output = self.output_coulomb > 0.0 or self.output_viscous > 0.0
+        return parallel or output or bool(self.cogging) or self.thermal is not None
+
 
 @dataclass(frozen=True)
 class LoopSettings:
@@ -189,7 +196,8 @@ class ClosedLoop:
         )
         if not mounted:
             self._friction[:] = 0.0
-        self._cogging = loop_tables.cogging_table(self.deviations.cogging)
+        worse = self.deviations.acts_in_each_step
+        self._cogging = loop_tables.cogging_table(self.deviations.cogging) if worse else None
         self._physics = self._make_physics()
         self._servo = np.zeros(kernel.SERVO_SIZE)
         self.set_limits(ServoLimits(motor.peak_torque, motor.maximum_speed))

@@ -254,29 +254,32 @@ def dahl(physics, torque, moved):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def run(
-    state, physics, servo, matrix, pace, tables, mode, targets, substeps, rows, first, begun, whole
+    state, physics, servo, matrix, pace, tables, cogging_table, mode, targets, substeps, rows, first, begun, whole
 ):  # fmt: skip
     """Steps of one length from substep `begun` of row `first` on; the row and the substep at which it left off.
 
     Whole steps (`whole`) end at one that has to be taken in parts, which is left undone, or behind the last row. Parts
     of one write no row, ask no servo and settle no heat. `pace`: the length of a step, the lead of the wedge's force in
     it, and the share of the port's lag. They and `matrix` are the same for all steps of a call: a loop in which they
-    could change takes half as long again.
+    could change takes half as long again. Without a `cogging_table` the published model with its servo turns: what only
+    a worse rig has is not compiled into it.
     """
     h, lead, port_step = pace
-    error_table, friction_table, cogging_table = tables
+    error_table, friction_table = tables
     lift, inverse_ratio, radius = physics[LAMBDA], physics[INVERSE_RATIO], physics[RADIUS]
     tangent, k_b, c_b = physics[TANGENT], physics[K_B], physics[C_B]
     turns, points = physics[ERROR_TURNS], physics[ERROR_POINTS]
     last_friction = int(physics[FRICTION_LAST])
-    cogging = physics[COGGING_POINTS]
-    elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
-    output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
     period = int(servo[PERIOD_STEPS])
     next_state = state[:8].copy()
     # Not a constant, so that the loops over it become SIMD instead of being unrolled.
     width = next_state.size
-    warming = physics[HOUSING_STEP] > 0.0
+    cogging, elastic, hysteretic, output_friction, warming = 0.0, False, False, False, False
+    if cogging_table is not None:
+        cogging = physics[COGGING_POINTS]
+        elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
+        output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
+        warming = physics[HOUSING_STEP] > 0.0
     dry_factor, viscous_factor, bearing_factor, motor_factor = 1.0, 1.0, 1.0, 1.0
     torque_factor, output_factor = physics[TORQUE_FACTOR], 1.0
     per_radius, per_step = 1.0 / radius, 1.0 / h
@@ -373,7 +376,7 @@ def run(
                 output_torque += extra
                 torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
             reaction = torque_factor * reference - torque + lift * force
-            if cogging > 0:
+            if cogging_table is not None and cogging > 0:
                 torque += _cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
             speed = max(abs(w) + math.copysign(0.5 * h * acceleration, w * acceleration), 0.0)
             dry, viscous, bearing, wound = _friction_at(
@@ -492,11 +495,12 @@ def advance(
     """Run one SYNC cycle of `substeps` per row of `rows` (n, ROW_SIZE), filled with what is true at each SYNC.
 
     `targets` (n,) acts from its row on; `error_table` (points, 4) holds cubic pieces of e over one period of the wedge;
-    `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|). `step` is the matrix of a step
-    and that of one of its `FINE` parts.
+    `friction_table` (points, 4) mesh dry, mesh viscous, bearing, wind-up over sqrt(|w|); `cogging_table` (points + 2,)
+    the cogging torque, or None where nothing but the published model acts. `step` is the matrix of a step and that of
+    one of its `FINE` parts.
     """
     whole, part, lag = physics[H], physics[H] / FINE, physics[PORT_STEP_FINE]
-    tables = (error_table, friction_table, cogging_table)
+    tables = (error_table, friction_table)
     matrix, part_matrix = step[:_STEP_SIZE].copy(), step[_STEP_SIZE:].copy()
     pace, part_pace = (whole, 0.25, physics[PORT_STEP]), (part, 0.25, lag)
     # The force of the whole step before leads the first part.
@@ -504,7 +508,7 @@ def advance(
     row, done = 0, 0
     while True:
         row, done = run(
-            state, physics, servo, matrix, pace, tables, mode, targets, substeps, rows, row, done, True
+            state, physics, servo, matrix, pace, tables, cogging_table, mode, targets, substeps, rows, row, done, True
         )  # fmt: skip
         if row == rows.shape[0]:
             return
@@ -512,11 +516,13 @@ def advance(
         tick = state[TICK]
         state[TICK] = 2.0 * FINE
         run(
-            state, physics, servo, part_matrix, first_pace, tables, mode, targets, 1, rows[:1], 0, 0, False
+            state, physics, servo, part_matrix, first_pace, tables, cogging_table, mode, targets, 1, rows[:1],
+            0, 0, False,
         )  # fmt: skip
         force = state[FORCE]
         run(
-            state, physics, servo, part_matrix, part_pace, tables, mode, targets, FINE - 1, rows[:1], 0, 0, False
+            state, physics, servo, part_matrix, part_pace, tables, cogging_table, mode, targets, FINE - 1, rows[:1],
+            0, 0, False,
         )  # fmt: skip
         state[FORCE], state[TICK] = force, tick
         done += 1
