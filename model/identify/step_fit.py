@@ -190,7 +190,7 @@ class Problem:
         yielding = np.zeros((len(ideal) if model.hysteresis[1] > 0.0 else 0, 2))
         kernel.respond(
             ideal,
-            abs(values.get("bearing", 0.0)),
+            values.get("bearing", 0.0),
             step.interval,
             tables,
             model.kinks,
@@ -353,6 +353,9 @@ STEPS: Mapping[str, float] = {
     "damping": 1e-2,
     "bearing": 1e-2,
     "skew": 1e-6,
+    "second": 1e-4,
+    "kink": 1e-4,
+    "soft": 1e-4,
 }
 """Steps of differentiation; 1e-3 for the rest."""
 
@@ -495,7 +498,7 @@ def fit_all(
         total, pull = _normal_equations(weights, normals, penalty * noise**2, vector - centre)
         for _ in range(TRIALS):
             held = total + np.diag(damped * np.diag(total))
-            change: Array = np.asarray(np.linalg.solve(held, pull), dtype=float)
+            change = _not_below(names, vector, held, pull)
             change *= min(1.0, 1.0 / max(_excess(names, change[:size]), 1e-9))
             trial: Array = np.asarray(vector + change, dtype=float)
             if not np.all(np.isfinite(trial)):
@@ -540,6 +543,23 @@ def fit_all(
         centre=centre,
         is_converged=is_converged,
     )
+
+
+def _not_below(names: Sequence[str], vector: Array, matrix: Array, pull: Array) -> Array:
+    """The change (p,) that solves the normal equations and leaves friction of the output's bearing at nothing or more.
+
+    Where it would go below, it is held at nothing and the others are solved beside it: a step that crosses the bound
+    promises what no model gives, and the search stops at it far from its answer.
+    """
+    change: Array = np.asarray(np.linalg.solve(matrix, pull), dtype=float)
+    for place, name in enumerate(names):
+        if name == "bearing" and vector[place] + change[place] < 0.0:
+            others = np.arange(len(vector)) != place
+            down = -float(vector[place])
+            rest = pull[others] - matrix[others, place] * down
+            change[others] = np.linalg.solve(matrix[np.ix_(others, others)], rest)
+            change[place] = down
+    return change
 
 
 _RUNAWAY = 200.0

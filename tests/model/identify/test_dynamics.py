@@ -18,7 +18,15 @@ from model.identify.differentiation import speed_from_counts
 from model.identify.dynamics import LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
-from model.identify.step_fit import BAD_STEP, BASIS, Problem, Shape, bounded, step_arrays
+from model.identify.step_fit import (
+    BAD_STEP,
+    BASIS,
+    Problem,
+    Shape,
+    StepArrays,
+    bounded,
+    step_arrays,
+)
 from model.identify.step_inertia import InertiaFit, fit_inertia
 from model.identify.step_rungs import Expected
 from model.identify.torsional_mode import TorsionModel
@@ -276,6 +284,38 @@ def test_a_step_of_the_search_to_a_spring_that_is_none_is_not_taken(
     found = step_fit.fit_all(problem, Shape(names=("stiffness", "skew")), start, error, noise=1e-5)
     assert not wild
     assert abs(found.values["stiffness"] - start["stiffness"]) < 1.0
+
+
+def test_friction_of_the_bearing_ends_at_nothing_and_takes_no_other_number_with_it(run) -> None:
+    """Steps that ring as if the output's bearing drove it: the answer is that without a bearing, from any start."""
+
+    def model(values: Mapping[str, float]) -> TorsionModel:
+        return TorsionModel(stiffness=math.exp(values["stiffness"]), relaxation=2e-4, share=0.4)
+
+    def bent(arrays: StepArrays) -> StepArrays:
+        away: list[np.ndarray] = []
+        for drag in (0.0, 80.0):
+            values = {"stiffness": math.log(STATIC), "bearing": drag}
+            tables = model(values).step(arrays.interval)
+            found = problem.response(arrays, values, arrays.rigid, tables)
+            away.append(problem.at_samples(arrays, 0.0, found[0], found[1])[0])
+        return dataclasses.replace(arrays, measured=arrays.measured + away[0] - away[1])
+
+    steps = tuple(step_arrays(data, 2.5e-4, BASIS) for data, _, _ in run[:3])
+    problem = Problem(steps=steps, basis=BASIS, error_width=1e-4, model=model)
+    problem = dataclasses.replace(problem, steps=tuple(bent(s) for s in steps))
+    still = np.zeros(2 * len(BASIS))
+
+    def fitted(*names: str, bearing: float) -> step_fit.Solution:
+        start = {"stiffness": math.log(0.99 * STATIC), "skew": 0.0, "bearing": bearing}
+        return step_fit.fit_all(problem, Shape(names=names), start, still, noise=1e-5)
+
+    without = fitted("stiffness", "skew", bearing=0.0)
+    for bearing in (0.5, 5.0):
+        found = fitted("stiffness", "skew", "bearing", bearing=bearing)
+        assert found.values["bearing"] == 0.0
+        assert found.values["stiffness"] == pytest.approx(without.values["stiffness"], abs=1e-5)
+        assert found.robust_cost() == pytest.approx(without.robust_cost(), rel=1e-4)
 
 
 def test_a_direction_alone_is_in_doubt_by_as_much_as_it_leads_away(run, ladder: LadderFit) -> None:
