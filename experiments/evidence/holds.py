@@ -22,6 +22,8 @@ TURNING = ("traverse", "hold", "bracket", "step", "warm-up", "home-input", "home
 """Labels of segments that turn at the constant speed that they are set to."""
 PUSHING = ("torque-ramp",)
 """Labels of segments in which a torque grows until something moves."""
+RAMP = "ramp"
+"""Label of segments in which the speed changes evenly."""
 _TRANSIENT = ("step", "home-input", "home-output")
 """Labels of segments that begin before the set-point is reached: their second half counts here."""
 ZERO_BEFORE, ZERO_AFTER = "torque-zero-before", "torque-zero-after"

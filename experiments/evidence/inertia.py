@@ -22,7 +22,7 @@ import numpy as np
 from experiments.assumed import ROTOR
 from experiments.budget import PAIR, is_one_instrument, torque_scale_uncertainty
 from experiments.evidence import BAD_CYCLE
-from experiments.evidence.holds import Recorded, part_of
+from experiments.evidence.holds import RAMP, Recorded, part_of
 from experiments.evidence.outcomes import not_checked, noted, passed, refused
 from experiments.evidence.tare import share_subtracted
 from experiments.finding import Finding
@@ -33,13 +33,20 @@ from model.gear import HarmonicDrive
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR
 from model.motor import shipped_motor
 
-RAMP = "ramp"
+MOVE = "approach"
+"""Label of moves from standstill to standstill: the speed rises in their first half and falls in their second."""
 EDGE = 0.2
 """Share at either end of a ramp that is left out: lag of the port, rounding of the corner."""
 LEAST_ROWS = 24
 """Rows of a ramp, without its ends, that tell its acceleration."""
 LONGEST_PERIOD = 1.5e-3
 """s between rows beyond which it was seen to fail: at 250 Hz ramps of good torques show a quarter too little."""
+LEAST_MOVE_ROWS = 100
+"""The same of either half of a move: those of a slow one are all stick and slip."""
+MOVE_PART = 0.2, 0.8
+"""Shares of a move's top speed between which its halves are looked at."""
+SPEED_ROWS = 10
+"""Rows over which the speed of a move is taken, so that its counts do not show."""
 LEAST_PAIRS = 6
 SAME_SPEED = 0.1
 """Share by which the mean speeds of two ramps may differ that go through the same speeds."""
@@ -115,7 +122,7 @@ def _moved(recorded: Recorded) -> Moved | None:
     known = _inertia_of_the_cards(recorded)
     if known is None or not recorded.torque:
         return None
-    pairs = list(_pairs([r for s in recorded.recording.segments if (r := _ramp(recorded, s))]))
+    pairs = list(_pairs([r for s in recorded.recording.segments for r in _ramps(recorded, s)]))
     if len(pairs) < LEAST_PAIRS:
         return None
     torque = np.array([up.torque - down.torque for up, down in pairs])
@@ -170,14 +177,40 @@ class _Ramp:
         return self.speed * self.acceleration > 0.0
 
 
-def _ramp(recorded: Recorded, segment: Segment) -> _Ramp | None:
+def _ramps(recorded: Recorded, segment: Segment) -> Iterator[_Ramp]:
+    """The ramps of speed in a segment: it is one, or it is a move, which has two."""
+    if recorded.recording.metadata.time_base == "none":
+        return
+    whole = part_of(segment, recorded.recording.rows)
+    if segment.label == RAMP:
+        edge = int(EDGE * (whole.stop - whole.start))
+        found = _ramp(recorded, slice(whole.start + edge, whole.stop - edge), LEAST_ROWS)
+        yield from [found] if found else []
+    elif segment.label == MOVE:
+        for half in _halves(recorded.recording, whole):
+            found = _ramp(recorded, half, LEAST_MOVE_ROWS)
+            yield from [found] if found else []
+
+
+def _halves(recording: Recording, rows: slice) -> Iterator[slice]:
+    """The rows of a move in which its speed rises, and those in which it falls, without their ends."""
+    blocks = (rows.stop - rows.start - 1) // SPEED_ROWS
+    if blocks * SPEED_ROWS < 2 * LEAST_MOVE_ROWS:
+        return
+    angle = recording.si("input_angle", rows)[: blocks * SPEED_ROWS + 1 : SPEED_ROWS]
+    speed = np.abs(np.diff(angle))
+    low, high = (share * float(np.percentile(speed, 95.0)) for share in MOVE_PART)
+    between = (speed > low) & (speed < high)
+    for first, last in ((0, blocks // 2), (blocks // 2, blocks)):
+        at = first + np.flatnonzero(between[first:last])
+        if len(at):
+            ends = int(at[0]) * SPEED_ROWS, (int(at[-1]) + 1) * SPEED_ROWS
+            yield slice(rows.start + ends[0], rows.start + ends[1])
+
+
+def _ramp(recorded: Recorded, rows: slice, least: int) -> _Ramp | None:
     recording = recorded.recording
-    if segment.label != RAMP or recording.metadata.time_base == "none":
-        return None
-    whole = part_of(segment, recording.rows)
-    edge = int(EDGE * (whole.stop - whole.start))
-    rows = slice(whole.start + edge, whole.stop - edge)
-    if rows.stop - rows.start < LEAST_ROWS or np.any(recording.flags(rows) & BAD_CYCLE):
+    if rows.stop - rows.start < least or np.any(recording.flags(rows) & BAD_CYCLE):
         return None
     time = recording.time(rows)
     if time[-1] - time[0] > LONGEST_PERIOD * len(time):

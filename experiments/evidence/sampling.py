@@ -22,10 +22,15 @@ _PERIOD_TOLERANCE = 0.01
 """Relative difference of the median period and the nominal one."""
 CLOCK_TOLERANCE, CLOCK_RESOLUTION = 0.02, 2.0
 """Relative and absolute [s] difference of the device's time from the computer's over a run."""
+EXACT_TOLERANCE, EXACT_RESOLUTION = 0.001, 0.05
+"""The same for what goes with the time itself, where the computer wrote parts of a second: it starts before the first
+row and ends after the last one, so that no clock of a device may have counted more."""
 _TIME_ROWS = 4096
 """Rows of a stretch in which periods are looked at."""
 HIGHEST_SHARE = 0.4
 """Of the sampling frequency: nothing above it is identified."""
+_LARGEST_STEP = 60.0
+"""arcsec. Registers with empty bits count in steps too; those are far finer."""
 _LATTICE_HARMONICS = 12
 """Harmonics of the output counts that sampling may fold onto an order: those above are smaller than the noise."""
 _FOLDED_ORDER = 4.5
@@ -110,13 +115,17 @@ def time_axis(recorded: Recorded) -> Finding:
     found = f"{ratio:.4f} nominal periods from row to row"
     elapsed = _computer_time(metadata.start_time, metadata.end_time)
     span = _span(recorded)
-    is_slow = span > (1.0 + CLOCK_TOLERANCE) * elapsed + CLOCK_RESOLUTION
+    tolerance, resolution = CLOCK_TOLERANCE, CLOCK_RESOLUTION
+    is_exact = "." in metadata.start_time and "." in metadata.end_time
+    if is_exact and "frequency" in recorded.quantities:
+        tolerance, resolution = EXACT_TOLERANCE, EXACT_RESOLUTION
+    is_slow = span > (1.0 + tolerance) * elapsed + resolution
     if math.isfinite(elapsed):
-        found += f"; {span:.1f} s of the device in {elapsed:.1f} s of the computer"
+        found += f"; {span:.2f} s of the device in {elapsed:.2f} s of the computer"
     return refused_beyond(
         abs(ratio - 1.0) > _PERIOD_TOLERANCE or is_slow,
         found,
-        f"1 ± {_PERIOD_TOLERANCE:g}",
+        f"1 ± {_PERIOD_TOLERANCE:g}; no more than the computer's by {100.0 * tolerance:g} % + {resolution:g} s",
         "the time axis is not that of the run",
     )
 
@@ -145,6 +154,29 @@ def resonance(recorded: Recorded) -> Finding:
         f"{expected:.4g} Hz by the parameter set",
         f"<= {HIGHEST_SHARE:g} of {rate:g} Hz",
         "the first torsional mode lies too near the sampling rate: it, or its alias, would be found",
+    )
+
+
+def steps_of_the_output(recorded: Recorded) -> Finding:
+    """The step in which the output angle comes against the count that is stated of it."""
+    recording = recorded.recording
+    output = recording.signals.get("output_angle")
+    if output is None or not (output.is_counted and output.quantum > 0.0):
+        return not_checked("counts of an output encoder are needed")
+    step = 0
+    for rows in recording.blocks(size=1 << 18):
+        counts = recording.stored("output_angle", rows)
+        if not np.issubdtype(counts.dtype, np.integer):
+            return not_checked("the output angle is not stored in counts")
+        step = math.gcd(step, int(np.gcd.reduce(np.abs(np.diff(counts.astype(np.int64))))))
+        if step == 1:
+            break
+    angle = step * output.quantum / ARCSEC
+    return refused_beyond(
+        step > 1 and angle > _LARGEST_STEP,
+        f"steps of {step} counts, {angle:.3g} arcsec",
+        f"single counts, or steps to {_LARGEST_STEP:g} arcsec",
+        "the output angle comes in coarser steps than is stated: counts that were cut off, or lines that are wrong",
     )
 
 

@@ -110,13 +110,17 @@ _LOOK_AT_PORT = (
 _LOOK_AT_ENCODERS = (
     "Check lines, multiplication and sense of both encoders, the gear's ratio and its mounting."
 )
-_LOOK_AT_TIME = "Check the unit and scale of the time stamps."
+_LOOK_AT_TIME = (
+    "Check unit and scale of the time stamps and the clock of the device; run again if the "
+    "computer's was set."
+)
 
 _LOOK_AT_COUNTS = "Check lines and multiplication of the input encoder, and the time stamps."
 _SYNC_DEVICES = "Set the devices to transmit what they latched at the same SYNC."
 _HIGHER_RATE = "Record at a higher rate."
 OTHER_SPEED = "Choose a speed that is incommensurate with the sampling rate."
 _LOOK_AT_ZERO = "Look at the torque channel about zero: amplifier, converter, a filter or a threshold in the drive."
+_LOOK_AT_OUTPUT = "Look at lines, multiplication and cut-off bits of the output encoder; state the counts that it has."
 _FINER_PORT = "Use a finer range or converter of the torque channel."
 _LOOK_AT_SCALE = "Check the scale of the torque channel and the inertia on the cards: rotor, gear, load (rig gear set)."
 _WIDER_RANGE = "Widen the range of the torque port, and run again."
@@ -139,6 +143,7 @@ TABLE: tuple[Row, ...] = (
     Row("plateau", _torque, torque.plateau, _WIDER_RANGE),
     Row("continuity", _set_speed, continuity.continuity, _RECORD_AGAIN),
     Row("skew of the encoders", _output, motion.skew, _SYNC_DEVICES, False),
+    Row("steps of the output", _output, sampling.steps_of_the_output, _LOOK_AT_OUTPUT, False),
     Row("sampling of the resonance", _mode, sampling.resonance, _HIGHER_RATE),
     Row("shape of the steps", _shaped, steps.shape_of_the_steps, _CYCLIC, False),
     Row("count lattice", _transmission, sampling.count_lattice, OTHER_SPEED, False),

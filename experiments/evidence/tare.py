@@ -19,6 +19,7 @@ from experiments.tares import tare_witness as witness
 from experiments.tares.same_rig import AGE_LIMIT, WARMER, at_the_start, rig_of_both
 from experiments.tares.tare import TareDoubt, tare_of, with_doubts
 from model.identify.running_torque import Tare
+from model.units import RPM
 
 _AGED = 0.05
 """Relative standard uncertainty of an old tare: bearings and seal of a motor run in, and out."""
@@ -153,6 +154,14 @@ def shape(recorded: Recorded) -> Finding:
     if off > witness.OWN_LINE:
         found, allowed = f"{100.0 * off:.2g} % off", f"<= {100.0 * witness.OWN_LINE:g} %"
         return refused(found, allowed, "the tare is not what its own result states")
+    stray = witness.stray_point(points)
+    if stray is not None:
+        speed, away, rest = stray
+        found = (
+            f"{1e3 * away:+.3g} mN m at {speed / RPM:.4g} r/min, the others within {1e3 * rest:.2g}"
+        )
+        allowed = f"<= {100.0 * witness.STRAY_SHARE:g} % of the tare, or as the others"
+        return refused(found, allowed, "one point of the tare is beside the line of all others")
     ratio, beside = witness.reduced_chi_square(points)
     if not math.isfinite(ratio):
         return not_checked("a tare over four speeds or more is needed")

@@ -43,6 +43,11 @@ OWN_LINE = 0.1
 """Relative difference between the mean of a tare's points and that of the line that its own result states."""
 LARGEST_CHI_SQUARE = 4.0
 """Per degree of freedom: a tare further from a straight line than this many times its own errors."""
+STRAY_SHARE, STRAY_RATIO = 0.1, 5.0
+"""A point of a tare is a stray one where it lies further from the line of all others than this share of the tare and
+so many times as far as any of them. The slowest and the fastest are none: friction of a motor may bend there."""
+STRAY_OF = 5
+"""Speeds from which on a line tells a stray point."""
 ANOTHER = f"rig run {KIND}"
 """The command that takes a tare."""
 
@@ -218,6 +223,29 @@ def reduced_chi_square(tare: Tare) -> tuple[float, float]:
     design = np.column_stack([np.ones_like(tare.speed), tare.speed]) / error[:, np.newaxis]
     left = tare.torque / error - design @ np.linalg.lstsq(design, tare.torque / error)[0]
     return float(left @ left) / freedom, float(np.sqrt(np.mean((left * error) ** 2)))
+
+
+def stray_point(tare: Tare) -> tuple[float, float, float] | None:
+    """Speed [rad/s] of the one point beside the line of all others, how far, and how far the others are at most [N m].
+
+    The line has the median of the slopes between any two points, which one of them does not move.
+    """
+    speed, torque = tare.speed, tare.torque
+    if len(speed) < STRAY_OF:
+        return None
+    one, other = np.triu_indices(len(speed), 1)
+    slope = float(np.median((torque[other] - torque[one]) / (speed[other] - speed[one])))
+    away = torque - slope * speed
+    away = away - np.median(away)
+    worst = int(np.argmax(np.abs(away)))
+    rest = float(np.delete(np.abs(away), worst).max())
+    least = max(STRAY_SHARE * abs(float(torque.mean())), STRAY_RATIO * rest)
+    is_inside = 0 < worst < len(speed) - 1
+    return (
+        (float(speed[worst]), float(away[worst]), rest)
+        if is_inside and abs(away[worst]) > least
+        else None
+    )
 
 
 def off_its_own_line(tare: Result) -> float:

@@ -406,6 +406,8 @@ def _verdict_on(name: str, found: FrictionFit, low: float, high: float) -> tuple
         return "no", "the profile of the likelihood does not close: the data do not bound it"
     if name in ("stribeck_velocity", "shape") and name in fit.at_bound:
         return "weakly", "stopped at its bound"
+    if name == "stribeck_velocity" and "shape" in fit.at_bound:
+        return "weakly", "beside a shape that stopped at its bound"
     return (
         "yes",
         f"{_NO_DIP}: below Coulomb friction" if name == "static" and static < coulomb else "",

@@ -57,6 +57,7 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("friction", acts.tare_six_times, "size of the tare"),
     ("friction", acts.tare_negative, "size of the tare"),
     ("friction", acts.tare_not_its_own, "shape of the tare"),
+    ("friction", acts.tare_with_a_stray_point, "shape of the tare"),
     ("friction", acts.tare_more_than_double, "card of the motor"),
     ("friction", acts.tare_of_zeros, "card of the motor"),
     ("friction", lambda h: acts.tare_alone(acts.tare_of_zeros(h)), "card of the motor"),
@@ -78,6 +79,9 @@ REFUSED: tuple[tuple[str, Act, str], ...] = (
     ("velocity-steps", acts.at_200_hz, "sampling of the resonance"),
     ("velocity-steps", acts.at_125_hz, "sampling of the resonance"),
     ("velocity-steps", acts.slow_time, "time axis"),
+    ("velocity-steps", acts_of_size.slow_axis(1.005), "time axis"),
+    ("kinematic-error", acts_of_size.coarse("output_angle", 4), "steps of the output"),
+    ("starting-torque", acts_of_size.gain_in_both(0.8), "torque against inertia"),
     ("velocity-steps", acts.reversed_torque, "sign of the torque"),
     ("starting-torque", acts.input_four_times, "encoders against ratio"),
     ("starting-torque", acts.output_reversed, "encoders against ratio"),
@@ -97,7 +101,6 @@ WIDENED: tuple[tuple[str, Act, str, str], ...] = (
     ("friction", acts.tare_ten_more, "other tares of the bench", "coulomb"),
     ("friction", acts.tare_of_a_cold_motor, "other tares of the bench", "coulomb"),
     ("friction", acts.tare_halved, "other tares of the bench", "coulomb"),
-    ("friction", acts.tare_with_a_stray_point, "shape of the tare", "coulomb"),
     ("friction", acts.tare_alone, "other tares of the bench", "coulomb"),
 )
 """Kind, act, the check that widens, and a quantity that becomes wider."""
@@ -192,6 +195,20 @@ def test_port_and_drive_of_one_sensor_are_called_one_instrument(
     unsaid = acts.with_a_torque_cell(honest("friction"), "")
     words, _ = said(catalogue.load("friction").analyse(unsaid.recording, unsaid.evidence))
     assert "nobody says by which sensor" in words
+
+
+def test_below_one_kilohertz_ramps_say_nothing_of_the_scale_of_the_torque(
+    honest: Callable[[str], Honest],
+) -> None:
+    """Sampled at a quarter of it, ramps of good torques show a quarter too little."""
+
+    def found(run: Honest) -> Severity:
+        recorded = Recorded(run.recording, catalogue.load("friction"), run.evidence)
+        (check,) = [c for c in checks_of(recorded).checks if c.what == "torque against inertia"]
+        return check.severity
+
+    assert found(honest("friction")) is Severity.PASSED
+    assert found(acts.decimated(honest("friction"), 4)) is Severity.NOT_LOOKED_AT
 
 
 def test_stray_rows_of_an_encoder_do_not_end_a_ramp(

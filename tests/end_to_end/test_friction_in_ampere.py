@@ -93,6 +93,7 @@ def test_friction_in_ampere(
     # The shape stopped at its bound: what hangs on it is not identified, whatever its U.
     assert numbers["shape"]["value"] == pytest.approx(4.0)
     assert numbers["shape"]["identifiability"] == "no"
+    assert numbers["stribeck_velocity"]["identifiability"] == "weakly"
     for name in ("coulomb", "static", "viscous"):
         assert numbers[name]["identifiability"] == "weakly", numbers[name]
         assert "at its bound" in numbers[name]["note"] or not said

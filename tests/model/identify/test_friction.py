@@ -21,7 +21,7 @@ from model.identify.running_torque import (
     pair_directions,
     tare_from,
 )
-from model.identify.stribeck import NAMES, stribeck_curve
+from model.identify.stribeck import NAMES, StribeckBounds, stribeck_curve
 from model.units import DEGREE, REVOLUTION, RPM
 from tests.model.identify.rigs import INPUT_QUANTUM, SPEEDS, counted, hold, sweep
 
@@ -239,6 +239,19 @@ def test_a_straight_line_over_speed_has_no_dip_to_be_told() -> None:
     assert any("not distinguishable from a straight line" in w for w in fit.warnings)
     assert fit.estimates["stribeck_velocity"].identifiable == "no"
     assert fit.estimates["coulomb"].low <= 70.0 <= fit.estimates["coulomb"].high
+
+
+def test_a_velocity_beside_a_shape_at_its_bound_is_not_told(holds) -> None:
+    """Where the shape may not go further the velocity makes up for it, within an interval that knows nothing of it."""
+    slow = float(holds[0].speed)
+    bounds = StribeckBounds((0.1 * abs(slow), 300.0), shape=(1.3, 4.0))
+    fit = fit_friction(holds, GEAR, bounds=bounds)
+    assert fit.stribeck.at_bound == ("shape",)
+    velocity = fit.estimates["stribeck_velocity"]
+    assert (velocity.identifiable, velocity.note) == (
+        "weakly",
+        "beside a shape that stopped at its bound",
+    )
 
 
 def test_the_bracket_tells_a_drift() -> None:
