@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 
 from rich.console import Console
@@ -12,10 +13,11 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TimeRemaining
 from experiments.result import Result
 from rig.analysis.rows import truth_grid
 from rig.commands.result_tables import print_verdict, print_warnings
-from rig.commands.terminal import console, painted
+from rig.commands.terminal import console, echo, painted
 from rig.commands.visible import Text, plain_column
 from rig.content.wording import show
 from rig.trial.demo.chain import ORDER, Demonstration, Finished, Step
+from rig.trial.demo.first_screen import first_screen
 
 
 @contextlib.contextmanager
@@ -27,12 +29,54 @@ def progress(quiet: bool) -> Iterator[Callable[[Step | Finished], None]]:
         with _bars() as show:
             yield show
     else:
-        yield _line
+        with beating(lines := Lines()):
+            yield lines.show
 
 
-def _line(message: Step | Finished) -> None:
-    if isinstance(message, Finished):
-        sys.stderr.write(f"{message.protocol}: {message.outcome} in {message.seconds:.1f} s\n")
+EVERY = 5.0
+"""s between two lines of progress where there is no terminal."""
+
+
+class Lines:
+    """Progress as lines: one for each protocol that ended, and where it stands whenever it is asked."""
+
+    def __init__(self) -> None:
+        self._stands = "starting: the first start compiles what is computed"
+
+    def show(self, message: Step | Finished) -> None:
+        """Take up what a demonstration tells."""
+        if isinstance(message, Finished):
+            done = f"{message.protocol}: {message.outcome} in {message.seconds:.1f} s"
+            sys.stderr.write(f"{done}\n")
+            last = message.protocol == ORDER[-1]
+            self._stands = "writing report and certificate" if last else f"after {message.protocol}"
+        else:
+            self._stands = (
+                f"{message.protocol}: {message.what}, {message.left:.0f} s of the rig left"
+            )
+
+    def beat(self) -> None:
+        """Say where it stands."""
+        sys.stderr.write(f"{self._stands}\n")
+        sys.stderr.flush()
+
+
+@contextlib.contextmanager
+def beating(lines: Lines, every: float = EVERY) -> Iterator[None]:
+    """Where it stands, every so many seconds, from a thread: nothing else speaks while kernels are compiled."""
+    over = threading.Event()
+
+    def beat() -> None:
+        while not over.wait(every):
+            lines.beat()
+
+    thread = threading.Thread(target=beat, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 @contextlib.contextmanager
@@ -80,8 +124,16 @@ def _print_misses(
     out.print()
 
 
-def print_demonstration(demonstration: Demonstration) -> None:
-    """What was found, and where the files are."""
+def print_demonstration(demonstration: Demonstration, *, everything: bool = False) -> None:
+    """One screen: verdict, numbers beside the truth, what to look out for. With `everything` all of it first."""
+    if everything:
+        _print_everything(demonstration)
+    for line in first_screen(demonstration):
+        echo(line)
+
+
+def _print_everything(demonstration: Demonstration) -> None:
+    """Every number beside both truths, every warning, every limit, and where the files are."""
     out = console()
     results = {fit.result.kind: fit.result for fit in demonstration.fits}
     out.print()

@@ -252,6 +252,10 @@ def demo(
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
     ] = False,
+    everything: Annotated[
+        bool,
+        typer.Option("--all", help="Every number beside the truth, every warning, every file."),
+    ] = False,
 ) -> None:
     """Take a simulated gear through its acceptance, compare what was found with the truth, and certify it.
 
@@ -278,4 +282,4 @@ def demo(
     if json:
         print_json(demonstration.as_json())
     else:
-        print_demonstration(demonstration)
+        print_demonstration(demonstration, everything=everything)

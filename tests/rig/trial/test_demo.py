@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from experiments.errors import PlanError
 from model.gear_file import load_gear
 from rig.analysis.judging import not_judged
 from rig.analysis.store import json_text, read_analyses
-from rig.commands.demo_tables import print_demonstration
+from rig.commands.demo_tables import Lines, beating, print_demonstration
 from rig.errors import RigError
 from rig.run.start import run_order
 from rig.run.stop import StopRequest
@@ -24,6 +26,7 @@ from rig.trial.campaign.conduct import CampaignReport
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.demo import chain as demo
 from rig.trial.demo.chain import Demonstration, DemoOrder, Finished, Step, demonstrate
+from rig.trial.demo.first_screen import HEIGHT, ROWS, SENTENCES, first_screen
 
 SHORT = {
     "motor-tare": {"lowest_rpm": 5.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
@@ -117,17 +120,97 @@ def test_json_and_people_get_the_same_story(
     found = json.loads(json_text(made.as_json()))
     assert [f["kind"] for f in found["fits"]] == list(demo.ORDER)
     assert found["compared"] == len(found["truth"]) > 20
-    print_demonstration(made)
+    print_demonstration(made, everything=True)
     shown = capsys.readouterr().out
     for words in (
         "SIMULATED",
         str(made.report),
         "measurand",
         "bench sees",
-        made.campaign.verdict.verdict,
         str(made.certificate[1]),
     ):
         assert words in shown
+    assert shown.endswith("\n".join(first_screen(made)) + "\n")
+
+
+ROW = re.compile(
+    r"(\S.*?)  +(−?[\d.]+) +± +([\d.]+) +(\S+( m)?) +(limit [\d.]+ +)?true +−?[\d.]+ +(inside|outside)"
+)
+
+
+def test_the_first_screen(made: Demonstration, capsys: pytest.CaptureFixture[str]) -> None:
+    """One screen of eighty by twenty-four, line by line: verdict, numbers, what to look out for, what comes next."""
+    print_demonstration(made)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= HEIGHT
+    folder = str(made.order.folder)
+    assert max(len(line) for line in lines if folder not in line) <= 80
+    verdict, limits = made.campaign.verdict.verdict, made.campaign.verdict.lines
+    passed = sum(line.outcome == "PASS" for line in limits)
+    assert (
+        lines[0].split()
+        == f"SIMULATED CSF-25-120-2UH SIM-0003 {verdict} {passed} of {len(limits)} limits".split()
+    )
+    assert len(lines[0]) == 80
+    *rows, certificate, following = lines[1:]
+    assert certificate == f"certificate  {folder}/certificate.pdf"
+    assert following == f"next         rig live --runs {folder}"
+    found = [line for line in rows if ROW.match(line)]
+    assert 4 <= len(found) <= ROWS
+    assert len({line.index("±") for line in found}) == 1
+    points = {
+        line.index(".", 0, line.index("±")) for line in found if "." in line.partition("±")[0]
+    }
+    assert len(points) == 1
+    judged = {line.name.removesuffix(" forward").removesuffix(" reverse") for line in limits}
+    told = " ".join(" ".join(line.split()) for line in rows)
+    assert all(words in told for name in judged for words in name.split(" at "))
+    others = [line for line in rows if line not in found]
+    assert all(line.startswith(("Look out: ", "  ")) for line in others)
+    assert 1 <= sum(line.startswith("Look out: ") for line in others) <= SENTENCES
+
+
+def test_two_directions_that_differ_are_two_rows(made: Demonstration) -> None:
+    (one,) = [f for f in made.fits if f.result.kind == "kinematic-error"]
+    name = "transmission_accuracy_forward"
+    other = dataclasses.replace(
+        one.result.estimates[name], value=2.0 * one.result.estimates[name].value
+    )
+    told = [
+        (kind, dataclasses.replace(row, estimate=other) if row.estimate.name == name else row)
+        for kind, row in made.truth
+    ]
+    screen = first_screen(dataclasses.replace(made, truth=tuple(told)))
+    assert sum(line.startswith("transmission accuracy  ") for line in screen) == 2
+    assert [line for line in screen if line in ("  forward", "  reverse")] == [
+        "  forward",
+        "  reverse",
+    ]
+
+
+def test_progress_says_where_it_stands_when_nothing_happens(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    lines = Lines()
+    lines.beat()
+    lines.show(Step("friction", 3.0, 41.0, "running"))
+    lines.beat()
+    lines.show(
+        Finished(
+            protocol=demo.ORDER[-1], path=Path("a"), outcome="COMPLETED", message="", seconds=2.0
+        )
+    )
+    lines.beat()
+    said = capsys.readouterr().err.splitlines()
+    assert said[1:] == [
+        "friction: running, 41 s of the rig left",
+        f"{demo.ORDER[-1]}: COMPLETED in 2.0 s",
+        "writing report and certificate",
+    ]
+    beaten = threading.Event()
+    lines.beat = beaten.set  # pyright: ignore[reportAttributeAccessIssue]
+    with beating(lines, every=0.0):
+        assert beaten.wait(30.0)
 
 
 def report_of(order: DemoOrder, outcome: str, crashed: str = "") -> CampaignReport:
