@@ -22,6 +22,7 @@ from rig.commands import (
     files,
     fleeting,
     gears,
+    helping,
     importing,
     library,
     modelling,
@@ -70,7 +71,22 @@ PANELS = {
         verifying.verify,
     ),
 }
-"""The commands in the order and under the headings of `rig --help`."""
+"""The commands in the order and under the headings of `rig help`."""
+DAY = (
+    reporting.demo,
+    window.live,
+    configuring.config,
+    doctoring.doctor,
+    gears.gear,
+    planning.plan,
+    running.run,
+    campaigning.campaign,
+    analysis.fit,
+    reporting.report,
+    certifying.certificate,
+    importing.import_,
+)
+"""What is typed on an ordinary day, as `rig` alone and `rig --help` list it."""
 EARLIER = {
     analysis.compare: "rig validate RUN --against FILE",
     library.passport: "rig report --gear SERIAL --passport",
@@ -84,6 +100,11 @@ def _name_of(part: Any) -> str:
     return str(part.info.name) if isinstance(part, typer.Typer) else part.__name__.rstrip("_")
 
 
+def _words_of(part: Any) -> str:
+    """The help of a command or a group of commands, without building it."""
+    return str(part.info.help or "") if isinstance(part, typer.Typer) else part.__doc__
+
+
 class _Commands(Mapping[str, Any]):
     """The commands by name, each built when it is asked for: to read the options of all takes longer than many run."""
 
@@ -91,7 +112,9 @@ class _Commands(Mapping[str, Any]):
         self._parts = {
             _name_of(part): (part, panel) for panel, parts in PANELS.items() for part in parts
         }
-        self._parts |= {_name_of(part): (part, "") for part in (*EARLIER, motors.motor)}
+        self._parts |= {
+            _name_of(part): (part, "") for part in (*EARLIER, motors.motor, helping.help_)
+        }
         self._built: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
@@ -122,7 +145,7 @@ def _built(name: str, part: Any, panel: str) -> Any:
     alone.command(
         name,
         cls=Command if now is None else moved(now),
-        hidden=now is not None,
+        hidden=now is not None or part is helping.help_,
         rich_help_panel=panel,
         context_settings=settings,
     )(part)
@@ -135,6 +158,12 @@ class _Table(TyperGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands = _Commands()  # pyright: ignore[reportAttributeAccessIssue]  nothing is added later
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """The first page: the commands of a day."""
+        day = {_name_of(part): _words_of(part) for part in DAY}
+        usage = f"Usage: {ctx.command_path} COMMAND [OPTIONS]"
+        formatter.write(helping.first_page(self, usage, day))
 
 
 app = typer.Typer(
@@ -238,6 +267,8 @@ def _refusal(error: BaseException) -> tuple[int, str] | None:
 def _show_refusal(error: BaseException) -> None:
     """What the command-line library refuses: how the command is used, and the reason in a frame."""
     if type(error).__name__ == "NoArgsIsHelpError":
+        # A page of the library's own was printed while it was made.
+        sys.stdout.write(cast("Any", error).format_message().rstrip() + "\n")
         return
     from rich.panel import Panel
 

@@ -74,7 +74,7 @@ def test_protocols_and_their_flags_are_listed_without_kernels() -> None:
 
 
 def test_help_names_every_command() -> None:
-    done = run_python("from rig.main import run; run(['--help'])")
+    done = run_python("from rig.main import run; run(['help'])")
     for command in (
         "plan",
         "run",
@@ -91,6 +91,24 @@ def test_help_names_every_command() -> None:
         "verify",
     ):
         assert f" {command} " in done.stdout
+
+
+def test_the_first_page_has_the_commands_of_a_day_a_line_each() -> None:
+    runner = CliRunner()
+    page = runner.invoke(main.app, ["--help"]).output
+    told = [line for line in page.splitlines() if line.startswith("  ") and line[2] != "M"]
+    day = "demo live config doctor gear plan run campaign fit report certificate import"
+    assert " ".join(line.split()[0] for line in told) == day
+    assert all(len(line) <= 80 and line.endswith(".") and len(line.split()) > 3 for line in told)
+    assert len(page.splitlines()) <= 24
+    assert "More: rig help" in page
+    alone = run_python("from rig.main import run; run([])")
+    assert alone.stdout.splitlines()[1:] == page.splitlines()[1:]
+    one = runner.invoke(main.app, ["help", "gear", "new"])
+    assert one.exit_code == 0
+    assert one.output.strip() == runner.invoke(main.app, ["gear", "new", "--help"]).output.strip()
+    wrong = runner.invoke(main.app, ["help", "gaer"])
+    assert (wrong.exit_code, "Did you mean gear" in wrong.output) == (exits.USAGE, True)
 
 
 def test_every_command_has_help_worth_reading() -> None:

@@ -90,7 +90,8 @@ def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, results: dict[str, Res
 
     monkeypatch.setattr(rig.runfile.read, "open_run", open_run)
     monkeypatch.setattr(catalogue, "load", load)
-    for module in ("rig.gears.acceptance", "rig.present.build"):
+    # The importer first: one that is loaded while the other is replaced would keep what replaced it.
+    for module in ("rig.present.build", "rig.gears.acceptance"):
         monkeypatch.setattr(f"{module}.acceptance_for", lambda *_: handmade.acceptance())
     app = typer.Typer()
     for command in (analysis.fit, validating.validate, reporting.report):
