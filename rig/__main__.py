@@ -6,18 +6,27 @@ import sys
 
 from rig.floors import foreign_floor
 
-ERROR = 6
-"""The exit code of `rig.exits`, which cannot be imported where a package under it is not ours."""
+ABORTED, ERROR = 4, 6
+"""Exit codes of `rig.exits`, which cannot be imported where a package under it is not ours, or while it is imported."""
+_STOPPED = "Stopped by the operator; no rig was moving."
 
 
 def run() -> None:
-    """The command line, or one sentence on a package that stands in the way of it."""
-    sentence = foreign_floor()
-    if sentence:
-        sys.stderr.write(f"{sentence}\n")
-        raise SystemExit(ERROR)
-    from rig.main import run as command
-
+    """The command line, or one sentence on a package that stands in the way of it, or on a Ctrl-C while it starts."""
+    try:
+        sentence = foreign_floor()
+        if sentence:
+            sys.stderr.write(f"{sentence}\n")
+            raise SystemExit(ERROR)
+        from rig.main import run as command
+    except KeyboardInterrupt:
+        if "--json" in sys.argv or "--events" in sys.argv:
+            parts = '"where": null, "value": null, "limit": null, "remedy": null'
+            error = f'"kind": "KeyboardInterrupt", {parts}, "message": "{_STOPPED}"'
+            sys.stdout.write(f'{{"error": {{{error}}}}}\n')
+        else:
+            sys.stderr.write(f"{_STOPPED}\n")
+        raise SystemExit(ABORTED) from None
     command()
 
 

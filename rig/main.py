@@ -40,6 +40,8 @@ from rig.commands.terminal import outliving_the_terminal
 
 _JSON_FLAGS = frozenset({"--json", "--events"})
 """Flags of a caller that is a program and reads standard output."""
+_CTRL_C = 130
+"""What the command-line library makes of a Ctrl-C that no run has heard."""
 PANELS = {
     "At the rig": (
         planning.plan,
@@ -207,6 +209,8 @@ def run(arguments: list[str] | None = None) -> None:
     try:
         # The library's own endings have exit codes of their own for Ctrl-C and a reader that has gone.
         code = app(args=arguments, standalone_mode=False)
+        if code == _CTRL_C:
+            raise KeyboardInterrupt
         raise SystemExit(code or exits.DONE)
     except SystemExit as end:
         for note in _notes(end):
@@ -256,7 +260,7 @@ def _notes(error: BaseException) -> list[str]:
 
 def _refusal(error: BaseException) -> tuple[int, str] | None:
     """Exit code and sentence of what the command-line library refuses; None for any other error."""
-    if isinstance(error, typer.Abort):
+    if isinstance(error, (typer.Abort, KeyboardInterrupt)):
         # A run hears Ctrl-C itself: what comes to here was pressed before it began, or after it ended.
         standing = "" if _notes(error) else "; no rig was moving"
         return exits.ABORTED, f"Stopped by the operator{standing}."
