@@ -69,17 +69,31 @@ class Digest:
         return {
             "analysis": self.in_force.as_json(),
             "tare": {} if self.fit is None else told_tare(self.fit),
-            "values": {
-                title: {
-                    "value": estimate.value,
-                    "expanded_uncertainty": estimate.expanded_uncertainty,
-                    "unit": estimate.unit,
-                }
+            "quantities": {
+                estimate.name: {"title": title, **_told(estimate), **_identified(estimate)}
                 for title, estimate in self.key_values
+            },
+            # By title, as 0.2.0 had it, for one version more.
+            "values": {
+                title: _told(estimate)
+                for title, estimate in self.key_values
+                if estimate.identifiable != "no"
             },
             "not_stored": self.not_stored,
             "next": list(self.next_steps),
         }
+
+
+def _told(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "value": estimate.value,
+        "expanded_uncertainty": estimate.expanded_uncertainty,
+        "unit": estimate.unit,
+    }
+
+
+def _identified(estimate: Estimate) -> dict[str, str]:
+    return {"identifiability": estimate.identifiable, "note": estimate.note}
 
 
 def told_tare(fit: Fit) -> dict[str, Any]:

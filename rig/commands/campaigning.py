@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.judgement import RequireVerdict
-from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
+from rig.commands.ordering import OF_MANY_RUNS, NoCard, Said, with_order
 from rig.commands.running import ORDERED, Events, Json, StdinControl
 from rig.commands.terminal import console, outliving_the_terminal, painted, print_json
 
@@ -45,6 +45,7 @@ def campaign(
         typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI."),
     ] = None,
     require_verdict: RequireVerdict = False,
+    no_card: NoCard = False,
     json: Json = False,
     events: Events = False,
     stdin_control: StdinControl = False,
@@ -61,7 +62,7 @@ def campaign(
     chosen = _plan_of(name, plan)
     if not said.get("serial") and not dry_run:
         raise typer.BadParameter("name the gear by its serial number", param_hint="--gear")
-    pattern = order_of(chosen.stages[0].protocol, {}, said)
+    pattern = order_of(chosen.stages[0].protocol, {}, said, no_card=no_card)
     walked = walk(chosen, pattern)
     if dry_run:
         print_json(walked.as_json()) if json else _print_walk(walked)
@@ -77,7 +78,7 @@ def campaign(
     if junit is not None:
         from rig.trial.campaign.junit import write_junit
 
-        write_junit(report.campaign, junit)
+        write_junit(report.campaign, junit, require_verdict=require_verdict)
     if events:
         pass
     elif json:

@@ -96,7 +96,11 @@ def _value_lines(ending: Ending, made: Digest) -> list[Text]:
     values = made.key_values
     lines = []
     for title, estimate in sorted(values, key=lambda v: v[1].name not in judged)[:MOST_LINES]:
-        shown = show(estimate, result.quantity(estimate.name)).with_uncertainty
+        if estimate.identifiable == "no":
+            # A number that the data do not bear is not shown as one.
+            shown = ", ".join(filter(None, ("not identifiable", estimate.note)))
+        else:
+            shown = show(estimate, result.quantity(estimate.name)).with_uncertainty
         text = Text(f"  {title}: {shown}")
         if estimate.name in judged:
             line = judged[estimate.name]

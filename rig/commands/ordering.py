@@ -19,7 +19,7 @@ from rig.bench.backends.order import (
     world_of,
     world_said,
 )
-from rig.commands.terminal import echo
+from rig.commands.terminal import echo, nearest
 
 if TYPE_CHECKING:
     from rig.bench.backends.order import Order, WorldChoice
@@ -117,12 +117,61 @@ def _world(text: str | None, earlier: Said, taken: Sequence[str]) -> WorldChoice
     return world_of(said, taken) if said else None
 
 
-def order_of(protocol: str, values: Mapping[str, Any], said: Said) -> Order:
-    """The order that was said; a gear's card that was not confirmed is told on standard error."""
+NoCard = Annotated[
+    bool,
+    typer.Option("--no-card", help="A gear without a card on purpose, where the folder has cards."),
+]
+
+
+def order_of(
+    protocol: str, values: Mapping[str, Any], said: Said, *, no_card: bool = False
+) -> Order:
+    """The order that was said; a gear's card that was not confirmed is told on standard error.
+
+    Raises `ConfigurationError` for a serial number that has no card where others have one: it may be mistyped.
+    """
     from rig.run import ordering
 
-    return ordering.order_of(
-        protocol, values, said, lambda text: echo(f"warning: {text}", errors=True)
+    def warn(text: str) -> None:
+        echo(f"warning: {text}", errors=True)
+
+    serial = str(said.get("serial", ""))
+    _refuse_path(serial)
+    order = ordering.order_of(protocol, values, said, warn)
+    if serial and not no_card:
+        _require_card(order, serial, warn)
+    return order
+
+
+def _refuse_path(serial: str) -> None:
+    from rig.errors import ConfigurationError
+
+    if "/" in serial or "\\" in serial or (serial and not serial.strip(". ")):
+        raise ConfigurationError(
+            "is a path, and no serial number",
+            where="--gear",
+            value=serial,
+            remedy="Give the serial number that stands on the gear; the folder of runs is --runs.",
+        )
+
+
+def _require_card(order: Order, serial: str, warn: Callable[[str], None]) -> None:
+    """A gear that is named has a card, or nobody here has one."""
+    from rig.errors import ConfigurationError
+    from rig.gears.card import card_for, list_cards
+
+    if card_for(order.folder, serial) is not None:
+        return
+    serials = [one.card.serial for one in list_cards(order.folder) if one.card]
+    if not serials:
+        warn(f"{serial} has no card: what is planned rests on the parameter set {order.gear.name}.")
+        return
+    raise ConfigurationError(
+        "there is no card of this gear",
+        where=str(order.folder),
+        value=serial,
+        remedy=f"{nearest(serial, serials)} A new gear: rig gear new PART --serial {serial}; "
+        "one that is to have none: --no-card.",
     )
 
 

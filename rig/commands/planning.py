@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.ordering import Said, with_order
+from rig.commands.ordering import NoCard, Said, with_order
 from rig.commands.running import Help, Json, read_protocol, with_protocol_flags
 from rig.commands.terminal import console, painted, print_json
 
@@ -35,6 +35,7 @@ def plan(
             "--figures", metavar="DIR", help="Write speed, torque, output and friction as PNG here."
         ),
     ] = None,
+    no_card: NoCard = False,
     json: Json = False,
     show_help: Help = False,
 ) -> None:
@@ -57,8 +58,7 @@ def plan(
     from rig.run.start import plan_order
 
     protocol, values = read_protocol(context.args)
-    order = order_of(protocol, values, said)
-    _require_card(order.folder, said.get("serial", ""))
+    order = order_of(protocol, values, said, no_card=no_card)
     planned = plan_order(order)
     prediction = preview_plan(planned)
     written = _write_figures(prediction, figures) if figures is not None else []
@@ -78,20 +78,6 @@ def plan(
     _print(prediction, written)
     if wanted:
         console().print(f"warning: {wanted}", style="yellow", soft_wrap=True)
-
-
-def _require_card(runs: Path, serial: str) -> None:
-    """Raise `ConfigurationError` for a gear that is named and has no card."""
-    from rig.errors import ConfigurationError
-    from rig.gears.card import card_for
-
-    if serial and card_for(runs, serial) is None:
-        raise ConfigurationError(
-            "there is no card of this gear",
-            where=str(runs),
-            value=serial,
-            remedy="Write one with `rig gear new` or `rig gear set`.",
-        )
 
 
 def _write_figures(prediction: PlanPreview, folder: Path) -> list[Path]:

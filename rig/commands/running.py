@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from rig.commands.judgement import RequireVerdict
-from rig.commands.ordering import Said, with_order
+from rig.commands.ordering import NoCard, Said, with_order
 from rig.commands.terminal import echo, nearest, outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
@@ -100,6 +100,7 @@ def run(
         bool,
         typer.Option("--all", help="All that was found and every margin, not only what matters."),
     ] = False,
+    no_card: NoCard = False,
     json: Json = False,
     events: Events = False,
     stdin_control: StdinControl = False,
@@ -123,7 +124,7 @@ def run(
     from rig.run.start import plan_order
 
     protocol, values = read_protocol(context.args) if repeat is None else ("", {})
-    order = order_of(protocol, values, said)
+    order = order_of(protocol, values, said, no_card=no_card)
     if repeat is not None:
         order = _repeated(context, repeat, order)
     planned = plan_order(order)

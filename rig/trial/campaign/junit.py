@@ -12,14 +12,15 @@ if TYPE_CHECKING:
     from rig.trial.campaign.conduct import CampaignReport
 
 
-def write_junit(report: CampaignReport, path: Path) -> None:
-    """Write the suites. A run that did not come to its end is an error, FAIL a failure, NOT JUDGED skipped.
+def write_junit(report: CampaignReport, path: Path, *, require_verdict: bool = False) -> None:
+    """Write the suites. A run that did not come to its end is an error, FAIL a failure.
 
-    MARGINAL passes with its reason in the output. Raises `RigError` where nothing can be written.
+    MARGINAL and NOT JUDGED are skipped, each with its reason; with `require_verdict` NOT JUDGED is a failure.
+    Raises `RigError` where nothing can be written.
     """
     root = xml.Element("testsuites", name=f"campaign {report.walk.plan.name}")
     _runs(root, report)
-    _limits(root, report)
+    _limits(root, report, require_verdict=require_verdict)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         xml.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
@@ -47,19 +48,29 @@ def _runs(root: xml.Element, report: CampaignReport) -> None:
     _count(suite, len(report.walk.stages), errors=missing)
 
 
-def _limits(root: xml.Element, report: CampaignReport) -> None:
+def _limits(root: xml.Element, report: CampaignReport, *, require_verdict: bool) -> None:
     suite = xml.SubElement(root, "testsuite", name="limits")
-    words = [line.outcome for line in report.verdict.lines]
+    failing = {"FAIL", "NOT JUDGED"} if require_verdict else {"FAIL"}
+    failed = skipped = 0
     for line in report.verdict.lines:
         case = xml.SubElement(suite, "testcase", classname="limits", name=_printable(line.name))
-        if line.outcome == "FAIL":
-            xml.SubElement(case, "failure", message=_printable(line.because or "breaks its limit"))
-        elif line.outcome == "NOT JUDGED":
-            xml.SubElement(case, "skipped", message=_printable(line.because))
-        elif line.outcome == "MARGINAL":
-            text = line.because or "the limit lies inside the expanded uncertainty"
-            xml.SubElement(case, "system-out").text = f"MARGINAL: {_printable(text)}"
-    _count(suite, len(words), failures=words.count("FAIL"), skipped=words.count("NOT JUDGED"))
+        why = _printable(f"{line.outcome}: {line.because or _REASON[line.outcome]}")
+        if line.outcome in failing:
+            failed += 1
+            xml.SubElement(case, "failure", message=why)
+        elif line.outcome != "PASS":
+            skipped += 1
+            xml.SubElement(case, "skipped", message=why)
+    _count(suite, len(report.verdict.lines), failures=failed, skipped=skipped)
+
+
+_REASON = {
+    "PASS": "",
+    "FAIL": "breaks its limit",
+    "MARGINAL": "the limit lies inside the expanded uncertainty",
+    "NOT JUDGED": "nothing is known of it",
+}
+"""Why a line has its outcome, where it does not say so itself."""
 
 
 def _count(suite: xml.Element, tests: int, **counts: int) -> None:

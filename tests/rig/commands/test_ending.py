@@ -48,6 +48,24 @@ def printed(what: Ending, *, everything: bool = False) -> list[str]:
     return out.file.getvalue().splitlines()
 
 
+def test_a_number_that_the_data_do_not_bear_is_not_shown_as_one() -> None:
+    made = ending()
+    assert made.digest is not None
+    assert made.digest.fit is not None
+    result = made.digest.fit.result
+    unborne = replace(result.estimates["torque_0"], identifiable="no", note="one speed")
+    result = replace(result, estimates={**result.estimates, "torque_0": unborne})
+    told = replace(made, digest=replace(made.digest, fit=replace(made.digest.fit, result=result)))
+    lines = [line.strip() for line in printed(told)]
+    assert "torque 0: not identifiable, one speed" in lines
+    shown = told.as_json()
+    assert "torque 0" not in shown["values"]
+    assert shown["quantities"]["torque_0"]["identifiability"] == "no"
+    assert shown["quantities"]["torque_0"]["note"] == "one speed"
+    assert shown["quantities"]["torque_1"]["value"] == 0.05
+    assert shown["values"]["torque 1"]["value"] == 0.05
+
+
 def test_five_values_are_told_what_is_judged_first() -> None:
     lines = printed(ending())
     values = [line for line in lines if "±" in line]

@@ -167,7 +167,9 @@ def test_a_run_on_the_simulated_rig(capsys: pytest.CaptureFixture[str], tmp_path
     assert rig(*arguments, "--json") == exits.DONE
     printed = capsys.readouterr()
     report = json.loads(printed.out)
-    assert printed.err == ""
+    assert printed.err == (
+        "warning: G7 has no card: what is planned rests on the parameter set CSF-25-120-2UH.\n"
+    )
     assert report["outcome"] == "COMPLETED"
     assert report["verdict"] == "NOT JUDGED"
     (because,) = report["because"]
@@ -317,5 +319,10 @@ def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(
     assert "never been confirmed" in capsys.readouterr().err
     with pytest.raises(ConfigurationError, match="rig gear set"):
         order_of("friction", {}, {"folder": tmp_path, "serial": "SN-7", "mounting": MOUNTINGS[0]})
-    other = order_of("friction", {}, {"folder": tmp_path, "serial": "SN-8"})
+    # A mistyped serial number is not another gear.
+    with pytest.raises(ConfigurationError, match=r"no card.*SN-8.*Did you mean SN-7"):
+        order_of("friction", {}, {"folder": tmp_path, "serial": "SN-8"})
+    with pytest.raises(ConfigurationError, match="a path"):
+        order_of("friction", {}, {"folder": tmp_path, "serial": "../SN-7"}, no_card=True)
+    other = order_of("friction", {}, {"folder": tmp_path, "serial": "SN-8"}, no_card=True)
     assert other.mounting == MOUNTINGS[0]

@@ -102,18 +102,18 @@ def test_no_command_makes_its_texts_past_it() -> None:
     assert not past
 
 
-HOSTILE = "SN[/x]"
+HOSTILE = "SN[x]"
 
 
 COMMANDS_OF_A_DAY = (
-    (0, "gear set SN[/x] --by [/z] --lubricant [red]oil[/q]"),
-    (0, "gear show SN[/x]"),
+    (0, "gear set SN[x] --by [/z] --lubricant [red]oil[/q]"),
+    (0, "gear show SN[x]"),
     (0, "gear list"),
-    (0, "plan home --gear SN[/x]"),
-    (0, "run home --gear SN[/x] --operator [bold]A[/y]"),
+    (0, "plan home --gear SN[x]"),
+    (0, "run home --gear SN[x] --operator [bold]A[/y]"),
     (0, "runs runs"),
     (0, "show runs/00001-home-SN_x.h5"),
-    (0, "campaign incoming --gear SN[/x] --dry-run"),
+    (0, "campaign incoming --gear SN[x] --dry-run"),
     (0, "report runs/00001-home-SN_x.h5 -o [b]r[/b].html"),
     (6, "report --gear SN[/y]"),
     (2, "no-such[/x]"),

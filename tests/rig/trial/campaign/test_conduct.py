@@ -10,7 +10,10 @@ from xml.etree import ElementTree
 import pytest
 
 from experiments.errors import PlanError
+from experiments.quantity import bare_quantity
+from experiments.result import Verdict, VerdictOutcome
 from model.gear_file import shipped_gear
+from model.identify.estimate import Estimate
 from model.motor import shipped_motor
 from rig.analysis.in_force import in_force
 from rig.bench.backends.order import Order
@@ -252,3 +255,47 @@ def test_junit_tells_runs_and_limits(whole: tuple[Path, CampaignReport], tmp_pat
     assert (runs.get("tests"), runs.get("errors")) == ("2", "1")
     assert [len(case) for case in runs] == [0, 1]
     assert limits.get("tests") == str(len(report.verdict.lines))
+
+
+@pytest.mark.parametrize(
+    ("outcome", "required", "told"),
+    [
+        ("PASS", False, None),
+        ("FAIL", False, ("failure", "FAIL: breaks its limit")),
+        (
+            "MARGINAL",
+            False,
+            ("skipped", "MARGINAL: the limit lies inside the expanded uncertainty"),
+        ),
+        ("MARGINAL", True, ("skipped", "MARGINAL: the limit lies inside the expanded uncertainty")),
+        ("NOT JUDGED", False, ("skipped", "NOT JUDGED: nobody confirmed it")),
+        ("NOT JUDGED", True, ("failure", "NOT JUDGED: nobody confirmed it")),
+    ],
+)
+def test_junit_says_why_a_limit_is_no_pass(
+    outcome: VerdictOutcome,
+    required: bool,
+    told: tuple[str, str] | None,
+    whole: tuple[Path, CampaignReport],
+    tmp_path: Path,
+) -> None:
+    _, report = whole
+    line = Verdict(
+        quantity=bare_quantity("torque", "N m"),
+        estimate=Estimate(name="torque", value=1.0, unit="N m", low=0.9, high=1.1),
+        limit=1.0,
+        limit_source="",
+        limit_standing="",
+        outcome=outcome,
+        because="nobody confirmed it" if outcome == "NOT JUDGED" else "",
+    )
+    judged = replace(report, verdict=replace(report.verdict, lines=(line,)))
+    path = tmp_path / "junit.xml"
+    write_junit(judged, path, require_verdict=required)
+    limits = ElementTree.parse(path).getroot()[1]
+    assert [(case.tag, case.get("message")) for case in limits[0]] == ([told] if told else [])
+    counts = {name: int(limits.get(name) or 0) for name in ("failures", "skipped")}
+    assert counts == {
+        "failures": int(told is not None and told[0] == "failure"),
+        "skipped": int(told is not None and told[0] == "skipped"),
+    }
