@@ -234,8 +234,9 @@ class Problem:
         tables = self.model(values).step(self.interval)
         moved = self._moved(shape, values) if gradient else []
         again = near or (None,) * len(self.steps)
+        rings = self._rings(tables)
         return [
-            self._normal(step, values, error, tables, moved, old)
+            self._normal(step, values, error, tables, rings, moved, old)
             for step, old in zip(self.steps, again, strict=True)
         ]
 
@@ -256,6 +257,7 @@ class Problem:
         values: Mapping[str, float],
         error: Array,
         tables: Array,
+        rings: list[tuple[Array, Array]],
         moved: list[tuple[str, float, dict[str, float], Array]],
         near: Normal | None,
     ) -> Normal:
@@ -275,7 +277,7 @@ class Problem:
             columns[:, j] = (
                 self.at_samples(step, values["skew"], other[0], other[1])[0] - predicted
             ) / h
-        own = products.orthonormal(self._own(step, tables, place, share))
+        own = products.orthonormal(self._own(step, rings, place, share))
         products.take_out(own, residual)
         products.take_out(own, columns)
         size = len(moved)
@@ -317,22 +319,22 @@ class Problem:
             residual=residual[:, 0],
         )
 
-    def _own(
-        self, step: StepArrays, tables: Array, place: NDArray[np.int64], share: Array
-    ) -> Array:
-        """What belongs to one step alone: offset, wind-up, and a ring-down from before it began."""
+    def _rings(self, tables: Array) -> list[tuple[Array, Array]]:
+        """How the mode rings down from an angle and from a speed, on the grid of the longest step; all others are its
+        beginning.
+        """
         from model.kernels import steps as kernel
 
-        still = np.zeros(len(step.fine))
+        still = np.zeros(max(len(step.fine) for step in self.steps))
         linear = np.repeat(tables[:1], 3, axis=0)
         none, piece = np.zeros(0), np.zeros(len(still), dtype=np.int64)
-        own = [np.ones(len(place)), *step.own.T]
+        rings: list[tuple[Array, Array]] = []
         for start in ([1.0, 0.0], [0.0, 100.0]):
-            angle, speed, values = np.empty_like(still), np.empty_like(still), np.empty(len(place))
+            angle, speed = np.empty_like(still), np.empty_like(still)
             kernel.respond(
                 still,
                 0.0,
-                step.interval,
+                self.interval,
                 linear,
                 none,
                 np.zeros(1),
@@ -343,6 +345,22 @@ class Problem:
                 piece,
                 np.zeros((0, 2)),
             )
+            rings.append((angle, speed))
+        return rings
+
+    def _own(
+        self,
+        step: StepArrays,
+        rings: list[tuple[Array, Array]],
+        place: NDArray[np.int64],
+        share: Array,
+    ) -> Array:
+        """What belongs to one step alone: offset, wind-up, and a ring-down from before it began."""
+        from model.kernels import steps as kernel
+
+        own = [np.ones(len(place)), *step.own.T]
+        for angle, speed in rings:
+            values = np.empty(len(place))
             kernel.sampled(angle, speed, step.interval, place, share, values)
             own.append(values)
         return np.column_stack(own)

@@ -22,6 +22,8 @@ from model.arrays import FloatArray, IntArray
 _FAST = {"contract", "nsz", "nnan", "ninf"}
 _TERMS = 14
 """Of the exponential series at a norm of at most a quarter: what is left out lies below 1e-20."""
+_CHUNK = 128
+"""Samples whose unit waves are made at once, so that they stay in the cache and all orders advance side by side."""
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -172,72 +174,70 @@ def sensitivities(
     (n, 2 j) gets cosine and sine of each order beside each other. Sample n lies at `share` (0..1) of the fine step
     `place`.
     """
-    count = piece.size
+    count, width = piece.size, 2 * orders.size
     has_dahl = yielding.shape[0] > 0
-    for j in range(orders.size):
-        n, k = orders[j], abs(bands[j])
-        turn = 1.0 if bands[j] >= 0 else -1.0
-        theta_c, omega_c, bearing_c = 0.0, 0.0, 0.0
-        theta_s, omega_s, bearing_s = 0.0, 0.0, 0.0
-        c, s, d, t = whole[n, 0, 0], whole[n, 1, 0], slow[k, 0, 0], turn * slow[k, 1, 0]
-        cosine, sine = c * d - s * t, s * d + c * t
-        theta_c, theta_s = cosine, sine
-        pull_c, pull_s, torsion_c, torsion_s = 0.0, 0.0, 0.0, 0.0
-        sample = 0
-        for i in range(count - 1):
-            c, s, d, t = (
-                whole[n, 0, i + 1],
-                whole[n, 1, i + 1],
-                slow[k, 0, i + 1],
-                turn * slow[k, 1, i + 1],
-            )
-            next_cosine, next_sine = c * d - s * t, s * d + c * t
-            m = step[piece[i]]
-            new_c = (m[0, 0] * theta_c + m[0, 1] * omega_c + m[0, 2] * bearing_c) + (
-                m[0, 3] * cosine + m[0, 4] * next_cosine
-            )
-            fast_c = (m[1, 0] * theta_c + m[1, 1] * omega_c + m[1, 2] * bearing_c) + (
-                m[1, 3] * cosine + m[1, 4] * next_cosine
-            )
-            bearing_c = (m[2, 0] * theta_c + m[2, 1] * omega_c + m[2, 2] * bearing_c) + (
-                m[2, 3] * cosine + m[2, 4] * next_cosine
-            )
-            new_s = (m[0, 0] * theta_s + m[0, 1] * omega_s + m[0, 2] * bearing_s) + (
-                m[0, 3] * sine + m[0, 4] * next_sine
-            )
-            fast_s = (m[1, 0] * theta_s + m[1, 1] * omega_s + m[1, 2] * bearing_s) + (
-                m[1, 3] * sine + m[1, 4] * next_sine
-            )
-            bearing_s = (m[2, 0] * theta_s + m[2, 1] * omega_s + m[2, 2] * bearing_s) + (
-                m[2, 3] * sine + m[2, 4] * next_sine
-            )
+    waves = np.empty((_CHUNK + 1, width))
+    theta, omega, bearing = np.empty(width), np.zeros(width), np.zeros(width)
+    new, fast = np.empty(width), np.empty(width)
+    pull, torsion = np.zeros(width), np.zeros(width)
+    sample = 0
+    for first in range(0, count - 1, _CHUNK):
+        last = min(first + _CHUNK, count - 1)
+        _unit_waves(whole, slow, orders, bands, first, last + 1, waves)
+        if first == 0:
+            theta[:] = waves[0]
+        for i in range(first, last):
+            before, after, m = waves[i - first], waves[i - first + 1], step[piece[i]]
+            for j in range(width):
+                new[j] = (m[0, 0] * theta[j] + m[0, 1] * omega[j] + m[0, 2] * bearing[j]) + (
+                    m[0, 3] * before[j] + m[0, 4] * after[j]
+                )
+                fast[j] = (m[1, 0] * theta[j] + m[1, 1] * omega[j] + m[1, 2] * bearing[j]) + (
+                    m[1, 3] * before[j] + m[1, 4] * after[j]
+                )
+                bearing[j] = (m[2, 0] * theta[j] + m[2, 1] * omega[j] + m[2, 2] * bearing[j]) + (
+                    m[2, 3] * before[j] + m[2, 4] * after[j]
+                )
             if has_dahl:
-                middle = 0.5 * (cosine + next_cosine) - theta_c - 0.5 * interval * omega_c
-                pull_c = yielding[i, 1] * pull_c + yielding[i, 0] * (middle - torsion_c)
-                torsion_c = middle
-                middle = 0.5 * (sine + next_sine) - theta_s - 0.5 * interval * omega_s
-                pull_s = yielding[i, 1] * pull_s + yielding[i, 0] * (middle - torsion_s)
-                torsion_s = middle
-                new_c += m[0, 5] * pull_c
-                fast_c += m[1, 5] * pull_c
-                bearing_c += m[2, 5] * pull_c
-                new_s += m[0, 5] * pull_s
-                fast_s += m[1, 5] * pull_s
-                bearing_s += m[2, 5] * pull_s
+                for j in range(width):
+                    middle = 0.5 * (before[j] + after[j]) - theta[j] - 0.5 * interval * omega[j]
+                    pull[j] = yielding[i, 1] * pull[j] + yielding[i, 0] * (middle - torsion[j])
+                    torsion[j] = middle
+                    new[j] += m[0, 5] * pull[j]
+                    fast[j] += m[1, 5] * pull[j]
+                    bearing[j] += m[2, 5] * pull[j]
             while sample < place.size and place[sample] == i:
                 f = share[sample]
                 rise = f * f * (3.0 - 2.0 * f)
                 leave = f * (1.0 - f) * (1.0 - f) * interval
                 arrive = f * f * (f - 1.0) * interval
-                columns[sample, 2 * j] = (
-                    theta_c + rise * (new_c - theta_c) + leave * omega_c + arrive * fast_c
-                )
-                columns[sample, 2 * j + 1] = (
-                    theta_s + rise * (new_s - theta_s) + leave * omega_s + arrive * fast_s
-                )
+                for j in range(width):
+                    columns[sample, j] = (
+                        theta[j] + rise * (new[j] - theta[j]) + leave * omega[j] + arrive * fast[j]
+                    )
                 sample += 1
-            theta_c, omega_c, theta_s, omega_s = new_c, fast_c, new_s, fast_s
-            cosine, sine = next_cosine, next_sine
+            theta, new = new, theta
+            omega, fast = fast, omega
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def _unit_waves(
+    whole: FloatArray,
+    slow: FloatArray,
+    orders: IntArray,
+    bands: IntArray,
+    first: int,
+    end: int,
+    waves: FloatArray,
+) -> None:
+    """Cosine and sine of each order beside each other in the first rows of `waves` (.., 2 j), of samples first..end."""
+    for j in range(orders.size):
+        n, k = orders[j], abs(bands[j])
+        turn = 1.0 if bands[j] >= 0 else -1.0
+        for i in range(first, end):
+            c, s, d, t = whole[n, 0, i], whole[n, 1, i], slow[k, 0, i], turn * slow[k, 1, i]
+            waves[i - first, 2 * j] = c * d - s * t
+            waves[i - first, 2 * j + 1] = s * d + c * t
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
