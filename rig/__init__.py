@@ -18,7 +18,7 @@ layers, checked by import-linter; each may import what stands below it::
     main                            the table of commands
     commands · window · api         what a person types, what a person sees, and what a program calls
     trial · fleet                   doctor, drill, demo: a rig turned for a purpose of its own; thousands of runs
-    run · present                   one execution of a protocol; one look for terminal, window, page and paper
+    run · present · exchange        a protocol executed; one look for all that is shown; gears for other tools
     analysis                        fits, their store, what differs between runs, the passport of a gear
     gears · library · bench         gear cards; the index of runs; the physical rig: identity, limits, backends
     runfile                         the run file: layout, writing, reading, sealing, importing
@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from model.errors import WordedError
     from model.gear import HarmonicDrive
     from rig.api.executing import execute
+    from rig.api.exporting import export_model
     from rig.api.fitting import fit
     from rig.api.fleets import fleet_fit
     from rig.api.gearing import gear
@@ -71,6 +72,7 @@ _PLACES = {
     "fleet_fit": "rig.api.fleets",
     "simulate": "rig.api.simulating",
     "execute": "rig.api.executing",
+    "export_model": "rig.api.exporting",
     "gear": "rig.api.gearing",
     "report": "rig.api.reporting",
     "validate": "rig.api.validating",
@@ -99,6 +101,7 @@ __all__ = [
     "fleet_fit",
     "simulate",
     "execute",
+    "export_model",
     "gear",
     "report",
     "validate",

@@ -19,6 +19,7 @@ from rig.commands import (
     configuring,
     doctoring,
     drilling,
+    exporting,
     files,
     fleeting,
     gears,
@@ -60,6 +61,7 @@ PANELS = {
         certifying.certificate,
         reporting.report,
         modelling.model,
+        exporting.export_model,
         fleeting.fleet,
     ),
     "Safety": (drilling.acknowledge,),
@@ -99,7 +101,11 @@ EARLIER = {
 
 def _name_of(part: Any) -> str:
     """What is typed for a command or a group of commands."""
-    return str(part.info.name) if isinstance(part, typer.Typer) else part.__name__.rstrip("_")
+    return (
+        str(part.info.name)
+        if isinstance(part, typer.Typer)
+        else part.__name__.rstrip("_").replace("_", "-")
+    )
 
 
 def _words_of(part: Any) -> str:

@@ -22,7 +22,7 @@ from typing import Any
 from rig.floors import DISTRIBUTION, KNOWN_FILES, OURS
 
 PACKAGES = ("rig", *KNOWN_FILES)
-SHIPPED = frozenset({".py", ".typed", ".toml", ".csv", ".md", ".html", ".css", ".typ"})
+SHIPPED = frozenset({".py", ".typed", ".toml", ".csv", ".md", ".html", ".css", ".typ", ".json"})
 """Suffixes of the files that a wheel carries (`[tool.setuptools.package-data]` in pyproject.toml)."""
 CHANGED = "+changed"
 """Stands behind a commit whose tree is not what was committed."""

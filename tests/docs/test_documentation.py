@@ -78,7 +78,11 @@ def in_background(command: str) -> Iterator[None]:
         assert process.wait(STARTING_TIME) == 0
 
 
-EXTRAS = {"fit-a-thousand-runs": ("pyarrow", "distributed", "duckdb")}
+EXTRAS = {
+    "fit-a-thousand-runs": ("pyarrow", "distributed", "duckdb"),
+    "export-to-mujoco": ("mujoco",),
+    "export-to-ros": ("mujoco",),
+}
 """Pages whose commands need packages of an extra; where one is missing the gate is the one that runs them."""
 
 

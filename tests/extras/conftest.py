@@ -17,6 +17,7 @@ NEEDS = {
     "test_lot.py": FLEET,
     "test_capability.py": FLEET,
     "test_measurement_files.py": ("pyarrow", "nptdms", "asammdf"),
+    "test_export_to_mujoco.py": ("mujoco",),
     "test_viewers.py": ("xarray", "h5netcdf", "silx"),
     "test_documentation_build.py": ("sphinx", "myst_parser", "furo"),
 }

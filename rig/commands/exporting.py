@@ -1,0 +1,131 @@
+"""`rig export-model`: an identified gear for other people's tools."""
+
+from __future__ import annotations
+
+from enum import Enum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rig.commands.terminal import console, echo, painted, print_json
+
+if TYPE_CHECKING:
+    from rig.exchange.exporting import Export
+
+
+class TargetWord(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+    """For which tool."""
+
+    json = "json"
+    mjcf = "mjcf"
+    urdf = "urdf"
+
+
+class SideWord(str, Enum):  # noqa: UP042
+    """From which side of the gear."""
+
+    motor = "motor"
+    joint = "joint"
+
+
+class FormWord(str, Enum):  # noqa: UP042
+    """By which law MJCF has friction."""
+
+    lugre = "lugre"
+    polynomial = "polynomial"
+    linear = "linear"
+
+
+def export_model(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="GEAR|RUN",
+            help="Serial number of a gear with analysed runs, an analysed run file, or a parameter set (TOML, name).",
+        ),
+    ],
+    to: Annotated[TargetWord, typer.Option("--to", help="The tool.")],
+    side: Annotated[
+        SideWord, typer.Option("--side", help="Friction and inertia at the motor or at the joint.")
+    ] = SideWord.joint,
+    form: Annotated[
+        FormWord,
+        typer.Option(
+            "--form", help="MJCF's law of friction; linear is all that MuJoCo before 4 reads."
+        ),
+    ] = FormWord.lugre,
+    samples: Annotated[
+        int,
+        typer.Option(
+            "--samples", metavar="N", help="Draw N gears from what is known, as a table beside."
+        ),
+    ] = 0,
+    seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
+    check: Annotated[
+        bool,
+        typer.Option(
+            "--check", help="Simulate it in the target, and print the difference (extra: export)."
+        ),
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="What to write; by default the gear's name with .json, .xml or .urdf.",
+        ),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
+) -> None:
+    """Write an identified gear for a simulator: JSON with covariance, MuJoCo's MJCF, or URDF.
+
+    Beside the file stands what each number means in that target, what the target can't hold, and how far
+    its friction is off over speed. There is no FMI and no Modelica in this version.
+    """
+    from rig.exchange.exporting import default_name, exported, written
+    from rig.exchange.identified import identified_gear
+
+    gear = identified_gear(source, folder)
+    place = output or Path(default_name(gear, to.value))
+    done = exported(
+        gear,
+        to.value,
+        side=side.value,
+        form=form.value,
+        draws=samples,
+        seed=seed,
+        is_checked=check,
+        file=place.name,
+    )
+    files = written(done, place)
+    if json:
+        print_json({"files": [str(path) for path in files], **done.as_json()})
+        return
+    _show(done)
+    for path in files:
+        echo(f"written  {path}")
+
+
+def _show(done: Export) -> None:
+    """What the numbers mean, how far off they are, what the target made of them, what it can't hold."""
+    from rig.exchange.check import check_grid
+    from rig.exchange.notes import error_grid, meaning_grid, sentences
+
+    out, notes = console(), done.notes
+    mark = done.identified.mark
+    echo(f"{mark + '  ' if mark else ''}{notes.title}")
+    out.print(painted(meaning_grid(notes)))
+    if notes.forms:
+        out.print(painted(error_grid(notes)))
+    if done.checked:
+        out.print(painted(check_grid(done.checked, notes.target)))
+    for sentence in sentences(notes):
+        out.print(sentence)

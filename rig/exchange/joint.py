@@ -1,0 +1,184 @@
+"""A gear seen from the motor or from the joint: its friction over speed, its inertia, and the forms that targets hold.
+
+    motor   T = T_f(w)          J = J_wg + J_g/N^2          w: speed of the wave generator
+    joint   T = N T_f(N w)      J = N^2 J_wg + J_g          w: speed of the output
+
+T_f is equation 20. The load and the motor's rotor are no part of the gear. A target holds less than equation 20:
+
+    linear        c + d0 w                                              URDF; MuJoCo before 4
+    polynomial    c + d0 w + d1 w^2 + d2 w^3                            MuJoCo 4
+    LuGre         F_c + (F_s - F_c) exp(-(w/v_s)^2) + d0 w + d1 w^2 + d2 w^3    MuJoCo 4, steady; w > 0, odd in w
+
+Each is fitted to equation 20 by least squares of the relative error at speeds even in their logarithm.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from model.arrays import FloatArray
+from model.friction import friction_torque
+from model.units import RPM
+from rig.exchange.identified import IdentifiedGear
+
+Side = Literal["motor", "joint"]
+FormName = Literal["linear", "polynomial", "lugre"]
+POINTS = 241
+"""Speeds at which friction is compared, even in their logarithm."""
+_WIDTHS = np.geomspace(0.05, 20.0, 121)
+"""Stribeck velocities that are tried, over the gear's own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A gear seen from one side: `ratio` N, `inertia` [kg m2], `friction` over `speeds` (n,) [rad/s, N m], all at that
+    side; `stribeck` [rad/s] the gear's own Stribeck velocity there.
+    """
+
+    name: str
+    side: Side
+    ratio: float
+    inertia: float
+    speeds: FloatArray
+    friction: FloatArray
+    stribeck: float
+    largest_torque: float
+    largest_speed: float
+
+    @property
+    def factor(self) -> float:
+        """Speed of the wave generator over speed at this side."""
+        return self.ratio if self.side == "joint" else 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Form:
+    """A law of friction that a target can hold, with its relative error against equation 20.
+
+    `coulomb` F_c (c of the laws without LuGre) and `static` F_s [N m], `stribeck` v_s [rad/s], `damping` d0, d1, d2
+    [N m s/rad, N m s2/rad2, N m s3/rad3]. `rms` and `worst` are relative, `worst_at` [rad/s] where.
+    """
+
+    name: FormName
+    coulomb: float
+    static: float
+    stribeck: float
+    damping: tuple[float, float, float]
+    rms: float = math.nan
+    worst: float = math.nan
+    worst_at: float = math.nan
+
+    def torque(self, speed: ArrayLike) -> FloatArray:
+        """Friction torque [N m] at speeds [rad/s], odd."""
+        v = np.asarray(speed, dtype=np.float64)
+        size = np.abs(v)
+        dip = (self.static - self.coulomb) * np.exp(-((size / self.stribeck) ** 2))
+        d0, d1, d2 = self.damping
+        return np.sign(v) * (self.coulomb + dip + size * (d0 + size * (d1 + size * d2)))
+
+
+def torque_at(identified: IdentifiedGear, side: Side, speed: ArrayLike) -> FloatArray:
+    """The gear's own friction torque [N m] at speeds [rad/s] of one side (equation 20)."""
+    factor = identified.ratio if side == "joint" else 1.0
+    return factor * friction_torque(identified.gear, factor * np.asarray(speed, dtype=np.float64))
+
+
+def seen_from(identified: IdentifiedGear, side: Side) -> Joint:
+    """The gear at one of its sides, over the speeds that it is compared over."""
+    gear, ratio = identified.gear, identified.ratio
+    factor = ratio if side == "joint" else 1.0
+    speeds = np.geomspace(*identified.compared_over, POINTS) / factor
+    at_input = gear.inertia.wave_generator + gear.inertia.flexspline / ratio**2
+    return Joint(
+        name=identified.serial or gear.name,
+        side=side,
+        ratio=ratio,
+        inertia=at_input * factor**2,
+        speeds=speeds,
+        friction=torque_at(identified, side, speeds),
+        stribeck=gear.mesh_friction.stribeck_velocity / factor,
+        largest_torque=gear.ratings.repeated_peak_torque / ratio * factor,
+        largest_speed=gear.ratings.maximum_input_speed / factor,
+    )
+
+
+def forms_of(joint: Joint) -> dict[FormName, Form]:
+    """Every form fitted to a gear's friction, the poorest first."""
+    return {
+        "linear": _without_dip(joint, 1),
+        "polynomial": _without_dip(joint, 3),
+        "lugre": _lugre(joint),
+    }
+
+
+def _without_dip(joint: Joint, powers: int) -> Form:
+    found = _passive(joint, [], powers)
+    name: FormName = "linear" if powers == 1 else "polynomial"
+    coulomb, *damping = found.tolist()
+    return _compared(joint, name, coulomb, coulomb, joint.stribeck, damping)
+
+
+def _lugre(joint: Joint) -> Form:
+    """The Stribeck velocity by trial, the rest by least squares for each."""
+    tried = [_with_dip(joint, joint.stribeck * float(width)) for width in _WIDTHS]
+    allowed = [form for form in tried if min(form.coulomb, form.static) >= 0.0]
+    return min(allowed or tried, key=lambda form: form.rms)
+
+
+def _with_dip(joint: Joint, stribeck: float) -> Form:
+    dip = np.exp(-((joint.speeds / stribeck) ** 2))
+    rise, coulomb, *damping = _passive(joint, [dip], 3).tolist()
+    return _compared(joint, "lugre", coulomb, coulomb + rise, stribeck, damping)
+
+
+def _passive(joint: Joint, columns: list[FloatArray], powers: int) -> FloatArray:
+    """Coefficients of columns and of powers 0, 1, .. of the speed whose highest power brakes.
+
+    Far beyond the speeds that a law was fitted to its highest power alone decides: with a negative coefficient it would
+    push, so it is left out and the others are fitted again.
+    """
+    found = _relative_least_squares(
+        joint, [*columns, *(joint.speeds**p for p in range(powers + 1))]
+    )
+    if powers > 0 and found[-1] < 0.0:
+        return np.append(_passive(joint, columns, powers - 1), 0.0)
+    return found
+
+
+def _relative_least_squares(joint: Joint, columns: list[FloatArray]) -> FloatArray:
+    """Coefficients (p,) of columns (n,) that leave the least sum of squares of the relative error."""
+    design = np.column_stack(columns) / joint.friction[:, np.newaxis]
+    size = np.linalg.norm(design, axis=0)
+    found = np.linalg.lstsq(design / size, np.ones(len(design)), rcond=None)[0]
+    return np.asarray(found / size, dtype=np.float64)
+
+
+def _compared(
+    joint: Joint,
+    name: FormName,
+    coulomb: float,
+    static: float,
+    stribeck: float,
+    damping: list[float],
+) -> Form:
+    """The form with its relative error over the joint's speeds; powers that it does not have are nothing."""
+    d0, d1, d2 = (*damping, 0.0, 0.0)[:3]
+    form = Form(name=name, coulomb=coulomb, static=static, stribeck=stribeck, damping=(d0, d1, d2))
+    error = form.torque(joint.speeds) / joint.friction - 1.0
+    worst = int(np.argmax(np.abs(error)))
+    return replace(
+        form,
+        rms=float(np.sqrt(np.mean(error**2))),
+        worst=float(np.abs(error[worst])),
+        worst_at=float(joint.speeds[worst]),
+    )
+
+
+def in_words(joint: Joint, speed: float) -> str:
+    """A speed of the joint's side, at the input in r/min."""
+    return f"{speed * joint.factor / RPM:.4g} r/min at the input"
