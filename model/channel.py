@@ -24,13 +24,15 @@ class Calibration:
     """Why a channel's scale can be believed. Uncertainties are standard uncertainties in the
     channel's unit or relative; `accuracy` is the half-width of an encoder's whole curve. None is not said, 0 is said to
     be none. `curve` is what a certificate states of an encoder, point by point. `sensor` names what the reading comes
-    from, with the constant that makes it this quantity: channels of one sensor are one instrument.
+    from, with the constant that makes it this quantity: channels of one sensor are one instrument. `laboratory` is who
+    calibrated it.
     """
 
     certificate: str = ""
     date: str = ""
     due: str = ""
     sensor: str = ""
+    laboratory: str = ""
     scale_relative_uncertainty: float | None = None
     offset_uncertainty: float | None = None
     accuracy: float | None = None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +12,13 @@ from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.reporting import ReportFormat, suffixes_of
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, print_json
+
+
+class PaperSize(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+    """What the two pages are printed on."""
+
+    a4 = "a4"
+    letter = "letter"
 
 
 def certificate(
@@ -38,6 +46,9 @@ def certificate(
             help="Description of the rig whose [laboratory] stands on the page; rig.toml, where there is one.",
         ),
     ] = None,
+    paper: Annotated[
+        PaperSize, typer.Option("--paper", help="Size of the two pages.")
+    ] = PaperSize.a4,
     require_verdict: RequireVerdict = False,
     unsealed: Unsealed = False,
     json: Annotated[
@@ -45,12 +56,13 @@ def certificate(
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
     ] = False,
 ) -> None:
-    """Write the certificate of a gear: page one alone is enough; curves, numbers and a page for every run follow.
+    """Write the certificate of a gear: exactly two pages; all else is the report.
 
-    It reads the analyses in force of the newest run of every kind and fits nothing. INCOMPLETE stands
-    on it where a protocol that the acceptance file asks for has no analysed run. The exit code is the
-    verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from hardware have room for a
-    signature; all others are marked on every page.
+    It reads the analyses in force of the newest run of every kind and fits nothing. It is a CERTIFICATE where every
+    instrument that enters a verdict had a certificate that was not overdue on the day of the test, else a TEST REPORT
+    that says which had not, or a SIMULATION. INCOMPLETE stands on it where a protocol that the acceptance file asks
+    for has no analysed run. The exit code is the verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from
+    hardware have room for a signature; all others are marked on both pages.
     """
     from rig.bench.config.place import DEFAULT_PATH
     from rig.commands.result_tables import print_verdict
@@ -66,12 +78,15 @@ def certificate(
         [output.with_suffix(suffix) for suffix in suffixes_of(output, format_)],
         acceptance=acceptance_named(acceptance) if acceptance else None,
         laboratory=laboratory_of(described) if described else LaboratoryWords(),
+        paper=paper.value,
     )
     if json:
         print_json(written.as_json())
     else:
         for path in written.paths:
-            echo(f"{path}: certificate {written.number}, {path.stat().st_size / 1e6:.1f} MB")
+            echo(f"{path}: {written.title.lower()} {written.number}, two pages")
+        if written.untraceable:
+            echo(written.untraceable)
         if written.missing:
             echo(f"INCOMPLETE: no analysed run of {', '.join(written.missing)}")
         print_verdict(console(), written.verdict)

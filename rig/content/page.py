@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 from rig.content.grid import Grid, Tone
 
@@ -57,7 +56,7 @@ class Signature:
 
 @dataclass(frozen=True, kw_only=True)
 class Page:
-    """A report: everything that stands on it, in order. `front` is page one of a certificate, in place of the head."""
+    """A report: everything that stands on it, in order."""
 
     kind: str = "Test report"
     number: str
@@ -82,7 +81,6 @@ class Page:
     run_line: str = ""
     """The runs that it is of, for the foot of every page."""
     made_from: str = "run files whose SHA-256 stands under Provenance"
-    front: Mapping[str, Any] | None = None
 
     @property
     def words(self) -> str:

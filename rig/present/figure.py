@@ -11,7 +11,7 @@ import io
 import re
 import textwrap
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -105,6 +105,27 @@ def draw_svg(
         part for part in (plot.title, f"({plot.x_label}; {plot.y_label})", plot.note) if part
     )
     return Drawing(_inline(svg.decode(), identifier, label), size[0] * 96, size[1] * 96, remarks)
+
+
+def drawn_by(
+    draw: Callable[[Figure], None],
+    identifier: str,
+    label: str,
+    size: tuple[float, float],
+    style: Mapping[str, Any],
+) -> str:
+    """What a function draws on an empty figure as one inline SVG element, in the look of all figures and `style`."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    chosen: Any = {**_STYLE, **style, "svg.hashsalt": identifier}
+    with matplotlib.rc_context(chosen):
+        figure = Figure(figsize=size)
+        FigureCanvasAgg(figure)
+        draw(figure)
+        svg = _saved(figure, format="svg", dpi=220, metadata={"Date": None, "Creator": None})
+    return _inline(svg.decode(), identifier, label)
 
 
 def draw_png(

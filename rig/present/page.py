@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rig.content.grid import capital, tone_of
 from rig.content.page import Page
 from rig.content.wording import printable, unbroken
 from rig.errors import RigError
+
+if TYPE_CHECKING:
+    import jinja2
 
 TEMPLATE, STYLE = "page.html", "page.css"
 
@@ -45,10 +48,19 @@ def rendered(page: Page, path: Path) -> bytes:
 
 def render_page(page: Page) -> str:
     """The HTML of a report."""
+    from markupsafe import Markup
+
+    jinja = environment()
+    style = Markup(jinja.get_template(STYLE).render())
+    return jinja.get_template(TEMPLATE).render(style=style, page=page)
+
+
+def environment() -> jinja2.Environment:
+    """The templates of this folder, everything that they show escaped."""
     import jinja2
     from markupsafe import Markup
 
-    environment = jinja2.Environment(
+    made = jinja2.Environment(
         loader=jinja2.PackageLoader("rig", "present"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
@@ -60,15 +72,14 @@ def render_page(page: Page) -> str:
     def escaped(text: str) -> str:
         return str(Markup.escape(printable(text)))
 
-    environment.filters |= {
+    made.filters |= {
         "css": lambda text: Markup(css_text(text)),
         "headed": lambda text: capital(unbroken(text)),
         "tone": lambda text: tone_of(text) or "",
         "symbols": lambda text: Markup(_symbols(escaped(text))),
         "linked": lambda text: Markup(_linked(escaped(text))),
     }
-    style = Markup(environment.get_template(STYLE).render())
-    return environment.get_template(TEMPLATE).render(style=style, page=page, front=page.front)
+    return made
 
 
 def css_text(text: str) -> str:

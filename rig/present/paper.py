@@ -18,9 +18,7 @@ from rig.content.page import Page
 from rig.content.wording import printable, unbroken
 from rig.present.typesetting import Document, set_pages
 
-TEMPLATE, FRONT = "page.typ", "front.typ"
-PLACE = b"// FRONT\n"
-"""Where the functions of page one stand in the template: after those that they call."""
+TEMPLATE = "page.typ"
 _LONGEST_WORD = 26
 """Letters after which a word without a break may be broken: hashes, file names, hostile serial numbers."""
 _HEADING_LENGTH = 80
@@ -40,13 +38,11 @@ def typeset(page: Page, **output: Any) -> list[bytes]:
 def document_of(page: Page) -> Document:
     """The template and what it shows of a report."""
     content = json.dumps(paper_content(page), ensure_ascii=False, allow_nan=False)
-    folder = resources.files("rig.present")
-    source = folder.joinpath(TEMPLATE).read_bytes()
-    source = source.replace(PLACE, folder.joinpath(FRONT).read_bytes(), 1)
-    return Document(source.decode(), content, _fonts())
+    source = resources.files("rig.present").joinpath(TEMPLATE).read_text(encoding="utf-8")
+    return Document(source, content, fonts())
 
 
-def _fonts() -> str:
+def fonts() -> str:
     """The folder of the fonts in which the figures are drawn."""
     import matplotlib
 
@@ -56,18 +52,18 @@ def _fonts() -> str:
 def paper_content(page: Page) -> dict[str, Any]:
     """What the template shows, as plain values: text without control characters and with breaks in long words."""
     return {
-        **_plain(page),
+        **plain(page),
         "words": page.words,
         "tone_of": TONES,
         "heading_short": _breakable(printable(_shortened(page.heading))),
     }
 
 
-_AS_IT_IS = frozenset({"svg", "logo_bytes", "tone"})
+_AS_IT_IS = frozenset({"svg", "tone"})
 """What is no text of a run."""
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Tables by the kinds of their columns, every text printable, long words with places to break."""
     if isinstance(value, str):
         return _breakable(printable(value))
@@ -78,17 +74,17 @@ def _plain(value: Any) -> Any:
         )
         kinds = [column.kind for column in value.columns]
         table = {"title": value.title, "columns": heads, "rows": rows, "note": value.note}
-        return {**_plain(table), "kinds": kinds}
+        return {**plain(table), "kinds": kinds}
     if is_dataclass(value):
         value = vars(value)
     if isinstance(value, Mapping):
         return {
-            key: one if key in _AS_IT_IS else _plain(one)
+            key: one if key in _AS_IT_IS else plain(one)
             for key, one in value.items()
             if key != "logo"
         }
     if isinstance(value, (list, tuple)):
-        return [_plain(one) for one in value]
+        return [plain(one) for one in value]
     return value
 
 

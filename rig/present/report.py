@@ -32,6 +32,8 @@ from rig.content.wording import days_text, readable, show
 from rig.errors import RigError
 from rig.present import catalogue, definitions
 from rig.present import figure as figures
+from rig.present.limits import with_limits
+from rig.present.numbers import number_grids
 from rig.present.page import write_page
 from rig.present.parameters import parameter_grids
 from rig.present.provenance import Provenance, provenance_of, provenance_sections
@@ -94,7 +96,7 @@ def report_page(
     """
     if not fits:
         raise RigError("there is nothing to report", remedy="Name at least one run.")
-    fits = sorted(fits, key=_place)
+    fits = [with_limits(fit, verdict.lines) for fit in sorted(fits, key=_place)]
     parts, plots = _parts(fits, models)
     sources = [(part.title, provenance_of(fit)) for part, fit in zip(parts, fits, strict=True)]
     runs = [fit.recording.metadata for fit in fits]
@@ -103,6 +105,7 @@ def report_page(
     gears = list({f.gear.name: f.gear for f in mounted if f.gear_known}.values())
     sections = (
         *parts,
+        *_numbers(fits),
         *_truth(truth, [fit.result for fit in fits]),
         *provenance_sections(sources, _file_grid(fits)),
         *definitions.sections(fit.result.kind for fit in fits),
@@ -265,6 +268,14 @@ def part_of(fit: Fit, index: int, title: str) -> Section:
         ),
         annex=tuple(replace(grid, title=f"{title}: {grid.title}") for grid in shown(*annex)),
     )
+
+
+def _numbers(fits: Sequence[Fit]) -> Iterator[Section]:
+    """The gear by its card, as the model computes it, and as identified; nothing of a gear that nobody named."""
+    grids = number_grids(fits)
+    if grids:
+        title = "The gear in numbers: card, computed, identified"
+        yield Section(title=title, anchor="numbers", grids=grids)
 
 
 def _is_order(result: Result, name: str) -> bool:

@@ -34,7 +34,7 @@ ORIGIN_WORDS = {
 }
 """The word that every plot, report and export of a run carries that is not from hardware."""
 
-_TEXTS = ("certificate", "date", "due", "sensor")
+_TEXTS = ("certificate", "date", "due", "sensor", "laboratory")
 _NUMBERS = ("scale_relative_uncertainty", "offset_uncertainty", "accuracy")
 
 

@@ -84,13 +84,15 @@ class Calibration(Part):
     uncertainty but half the width of an encoder's whole curve, as data sheets state it. What is left away is not zero:
     `experiments.assumed` says what is taken in its place. `curve` names the file of an
     encoder's certificate, beside this one; what it says of number and days need not be said again. `sensor` names what
-    the reading comes from, with its constant: channels of one sensor are one instrument.
+    the reading comes from, with its constant: channels of one sensor are one instrument. `laboratory` is who
+    calibrated it.
     """
 
     certificate: str = ""
     date: datetime.date | None = None
     due: datetime.date | None = None
     sensor: str = ""
+    laboratory: str = ""
     scale_relative_uncertainty: NotNegative | None = None
     offset_uncertainty: NotNegative | None = None
     accuracy: NotNegative | None = None

@@ -287,7 +287,11 @@ class RealTime(Part):
 
 
 class Laboratory(Part):
-    """Who tests and for whom, as it stands on a certificate. `logo` is a picture beside this file (PNG, JPEG, SVG)."""
+    """Who tests and for whom, as it stands on a certificate. `logo` is a picture beside this file (PNG, JPEG, SVG).
+
+    `place` is where the test was made, where that is not the address; `received` the day on which the item came;
+    `deviations` what was done otherwise than the method says.
+    """
 
     name: str = Field(min_length=1)
     address: str = ""
@@ -295,6 +299,9 @@ class Laboratory(Part):
     customer: str = ""
     order: str = ""
     method: str = ""
+    deviations: str = ""
+    place: str = ""
+    received: datetime.date | None = None
 
 
 class RigConfiguration(Part):

@@ -36,6 +36,9 @@ class LaboratoryWords:
     customer: str = ""
     order: str = ""
     method: str = ""
+    deviations: str = ""
+    place: str = ""
+    received: str = ""
     logo: Logo | None = None
 
 
@@ -53,6 +56,9 @@ def laboratory_of(path: Path) -> LaboratoryWords:
         customer=told.customer,
         order=told.order,
         method=told.method,
+        deviations=told.deviations,
+        place=told.place,
+        received=str(told.received or ""),
         logo=_logo(path, told.logo) if told.logo else None,
     )
 

@@ -8,26 +8,29 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rig.analysis.fit import Fit
 from rig.analysis.in_force import InForce
 from rig.analysis.store import Analysis, json_text
-from rig.content.grid import Grid
-from rig.content.page import Page
 from rig.content.wording import show
 from rig.errors import RunFileError
 from rig.present.certificate.front import sentence_of
 from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.rests_on import programs_of
+from rig.present.certificate.sheets import Sheets, texts_of
+from rig.present.certificate.traceability import instruments_of
 from rig.program import this_program
 from rig.runfile.manifest import SUFFIX, Manifest
 
-FORMAT = "harmonic-rig-certificate-1"
+FORMAT, FORMAT_1 = "harmonic-rig-certificate-2", "harmonic-rig-certificate-1"
+"""Format 1 is of certificates of many pages (0.3 and before), on which every number was printed."""
 
 
 def record_path(certificate: Path) -> Path:
@@ -43,19 +46,21 @@ def manifest_path(certificate: Path) -> Path:
 def record_of(
     gathered: Certified,
     *,
-    page: Page,
+    sheets: Sheets,
     created: str,
     manifest: Manifest,
     pages: Mapping[Path, bytes],
 ) -> bytes:
     """The record of a certificate that is written as these pages: JSON that a person can read too.
 
-    `context` is what the pages were made of.
+    `sheets` is what the pages were made of.
     """
     place = next(iter(pages))
     content = {
         "format": FORMAT,
-        "certificate": page.number,
+        "certificate": sheets.number,
+        "title": sheets.title.word,
+        "untraceable": sheets.title.untraceable,
         "serial": gathered.serial,
         "created": created,
         **this_program().as_json(),
@@ -67,7 +72,9 @@ def record_of(
         "sentence": sentence_of(gathered),
         **gathered.verdict.as_json(),
         "acceptance_file": _acceptance(gathered),
-        "page_one": _page_one(page),
+        "page_one": _page_one(sheets),
+        "page_two": texts_of(sheets)[1],
+        "instruments": [{**asdict(one), "doubt": one.doubt} for one in instruments_of(gathered)],
         "analyses": [
             _analysis(fit, found, gathered.folder)
             for fit, found in zip(gathered.fits, gathered.analyses, strict=True)
@@ -76,31 +83,15 @@ def record_of(
     return (json_text(content) + "\n").encode()
 
 
-def _page_one(page: Page) -> dict[str, Any]:
-    """What page one says: the table of values, the reasons, and how many values with their U there are in all."""
-    front = page.front
-    assert front is not None
-    texts = {key: front[key] for key in front.keys() - {"curves", "laboratory"}}
+def _page_one(sheets: Sheets) -> dict[str, Any]:
+    """What page one says: the table of values, the reasons, all its texts, and how many values with their U."""
+    texts, _ = texts_of(sheets)
     return {
-        "values": [list(row) for row in front["values"].rows],
-        "because": list(front["because"]),
-        "with_uncertainty": sum(
-            values_with_uncertainty(text) for text in _texts([texts, page.alarms])
-        ),
+        "values": [list(row) for row in sheets.front.values.rows],
+        "because": list(sheets.front.because),
+        "texts": texts,
+        "with_uncertainty": sum(map(values_with_uncertainty, texts)),
     }
-
-
-def _texts(content: Any) -> Iterator[str]:
-    """Every text in an object of lists, mappings and tables."""
-    if isinstance(content, str):
-        yield content
-    elif isinstance(content, Grid):
-        yield from _texts([content.title, content.headings, content.rows, content.note])
-    elif isinstance(content, Mapping):
-        yield from _texts(list(content.values()))
-    elif isinstance(content, Sequence):
-        for one in content:
-            yield from _texts(one)
 
 
 def values_with_uncertainty(text: str) -> int:
@@ -146,9 +137,15 @@ def _numbers(fit: Fit, analysis: Analysis) -> Iterator[tuple[str, dict[str, Any]
             {
                 "title": quantity.titled(name),
                 **{key: stored.get(key) for key in STORED},
+                "degrees_of_freedom": _freedom(estimate.degrees_of_freedom),
                 "printed": show(estimate, quantity).with_uncertainty,
             },
         )
+
+
+def _freedom(degrees: float) -> float | None:
+    """Degrees of freedom; null for infinitely many, for which JSON has no number."""
+    return float(degrees) if math.isfinite(degrees) else None
 
 
 STORED = ("value", "unit", "expanded_uncertainty", "coverage_factor", "identifiable")
@@ -161,7 +158,7 @@ def read_record(data: bytes, where: Path) -> dict[str, Any]:
         content = json.loads(data)
     except ValueError:
         content = None
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") not in (FORMAT, FORMAT_1):
         raise RunFileError(
             "is no record of a certificate", where=str(where), limit=f"format {FORMAT}"
         )

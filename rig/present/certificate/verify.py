@@ -25,6 +25,7 @@ from rig.errors import RigError
 from rig.gears.acceptance import acceptance_named
 from rig.library.folder import ANALYSES_SUFFIX
 from rig.present.certificate.record import (
+    FORMAT_1,
     STORED,
     certificate_files,
     manifest_path,
@@ -280,7 +281,7 @@ def _origin(found: _Certificate) -> Iterator[Finding]:
 
 
 def _printed(found: _Certificate) -> Iterator[Finding]:
-    """What stands on page one, and every number of the other pages, is what the record says."""
+    """What stands on both pages is what the record says; of many pages, on page one and every number."""
     for name in found.record["files"]:
         page = found.path.with_name(Path(name).name)
         if not page.is_file():
@@ -309,7 +310,8 @@ def _on_page_one(found: _Certificate) -> Iterator[str]:
     yield f"serial number {record['serial']}"
     yield str(record["verdict"])
     yield str(record["sentence"])
-    yield str(record["manifest"]["sha256"])
+    if record["format"] == FORMAT_1:
+        yield str(record["manifest"]["sha256"])
     for row in record["page_one"]["values"]:
         yield " ".join(str(cell) for cell in row)
     yield from record["page_one"]["because"]
@@ -318,7 +320,14 @@ def _on_page_one(found: _Certificate) -> Iterator[str]:
 
 
 def _on_any_page(found: _Certificate) -> Iterator[str]:
-    """The value of each number that the annexes list; what is not identifiable is not listed as one."""
+    """What stands on page two; of a certificate of many pages the value of each number that its annexes list,
+    where what is not identifiable is not listed as one.
+    """
+    if found.record["format"] != FORMAT_1:
+        yield from found.record["page_one"]["texts"]
+        yield from found.record["page_two"]
+        yield str(found.record["manifest"]["sha256"])
+        return
     for one in found.record["analyses"]:
         for number in one["numbers"].values():
             if number["identifiable"] and number["value"] is not None:

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from model.gear_file import shipped_gear
-from rig.present.certificate.numbers import number_grids
+from rig.present.numbers import number_grids
 
 
 def fit_of(*, known: bool, mounted: bool) -> Any:

@@ -1,6 +1,4 @@
-"""The curves of a certificate: those after the paper's figures, with the limits of the acceptance file in them, and
-the control charts of a gear that has a history.
-"""
+"""The limits that a gear was held against, drawn into the figures of its quantities."""
 
 from __future__ import annotations
 
@@ -12,14 +10,7 @@ import numpy as np
 from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Series, Verdict
 from rig.analysis.fit import Fit
-from rig.analysis.passport.build import passport
-from rig.content.data import data_grid
-from rig.content.page import Figure, Section
-from rig.present.certificate.gather import CHARTED_FROM, Certified
-from rig.present.report import figures_of
 
-PAPER = ("9", "12", "13", "16", "17", "19")
-"""The figures of the paper that a certificate shows, in their order."""
 TWICE = frozenset({"friction-curve-low"})
 """Figures that another one shows enlarged beside itself."""
 _MARK = 0.06
@@ -79,47 +70,3 @@ def _accuracy_limits(plot: Plot, lines: Sequence[Verdict]) -> Iterator[Series]:
                 panel=curve.panel,
             )
             said = True
-
-
-def paper_curves(fits: Sequence[Fit], before: int) -> list[tuple[Figure, Plot]]:
-    """The figures after the paper's, in its order, numbered after `before`."""
-    figures_and_plots: list[tuple[Figure, Plot]] = []
-    for wanted in PAPER:
-        for fit in fits:
-            plots = [plot for plot in fit.result.plots if plot.figure == wanted]
-            origin = fit.recording.metadata.origin
-            figures_and_plots += figures_of(plots, origin, before + len(figures_and_plots))
-    return figures_and_plots
-
-
-def without_paper(fit: Fit) -> Fit:
-    """A fit with the figures that stand nowhere else in the certificate."""
-    plots = tuple(plot for plot in fit.result.plots if plot.figure not in PAPER)
-    return replace(fit, result=replace(fit.result, plots=plots))
-
-
-def chart_part(gathered: Certified, before: int) -> Section | None:
-    """The control charts of all quantities that enough runs tell of; None while there are too few runs."""
-    if not gathered.has_charts:
-        return None
-    record = passport(gathered.folder, gathered.serial)
-    charted = [one for one in record.series if len(one.points) >= CHARTED_FROM]
-    if not charted:
-        return None
-    figures: list[Figure] = []
-    for one in charted:
-        plot = replace(one.plot, title=f"{one.title}: {one.state}")
-        figures += [figure for figure, _ in figures_of([plot], one.origin, before + len(figures))]
-    tables = zip(record.series, record.tables, strict=True)
-    return Section(
-        title="Control charts",
-        anchor="charts",
-        figures=tuple(figures),
-        annex=tuple(data_grid(table) for one, table in tables if one in charted),
-    )
-
-
-def curve_part(figures: Sequence[Figure]) -> Section:
-    """The curves after the paper's figures as a part of the certificate."""
-    title = "Curves after the paper's figures"
-    return Section(title=title, anchor="curves", figures=tuple(figures))
