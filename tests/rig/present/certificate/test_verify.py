@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 from typer.testing import CliRunner
 
@@ -16,6 +17,7 @@ from experiments.finding import Severity
 from rig.analysis import store
 from rig.errors import RigError
 from rig.main import app
+from rig.present.certificate.record import FORMAT_1
 from rig.present.certificate.verify import verify_certificate
 from rig.present.certificate.write import write_certificate
 from rig.program import Program
@@ -25,6 +27,7 @@ from tests.rig.library.stored import RUNNING
 from tests.rig.present.certificate.test_certificate import LABORATORY, accepted, gear, sheets_in
 
 AT = "2026-03-02T10:00:00+00:00"
+ROOT = Path(__file__).parents[4]
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +79,37 @@ def test_a_certificate_that_nobody_touched_is_believed_wherever_it_lies(
     assert errors(folder, name) == {}
     checks = {f.what for f in verify_certificate(folder / name) if f.severity is Severity.PASSED}
     assert checks == {"seal", "rests on", "numbers", "verdict", "printed"}
+
+
+def test_its_record_keeps_the_published_schema(certified_gear: Path) -> None:
+    schema = json.loads((ROOT / "docs/reference/certificate.schema.json").read_text("utf-8"))
+    check = jsonschema.Draft202012Validator(schema)
+    record = json.loads((certified_gear / "c.json").read_text(encoding="utf-8"))
+    assert list(check.iter_errors(record)) == []
+    assert set(record) == set(schema["properties"])
+    (number,) = record["analyses"][1]["numbers"].values()
+    assert (number["unit"], number["degrees_of_freedom"]) == ("N m", None)
+    for key in record:
+        assert list(check.iter_errors({k: v for k, v in record.items() if k != key})), key
+    number["coverage_factor"] = "two"
+    assert list(check.iter_errors(record))
+
+
+def test_a_record_of_many_pages_is_still_read(folder: Path) -> None:
+    """Format 1: every number stands on some page, and the manifest's hash on page one."""
+
+    def older(record: dict[str, Any]) -> None:
+        record["format"] = FORMAT_1
+        del record["page_two"], record["page_one"]["texts"]
+
+    edit_record(folder, older)
+    assert set(errors(folder)) == {"printed"}
+    assert "on page one" in errors(folder)["printed"]
+
+
+def test_page_two_is_held_against_the_record(folder: Path) -> None:
+    edit_record(folder, lambda record: record["page_two"].append("Method TI 13"))
+    assert "on no page: Method TI 13" in errors(folder)["printed"]
 
 
 def test_a_changed_page_without_its_note_is_refused(folder: Path) -> None:
