@@ -25,6 +25,8 @@ from rig.runfile.prevailing import CALIBRATED
 from rig.runfile.read import close_recording, open_run
 
 TitleKind = Literal["certificate", "report", "simulation"]
+NONE = "none"
+"""How a description says that there is no certificate: "none: accuracy from the data sheet"."""
 TORQUE, HOUSING = "torque", "housing_temperature"
 
 
@@ -52,7 +54,7 @@ class Instrument:
     @property
     def doubt(self) -> str:
         """Why it is not traceable; "" where it is."""
-        if not self.certificate:
+        if not self.certificate or self.certificate.lower().startswith(NONE):
             return words.NO_CERTIFICATE
         if self.due and self.tested and self.due[:10] < self.tested[:10]:
             return words.OVERDUE.format(due=self.due)

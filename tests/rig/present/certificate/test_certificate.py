@@ -359,6 +359,12 @@ def instrument(**more: str) -> Instrument:
             "not traceable: torque (was due 2026-03-01)",
         ),
         ("hardware", {"certificate": ""}, "TEST REPORT", "not traceable: torque (no certificate)"),
+        (
+            "hardware",
+            {"certificate": "none: scale from the manual"},
+            "TEST REPORT",
+            "not traceable: torque (no certificate)",
+        ),
         ("imported", {}, "TEST REPORT", "not traceable: a recording of another rig"),
         ("replay", {}, "TEST REPORT", "not traceable: a recorded run played back"),
         ("simulated", {"certificate": ""}, "SIMULATION", ""),
