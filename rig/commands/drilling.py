@@ -84,8 +84,9 @@ def drill(
         raise typer.Exit(DONE if _run_pairs(pairs, seed, backend, output, json) else ERROR)
     drills = random_drills(random, seed, backend) if random else chosen(fault or (), backend)
     if list_:
+        out = console()
         for one in drills:
-            echo(f"{one.name}: {one.what} ({' or '.join(one.carriers)})")
+            out.print(f"{one.name}: {one.what} ({' or '.join(one.carriers)})", soft_wrap=True)
         return
 
     def run(without: bool) -> list[DrillRow]:

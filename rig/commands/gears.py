@@ -54,8 +54,9 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
         print_json({"gears": content})
         return
     if not listed:
-        echo(
-            f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120"
+        console().print(
+            f"No gear cards in {output}. Write one with: rig gear set SERIAL --by NAME --part csf-25-120",
+            soft_wrap=True,
         )
         return
     from rig.content.grid import Grid, columns

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import typer
 
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, ConsoleOptions
     from rich.table import Table
 
     from rig.commands.visible import Text
@@ -49,47 +50,119 @@ def toned(text: str) -> Text:
     return Text(text, style=STYLES.get(tone_of(text) or "", ""))
 
 
-def painted(grid: Grid, **look: Any) -> Table:
+HIGHEST_ROW = 2
+"""Lines of a row in a table. What needs more is left out, and said to be."""
+
+
+def painted(grid: Grid, **look: Any) -> FittedTable:
     """A grid as a table under its title, its note below. Numbers and units stand on one line; text goes on in the next.
 
     `look` is what rich's table takes.
     """
-    from rich import box
-    from rich.table import Table
+    return FittedTable(grid, look)
 
-    plain = {
-        "box": box.SIMPLE_HEAD,
-        "pad_edge": False,
-        "padding": (0, 1, 0, 0),
-        "title_style": "bold",
-    }
-    sides = {"title_justify": "left", "caption_justify": "left"}
-    texts = {"title": grid.title or None, "caption": grid.note or None}
-    rows = Table(**{**plain, **sides, **texts, **look})
-    for column in grid.columns:
-        whole = column.kind in ("number", "unit")
-        rows.add_column(
-            column.heading,
-            justify="right" if column.kind == "number" else "left",
-            style="dim" if column.kind == "name" else "",
-            no_wrap=whole,
-            overflow="ellipsis" if whole else "fold",
-        )
-    are_words = [one.kind == "word" for one in grid.columns]
-    for row in grid.rows:
-        cells = zip(row, are_words, strict=True)
-        rows.add_row(*(toned(text) if is_word else text for text, is_word in cells))
-    return rows
+
+class FittedTable:
+    """A grid that is painted when its width is known: with the columns with which no row is higher than two lines.
+
+    The first column, which names the row, always stands. What was left out is said below: a wider terminal shows it, as
+    `--json` does.
+    """
+
+    def __init__(self, grid: Grid, look: Mapping[str, Any]) -> None:
+        self.grid, self.look = grid, look
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterator[Table | Text]:
+        from rig.commands.visible import Text
+
+        shown, left_out = self.fitted(console, options)
+        yield self.table(shown)
+        if left_out:
+            yield Text(
+                f"{options.max_width} columns leave out: {', '.join(left_out)}.", style="dim"
+            )
+
+    def fitted(self, console: Console, options: ConsoleOptions) -> tuple[Grid, list[str]]:
+        """The grid without the columns that have no room, and their headings as they stand.
+
+        Where nothing helps, sentences stand beside the first column alone, and a word that has no room anywhere is
+        folded where it stands.
+        """
+        left_out: tuple[str, ...] = ()
+        for left_out in self.choices():
+            if self.has_room(self.grid.without(*left_out), console, options):
+                break
+        else:
+            is_of_sentences = any(one.kind == "sentence" for one in self.grid.columns)
+            left_out = left_out if is_of_sentences else ()
+        return self.grid.without(*left_out), [h for h in self.grid.headings if h in left_out]
+
+    def choices(self) -> Iterator[tuple[str, ...]]:
+        """What may be left out, by the headings: as few columns of text as will do, the rightmost first; then numbers
+        as well, from the right. The first column and sentences always stand, of numbers the first.
+        """
+        others = [one for one in reversed(self.grid.columns[1:]) if one.kind != "sentence"]
+        texts = [one.heading for one in others if one.kind == "text"]
+        numbers = [one.heading for one in others if one.kind != "text"]
+        for count in range(len(texts) + 1):
+            yield from itertools.combinations(texts, count)
+        for count in range(1, len(numbers)):
+            yield (*texts, *numbers[:count])
+
+    def has_room(self, grid: Grid, console: Console, options: ConsoleOptions) -> bool:
+        """Whether no row of the grid takes more than two lines at this width, and no word is cut."""
+        table = self.table(grid)
+        room = options.update_width(options.max_width - table._extra_width)
+        widths = table._calculate_column_widths(console, room)
+        for place, (column, width) in enumerate(zip(grid.columns, widths, strict=True)):
+            inner = max(width - (place < len(widths) - 1), 1)
+            if column.kind == "hash" or table.columns[place].no_wrap:
+                continue
+            for row in grid.rows:
+                cell = console.render_str(row[place])
+                if max(map(len, cell.plain.split()), default=0) > inner:
+                    return False
+                if len(cell.wrap(console, inner, overflow="fold")) > HIGHEST_ROW:
+                    return False
+        return True
+
+    def table(self, grid: Grid) -> Table:
+        """The grid in rich's words."""
+        from rich import box
+        from rich.table import Table
+
+        plain = {
+            "box": box.SIMPLE_HEAD,
+            "pad_edge": False,
+            "padding": (0, 1, 0, 0),
+            "title_style": "bold",
+        }
+        sides = {"title_justify": "left", "caption_justify": "left"}
+        texts = {"title": grid.title or None, "caption": grid.note or None}
+        rows = Table(**{**plain, **sides, **texts, **self.look})
+        for column in grid.columns:
+            whole = column.kind in ("number", "unit")
+            rows.add_column(
+                column.heading,
+                justify="right" if column.kind == "number" else "left",
+                style="dim" if column.kind == "name" else "",
+                no_wrap=whole,
+                overflow="ellipsis" if whole else "fold",
+            )
+        are_words = [one.kind == "word" for one in grid.columns]
+        for row in grid.rows:
+            cells = zip(row, are_words, strict=True)
+            rows.add_row(*(toned(text) if is_word else text for text, is_word in cells))
+        return rows
 
 
 def fact_table(facts: Iterable[tuple[str, str]], title: str = "") -> Table:
-    """Facts, one a line: what it is called, and what it is."""
+    """Facts, one a line: what it is called, and what it is; a long one goes on below itself."""
     from rig.content.grid import Grid, columns
 
-    heads = columns(("", "name"), "")
-    return painted(
-        Grid(title, heads, list(facts)), box=None, show_header=False, padding=(0, 2, 0, 0)
-    )
+    grid = Grid(title, columns(("", "name"), ""), list(facts))
+    look = {"box": None, "show_header": False, "padding": (0, 2, 0, 0)}
+    return FittedTable(grid, look).table(grid)
 
 
 def print_json(value: Any) -> None:

@@ -7,6 +7,7 @@ writing direction is shown by its number. Every text of a command goes through o
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Any
 
 import rich.text
@@ -16,6 +17,10 @@ from rig.content.wording import visible
 
 if TYPE_CHECKING:
     from rich.progress import Task, TextColumn
+
+
+HANGING = 2
+"""Letters by which a line that goes on is set in."""
 
 
 class Text(rich.text.Text):
@@ -36,6 +41,23 @@ class VisibleConsole(Console):
     def __init__(self, **look: Any) -> None:
         super().__init__(markup=False, emoji=False, **look)
 
+    def print(self, *objects: Any, soft_wrap: bool | None = None, **look: Any) -> None:
+        """As rich prints. A long line (`soft_wrap`) stays one line where a program reads it; on a terminal it goes on
+        below itself, broken between words alone: a path stays whole.
+        """
+        if not soft_wrap or not self.is_terminal or len(objects) != 1:
+            super().print(*objects, soft_wrap=soft_wrap, **look)
+            return
+        (given,) = objects
+        text = given if isinstance(given, rich.text.Text) else Text(str(given))
+        indent = len(text.plain) - len(text.plain.lstrip(" "))
+        width = max(self.width - indent - HANGING, 20)
+        text = text[indent:]
+        for number, line in enumerate(text.divide(breaks(text.plain, width))):
+            line.rstrip()
+            line.pad_left(indent + HANGING * (number > 0))
+            super().print(line, no_wrap=True, overflow="ignore", crop=False, **look)
+
     def render_str(self, text: str, **look: Any) -> rich.text.Text:
         """A plain text: cells of tables, titles, and what is printed as it is."""
         return super().render_str(visible(text), **look)
@@ -45,6 +67,16 @@ class VisibleConsole(Console):
         if isinstance(renderable, rich.text.Text) and visible(renderable.plain) != renderable.plain:
             renderable = Text(renderable.plain, style=renderable.style)
         return super().render(renderable, options)
+
+
+def breaks(text: str, width: int) -> list[int]:
+    """Where a text is broken into lines of this width: between words, of which one that is longer stays whole."""
+    places, start = [], 0
+    for word in re.finditer(r"\S+", text):
+        if word.end() - start > width and word.start() > start:
+            places.append(word.start())
+            start = word.start()
+    return places
 
 
 def plain_column(template: str) -> TextColumn:

@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-Kind = Literal["text", "name", "number", "unit", "word", "quantity", "symbol", "figure", "hash"]
-"""What stands in a column: text that may be broken into lines; what names its row; numbers, to the right; units; words
-of a verdict, which have a tone; names of quantities, in which symbols may stand; symbols alone; figures by
-their numbers; hashes, compared letter by letter.
+Kind = Literal[
+    "text", "sentence", "name", "number", "unit", "word", "quantity", "symbol", "figure", "hash"
+]
+"""What stands in a column: text that may be broken into lines; sentences, for which the table is there, so that they
+are never left out; what names its row; numbers, to the right; units; words of a verdict, which have a tone; names of
+quantities, in which symbols may stand; symbols alone; figures by their numbers; hashes, compared letter by letter.
 """
 Tone = Literal["good", "warning", "bad", "muted"]
 

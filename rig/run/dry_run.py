@@ -84,11 +84,11 @@ class Margin:
 def margin_grid(margins: Iterable[Margin]) -> Grid:
     """What is planned beside every limit, and where the limit is from."""
     rows = [
-        (*one.cells, one.where, f"{one.limit.tier}: {one.limit.origin}{one.limit.doubt}")
+        (*one.cells, f"{one.limit.tier}: {one.limit.origin}{one.limit.doubt}", one.where)
         for one in margins
     ]
     numbers = number_columns("planned", "allowed", "margin")
-    return Grid("Margins", (*columns("limit on"), *numbers, *columns("where", "origin")), rows)
+    return Grid("Margins", (*columns("limit on"), *numbers, *columns("origin", "where")), rows)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -51,7 +51,7 @@ def segment_grid(segments: Sequence[Segment], title: str = "Segments") -> Grid:
         for one in segments
     ]
     headings = ("from row", "to row", "set-point (SI)", "r/min", "direction", "repeat")
-    heads = (*columns(("#", "number"), "label"), *number_columns(*headings))
+    heads = (*columns(("#", "number"), ("label", "sentence")), *number_columns(*headings))
     return Grid(title, heads, rows)
 
 
@@ -69,7 +69,12 @@ def event_grid(events: Sequence[Event], first_ns: int = 0, title: str = "Events"
         for one in events
     ]
     heads = columns(
-        ("time [s]", "number"), ("time (UTC)", "unit"), ("level", "word"), "source", "code", "what"
+        ("time [s]", "number"),
+        ("time (UTC)", "unit"),
+        ("level", "word"),
+        "source",
+        "code",
+        ("what", "sentence"),
     )
     return Grid(title, heads, rows)
 

@@ -21,6 +21,7 @@ def series_grid(series: Sequence[PassportSeries]) -> Grid:
         ("control limits", "number"),
         ("catalogue limit", "number"),
         ("runs", "number"),
+        "conditions",
         "remarks",
     )
     return Grid("What the charts say", heads, [_series_row(one) for one in series])
@@ -34,7 +35,7 @@ def _series_row(series: PassportSeries) -> tuple[str, ...]:
         limits = f"{number(control.lower / factor)} … {number(control.upper / factor)}"
     conditions = ", ".join(f"{name} {value}" for name, value in series.conditions.items())
     return (
-        f"{series.title} ({conditions})" if conditions else series.title,
+        series.title,
         newest_pair(series),
         series.display_unit,
         series.state,
@@ -43,6 +44,7 @@ def _series_row(series: PassportSeries) -> tuple[str, ...]:
         limits,
         f"{number(limit.value / factor)} ({limit.provenance})" if limit else "–",
         str(len(series.points)),
+        conditions,
         "; ".join((*newest.remarks, *series.notes)),
     )
 
