@@ -170,7 +170,7 @@ OUTPUT_INERTIA = Assumed(
     distribution="rectangular",
     source="arms of robots: 8 to 30 Hz; benches with a disc: 30 to 200 Hz",
     reason="another gear's load says nothing; what turns too fast for it is not judged",
-    replaced_by="rig gear set SERIAL --load-inertia KG_M2; rig import --resonance-hz HZ",
+    replaced_by="rig gear set SERIAL --load-inertia-kg-m2 VALUE; rig import --resonance-hz HZ",
 )
 BEARING = Assumed(
     kind="output bearing",

@@ -30,7 +30,12 @@ class _TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sh
 
 
 def runs(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of runs.")] = Path("runs"),
+    place: Annotated[
+        Path | None, typer.Argument(metavar="[DIR]", help="Folder of runs; runs without it.")
+    ] = None,
+    folder: Annotated[
+        Path | None, typer.Option("--runs", metavar="DIR", help="The same, as everywhere else.")
+    ] = None,
     text: Annotated[
         str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")
     ] = "",
@@ -70,6 +75,9 @@ def runs(
     from rig.commands.progress import reading_bar
     from rig.library.index import LibraryIndex
 
+    if place is not None and folder is not None and place != folder:
+        raise typer.BadParameter(f"{folder}, and DIR is {place}: name one", param_hint="--runs")
+    folder = place or folder or Path("runs")
     with reading_bar("Reading the runs", quiet=json) as on_progress:
         index = LibraryIndex(folder, on_progress, nested=True)
         listed = index.search(

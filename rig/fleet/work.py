@@ -66,7 +66,7 @@ def runs_named(names: Sequence[str | Path]) -> list[Path]:
                 "names no run",
                 where=str(name),
                 limit="a folder of runs, a pattern, a list (.txt), or run files",
-                remedy="Look with `rig runs --runs DIR`.",
+                remedy="Look with `rig runs DIR`.",
             )
         found.update(dict.fromkeys(runs))
     return sorted(found)
