@@ -31,3 +31,7 @@ def analysing(run: str) -> Iterator[None]:
         raise AnalysisError(
             error.what, where=where, value=error.value, limit=error.limit, remedy=error.remedy
         ) from error
+
+
+class SettingError(AnalysisError):
+    """A setting of an analysis that there is not, or whose value it can't have."""

@@ -12,7 +12,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.errors import AnalysisError
+from experiments.errors import AnalysisError, SettingError
 from experiments.recording import Recording, Segment
 from model.units import ARCSEC
 
@@ -230,11 +230,11 @@ def rotary_ratio(recording: Recording, fallback: float) -> float:
 
 
 def check_settings(settings: Iterable[str], allowed: Iterable[str], kind: str) -> None:
-    """Raise `AnalysisError` for a setting that this analysis does not have."""
+    """Raise `SettingError` for a setting that this analysis does not have."""
     names = tuple(allowed)
     for name in settings:
         if name not in names:
-            raise AnalysisError(
+            raise SettingError(
                 "no such setting",
                 where=f"{kind}.{name}",
                 limit=", ".join(names) if names else "none for this analysis",

@@ -7,7 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict, judged_run
+from rig.commands.judgement import (
+    AcceptanceFile,
+    RequireVerdict,
+    judged_run,
+    refuse_unknown_acceptance,
+)
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, nearest, painted, print_json
 
@@ -126,6 +131,7 @@ def fit(
     choices = choices_of_flags(
         parameters, tare, setting, no_tare=no_tare, largest_missed_share=largest_missed_share
     )
+    refuse_unknown_acceptance(acceptance)
     fits = tuple(fit_run(run, kind, choices) for run in runs)
     fits, notes = _store(fits) if stored else (fits, [])
     if parameters_out is not None:

@@ -160,6 +160,12 @@ def export(
     from rig.runfile.export import export_csv, export_mat
     from rig.runfile.read import close_recording, open_run
 
+    if output is not None and output.suffix.lower() != f".{format.value}":
+        raise typer.BadParameter(
+            f"{output}: an export as {format.value} ends in .{format.value}; the other one is --format "
+            f"{'mat' if format is _TableFormat.csv else 'csv'}",
+            param_hint="--output",
+        )
     name = run.name.removesuffix(".part").removesuffix(".h5")
     target = output or run.with_name(f"{name}.{format.value}")
     recording = open_run(run)

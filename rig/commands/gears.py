@@ -113,8 +113,10 @@ def set_(
         echo(context.get_help())
         _print_flags()
         raise typer.Exit
+    from experiments.errors import PlanError
     from experiments.parameters import parameter_fields
     from rig.commands.running import read_flags
+    from rig.errors import ConfigurationError
     from rig.gears.card import (
         GearFacts,
         card_for,
@@ -132,9 +134,19 @@ def set_(
         for name, text in read_flags("gear set", fields, context.args).items()
     }
     before = card_for(output, serial)
-    card = with_changes(
-        before, {**({} if before else {"serial": serial}), **values}, by, now_text()
-    )
+    try:
+        card = with_changes(
+            before, {**({} if before else {"serial": serial}), **values}, by, now_text()
+        )
+    except PlanError as error:
+        # The fields are checked as those of a protocol are; nothing is planned here.
+        raise ConfigurationError(
+            error.what,
+            where=error.where,
+            value=error.value,
+            limit=error.limit,
+            remedy=error.remedy,
+        ) from None
     if confirm:
         card = with_confirmation(card, by, now_text())
     write_card(output, card)

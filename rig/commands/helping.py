@@ -48,7 +48,8 @@ def help_(
     for name in command:
         found = group.get_command(of, name) if hasattr(group, "get_command") else None
         if found is None:
-            names = group.list_commands(of) if hasattr(group, "list_commands") else []
+            listed = group.list_commands(of) if hasattr(group, "list_commands") else []
+            names = [one for one in listed if not group.get_command(of, one).hidden]
             raise typer.BadParameter(f"no such command: {name}. {nearest(name, names)}")
         of, group = typer.Context(found, info_name=name, parent=of), found
     if text := group.get_help(of):

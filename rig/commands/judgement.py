@@ -24,6 +24,14 @@ RequireVerdict = Annotated[
 ]
 
 
+def refuse_unknown_acceptance(named: str) -> None:
+    """Raise `ConfigurationError` for an acceptance file that is not there, before anything turns or is stored."""
+    from rig.gears.acceptance import acceptance_named
+
+    if named:
+        acceptance_named(named)
+
+
 def acceptance_of(named: str, folder: Path, serial: str) -> Acceptance | None:
     """The acceptance file that was named, else that of the gear's card in this folder of runs, else none."""
     from rig.gears.acceptance import acceptance_for, acceptance_named

@@ -19,6 +19,7 @@ from rig.bench.backends.order import (
     world_of,
     world_said,
 )
+from rig.commands.judgement import refuse_unknown_acceptance
 from rig.commands.terminal import echo, nearest
 
 if TYPE_CHECKING:
@@ -128,16 +129,22 @@ def order_of(
 ) -> Order:
     """The order that was said; a gear's card that was not confirmed is told on standard error.
 
-    Raises `ConfigurationError` for a serial number that has no card where others have one: it may be mistyped.
+    Raises `ConfigurationError` for a serial number that has no card where others have one (it may be mistyped), for a
+    rig and for an acceptance file that there is not.
     """
     from rig.run import ordering
 
     def warn(text: str) -> None:
         echo(f"warning: {text}", errors=True)
 
+    from rig.bench.backends.registry import refuse_unknown
+
     serial = str(said.get("serial", ""))
     _refuse_path(serial)
     order = ordering.order_of(protocol, values, said, warn)
+    # Before anything turns: a run of an hour would end in this refusal.
+    refuse_unknown(order.backend)
+    refuse_unknown_acceptance(order.acceptance)
     if serial and not no_card:
         _require_card(order, serial, warn)
     return order

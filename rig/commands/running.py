@@ -236,10 +236,10 @@ def read_flags(
             what = "no such flag" if flag.startswith("-") else "a value without a flag"
             raise typer.BadParameter(
                 f"{what} of {protocol}: {flag!r}. {nearest(flag, tuple(by_flag))}",
-                param_hint="flags of the protocol",
+                param_hint=f"the flags of {protocol}",
             )
         if field.name in values:
-            raise typer.BadParameter(f"{flag} is given twice", param_hint="flags of the protocol")
+            raise typer.BadParameter(f"{flag} is given twice", param_hint=flag)
         given = [inline] if equals else _values_after(rest, field)
         if not given and field.kind is not bool:
             raise typer.BadParameter(

@@ -29,7 +29,7 @@ from rig.analysis.passport.followed import order_of
 from rig.analysis.passport.gather import runs_of
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.header import ORIGIN_WORDS
-from rig.runfile.read import close_recording
+from rig.runfile.read import close_recording, open_run
 
 EXPORTED = (
     "mesh_friction.coulomb",
@@ -180,6 +180,8 @@ def of_set(gear: HarmonicDrive) -> IdentifiedGear:
 
 
 def _of_run(path: Path) -> IdentifiedGear:
+    # A run that is not there is said so in the words of all other commands.
+    close_recording(open_run(path))
     found = in_force(path)
     if found.analysis is None or not found.of_this_run:
         raise _nothing_identified(path.name, (f"rig fit {path}",))

@@ -25,7 +25,8 @@ def write_page(page: Page, path: str | Path) -> Path:
     path = Path(path)
     data = rendered(page, path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        # One folder is made, as a new month needs it: two would be a path mistyped.
+        path.parent.mkdir(exist_ok=True)
         path.write_bytes(data)
     except OSError as error:
         raise RigError(

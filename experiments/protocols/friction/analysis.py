@@ -17,7 +17,7 @@ import numpy as np
 
 from experiments.budget import budget_table
 from experiments.contract import Evidence
-from experiments.errors import AnalysisError, analysing
+from experiments.errors import AnalysisError, SettingError, analysing
 from experiments.evidence import check_settings, rotary_ratio
 from experiments.protocols.friction import bearing
 from experiments.protocols.friction.declaration import NAME
@@ -106,7 +106,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             chi_square_limit=chi_square_limit,
         )
         metrics = dict(fit.metrics)
-        if settings.get("genetic", False):
+        if _is_genetic(settings.get("genetic", False)):
             metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
     brought = _brought(measured, fit)
     metrics["torque_zero_drift"] = measured.zero.drift
@@ -257,6 +257,17 @@ def _words(measured: MeasuredFriction, spread: Spread) -> str:
     parts = ["mean place on the output"] * (spread.place > 0.0)
     parts += ["mean warmth"] * measured.law.is_known
     return " and ".join(parts) or "nothing"
+
+
+def _is_genetic(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise SettingError(
+            "is of the wrong kind",
+            where=f"{NAME}.genetic",
+            value=repr(value),
+            limit="true or false",
+        )
+    return value
 
 
 def _covariance(fit: FrictionFit) -> Covariance:

@@ -26,16 +26,21 @@ def make_port(order: Order, setup: Setup = Setup()) -> AssembledRig:
         from rig.bench.backends.replayed import replayed
 
         return replayed(Path(name.removeprefix(REPLAY)), order, setup)
-    maker = BACKENDS.get(name)
-    if maker is None:
-        raise ConfigurationError(
-            "no such rig",
-            where="--backend",
-            value=repr(name),
-            limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
-            remedy="Choose one of these.",
-        )
-    return maker(order, setup)
+    refuse_unknown(name)
+    return BACKENDS[name](order, setup)
+
+
+def refuse_unknown(name: str) -> None:
+    """Raise `ConfigurationError` for the word of a rig that does not exist."""
+    if name in BACKENDS or name.startswith(REPLAY):
+        return
+    raise ConfigurationError(
+        "no such rig",
+        where="--backend",
+        value=repr(name),
+        limit=", ".join((*BACKENDS, f"{REPLAY}RUN.h5")),
+        remedy="Choose one of these.",
+    )
 
 
 def nameplates(order: Order) -> tuple[HarmonicDrive, ServoMotor]:

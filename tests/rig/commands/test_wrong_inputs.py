@@ -1,0 +1,61 @@
+"""What people type wrong: the right exit code, no traceback, and nothing left behind."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import pytest
+
+import rig
+from rig import main
+
+LIST = Path(__file__).with_name("wrong_inputs.txt")
+QUICK = {"points": 6, "measure_time": 0.2, "settle_time": 0.15, "lowest_rpm": 8.0, "seed": 9931}
+
+
+def wrong_inputs() -> list[tuple[int, str]]:
+    rows = [line.split(None, 1) for line in LIST.read_text(encoding="utf-8").splitlines()]
+    return [(int(row[0]), row[1].strip()) for row in rows if row and row[0].isdigit()]
+
+
+@pytest.fixture(scope="module")
+def given(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, str]]:
+    """A folder with a tare and an analysed run, a file that is neither, an empty folder; what the list calls them."""
+    place = tmp_path_factory.mktemp("place")
+    folder = place / "f"
+    tare = rig.execute("motor-tare", folder=folder, **QUICK)
+    run = rig.execute("friction", serial="A1", folder=folder, **QUICK)
+    rig.fit(run).store()
+    (place / "notes.toml").write_text("hello, this is no parameter set", encoding="utf-8")
+    (place / "e").mkdir()
+    names = {"tare": f"f/{tare.path.name}", "run": f"f/{run.path.name}"}
+    return place, {**names, "folder": "f", "notes": "notes.toml", "empty": "e"}
+
+
+def test_the_list_is_long_and_says_nothing_twice() -> None:
+    commands = [command for _, command in wrong_inputs()]
+    assert len(commands) >= 120
+    assert len(set(commands)) == len(commands)
+
+
+@pytest.mark.parametrize(("code", "command"), wrong_inputs())
+def test_it_is_refused_in_words_and_leaves_nothing_behind(
+    code: int,
+    command: str,
+    given: tuple[Path, dict[str, str]],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    place, names = given
+    monkeypatch.chdir(place)
+    before = set(place.rglob("*"))
+    words = shlex.split(command.format(**names))
+    with pytest.raises(SystemExit) as ended:
+        main.run([] if words == ["rig"] else words)
+    told = "".join(capsys.readouterr())
+    assert ended.value.code == code, told
+    assert len(told.split()) > 5
+    assert "Traceback" not in told
+    assert "defect" not in told
+    assert set(place.rglob("*")) == before
