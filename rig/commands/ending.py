@@ -26,16 +26,24 @@ MOST_LINES = 5
 
 @dataclass(frozen=True)
 class Ending:
-    """The verdict on a run with what its analysis says; `crash` is why a completed run has none that it should have."""
+    """The verdict on a run with what its analysis says; `crash` is why a completed run has none that it should have,
+    `refusal` why its recording does not bear the analysis: the command ends as `rig fit` of it would.
+    """
 
     verdict: GearVerdict
     digest: Digest | None = None
     crash: str = ""
+    refusal: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """The keys that `rig run --json` adds to those of the run."""
         told = {} if self.digest is None else self.digest.as_json()
-        return {**self.verdict.as_json(), **told, "analysis_error": self.crash}
+        return {
+            **self.verdict.as_json(),
+            **told,
+            "analysis_error": self.crash,
+            "analysis_refused": self.refusal,
+        }
 
 
 def ending_of(report: RunReport, order: Order) -> Ending:
@@ -54,7 +62,7 @@ def ending_of(report: RunReport, order: Order) -> Ending:
     try:
         made = digest(report.path, now)
         if made.fit is None:
-            return Ending(not_judged(*made.because), made)
+            return Ending(not_judged(*made.because), made, refusal="; ".join(made.because))
         asked = acceptance_of(order.acceptance, order.folder, order.serial)
         return Ending(judge_run(made.fit, asked), made)
     except Exception as error:  # noqa: BLE001  the run is sealed: it is told whatever its analysis meets
@@ -67,6 +75,9 @@ def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) 
     if ending.crash:
         out.print(Text(f"The analysis failed: {ending.crash}", style="red"), soft_wrap=True)
         out.print(f"The run is sealed; analyse it anew with: rig fit {path}", soft_wrap=True)
+    if ending.refusal:
+        # Its words stand with the verdict.
+        out.print(f"The run is sealed; its analysis is refused: rig fit {path}", soft_wrap=True)
     made = ending.digest
     if made is None or made.fit is None:
         return

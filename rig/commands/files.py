@@ -142,8 +142,11 @@ def show(run: _RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) 
 def export(
     run: _RunArgument,
     format: Annotated[
-        _TableFormat, typer.Option("--format", help="Text or MATLAB 5.")
-    ] = _TableFormat.csv,
+        _TableFormat | None,
+        typer.Option(
+            "--format", help="Text or MATLAB 5; by the suffix of FILE without it, else text."
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Beside the run without it."),
@@ -160,17 +163,12 @@ def export(
     from rig.runfile.export import export_csv, export_mat
     from rig.runfile.read import close_recording, open_run
 
-    if output is not None and output.suffix.lower() != f".{format.value}":
-        raise typer.BadParameter(
-            f"{output}: an export as {format.value} ends in .{format.value}; the other one is --format "
-            f"{'mat' if format is _TableFormat.csv else 'csv'}",
-            param_hint="--output",
-        )
+    written_as = _format_of(output, format)
     name = run.name.removesuffix(".part").removesuffix(".h5")
-    target = output or run.with_name(f"{name}.{format.value}")
+    target = output or run.with_name(f"{name}.{written_as.value}")
     recording = open_run(run)
     try:
-        write = export_csv if format is _TableFormat.csv else export_mat
+        write = export_csv if written_as is _TableFormat.csv else export_mat
         rows = write(recording, target, overwrite=force)
     finally:
         close_recording(recording)
@@ -179,12 +177,25 @@ def export(
             {
                 "run": recording.metadata.run_id,
                 "file": str(target),
-                "format": format.value,
+                "format": written_as.value,
                 "rows": rows,
             }
         )
     else:
         echo(f"{rows} rows written to {target}")
+
+
+def _format_of(output: Path | None, said: _TableFormat | None) -> _TableFormat:
+    """What is written, by the option or the suffix. Raises `BadParameter` for a suffix that says something else."""
+    if output is None:
+        return said or _TableFormat.csv
+    suffix = output.suffix.lower().removeprefix(".")
+    allowed = [said.value] if said is not None else [one.value for one in _TableFormat]
+    if suffix not in allowed:
+        raise typer.BadParameter(
+            f"{output}: ends in .{' or .'.join(allowed)}", param_hint="--output"
+        )
+    return _TableFormat(suffix)
 
 
 def recover(

@@ -57,6 +57,10 @@ def new(
             help="What it must show: a shipped acceptance file, or a TOML file.",
         ),
     ] = "",
+    despite_runs: Annotated[
+        bool,
+        typer.Option("--despite-runs", help="Though runs of this serial number name another part."),
+    ] = False,
     output: Annotated[
         Path,
         typer.Option(
@@ -94,6 +98,8 @@ def new(
     if not json and sys.stdin.isatty():
         stated |= asked(_questions(gear, stated), known)
         gear = made_gear(part, stated, by, at)
+    if not despite_runs:
+        _refuse_another_part(serial, gear.name, output, can_ask=not json and sys.stdin.isatty())
     path = str(Path(acceptance).resolve()) if acceptance.lower().endswith(".toml") else acceptance
     facts = {"serial": serial, "mounting": mounting, "acceptance": path}
     made = write_new_gear(output, gear, facts, by, at)
@@ -112,6 +118,33 @@ def new(
         return
     _print_made(made)
     print_contradictions(found, aside)
+
+
+def _refuse_another_part(serial: str, part: str, folder: Path, *, can_ask: bool) -> None:
+    """Runs of this serial number that name another part are named, and the word asked for: it may be mistyped.
+
+    Raises `ConfigurationError` where nobody can be asked, or the answer is not `yes`.
+    """
+    from rig.commands.prompting import CONSENT
+    from rig.errors import ConfigurationError
+    from rig.library.index import LibraryIndex
+
+    runs = LibraryIndex(folder, nested=True).search(gear=serial) if folder.is_dir() else []
+    others = [run for run in runs if run.gear and run.gear != part]
+    if not others:
+        return
+    named = ", ".join(f"{run.path.name} ({run.gear})" for run in others[:3])
+    more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+    if can_ask:
+        echo(f"Runs of {serial} name another part than {part}: {named}{more}.")
+        if input(f"Is {serial} a {part} all the same? Type {CONSENT}: ").strip().lower() == CONSENT:
+            return
+    raise ConfigurationError(
+        f"has runs of another part than {part}",
+        where=f"gear {serial}",
+        value=f"{named}{more}",
+        remedy="Look at the serial number; where it is right: --despite-runs.",
+    )
 
 
 def check(

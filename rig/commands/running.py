@@ -149,7 +149,7 @@ def run(
     else:
         bench = option_of(order.backend, order.folder, order.config)
         print_report(report, bench, ending, everything=everything)
-    if ending.crash:
+    if ending.crash or ending.refusal:
         raise typer.Exit(ERROR)
     raise typer.Exit(code_of_run(report.outcome, ending.verdict.verdict, required=require_verdict))
 

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
 from rich.console import Console
+from typer.testing import CliRunner
 
+from experiments.errors import AnalysisError
 from experiments.result import Result
+from rig import exits
 from rig.analysis.digest import Digest
 from rig.analysis.in_force import InForce
 from rig.analysis.judging import judge_run, not_judged
 from rig.analysis.tare import FoundTare
 from rig.commands.ending import MOST_LINES, Ending, print_ending
+from rig.main import app
 from tests.rig.handmade import acceptance, estimate, fit, friction_result
 
 RUN = Path("runs/00001-friction-A1.h5")
@@ -97,3 +103,27 @@ def test_an_analysis_that_crashed_is_told_and_what_to_do() -> None:
         f"The run is sealed; analyse it anew with: rig fit {RUN}",
     ]
     assert crashed.as_json()["analysis_error"] == "ValueError: x"
+
+
+def test_a_refused_analysis_ends_the_command_as_a_fit_of_it_would(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from rig.analysis import fit_run
+
+    def refuse(*given: object) -> None:
+        raise AnalysisError("does not bear it", where="home")
+
+    # `digest` takes the name when it is imported: a run that was not analysed before takes it from there.
+    from rig.analysis import digest as digesting
+
+    monkeypatch.setattr(fit_run, "fit_run", refuse)
+    monkeypatch.setattr(digesting, "fit_run", refuse)
+    words = ["run", "home", "--runs", str(tmp_path), "--json"]
+    answer = CliRunner().invoke(app, words)
+    assert answer.exit_code == exits.ERROR
+    told = json.loads(answer.stdout)
+    assert told["outcome"] == "COMPLETED"
+    assert told["verdict"] == "NOT JUDGED"
+    assert "does not bear it" in told["analysis_refused"]
+    (path,) = tmp_path.glob("*home*.h5")
+    assert CliRunner().invoke(app, ["fit", str(path)]).exit_code != 0

@@ -179,3 +179,36 @@ def test_a_motor_is_made_from_its_plate_and_looked_over(
     capsys.readouterr()
     assert rig("config", "check", "m.toml", "--json") == 2
     assert json.loads(capsys.readouterr().out)["contradictions"]
+
+
+def test_a_serial_with_runs_of_another_part_is_named_and_asked_about(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from typer.testing import CliRunner
+
+    import rig
+    from rig.main import app
+
+    rig.execute("home", serial="A1", folder=tmp_path, seed=9941)
+    words = [
+        "gear",
+        "new",
+        "SHG-32-100-2UH",
+        "--serial",
+        "A1",
+        "--by",
+        "B",
+        "--runs",
+        str(tmp_path),
+    ]
+    refused = CliRunner().invoke(app, words)
+    assert refused.exit_code != 0
+    assert "CSF-25-120-2UH" in str(refused.exception)
+    assert not list(tmp_path.glob(".gears/*"))
+    same = CliRunner().invoke(app, [*words[:2], "CSF-25-120-2UH", *words[3:]])
+    assert same.exit_code == 0, same.output
+    other = ["A2" if word == "A1" else word for word in words]
+    assert CliRunner().invoke(app, other).exit_code == 0
+    for made in tmp_path.glob(".gears/**/A1*"):
+        made.unlink()
+    assert CliRunner().invoke(app, [*words, "--despite-runs"]).exit_code == 0
