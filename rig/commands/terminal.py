@@ -111,6 +111,8 @@ class FittedTable:
 
     def has_room(self, grid: Grid, console: Console, options: ConsoleOptions) -> bool:
         """Whether no row of the grid takes more than two lines at this width, and no word is cut."""
+        from rich.cells import cell_len
+
         table = self.table(grid)
         room = options.update_width(options.max_width - table._extra_width)
         widths = table._calculate_column_widths(console, room)
@@ -119,6 +121,9 @@ class FittedTable:
             if column.kind == "hash" or table.columns[place].no_wrap:
                 continue
             for row in grid.rows:
+                # Most cells stand on one line: wrapping each of thousands would take longer than to paint them.
+                if cell_len(row[place]) <= inner and "\n" not in row[place]:
+                    continue
                 cell = console.render_str(row[place])
                 if max(map(len, cell.plain.split()), default=0) > inner:
                     return False

@@ -66,7 +66,9 @@ def error_grid(notes: Notes) -> Grid:
 def meaning_grid(notes: Notes) -> Grid:
     """Every number of the file."""
     rows = [(one.place, one.value, one.meaning) for one in notes.meanings]
-    return Grid(f"In {notes.target}", columns("number", ("value", "unit"), "means"), rows)
+    return Grid(
+        f"In {notes.target}", columns("number", ("value", "unit"), ("means", "sentence")), rows
+    )
 
 
 def sentences(notes: Notes) -> tuple[str, ...]:
