@@ -67,7 +67,9 @@ def meaning_grid(notes: Notes) -> Grid:
     """Every number of the file."""
     rows = [(one.place, one.value, one.meaning) for one in notes.meanings]
     return Grid(
-        f"In {notes.target}", columns("number", ("value", "unit"), ("means", "sentence")), rows
+        f"In {notes.target}",
+        columns(("number", "unit"), ("value", "unit"), ("means", "sentence")),
+        rows,
     )
 
 
