@@ -103,7 +103,11 @@ def _made(
 
 def _json_notes(identified: IdentifiedGear, joint: Joint, name: str) -> Notes:
     meanings = [
-        Meaning(one.name, f"{one.value:.6g} {one.unit}", one.description)
+        Meaning(
+            one.name,
+            f"{one.value:.6g} {one.unit if one.unit != '1' else ''}".rstrip(),
+            one.description,
+        )
         for one in identified.parameters
         if not one.name.startswith("kinematic_error.")
     ]
