@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.passport.content import Passport, PassportSeries
-from rig.analysis.passport.rows import newest_pair
+from rig.analysis.passport.rows import conditions_text, newest_pair
 from rig.content.data import data_grid
 from rig.content.grid import Grid, columns, tone_of
 from rig.content.page import Page, Section, Signature, State, annexes_of
@@ -127,10 +127,10 @@ def _warnings(passport: Passport) -> Iterator[tuple[str, str, str]]:
 
 
 def _parts(passport: Passport) -> Iterator[Section]:
-    """Every followed quantity with its chart, then the order spectra of all runs."""
-    for number_, (series, table) in enumerate(
-        zip(passport.series, passport.tables, strict=True), 1
-    ):
+    """Every followed quantity with its chart, then what was measured once, then the order spectra of all runs."""
+    both = list(zip(passport.series, passport.tables, strict=True))
+    charted = [(series, table) for series, table in both if len(series.points) > 1]
+    for number_, (series, table) in enumerate(charted, 1):
         facts = "; ".join(f"{name}: {value}" for name, value in series.conditions.items())
         yield Section(
             title=series.title,
@@ -140,8 +140,17 @@ def _parts(passport: Passport) -> Iterator[Section]:
             figures=(drawn(series.plot, series.origin, number_),),
             grids=(data_grid(table),),
         )
+    once = [series for series in passport.series if len(series.points) == 1]
+    if once:
+        # A chart of one point shows nothing that its line does not say.
+        yield Section(
+            title="Measured once",
+            anchor="measured-once",
+            subtitle="A second run of the same conditions begins the chart",
+            grids=(_once_grid(once),),
+        )
     if passport.spectra:
-        first, origin = len(passport.series) + 1, passport.runs[-1].origin
+        first, origin = len(charted) + 1, passport.runs[-1].origin
         yield Section(
             title="Order spectra",
             anchor=f"part-{first}",
@@ -150,6 +159,30 @@ def _parts(passport: Passport) -> Iterator[Section]:
                 drawn(plot, origin, number_) for number_, plot in enumerate(passport.spectra, first)
             ),
         )
+
+
+def _once_grid(once: Sequence[PassportSeries]) -> Grid:
+    """Quantities of which there is one run: the value, where it holds, and what is to be said of it."""
+    heads = columns(
+        ("quantity", "quantity"),
+        ("value ± U (95 %)", "number"),
+        ("unit", "unit"),
+        "run",
+        "conditions",
+        "remarks",
+    )
+    rows = [
+        (
+            one.title,
+            newest_pair(one),
+            one.display_unit,
+            one.points[-1].run,
+            conditions_text(one.conditions),
+            "; ".join(one.points[-1].remarks),
+        )
+        for one in once
+    ]
+    return Grid("Quantities of one run", heads, rows).without_empty()
 
 
 def _newest(series: Sequence[PassportSeries]) -> list[tuple[str, str, str, str]]:

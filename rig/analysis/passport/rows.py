@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from rig.analysis.passport.content import Missing, PassportPoint, PassportSeries
 from rig.content.grid import Grid, columns
@@ -33,7 +33,6 @@ def _series_row(series: PassportSeries) -> tuple[str, ...]:
     if control is not None:
         centre = number(control.centre / factor)
         limits = f"{number(control.lower / factor)} … {number(control.upper / factor)}"
-    conditions = ", ".join(f"{name} {value}" for name, value in series.conditions.items())
     return (
         series.title,
         newest_pair(series),
@@ -44,8 +43,15 @@ def _series_row(series: PassportSeries) -> tuple[str, ...]:
         limits,
         f"{number(limit.value / factor)} ({limit.provenance})" if limit else "–",
         str(len(series.points)),
-        conditions,
+        conditions_text(series.conditions),
         "; ".join((*newest.remarks, *series.notes)),
+    )
+
+
+def conditions_text(conditions: Mapping[str, str]) -> str:
+    """What all runs of a series have in common, in a line; a value that begins with its name says it once."""
+    return ", ".join(
+        value if value.startswith(name) else f"{name} {value}" for name, value in conditions.items()
     )
 
 

@@ -196,6 +196,21 @@ def test_a_gear_on_hardware_can_be_signed_and_an_expired_calibration_is_an_alarm
     assert not any("SIMULATED" in text for text in found)
 
 
+def test_what_was_measured_once_has_a_line_and_no_chart(tmp_path: Path) -> None:
+    life(tmp_path, VALUES[:1])
+    made, _ = gear_page(passport(tmp_path, "A1", baseline=4), created=CREATED)
+    (once,) = [part for part in made.sections if part.title == "Measured once"]
+    (row,) = once.grids[0].rows
+    assert "80.00 ± 0.39" in row
+    assert "00001-friction-A1" in row
+    assert not any(part.figures for part in made.sections)
+    twice = tmp_path / "twice"
+    twice.mkdir()
+    made, _ = gear_page(passport(life(twice, VALUES[:2]), "A1", baseline=4), created=CREATED)
+    assert not any(part.title == "Measured once" for part in made.sections)
+    assert any(part.figures for part in made.sections)
+
+
 def test_the_command_writes_both(worn: Path, tmp_path: Path) -> None:
     target = tmp_path / "A1.pdf"
     done = CliRunner().invoke(

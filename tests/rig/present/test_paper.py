@@ -219,11 +219,12 @@ def test_nothing_stands_in_the_margins() -> None:
         handmade.fit(result=handmade.kinematic_result(), **more),
     ]
     crosswise = 0
-    for page in typeset(
+    pages = typeset(
         report_page(fits, created=CREATED, verdict=handmade.verdict(fits)),
         format="png",
         ppi=72.0,
-    ):
+    )
+    for number, page in enumerate(pages, 1):
         picture = imread(io.BytesIO(page))[:, :, :3].min(axis=2)
         height, width = picture.shape
         crosswise += width > height
@@ -238,6 +239,8 @@ def test_nothing_stands_in_the_margins() -> None:
         assert picture[-bottom:, :].min() > 0.6
         assert picture[:top, :].min() > 0.6
         assert np.count_nonzero(picture < 0.5) > 100, "an empty page"
+        inked = np.flatnonzero((picture[2 * top : -3 * bottom] < 0.5).any(axis=1))
+        assert number == len(pages) or np.ptp(inked) > height / 3, f"page {number} is nearly empty"
     assert crosswise
 
 
