@@ -97,6 +97,31 @@ Models = Annotated[
 ]
 
 
+def _chosen_sections(text: str) -> tuple[str, ...]:
+    """The sections that a list names. Raises `BadParameter` for a word that is none."""
+    from rig.content.page import SECTIONS
+
+    wanted = tuple(word.strip() for word in text.split(",") if word.strip())
+    unknown = [word for word in wanted if word not in SECTIONS]
+    if unknown:
+        raise typer.BadParameter(
+            f"{unknown[0]!r} is no section; there are {', '.join(SECTIONS)}",
+            param_hint="--sections",
+        )
+    return wanted
+
+
+_Sections = Annotated[
+    str,
+    typer.Option(
+        "--sections",
+        metavar="LIST",
+        help="Only these, with commas between: results, numbers, truth, conditions, calibrations, provenance, "
+        "definitions, scope, parameters, data; all without it. Verdict and warnings always stand.",
+    ),
+]
+
+
 def report(
     runs: Runs = None,
     output: Output = None,
@@ -113,6 +138,7 @@ def report(
     refit: _Refit = False,
     parameters: Parameters = None,
     models: Models = False,
+    sections: _Sections = "",
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
     unsealed: Unsealed = False,
@@ -143,8 +169,10 @@ def report(
     if len(folders or ()) > 1:
         raise typer.BadParameter("a page is of the runs of one folder", param_hint="--runs")
     asked = acceptance_named(acceptance) if acceptance else None
+    wanted = _chosen_sections(sections)
     of_files = partial(
         report_on_files,
+        sections=wanted,
         tare=tare,
         no_tare=no_tare,
         refit=refit,
@@ -159,7 +187,7 @@ def report(
         paths = [file.with_suffix(suffix) for suffix in suffixes_of(file, format_)]
         if gear:
             (folder,) = folders or [Path("runs")]
-            reports = [report_on_gear(folder, gear, paths, acceptance=asked)]
+            reports = [report_on_gear(folder, gear, paths, acceptance=asked, sections=wanted)]
         else:
             reports = [of_files(runs or [], paths, models=models)]
     _show(reports, json=json)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
 
 from rig.content.grid import Grid, Tone
 
@@ -82,10 +82,38 @@ class Page:
     """The runs that it is of, for the foot of every page."""
     made_from: str = "run files whose SHA-256 stands under Provenance"
 
+    def only(self, wanted: Collection[str]) -> Page:
+        """The report with these sections alone, by their words (`word_of`); its head and its verdict always stay."""
+        return replace(
+            self,
+            sections=tuple(one for one in self.sections if word_of(one) in wanted),
+            annexes=tuple(one for one in self.annexes if word_of(one) in wanted),
+        )
+
     @property
     def words(self) -> str:
         """The words that tell what is no measurement."""
         return ", ".join(word for word, _ in self.marks)
+
+
+SECTIONS = (
+    "results",
+    "numbers",
+    "truth",
+    "conditions",
+    "calibrations",
+    "provenance",
+    "definitions",
+    "scope",
+    "parameters",
+    "data",
+)
+"""The sections of a report by the words in which they are asked for, in the order in which they stand."""
+
+
+def word_of(section: Section) -> str:
+    """By which word a section is asked for: every analysed run is one of the results."""
+    return "results" if section.anchor.startswith("part-") else section.anchor
 
 
 def annexes_of(

@@ -47,12 +47,14 @@ def report_on_files(
     no_tare: bool = False,
     refit: bool = False,
     models: bool = False,
+    sections: Sequence[str] = (),
 ) -> Reports:
     """Write the report of these run files: one file, or several of the same content (HTML, PDF).
 
     What is reported of each is its analysis in force, as everybody reads it; a stale one says so. A run
     that was never analysed is analysed once, and that is kept. `refit`, a tare or a parameter set
-    chosen by hand, and `no_tare` make every analysis anew. `models`: of every kind with two runs or more the models of
+    chosen by hand, and `no_tare` make every analysis anew. `sections` are those that are wanted
+    (`rig.content.page.SECTIONS`), all without any. `models`: of every kind with two runs or more the models of
     its ladder are judged by these. `created` is the calendar time of the
     report; now, if not given. Raises `RigError` for a run that does not bear its analysis.
     """
@@ -80,6 +82,7 @@ def report_on_files(
     verdict = judge_runs(stored_fits, _acceptance(acceptance, stored_fits))
     judged = _judged_models(stored_fits, choices) if models else ()
     page = report_page(stored_fits, created=_readable(created), verdict=verdict, models=judged)
+    page = page.only(sections) if sections else page
     lines += _written(page, outputs, count)
     return Reports(outputs, tuple(stored_fits), tuple(lines), verdict)
 
@@ -121,6 +124,7 @@ def report_on_gear(
     *,
     created: str | None = None,
     acceptance: Acceptance | None = None,
+    sections: Sequence[str] = (),
 ) -> Reports:
     """Write the report of a gear over its life, from the analyses that lie beside its runs in a folder."""
     from rig.analysis.passport.build import passport
@@ -132,6 +136,7 @@ def report_on_gear(
     record = passport(folder, serial)
     asked = acceptance or acceptance_for(folder, serial)
     page, verdict = gear_page(record, created=_readable(created), acceptance=asked)
+    page = page.only(sections) if sections else page
     return Reports(
         tuple(outputs),
         (),

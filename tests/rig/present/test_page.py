@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from drivers.channel import Calibration, Channel
 from experiments.recording import Origin, Segment
@@ -23,7 +24,9 @@ from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import budget_grid
 from rig.analysis.validate import ValidatedRung, Validation
+from rig.content.page import SECTIONS, word_of
 from rig.errors import RigError
+from rig.main import app
 from rig.present.page import css_text, render_page
 from rig.present.report import report_page, run_line, write_report
 from rig.runfile.layout import Column
@@ -440,3 +443,18 @@ def test_models_stand_with_the_last_run_of_their_kind() -> None:
     assert second.grids[-1].title == "Models of the running torque"
     assert second.grids[-1].rows[1][:2] == ("2  line", "2")
     assert second.figures[-1].note == "1: mean (null); 2: line."
+
+
+def test_sections_that_are_asked_for_stand_alone_under_the_same_head() -> None:
+    fits = [bare("hardware")]
+    whole = report_page(fits, created=CREATED, verdict=handmade.verdict(fits))
+    assert {word_of(one) for one in (*whole.sections, *whole.annexes)} <= set(SECTIONS)
+    some = whole.only(("results", "definitions"))
+    assert [word_of(one) for one in (*some.sections, *some.annexes)] == ["results", "definitions"]
+    assert (some.states, some.warnings, some.judged) == (whole.states, whole.warnings, whole.judged)
+
+
+def test_a_section_that_no_report_has_is_refused_with_those_that_there_are() -> None:
+    ran = CliRunner().invoke(app, ["report", "run.h5", "--sections", "results,curves"])
+    assert ran.exit_code == 2
+    assert "curves" in ran.output
