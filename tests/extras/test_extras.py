@@ -10,7 +10,7 @@ from tests.extras.conftest import NEEDS
 
 HERE = Path(__file__).parent
 TESTS = HERE.parent
-DISTRIBUTIONS = {"myst_parser": "myst-parser", "nptdms": "npTDMS"}
+DISTRIBUTIONS = {"mujoco": "mujoco-core", "myst_parser": "myst-parser", "nptdms": "npTDMS"}
 """Module: its distribution, where that has another name."""
 
 
