@@ -128,4 +128,5 @@ def _show(done: Export) -> None:
     if done.checked:
         out.print(painted(check_grid(done.checked, notes.target)))
     for sentence in sentences(notes):
-        out.print(sentence)
+        out.print(sentence, soft_wrap=True)
+    echo("\n".join(["Example", *notes.example]))

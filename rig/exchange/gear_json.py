@@ -49,8 +49,8 @@ EQUATIONS = (
     (
         "joint",
         "T = N T_f(N w_o), J = N^2 J_wg + J_g",
-        "the same at the output: torque [N m] over the output's speed w_o [rad/s], inertia of the gear alone [kg m2]; "
-        "N = ratio, as mounted",
+        "the same at the output: torque [N m] over the output's speed w_o [rad/s], inertia of the gear alone [kg m2], "
+        "without J_g where the flexspline is fixed; N = ratio, as mounted",
     ),
 )
 """Number in Zou et al. 2015 ("joint" is ours), the equation, and what its words mean."""

@@ -250,7 +250,9 @@ def _with_results(
     covariance = np.diag([known[name].standard_uncertainty ** 2 for name in uncertain])
     for result in results:
         _put_block(covariance, uncertain, result, gear)
-    friction = next((one for one in results if one.kind == "friction"), None)
+    run = next((one for one in results if one.kind == "friction"), None)
+    # Where a run measured motor and gear together, the gear's friction is the set's, and so is where it holds.
+    friction = run if run is not None and run.options.get("torque_is_of") == "gear" else None
     return IdentifiedGear(
         gear=gear,
         parameters=parameters,
@@ -262,14 +264,16 @@ def _with_results(
         temperatures=_temperatures(friction),
         runs=runs,
         mark=mark,
-        remarks=tuple(_remarks(results, friction)),
+        remarks=tuple(_remarks(results, run, friction)),
     )
 
 
-def _remarks(results: Sequence[Result], friction: Result | None) -> Iterator[str]:
-    if friction is None:
+def _remarks(
+    results: Sequence[Result], run: Result | None, friction: Result | None
+) -> Iterator[str]:
+    if run is None:
         yield "No friction run: friction is that of the parameter set."
-    elif friction.options.get("torque_is_of") != "gear":
+    elif friction is None:
         yield "The friction run has no motor tare: friction is that of the parameter set, not the run's."
     for result in results:
         for name, estimate in result.estimates.items():

@@ -186,7 +186,11 @@ _LAWS = ("d0 v", "d1 v |v|", "d2 v^3")
 
 
 def _inertia_words(joint: Joint) -> str:
-    return "N^2 J_wg + J_g" if joint.side == "joint" else "J_wg + J_g/N^2"
+    return (
+        "N^2 J_wg + J_g (what of it turns)"
+        if joint.side == "joint"
+        else "J_wg + J_g/N^2 (what of it turns)"
+    )
 
 
 def _text(value: float) -> str:

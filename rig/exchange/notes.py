@@ -75,7 +75,8 @@ def meaning_grid(notes: Notes) -> Grid:
 
 def sentences(notes: Notes) -> tuple[str, ...]:
     """What the target can't hold, and what is to be said of the gear."""
-    return (*(f"not held: {one}" for one in notes.cannot), *notes.remarks)
+    whole = () if notes.forms else ("friction: equation 20 itself, with no error over speed",)
+    return (*whole, *(f"not held: {one}" for one in notes.cannot), *notes.remarks)
 
 
 def notes_text(notes: Notes) -> str:
