@@ -6,7 +6,7 @@ import textwrap
 from html import escape
 
 from rig.content.grid import Grid
-from rig.content.wording import visible
+from rig.content.wording import aligned, visible
 
 WIDTH = 100
 """Letters of a line that fit a screen."""
@@ -32,12 +32,8 @@ class Tabular:
 def text_of(grid: Grid) -> str:
     """A table for a terminal: no more rows than fit a screen, and how many more there are."""
     shown = [grid.headings, *([_cut(visible(cell)) for cell in row] for row in grid.rows[:ROWS])]
-    widths = [max(map(len, column)) for column in zip(*shown, strict=True)]
-    lines = [visible(grid.title)]
-    for row in shown:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        lines.append("  ".join(cells).rstrip())
-    lines = [_cut(line, WIDTH) for line in (*lines, *_more(len(grid.rows) - ROWS))]
+    whole = (visible(grid.title), *aligned(shown), *_more(len(grid.rows) - ROWS))
+    lines = [_cut(line, WIDTH) for line in whole]
     remarks = grid.note.splitlines()
     for remark in remarks[:REMARKS]:
         lines += textwrap.wrap(visible(remark), WIDTH, subsequent_indent="  ")

@@ -75,9 +75,7 @@ def runs(
     from rig.commands.progress import reading_bar
     from rig.library.index import LibraryIndex
 
-    if place is not None and folder is not None and place != folder:
-        raise typer.BadParameter(f"{folder}, and DIR is {place}: name one", param_hint="--runs")
-    folder = place or folder or Path("runs")
+    folder = _folder_named(place, folder)
     with reading_bar("Reading the runs", quiet=json) as on_progress:
         index = LibraryIndex(folder, on_progress, nested=True)
         listed = index.search(
@@ -111,6 +109,13 @@ def runs(
 
     verdicts = {path: one.verdict for path, one in judged.items()}
     print_runs(folder, listed, verdicts, found=found, refused=index.refused)
+
+
+def _folder_named(place: Path | None, folder: Path | None) -> Path:
+    """The folder of runs, by the word or the option; `runs` where neither is said."""
+    if place is not None and folder is not None and place != folder:
+        raise typer.BadParameter(f"{folder}, and DIR is {place}: name one", param_hint="--runs")
+    return place or folder or Path("runs")
 
 
 def _day(text: str | None, flag: str) -> str | None:

@@ -255,10 +255,11 @@ def query(
 
 def _print_answer(answer: Answer) -> None:
     """Every column at its whole width: a terminal that is narrower breaks lines, and a pager need not."""
+    from rig.content.wording import aligned
+
     cells = [answer.columns, *([_cell(value) for value in row] for row in answer.rows)]
-    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    for line in cells:
-        echo("  ".join(map(str.ljust, line, widths)).rstrip())
+    for line in aligned(cells):
+        echo(line)
 
 
 def _cell(value: object) -> str:

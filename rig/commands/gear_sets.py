@@ -75,7 +75,6 @@ def new(
     On a terminal the nameplate's values are asked one by one, and Enter keeps what is there; a script states them
     with --set, or leaves them marked.
     """
-    from model.catalogue.contradictions import contradictions, not_compared
     from model.catalogue.table import read_product
     from model.gear_file import SECTIONS
     from rig.errors import ConfigurationError
@@ -95,14 +94,21 @@ def new(
         if not json and (remark := remark_of(path, value, known[path])):
             echo(remark)
     gear = made_gear(part, stated, by, at)
-    if not json and sys.stdin.isatty():
+    can_ask = not json and sys.stdin.isatty()
+    if not despite_runs:
+        _refuse_another_part(serial, gear.name, output, can_ask=can_ask)
+    if can_ask:
         stated |= asked(_questions(gear, stated), known)
         gear = made_gear(part, stated, by, at)
-    if not despite_runs:
-        _refuse_another_part(serial, gear.name, output, can_ask=not json and sys.stdin.isatty())
     path = str(Path(acceptance).resolve()) if acceptance.lower().endswith(".toml") else acceptance
     facts = {"serial": serial, "mounting": mounting, "acceptance": path}
-    made = write_new_gear(output, gear, facts, by, at)
+    _tell_made(write_new_gear(output, gear, facts, by, at), gear, json=json)
+
+
+def _tell_made(made: NewGear, gear: HarmonicDrive, *, json: bool) -> None:
+    """What was made, what is open, and what contradicts itself, for a person or a program."""
+    from model.catalogue.contradictions import contradictions, not_compared
+
     found, aside = contradictions(gear), not_compared(gear)
     if json:
         print_json(

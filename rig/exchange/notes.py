@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rig.content.grid import Grid, columns, number_columns
-from rig.content.wording import number
+from rig.content.wording import aligned, number
 from rig.exchange.joint import Form, FormName, Joint, in_words
 
 TITLES = {
@@ -89,10 +89,5 @@ def notes_text(notes: Notes) -> str:
 
 def grid_text(grid: Grid) -> str:
     """A table as text, its columns under each other."""
-    table = [grid.headings, *grid.rows]
-    widths = [max(len(row[place]) for row in table) for place in range(len(grid.columns))]
-    rows = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in table
-    ]
+    rows = aligned([grid.headings, *grid.rows])
     return "\n".join([grid.title, *rows, *([grid.note] if grid.note else [])])
