@@ -137,7 +137,6 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
     return CampaignOrder(
         walk=walked,
         bench=bench_for(pattern).id,
-        created=now_text(),
         now=now_text,
         acceptance=_acceptance_of(pattern),
         beside=is_simulated(pattern.backend),

@@ -10,7 +10,7 @@ import contextlib
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,10 +35,10 @@ class Analysed:
 
 
 class Analyst:
-    """Analyses runs in the order in which they come."""
+    """Analyses runs in the order in which they come; each analysis bears the time `now` at which its run was taken."""
 
-    def __init__(self, created: str, pool: ProcessPoolExecutor | None) -> None:
-        self._created = created
+    def __init__(self, now: Callable[[], str], pool: ProcessPoolExecutor | None) -> None:
+        self._now = now
         self._pool = pool
         self._waiting: list[tuple[Path, Future[Analysed]]] = []
         self._done: list[Analysed] = []
@@ -46,9 +46,9 @@ class Analyst:
     def take(self, run: Path) -> None:
         """Analyse a run: now, or as soon as the process beside is free."""
         if self._pool is None:
-            self._done.append(analyse(run, self._created))
+            self._done.append(analyse(run, self._now()))
         else:
-            self._waiting.append((run, self._pool.submit(analyse, run, self._created)))
+            self._waiting.append((run, self._pool.submit(analyse, run, self._now())))
 
     def all(self) -> tuple[Analysed, ...]:
         """What came of every run that was taken since the last call, once it is there."""
@@ -66,10 +66,10 @@ def _awaited(run: Path, future: Future[Analysed]) -> Analysed:
 
 
 @contextlib.contextmanager
-def analyst(created: str, *, beside: bool) -> Iterator[Analyst]:
+def analyst(now: Callable[[], str], *, beside: bool) -> Iterator[Analyst]:
     """An analyst, whose process (where it has one) ends with it."""
     if not beside:
-        yield Analyst(created, None)
+        yield Analyst(now, None)
         return
     context = multiprocessing.get_context("spawn")
     with (
@@ -78,7 +78,7 @@ def analyst(created: str, *, beside: bool) -> Iterator[Analyst]:
     ):
         # While the first run compiles what leads a rig, this one compiles what fits.
         pool.submit(_compile_ahead)
-        yield Analyst(created, pool)
+        yield Analyst(now, pool)
 
 
 def analyse(run: Path, created: str) -> Analysed:

@@ -35,14 +35,13 @@ if TYPE_CHECKING:
 class CampaignOrder:
     """What is asked for: the walked campaign, for which gear, judged by what.
 
-    `created` is the calendar time that the analyses bear. `beside` analyses in a process of its own,
-    on simulated rigs only. `anew` begins again where an unfinished campaign could go on.
-    `bench` is the identity of the bench; `now` tells the calendar time (ISO 8601).
+    `beside` analyses in a process of its own, on simulated rigs only. `anew` begins again where an
+    unfinished campaign could go on. `bench` is the identity of the bench; `now` tells the calendar time
+    (ISO 8601), which journal and analyses bear.
     """
 
     walk: Walk
     bench: str
-    created: str
     now: Callable[[], str]
     acceptance: Acceptance | None = None
     beside: bool = False
@@ -141,7 +140,7 @@ def conduct(order: CampaignOrder, crew: Crew) -> CampaignReport:
     """Run what is not done yet, analyse it, and judge the gear. Raises only before anything moves."""
     journal, resumed = _opened(order)
     analysed: list[Analysed] = []
-    with analyst(order.created, beside=order.beside) as analyses:
+    with analyst(order.now, beside=order.beside) as analyses:
         # What a campaign of an earlier day left unanalysed is analysed first.
         for path in _unanalysed(journal, order.folder):
             analyses.take(path)

@@ -222,7 +222,6 @@ def campaign_order(order: DemoOrder, *, beside: bool) -> CampaignOrder:
     return CampaignOrder(
         walk=replace(walked, stages=stages),
         bench=bench_for(pattern).id,
-        created=order.created,
         now=lambda: order.created,
         acceptance=shipped_acceptance(ACCEPTANCE),
         beside=beside,

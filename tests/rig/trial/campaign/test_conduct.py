@@ -16,6 +16,7 @@ from model.gear_file import shipped_gear
 from model.identify.estimate import Estimate
 from model.motor import shipped_motor
 from rig.analysis.in_force import in_force
+from rig.analysis.store import read_analyses
 from rig.bench.backends.order import Order
 from rig.errors import ConfigurationError
 from rig.run import start
@@ -52,7 +53,6 @@ def order(folder: Path, **changes: object) -> CampaignOrder:
     wanted = CampaignOrder(
         walk=walk(PLAN, pattern),
         bench=bench_for(pattern).id,
-        created=FIRST_DAY,
         now=lambda: FIRST_DAY,
     )
     return replace(wanted, **changes)
@@ -299,3 +299,13 @@ def test_junit_says_why_a_limit_is_no_pass(
         "failures": int(told is not None and told[0] == "failure"),
         "skipped": int(told is not None and told[0] == "skipped"),
     }
+
+
+def test_each_analysis_bears_the_time_at_which_it_was_made(tmp_path: Path) -> None:
+    """Not that at which the command began, before any of its runs was there."""
+    days = (f"2026-01-{day:02d}T08:00:00+00:00" for day in range(1, 29))
+    conduct(order(tmp_path, now=lambda: next(days)), Ran().crew())
+    made = [read_analyses(run)[0].content["created"] for run in sorted(tmp_path.glob("*.h5"))]
+    assert len(made) >= 2
+    assert made == sorted(set(made))
+    assert made[0] > FIRST_DAY
