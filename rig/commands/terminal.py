@@ -113,12 +113,17 @@ class FittedTable:
         """Whether no row of the grid takes more than two lines at this width, and no word is cut."""
         from rich.cells import cell_len
 
+        # rich has no public word for the widths that it will paint with.
         table = self.table(grid)
         room = options.update_width(options.max_width - table._extra_width)
         widths = table._calculate_column_widths(console, room)
         for place, (column, width) in enumerate(zip(grid.columns, widths, strict=True)):
             inner = max(width - (place < len(widths) - 1), 1)
-            if column.kind == "hash" or table.columns[place].no_wrap:
+            if column.kind == "hash":
+                continue
+            if table.columns[place].no_wrap:
+                if any(cell_len(row[place]) > inner for row in grid.rows):
+                    return False
                 continue
             for row in grid.rows:
                 # Most cells stand on one line: wrapping each of thousands would take longer than to paint them.

@@ -140,6 +140,18 @@ def test_what_has_no_room_is_named_and_a_wide_terminal_has_it_all() -> None:
     assert "leave out" not in shown(200)
 
 
+def test_a_number_is_left_out_rather_than_cut() -> None:
+    import io
+
+    heads = columns("what", *((f"number {place}", "number") for place in range(6)))
+    grid = Grid("Title", heads, [("a limit", *(["1.234567 × 10⁻⁵"] * 6))])
+    written = io.StringIO()
+    VisibleConsole(file=written, width=60).print(FittedTable(grid, {}))
+    assert "…" not in written.getvalue()
+    assert written.getvalue().count("1.234567 × 10⁻⁵") == 3
+    assert "60 columns leave out: number 3" in written.getvalue()
+
+
 def test_a_sentence_goes_on_below_itself_and_a_path_stays_whole() -> None:
     text = "PASS by the limit of the maker in /a/folder/whose/name/is/longer/than/a/line and more"
     lines, start = [], 0
