@@ -143,8 +143,8 @@ def test_what_has_no_room_is_named_and_a_wide_terminal_has_it_all() -> None:
 def test_a_number_is_left_out_rather_than_cut() -> None:
     import io
 
-    heads = columns("what", *((f"number {place}", "number") for place in range(6)))
-    grid = Grid("Title", heads, [("a limit", *(["1.234567 × 10⁻⁵"] * 6))])
+    heads = columns("q", *((f"number {place}", "number") for place in range(6)))
+    grid = Grid("Title", heads, [("x", *(["1.234567 × 10⁻⁵"] * 6))])
     written = io.StringIO()
     VisibleConsole(file=written, width=60).print(FittedTable(grid, {}))
     assert "…" not in written.getvalue()
