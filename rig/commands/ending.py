@@ -62,12 +62,24 @@ def ending_of(report: RunReport, order: Order) -> Ending:
     try:
         made = digest(report.path, now)
         if made.fit is None:
-            return Ending(not_judged(*made.because), made, refusal="; ".join(made.because))
+            words = (*made.because, *filter(None, [_late_words(report.path)]))
+            return Ending(not_judged(*words), made, refusal="; ".join(words))
         asked = acceptance_of(order.acceptance, order.folder, order.serial)
         return Ending(judge_run(made.fit, asked), made)
     except Exception as error:  # noqa: BLE001  the run is sealed: it is told whatever its analysis meets
         crash = f"{type(error).__name__}: {error}"
         return Ending(not_judged(f"the analysis failed: {error}"), crash=crash)
+
+
+def _late_words(path: Path) -> str:
+    from rig.runfile.prevailing import late_words
+    from rig.runfile.read import close_recording, open_run
+
+    recording = open_run(path)
+    try:
+        return late_words(recording.metadata)
+    finally:
+        close_recording(recording)
 
 
 def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from experiments import catalogue
-from experiments.recording import Recording
+from experiments.recording import Recording, RunMetadata
 from model.channel import Calibration
 from model.gear import HarmonicDrive
 from model.units import DEGREE, RPM
@@ -98,6 +98,20 @@ def _turned(world: Mapping[str, Any]) -> float | None:
     """The stated angle of a gear on the output flange [deg]; version 0.2.0 wrote 0 where nobody had stated one."""
     turn = world["mount_turn"]
     return math.degrees(turn) if turn or (turn is not None and "version" in world) else None
+
+
+def late_words(metadata: RunMetadata) -> str:
+    """What to blame where an analysis of time is refused: a computer that came too late and stamps the rows itself; ""
+    where it did not, or where the hardware's clock stamps them.
+    """
+    figures = metadata.process.get("acquisition")
+    overruns = figures.get("overruns", 0.0) if isinstance(figures, Mapping) else 0.0
+    if metadata.time_base != "host" or not overruns:
+        return ""
+    return (
+        f"this computer was late by more than half a cycle {overruns:.0f} times, and its own clock stamps the rows: "
+        "end what else it does, or lower the rate"
+    )
 
 
 def acquisition_facts(figures: object) -> Iterator[Fact]:

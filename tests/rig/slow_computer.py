@@ -12,7 +12,9 @@ from rig.run.trips import LATE_TURN, MISSED_CYCLES, TRIPS
 CAUSES = (MISSED_CYCLES, LATE_TURN)
 RATE = "FAILED  acquisition, rate: "
 """What `rig doctor` says where this computer could not keep the rate."""
-SENTENCES = (*(TRIPS[cause].what for cause in CAUSES), "cycles complete")
+LATE = "this computer was late by more than half a cycle"
+"""What `rig run` says beside an analysis that is refused, where the rows are stamped by the computer."""
+SENTENCES = (*(TRIPS[cause].what for cause in CAUSES), "cycles complete", LATE)
 
 
 def was_too_slow(report: RunReport) -> bool:

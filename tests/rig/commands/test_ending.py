@@ -12,6 +12,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from experiments.errors import AnalysisError
+from experiments.recording import RunMetadata
 from experiments.result import Result
 from rig import exits
 from rig.analysis.digest import Digest
@@ -20,6 +21,7 @@ from rig.analysis.judging import judge_run, not_judged
 from rig.analysis.tare import FoundTare
 from rig.commands.ending import MOST_LINES, Ending, print_ending
 from rig.main import app
+from rig.runfile.prevailing import late_words
 from tests.rig.handmade import acceptance, estimate, fit, friction_result
 
 RUN = Path("runs/00001-friction-A1.h5")
@@ -127,3 +129,17 @@ def test_a_refused_analysis_ends_the_command_as_a_fit_of_it_would(
     assert "does not bear it" in told["analysis_refused"]
     (path,) = tmp_path.glob("*home*.h5")
     assert CliRunner().invoke(app, ["fit", str(path)]).exit_code != 0
+
+
+def test_a_computer_that_came_late_and_stamps_the_rows_is_blamed() -> None:
+    metadata = RunMetadata(
+        run_id="1",
+        experiment="motor-tare",
+        origin="simulated",
+        time_base="host",
+        process={"acquisition": {"overruns": 6.0}},
+    )
+    assert "late by more than half a cycle 6 times" in late_words(metadata)
+    assert late_words(replace(metadata, time_base="hardware")) == ""
+    assert late_words(replace(metadata, process={"acquisition": {"overruns": 0.0}})) == ""
+    assert late_words(replace(metadata, process={})) == ""
