@@ -87,6 +87,9 @@ class Quantity:
     - `is_watched`: Whether a passport follows it over the life of a gear.
     - `watched_members`: Of a family: the members that every gear should have; none: the largest that
       its runs show.
+    - `is_alarmed`: Whether a lasting change over the life of a gear is told as an alarm; at most three quantities
+      of a gear are (`rig.analysis.alarm`), and each one more costs sight of all.
+    - `alarmed_members`: Of a family: the members that are.
     - `heading`: What it is called where it stands alone, above a chart; "" is the title with a capital
       letter.
     - `axis`: What stands at the axis of its chart, before the unit; "" is the title without the
@@ -115,6 +118,8 @@ class Quantity:
     key_members: tuple[str, ...] = ()
     is_watched: bool = False
     watched_members: tuple[str, ...] = ()
+    is_alarmed: bool = False
+    alarmed_members: tuple[str, ...] = ()
     heading: str = ""
     axis: str = ""
     catalogue: Counterpart | None = None
@@ -176,6 +181,12 @@ class Quantity:
     def matches(self, name: str) -> bool:
         """Whether an estimate or a metric of this name is this quantity."""
         return self._pattern.fullmatch(name) is not None
+
+    def gives_alarm(self, name: str) -> bool:
+        """Whether a lasting change of the estimate of this name is told as an alarm."""
+        return self.is_alarmed and (
+            not self.placeholder or self.member(name) in self.alarmed_members
+        )
 
     def named(self, member: str) -> str:
         """The name of one member of the family."""

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.analysis.alarm.promise import RANGES
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from rig.analysis.alarm.promise import Watching
     from rig.analysis.judging import GearVerdict
     from rig.analysis.passport.analyse import Analysed
     from rig.analysis.passport.content import Passport
@@ -85,12 +87,33 @@ OriginWord = Annotated[
         help="With --passport: hardware, simulated, replay or imported; hardware alone where there is any.",
     ),
 ]
-Baseline = Annotated[
-    int,
+FalseAlarms = Annotated[
+    float | None,
     typer.Option(
-        min=2,
+        "--false-alarms",
+        min=RANGES["false_alarms"][0],
+        max=RANGES["false_alarms"][1],
+        metavar="SHARE",
+        help="With --passport: of gears that do not change, so many may be told to have changed; 0.05, or [alarms] "
+        "of rig.toml.",
+    ),
+]
+Over = Annotated[
+    int | None,
+    typer.Option(
+        "--over",
         metavar="RUNS",
-        help="With --passport: first runs that make the control limits.",
+        help="With --passport: within so many runs after the baseline; 20.",
+    ),
+]
+Baseline = Annotated[
+    int | None,
+    typer.Option(
+        "--baseline",
+        min=RANGES["baseline"][0],
+        max=RANGES["baseline"][1],
+        metavar="RUNS",
+        help="With --passport: first runs, which teach what is usual; 10.",
     ),
 ]
 
@@ -110,12 +133,15 @@ def passport(
         ),
     ] = None,
     origin: OriginWord = "",
-    baseline: Baseline = 10,
+    baseline: Baseline = None,
     unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
-    """Show a gear over its runs: accuracy, order spectrum, friction, starting torque, with control limits."""
-    show_passport(serial, output, tare, origin, analyse=analyse, baseline=baseline, json=json)
+    """Show a gear over its runs: accuracy, order spectrum, friction, starting torque, and what has changed."""
+    from rig.analysis.alarm.laboratory import watching_in_force
+
+    watching = watching_in_force(baseline=baseline)
+    show_passport(serial, output, tare, origin, analyse=analyse, watching=watching, json=json)
 
 
 def show_passport(
@@ -125,21 +151,21 @@ def show_passport(
     origin: str,
     *,
     analyse: bool,
-    baseline: int,
+    watching: Watching,
     json: bool,
 ) -> None:
     """Print a gear over its runs.
 
     Drawn from the analyses beside the runs. Only runs that can be compared stand in one series: one
     origin, mounting, speed and subject (gear, or motor and gear). What is missing is named. The
-    exit code is 0 also where a limit is broken.
+    exit code is 0 also where it has changed.
     """
     from rig.analysis.judging import verdict_as_json
     from rig.analysis.passport.build import passport as passport_of
 
     where = output or [Path("runs")]
     analysed = _analyse(where, serial, tare, origin, quiet=json) if analyse else ()
-    passport_of_gear = passport_of(where, serial, origin=origin, baseline=baseline)
+    passport_of_gear = passport_of(where, serial, origin=origin, watching=watching)
     verdicts, judged = _verdicts_of(passport_of_gear, where)
     if json:
         content = {**passport_of_gear.as_json(), **judged.as_json()}

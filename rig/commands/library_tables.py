@@ -70,13 +70,11 @@ def print_passport(
     print_verdict(out, judged)
     if passport.series:
         grid = series_grid(passport.series)
-        out.print(painted(grid.without("signals", "catalogue limit", "remarks")))
-    for series in passport.series:
-        for point in series.points:
-            for signal in point.signals:
-                text = f"{series.title}, {point.run}: {passport.rules[signal]}"
-                text += " (within the measuring uncertainty)" if point.within_uncertainty else ""
-                out.print(Text(text, style=STYLES["bad" if signal == "1" else "warning"]))
+        out.print(painted(grid.without("catalogue limit", "remarks")))
+    for alarm in passport.alarms:
+        out.print(Text(f"CHANGED  {alarm.sentence}", style=STYLES["bad"]))
+        out.print(Text(f"  {alarm.decides}  →  {alarm.command}"))
+    out.print(Text(f"Alarms: {passport.promise}.", style="dim"))
     for heading, lines in (
         ("Missing", passport.missing),
         ("Runs that do not count", passport.left_out),

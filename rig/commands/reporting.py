@@ -13,7 +13,15 @@ import typer
 
 from rig.commands.analysis import Json, Parameters
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
-from rig.commands.library import Analyse, Baseline, Folders, OriginWord, show_passport
+from rig.commands.library import (
+    Analyse,
+    Baseline,
+    FalseAlarms,
+    Folders,
+    OriginWord,
+    Over,
+    show_passport,
+)
 from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, echo, print_json
@@ -70,7 +78,7 @@ _PassportHere = Annotated[
     bool,
     typer.Option(
         "--passport",
-        help="With --gear: print it here, with control limits, instead of writing a page; the exit code is 0.",
+        help="With --gear: print it here, with what has changed, instead of writing a page; the exit code is 0.",
     ),
 ]
 _AnewWithTare = Annotated[
@@ -132,7 +140,9 @@ def report(
     passport: _PassportHere = False,
     analyse: Analyse = False,
     origin: OriginWord = "",
-    baseline: Baseline = 10,
+    false_alarms: FalseAlarms = None,
+    over: Over = None,
+    baseline: Baseline = None,
     tare: _AnewWithTare = None,
     no_tare: _AnewWithoutTare = False,
     refit: _Refit = False,
@@ -150,6 +160,7 @@ def report(
     passport). The exit code is the verdict: 0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL. Only runs from
     hardware have room for a signature; all others are marked on every page.
     """
+    from rig.analysis.alarm.laboratory import watching_in_force
     from rig.exits import code_of_verdicts
     from rig.gears.acceptance import acceptance_named
     from rig.present.build import report_on_files, report_on_gear
@@ -164,7 +175,8 @@ def report(
     if passport:
         if not gear:
             raise typer.BadParameter("is of a gear: name it with --gear", param_hint="--passport")
-        show_passport(gear, folders, tare, origin, analyse=analyse, baseline=baseline, json=json)
+        watching = watching_in_force(false_alarms=false_alarms, over=over, baseline=baseline)
+        show_passport(gear, folders, tare, origin, analyse=analyse, watching=watching, json=json)
         return
     if len(folders or ()) > 1:
         raise typer.BadParameter("a page is of the runs of one folder", param_hint="--runs")

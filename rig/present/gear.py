@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
     from rig.gears.acceptance import Acceptance
 
-_WORST = ("out of control", "to be watched", "no control limits yet", "in control")
+_WORST = ("changed", "no change seen", "learning", "not watched")
 
 
 def gear_page(
@@ -137,7 +137,7 @@ def _parts(passport: Passport) -> Iterator[Section]:
             anchor=f"part-{number_}",
             subtitle=f"Runs with {facts or 'all'}",
             warnings=tuple(series.notes),
-            figures=(drawn(series.plot, series.origin, number_),),
+            figures=tuple(drawn(plot, series.origin, number_) for plot in series.plots),
             grids=(data_grid(table),),
         )
     once = [series for series in passport.series if len(series.points) == 1]
@@ -211,10 +211,9 @@ def _run_grid(passport: Passport) -> Grid:
 
 
 def _terms(passport: Passport) -> Iterator[tuple[str, str]]:
-    """What is followed, and what the signals of the charts mean."""
+    """What is followed, and how often a change is told where there is none."""
     yield from {one.title: one.definition for one in passport.series}.items()
-    for name, meaning in passport.rules.items():
-        yield f"Signal {name}", meaning
+    yield "Changed", f"A sum of scores of the runs is above its threshold: {passport.promise}"
 
 
 def _signature(words: str) -> Signature:

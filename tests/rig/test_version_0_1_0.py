@@ -95,6 +95,17 @@ def without_the_end(answer: Any) -> Any:
     return answer
 
 
+def without_control_limits(expected: Any) -> Any:
+    """A passport of 0.1.0 without the rules of its control charts, in whose place alarms with a promise have come."""
+    del expected["rules"]
+    for series in expected["series"]:
+        assert series.pop("state") == "no control limits yet"
+        del series["control_limits"], series["notes"]
+        for point in series["points"]:
+            del point["signals"], point["within_uncertainty"]
+    return expected
+
+
 def without_stale(answer: Any) -> Any:
     """A passport without what it says of analyses that are stale or not sealed, as every one of 0.1.0 is."""
     unsealed = [line for line in answer["missing"] if NOT_SEALED_THEN in line["what"]]
@@ -110,7 +121,11 @@ def without_stale(answer: Any) -> Any:
             f"it was made by version 1 of the friction analysis, which is at {version}",
         )
     ]
-    answer["missing"] = [line for line in answer["missing"] if line not in (*stale, *unsealed)]
+    # Stiffness over inertia was not followed then.
+    since = [line for line in answer["missing"] if line["what"].startswith("Secant stiffness")]
+    assert [line["remedy"] for line in since] == ["rig run velocity-steps"]
+    besides = (*stale, *unsealed, *since)
+    answer["missing"] = [line for line in answer["missing"] if line not in besides]
     return answer
 
 
@@ -164,7 +179,7 @@ def test_every_command_answers_as_0_1_0_did(
         return
     answer = json.loads(output)
     if name == "passport":
-        answer = without_stale(answer)
+        expected, answer = without_control_limits(expected), without_stale(answer)
     if entry["arguments"][0] == "diff":
         answer = without_the_end(answer)
     if name in WRITTEN_NOW:

@@ -73,6 +73,8 @@ ESTIMATES = (
         is_key=True,
         key_members=("2", "1"),
         is_watched=True,
+        is_alarmed=True,
+        alarmed_members=("2",),
         subject="kinematic error",
         rests_on=OF_ANGLES,
     ),

@@ -20,9 +20,12 @@ ESTIMATES = (
         title="secant stiffness over inertia K/J_o",
         unit="1/s2",
         definition="torque over torsion between reversals at +-T1/4 at the output, over the output's inertia",
+        conditions=("part", "mounting"),
         target_share=0.1,
         target_reason=_STIFFNESS_REASON,
         is_key=True,
+        is_watched=True,
+        is_alarmed=True,
         rests_on=OF_ANGLES,
     ),
     Quantity(

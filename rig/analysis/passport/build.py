@@ -7,14 +7,18 @@ from pathlib import Path
 
 from experiments.quantity import Quantity
 from model.identify.estimate import Estimate
-from rig.analysis.passport.chart import BASELINE_RUNS, RULES
+from rig.analysis.alarm.laboratory import watching_in_force
+from rig.analysis.alarm.promise import Watching
 from rig.analysis.passport.content import Missing, Passport, PassportSeries
 from rig.analysis.passport.draw import point_table, spectrum_plots
-from rig.analysis.passport.followed import FollowedQuantity, followed, largest_followed, watched
+from rig.analysis.passport.followed import FollowedQuantity, followed, largest_followed
+from rig.analysis.passport.followed import watched as watched_quantities
 from rig.analysis.passport.gather import AnalysedRun, Gathered, gather, runs_of
-from rig.analysis.passport.series import series_of, usable
+from rig.analysis.passport.series import groups_of, series_of, usable
+from rig.analysis.passport.watch import Group, alarmed, days_between, watched
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import RigError
+from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.runfile.header import ORIGIN_WORDS
 
 
@@ -23,22 +27,16 @@ def passport(
     serial: str,
     *,
     origin: str = "",
-    baseline: int = BASELINE_RUNS,
+    watching: Watching | None = None,
 ) -> Passport:
     """The passport of gear `serial` from a folder of runs, several folders, or run files.
 
     `origin`: only runs of this one; without it the runs from hardware where there are any, else
-    every origin for itself: no series ever holds two. `baseline`: how many first runs make the
-    control limits. Raises `RigError` where there is no run of this gear, or fewer than two runs are
-    to make limits; `RunFileError` for a folder that is none.
+    every origin for itself: no series ever holds two. `watching`: how often a gear that does not change may be told to
+    have changed; without it what `rig.toml` of the present folder says. Raises `RigError` where there is no run of
+    this gear; `RunFileError` for a folder that is none.
     """
-    if baseline < 2:
-        raise RigError(
-            "control limits need runs that can scatter",
-            where="baseline",
-            value=baseline,
-            limit=">= 2",
-        )
+    watching = watching or watching_in_force()
     runs = runs_of(where, serial)
     if not runs:
         raise RigError(
@@ -49,8 +47,20 @@ def passport(
         )
     gathered = gather(runs, origin)
     analysed = gathered.analysed
+    groups = _groups(analysed)
+    chosen = alarmed(groups)
+    days = days_between(chosen, _golden(where, serial, watching, origin), watching.promise)
+    acceptance = _acceptance(where, serial)
     series = tuple(
-        one for quantity in _followed(analysed) for one in series_of(quantity, analysed, baseline)
+        series_of(
+            one,
+            watched(one, watching.promise, len(chosen), days)
+            if any(one is other for other in chosen)
+            else None,
+            watching,
+            acceptance,
+        )
+        for one in groups
     )
     origins = sorted({run.origin for run in gathered.runs})
     mark = " / ".join(ORIGIN_WORDS.get(one, one.upper()) for one in origins if one != "hardware")
@@ -64,8 +74,31 @@ def passport(
         tables=tuple(point_table(one) for one in series),
         missing=(*gathered.missing, *_missing(gathered, series)),
         left_out=gathered.left_out,
-        rules=RULES,
+        promise=watching.promise.words,
     )
+
+
+def _groups(analysed: Sequence[AnalysedRun]) -> list[Group]:
+    return [one for quantity in _followed(analysed) for one in groups_of(quantity, analysed)]
+
+
+def _golden(
+    where: str | Path | Iterable[str | Path], serial: str, watching: Watching, origin: str
+) -> list[Group]:
+    """The watched series of the golden gear; none where there is no other one, or where it has no run here."""
+    golden = watching.golden_gear
+    if not golden or golden == serial:
+        return []
+    runs = runs_of(where, golden)
+    return alarmed(_groups(gather(runs, origin).analysed)) if runs else []
+
+
+def _acceptance(where: str | Path | Iterable[str | Path], serial: str) -> Acceptance | None:
+    """What the gear must show, by the first of these places whose card names a file."""
+    places = [Path(where)] if isinstance(where, (str, Path)) else [Path(one) for one in where]
+    folders = [place if place.is_dir() else place.parent for place in places]
+    named = (acceptance_for(folder, serial) for folder in folders)
+    return next((one for one in named if one is not None), None)
 
 
 def _place(where: str | Path | Iterable[str | Path]) -> str:
@@ -75,7 +108,7 @@ def _place(where: str | Path | Iterable[str | Path]) -> str:
 def _followed(analysed: Sequence[AnalysedRun]) -> list[FollowedQuantity]:
     """The followed quantities; of a family without members of its own the largest of these runs."""
     quantities: list[FollowedQuantity] = []
-    for kind, quantity in watched():
+    for kind, quantity in watched_quantities():
         expected = followed(kind, quantity)
         if not expected:
             sizes = [
@@ -99,7 +132,7 @@ def _missing(gathered: Gathered, series: Sequence[PassportSeries]) -> list[Missi
     could not tell, tares.
     """
     charted = {(one.kind, one.quantity) for one in series}
-    expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
+    expected = [one for kind, quantity in watched_quantities() for one in followed(kind, quantity)]
     missing = [_nothing_of(one, gathered) for one in expected if (one.kind, one.key) not in charted]
     for one in gathered.analysed:
         for quantity in expected:

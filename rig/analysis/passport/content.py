@@ -1,9 +1,10 @@
-"""What a passport holds: a gear's runs, one series per quantity and conditions, control limits, and what is missing."""
+"""What a passport holds: a gear's runs, a series per quantity and conditions, what has changed, what is missing."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,7 +13,8 @@ from experiments.result import Plot, Table
 from model.gear import Provenance
 from rig.library.index import IndexedRun
 
-State = Literal["in control", "to be watched", "out of control", "no control limits yet"]
+State = Literal["changed", "learning", "no change seen", "not watched"]
+"""What a series says of its gear; "learning" within the baseline, "not watched" where it is drawn alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,9 +22,10 @@ class PassportPoint:
     """One run in a series; numbers in the unit of the series (SI).
 
     `low`, `high` the 95 % interval (statistical part); `expanded_uncertainty` U (95 %), type B
-    included; `signals` the rules of the chart that it breaks; `within_uncertainty` whether its
-    distance from the centre line is no more than its U without what all runs share (None without
-    limits); `remarks` what changed since the run before.
+    included; `expected` what the runs before it let expect at its warmth, bench and mounting (None: nothing yet);
+    `upper_sum`, `lower_sum` the sums that are held against the threshold (None in a series that is not watched);
+    `is_alarm` at the run at which a change was told; `is_changed` from the run on since which it is told; `remarks`
+    what changed since the run before.
     """
 
     position: int
@@ -36,8 +39,11 @@ class PassportPoint:
     expanded_uncertainty: float
     identifiability: str = "yes"
     analysis: str = ""
-    signals: tuple[str, ...] = ()
-    within_uncertainty: bool | None = None
+    expected: float | None = None
+    upper_sum: float | None = None
+    lower_sum: float | None = None
+    is_alarm: bool = False
+    is_changed: bool = False
     housing_temperature: float | None = None
     remarks: tuple[str, ...] = ()
 
@@ -47,26 +53,62 @@ class PassportPoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlLimits:
-    """Limits of an individuals chart, from the mean moving range of the first runs: centre +- 3 MR/1.128.
+class Alarm:
+    """A lasting change of one quantity: how much (`size` with its 95 % interval, SI), since which run, told at which.
 
-    `moving_range_upper` = 3.267 MR; `runs` made the limits; `false_alarms` is the share of later
-    runs of an unchanged gear that fall outside all the same, limits from so few runs being
-    uncertain themselves.
+    `scatter` is that of one run, `per_run` the change in one run in units of it, with its interval; `beside` what was
+    noted to change about then; `within_uncertainty` whether the size is no more than U of one run without what all
+    share; `decides` and `command`: one run that tells gear from bench.
     """
 
-    centre: float
-    sigma: float
-    lower: float
-    upper: float
-    moving_range: float
-    moving_range_upper: float
-    runs: tuple[str, ...]
-    false_alarms: float
+    quantity: str
+    title: str
+    direction: Literal["larger", "smaller"]
+    since: str
+    run: str
+    runs_until_told: int
+    size: float
+    size_low: float
+    size_high: float
+    scatter: float
+    per_run: tuple[float, float, float]
+    unit: str
+    beside: tuple[str, ...]
+    within_uncertainty: bool
+    sentence: str
+    decides: str
+    command: str
+
+    @property
+    def size_in_scatters(self) -> float:
+        """The size in standard deviations of one run."""
+        return self.size / self.scatter
 
     def as_json(self) -> dict[str, Any]:
-        """The limits of one series of `rig report --passport --json`."""
-        return dict(vars(self))
+        """One alarm of `rig report --passport --json`."""
+        return {**vars(self), "size_in_scatters": self.size_in_scatters}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wear:
+    """What hours do to a quantity: slope per 1000 h with its 95 % interval (SI), and hours from the newest run to the
+    limit where a straight line meets one. No remaining life is promised.
+    """
+
+    per_1000_hours: tuple[float, float, float]
+    hours_to_limit: tuple[float, float, float] | None
+    sentence: str
+
+    def as_json(self) -> dict[str, Any]:
+        """The trend of one series of `rig report --passport --json`; an open end of an interval is null."""
+        to_limit = self.hours_to_limit
+        return {
+            "per_1000_hours": list(self.per_1000_hours),
+            "hours_to_limit": None
+            if to_limit is None
+            else [one if math.isfinite(one) else None for one in to_limit],
+            "sentence": self.sentence,
+        }
 
 
 @dataclass(frozen=True)
@@ -100,23 +142,18 @@ class PassportSeries:
     conditions: Mapping[str, str]
     points: tuple[PassportPoint, ...]
     plot: Plot
-    control: ControlLimits | None = None
+    sums: Plot | None = None
+    state: State = "not watched"
+    threshold: float | None = None
+    alarm: Alarm | None = None
+    wear: Wear | None = None
     limit: CatalogueLimit | None = None
     notes: tuple[str, ...] = ()
 
     @property
-    def state(self) -> State:
-        """What the chart says of the newest run: out of control beyond a limit, to be watched where
-        another rule speaks.
-
-        A step alone is to be watched: the run after an outlier steps back, and is in its place again.
-        """
-        if self.control is None:
-            return "no control limits yet"
-        newest = self.points[-1].signals
-        if "1" in newest:
-            return "out of control"
-        return "to be watched" if newest else "in control"
+    def plots(self) -> tuple[Plot, ...]:
+        """Its chart, and where it is watched the sums that decide."""
+        return (self.plot,) if self.sums is None else (self.plot, self.sums)
 
     def as_json(self) -> dict[str, Any]:
         """One series of `rig report --passport --json`."""
@@ -125,7 +162,9 @@ class PassportSeries:
             "conditions": dict(self.conditions),
             "state": self.state,
             "points": [point.as_json() for point in self.points],
-            "control_limits": None if self.control is None else self.control.as_json(),
+            "threshold": self.threshold,
+            "alarm": None if self.alarm is None else self.alarm.as_json(),
+            "wear": None if self.wear is None else self.wear.as_json(),
             "catalogue_limit": None if self.limit is None else dict(vars(self.limit)),
             "notes": list(self.notes),
         }
@@ -175,13 +214,18 @@ class Passport:
     tables: tuple[Table, ...] = ()
     missing: tuple[Missing, ...] = ()
     left_out: tuple[Missing, ...] = ()
-    rules: Mapping[str, str] = field(default_factory=dict)
-    """What the signals of the points mean."""
+    promise: str = ""
+    """How often a gear that does not change is told to have changed, in a sentence."""
+
+    @property
+    def alarms(self) -> tuple[Alarm, ...]:
+        """What has changed."""
+        return tuple(one.alarm for one in self.series if one.alarm is not None)
 
     @property
     def plots(self) -> tuple[Plot, ...]:
         """Every figure: one chart per series, then the order spectra."""
-        return (*(one.plot for one in self.series), *self.spectra)
+        return (*(plot for one in self.series for plot in one.plots), *self.spectra)
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig report --passport --json` prints."""
@@ -196,5 +240,6 @@ class Passport:
             "plots": [plot_to_mapping(plot) for plot in self.plots],
             "missing": [one.as_json() for one in self.missing],
             "left_out": [one.as_json() for one in self.left_out],
-            "rules": dict(self.rules),
+            "alarms": [one.as_json() for one in self.alarms],
+            "promise": self.promise,
         }

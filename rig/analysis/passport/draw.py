@@ -1,4 +1,4 @@
-"""The figures and tables of a passport as data: control charts, order spectra, and the points behind them."""
+"""The figures and tables of a passport as data: charts over runs, sums that decide, order spectra, and the points."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.quantity import Quantity
-from experiments.result import Plot, Series, SeriesRole, Table
+from experiments.result import Plot, Series, Table
 from model.identify.estimate import Estimate
 from rig.analysis.passport.content import (
+    Alarm,
     CatalogueLimit,
-    ControlLimits,
     PassportPoint,
     PassportSeries,
 )
@@ -22,14 +22,14 @@ from rig.analysis.passport.gather import AnalysedRun
 from rig.content.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
-MEASURED, CONTROL, CATALOGUE, SIGNALS = range(4)
+MEASURED, EXPECTED, CATALOGUE, CHANGED = range(4)
 """Colours: what belongs together shares one."""
 
 
-def control_plot(
+def history_plot(
     axis: str,
     points: Sequence[PassportPoint],
-    control: ControlLimits | None,
+    alarm: Alarm | None,
     limit: CatalogueLimit | None,
     *,
     factor: float,
@@ -37,51 +37,113 @@ def control_plot(
     title: str,
     mark: str,
 ) -> Plot:
-    """The chart of one series: values with U (95 %), centre line and control limits, the
-    catalogue's limit beside them.
+    """The chart of one series: values with U (95 %), what the runs before let expect of each, and since when the gear
+    has changed; the catalogue's limit beside them.
     """
     x = np.array([point.position for point in points], dtype=np.float64)
     y = np.array([point.value for point in points]) / factor
-    across = np.array([0.5, max(len(points), 1) + 0.5])
     series = [
         Series(label="in order of time", x=x, y=y, style="line", group=MEASURED),
         *_runs(x, y, points, factor),
-        *(
-            Series(
-                label=label,
-                x=across,
-                y=np.full(2, value / factor),
-                style="line",
-                group=group,
-                role=role,
-            )
-            for label, value, group, role in _lines(control, limit)
-        ),
+        *_expected(x, points, factor),
     ]
+    if limit is not None:
+        across = np.array([0.5, max(len(points), 1) + 0.5])
+        series.append(
+            Series(
+                label=f"catalogue ({limit.provenance})",
+                x=across,
+                y=np.full(2, limit.value / factor),
+                style="line",
+                group=CATALOGUE,
+                role="limit",
+            )
+        )
     days = ""
     if points:
         last = points[-1].start[:10]
         days = f"run 1 is of {points[0].start[:10]}, run {len(points)} of {last}"
+    words = "" if alarm is None else f"changed since run {_position(points, alarm.since)}"
     return Plot(
         name=name,
         title=title,
         x_label="run of this series, in order of time",
         y_label=axis,
         series=tuple(series),
-        note=". ".join(text for text in (mark, days) if text),
+        note=". ".join(text for text in (mark, words, days) if text),
+    )
+
+
+def _position(points: Sequence[PassportPoint], run: str) -> int:
+    return next(point.position for point in points if point.run == run)
+
+
+def _expected(
+    x: NDArray[np.float64], points: Sequence[PassportPoint], factor: float
+) -> Iterator[Series]:
+    told = np.array([point.expected is not None for point in points], dtype=bool)
+    if told.sum() > 1:
+        y = np.array([point.expected for point in points if point.expected is not None]) / factor
+        yield Series(
+            label="expected from the runs before",
+            x=x[told],
+            y=y,
+            style="line",
+            group=EXPECTED,
+            role="null",
+        )
+
+
+def sums_plot(
+    points: Sequence[PassportPoint], threshold: float, *, name: str, title: str, mark: str
+) -> Plot:
+    """The sums of a watched series from the end of its baseline on: an alarm where one is above the threshold."""
+    summed = [point for point in points if point.upper_sum is not None]
+    x = np.array([point.position for point in summed], dtype=np.float64)
+    series = [
+        Series(
+            label=label,
+            x=x,
+            y=np.array([getattr(point, field) for point in summed], dtype=np.float64),
+            style="line",
+            group=group,
+        )
+        for label, field, group in (
+            ("larger than expected", "upper_sum", MEASURED),
+            ("smaller than expected", "lower_sum", EXPECTED),
+        )
+    ]
+    across = np.array([x[0] - 0.5, x[-1] + 0.5])
+    series.append(
+        Series(
+            label="threshold",
+            x=across,
+            y=np.full(2, threshold),
+            style="line",
+            group=CHANGED,
+            role="limit",
+        )
+    )
+    return Plot(
+        name=name,
+        title=f"Has it changed? {title}",
+        x_label="run of this series, in order of time",
+        y_label="sum of scores [standard deviations]",
+        series=tuple(series),
+        note=". ".join(text for text in (mark, "an alarm is a sum above the threshold") if text),
     )
 
 
 def _runs(
     x: NDArray[np.float64], y: NDArray[np.float64], points: Sequence[PassportPoint], factor: float
 ) -> Iterator[Series]:
-    """The runs with U (95 %); those that signal a change have a colour of their own."""
+    """The runs with U (95 %); those since a change have a colour of their own."""
     u = np.array([point.expanded_uncertainty for point in points]) / factor
     u = np.where(np.isfinite(u), u, 0.0)
-    out = np.array([bool(point.signals) for point in points], dtype=bool)
+    out = np.array([point.is_changed for point in points], dtype=bool)
     for label, chosen, colour in (
         ("run, with U (95 %)", ~out, MEASURED),
-        ("signals a change", out, SIGNALS),
+        ("since the change", out, CHANGED),
     ):
         if chosen.any():
             yield Series(
@@ -93,18 +155,6 @@ def _runs(
                 high=(y + u)[chosen],
                 group=colour,
             )
-
-
-def _lines(
-    control: ControlLimits | None, limit: CatalogueLimit | None
-) -> Iterator[tuple[str, float, int, SeriesRole]]:
-    """The lines across a chart: label, value, colour and role."""
-    if control is not None:
-        yield "centre line", control.centre, CONTROL, "null"
-        yield "upper control limit", control.upper, CONTROL, "data"
-        yield "lower control limit", control.lower, CONTROL, "data"
-    if limit is not None:
-        yield f"catalogue ({limit.provenance})", limit.value, CATALOGUE, "limit"
 
 
 def spectrum_plots(analysed: Sequence[AnalysedRun]) -> tuple[Plot, ...]:
@@ -205,7 +255,15 @@ def _shown(estimate: Estimate) -> bool:
 def point_table(series: PassportSeries) -> Table:
     """The points of a series in the unit of the laboratory."""
     unit, factor = series.display_unit, series.factor
-    columns = ("#", "run", "day", f"value [{unit}]", f"U (95 %) [{unit}]", "signals", "remarks")
+    columns = (
+        "#",
+        "run",
+        "day",
+        f"value [{unit}]",
+        f"U (95 %) [{unit}]",
+        f"expected [{unit}]",
+        "remarks",
+    )
     rows = tuple(
         (
             point.position,
@@ -213,9 +271,14 @@ def point_table(series: PassportSeries) -> Table:
             point.start[:10],
             point.value / factor,
             point.expanded_uncertainty / factor,
-            ", ".join(point.signals),
-            "; ".join(point.remarks),
+            "" if point.expected is None else point.expected / factor,
+            "; ".join((*_told(point), *point.remarks)),
         )
         for point in series.points
     )
     return Table(f"passport-{series.quantity}", series.title, columns, rows, " ".join(series.notes))
+
+
+def _told(point: PassportPoint) -> Iterator[str]:
+    if point.is_alarm:
+        yield "a change is told here"

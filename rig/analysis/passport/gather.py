@@ -9,9 +9,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from experiments.recording import Origin, Recording
+import numpy as np
+
+from drivers.channel import HOUSING_TEMPERATURE
+from experiments.recording import Origin, Recording, RunMetadata
 from model.identify.estimate import Estimate, Ground
+from rig.analysis.alarm.noted import NotedRun
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench
 from rig.analysis.fit import NOT_SEALED
 from rig.analysis.in_force import in_force_by_kind
@@ -24,11 +29,15 @@ from rig.library.listed import COUNTED_OUTCOMES
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 
+LUBRICANT, MOUNTED, BENCH = "lubricant", "mounted on", "bench"
+"""What may change from run to run, and is noted."""
+_ROWS = 500
+
 
 @dataclass(frozen=True, kw_only=True)
 class AnalysedRun:
     """One run with one analysis: the facts that make runs comparable, what may change from run to
-    run, the estimates.
+    run, the estimates. `hours` that the gear had run, NaN where nobody noted them.
     """
 
     run: IndexedRun
@@ -39,6 +48,17 @@ class AnalysedRun:
     grounds: Grounds
     estimates: Mapping[str, Estimate]
     housing_temperature: float | None
+    hours: float = math.nan
+
+    @property
+    def noted(self) -> NotedRun:
+        """What was noted of it and may move a quantity without the gear having changed."""
+        return NotedRun(
+            temperature=self.housing_temperature,
+            bench=self.changing[BENCH],
+            lubricant=self.changing[LUBRICANT],
+            mounting=self.changing[MOUNTED],
+        )
 
 
 @dataclass(frozen=True)
@@ -193,16 +213,15 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
     facts |= facts_of(dict.fromkeys((*FACTS, *names)), m.parameters, options, settings)
     grounds = grounds_of(recording, analysis)
     changing = {
-        "lubricant": str(m.conditions.get("lubricant", "")),
-        "mounted on": str(m.conditions.get("mounted_on", "")),
+        LUBRICANT: str(m.conditions.get("lubricant", "")),
+        MOUNTED: _mounted(m),
         "torque calibration": grounds[Ground.TORQUE_CHANNEL],
-        "simulated rig": simulated_bench(m),
+        BENCH: simulated_bench(m) or run.bench,
         "program version of the analysis": str(analysis.content.get("program_version", "")),
         "settings of the analysis": ", ".join(
             f"{name} = {value}" for name, value in settings.items()
         ),
     }
-    temperature = result.metrics.get("housing_temperature")
     return AnalysedRun(
         run=run,
         analysis=analysis,
@@ -211,5 +230,30 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
         changing=changing,
         grounds=grounds,
         estimates=result.estimates,
-        housing_temperature=None if temperature is None or math.isnan(temperature) else temperature,
+        housing_temperature=_housing_temperature(recording, result.metrics),
+        hours=float(m.conditions.get("hours", _world(m).get("hours", math.nan))),
     )
+
+
+def _world(metadata: RunMetadata) -> Mapping[str, Any]:
+    world = metadata.process.get("world")
+    return world if isinstance(world, Mapping) else {}
+
+
+def _mounted(metadata: RunMetadata) -> str:
+    """Since when a gear is mounted as it is; in a simulated world which of its mountings it is."""
+    mount = _world(metadata).get("mount")
+    told = (metadata.conditions.get("mounted_on", ""), "" if mount is None else f"mounting {mount}")
+    return ", ".join(str(one) for one in told if one)
+
+
+def _housing_temperature(recording: Recording, metrics: Mapping[str, float]) -> float | None:
+    """Of the gear's housing [degC]: as the analysis took it, else the mean at beginning, middle and end of the run."""
+    found = metrics.get("housing_temperature", math.nan)
+    if math.isnan(found) and recording.has(HOUSING_TEMPERATURE):
+        rows = recording.rows
+        places = (slice(at, at + _ROWS) for at in (0, rows // 2, max(rows - _ROWS, 0)))
+        values = np.concatenate([recording.si(HOUSING_TEMPERATURE, place) for place in places])
+        values = values[np.isfinite(values)]
+        found = float(values.mean()) if len(values) else math.nan
+    return None if math.isnan(found) else found

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from rig.analysis.passport.content import Missing, PassportPoint, PassportSeries
+from rig.analysis.passport.content import Missing, PassportSeries
 from rig.content.grid import Grid, columns
 from rig.content.wording import decimals_of, fixed, number
 
 
 def series_grid(series: Sequence[PassportSeries]) -> Grid:
-    """Every chart in the unit of the laboratory: the newest value, its state, and the limits about it."""
+    """Every chart in the unit of the laboratory: the newest value, what was expected of it, and whether it changed."""
     heads = columns(
         ("quantity", "quantity"),
         ("newest ± U (95 %)", "number"),
         ("unit", "unit"),
         ("state", "word"),
-        "signals",
-        ("centre", "number"),
-        ("control limits", "number"),
+        ("expected", "number"),
+        "since",
         ("catalogue limit", "number"),
         ("runs", "number"),
         "conditions",
@@ -28,19 +27,15 @@ def series_grid(series: Sequence[PassportSeries]) -> Grid:
 
 
 def _series_row(series: PassportSeries) -> tuple[str, ...]:
-    newest, control, limit, factor = series.points[-1], series.control, series.limit, series.factor
-    centre = limits = "–"
-    if control is not None:
-        centre = number(control.centre / factor)
-        limits = f"{number(control.lower / factor)} … {number(control.upper / factor)}"
+    newest, limit, factor = series.points[-1], series.limit, series.factor
+    expected = "–" if newest.expected is None else number(newest.expected / factor)
     return (
         series.title,
         newest_pair(series),
         series.display_unit,
         series.state,
-        _signals(newest),
-        centre,
-        limits,
+        expected,
+        series.alarm.since if series.alarm is not None else "–",
         f"{number(limit.value / factor)} ({limit.provenance})" if limit else "–",
         str(len(series.points)),
         conditions_text(series.conditions),
@@ -63,13 +58,6 @@ def newest_pair(series: PassportSeries) -> str:
     if decimals is None:
         return number(value)
     return f"{fixed(value, decimals)} ± {fixed(doubt, decimals)}"
-
-
-def _signals(point: PassportPoint) -> str:
-    if not point.signals:
-        return "none"
-    words = f"rule {', '.join(point.signals)}"
-    return f"{words}; within U" if point.within_uncertainty else words
 
 
 def missing_grid(missing: Sequence[Missing]) -> Grid:

@@ -1,26 +1,29 @@
-"""Series of a quantity: comparable runs in order of time, their control limits, and what is to be
-said of each point.
+"""Series of a quantity: comparable runs in order of time, what the alarm says of them, and what is to
+be said of each point.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from model.gear_file import gear_from_mapping
 from model.identify.estimate import Estimate
-from rig.analysis.causes import common_grounds, own_uncertainty
-from rig.analysis.passport.chart import control_limits, signals_of
+from rig.analysis.alarm.promise import Watching
+from rig.analysis.alarm.watching import WatchedSeries
 from rig.analysis.passport.content import (
+    Alarm,
     CatalogueLimit,
-    ControlLimits,
     PassportPoint,
     PassportSeries,
+    State,
+    Wear,
 )
-from rig.analysis.passport.draw import control_plot
+from rig.analysis.passport.draw import history_plot, sums_plot
 from rig.analysis.passport.followed import FollowedQuantity, comparable
 from rig.analysis.passport.gather import AnalysedRun
-from rig.content.wording import laboratory_unit
+from rig.analysis.passport.watch import Group, alarm_of, changes_between, days_words, wear_of
+from rig.gears.acceptance import Acceptance
 from rig.runfile.header import ORIGIN_WORDS
 
 _TEMPERATURE_THAT_MATTERS = 1.0
@@ -29,10 +32,8 @@ some percent per kelvin.
 """
 
 
-def series_of(
-    quantity: FollowedQuantity, analysed: Sequence[AnalysedRun], baseline: int
-) -> list[PassportSeries]:
-    """One series per set of comparable runs; what parts them is in their titles."""
+def groups_of(quantity: FollowedQuantity, analysed: Sequence[AnalysedRun]) -> list[Group]:
+    """The sets of comparable runs of a quantity; what parts them is in their titles."""
     groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[AnalysedRun]] = {}
     for one in analysed:
         if one.analysis.kind == quantity.kind and usable(one.estimates.get(quantity.key)):
@@ -43,13 +44,13 @@ def series_of(
         set.intersection(*(set(conditions) for _, conditions in groups)) if groups else set()
     )
     several = len({origin for origin, _ in groups}) > 1
-    series = []
+    found = []
     for (origin, conditions), members in groups.items():
         apart = [text for name, text in conditions if (name, text) not in everywhere]
         apart += [ORIGIN_WORDS.get(origin, "") or "hardware"] if several else []
         title = quantity.title + (f" ({', '.join(apart)})" if apart else "")
-        series.append(_one_series(quantity, title, dict(conditions), members, baseline))
-    return series
+        found.append(Group(quantity, origin, dict(conditions), title, tuple(members)))
+    return found
 
 
 def usable(estimate: Estimate | None) -> bool:
@@ -57,53 +58,65 @@ def usable(estimate: Estimate | None) -> bool:
     return estimate is not None and not math.isnan(estimate.value) and estimate.identifiable != "no"
 
 
-def _one_series(
-    quantity: FollowedQuantity,
-    title: str,
-    conditions: Mapping[str, str],
-    members: Sequence[AnalysedRun],
-    baseline: int,
+def series_of(
+    group: Group,
+    series: WatchedSeries | None,
+    watching: Watching,
+    acceptance: Acceptance | None,
 ) -> PassportSeries:
-    values = [one.estimates[quantity.key].value for one in members]
-    control = control_limits(values, [one.run.run_id for one in members], baseline)
-    signals = signals_of(values, control) if control is not None else ((),) * len(values)
+    """One series of a passport; `series` None for one that is drawn without alarm."""
+    quantity, members = group.quantity, group.members
+    baseline = watching.promise.baseline
     temperature = _mean([one.housing_temperature for one in members[:baseline]])
     points = tuple(
-        _point(quantity.key, index, members, signals[index], control, temperature)
-        for index in range(len(members))
+        _point(group, index, series, baseline, temperature) for index in range(len(members))
     )
     limit = _catalogue_limit(quantity, members[-1])
-    origin = members[0].origin
-    unit = members[0].estimates[quantity.key].unit
-    size = max(abs(value) for value in values)
-    factor, shown = laboratory_unit(unit, size, quantity.quantity.shown)
-    notes = _notes(points, control, limit, (factor, shown), baseline)
+    factor, shown = group.shown
+    alarm = None if series is None else alarm_of(group, series, watching)
+    wear = None
+    if series is not None:
+        wear = wear_of(group, series, _judging_limit(quantity, acceptance, limit))
+    axis, mark = (
+        f"{quantity.axis} [{shown}]".removesuffix(" []"),
+        ORIGIN_WORDS.get(group.origin, ""),
+    )
+    name = f"passport-{quantity.key}"
+    plot = history_plot(
+        axis, points, alarm, limit, factor=factor, name=name, title=group.title, mark=mark
+    )
+    threshold = series.threshold if series is not None and len(points) > baseline else None
     return PassportSeries(
-        key=" | ".join((origin, quantity.key, *conditions.values())),
+        key=" | ".join((group.origin, quantity.key, *group.conditions.values())),
         quantity=quantity.key,
-        title=title,
+        title=group.title,
         definition=quantity.quantity.definition,
         kind=quantity.kind,
-        unit=unit,
+        unit=group.unit,
         factor=factor,
         display_unit=shown,
-        origin=origin,
-        conditions=conditions,
+        origin=members[0].origin,
+        conditions=group.conditions,
         points=points,
-        plot=control_plot(
-            f"{quantity.axis} [{shown}]".removesuffix(" []"),
-            points,
-            control,
-            limit,
-            factor=factor,
-            name=f"passport-{quantity.key}",
-            title=title,
-            mark=ORIGIN_WORDS.get(origin, ""),
-        ),
-        control=control,
+        plot=plot,
+        sums=None
+        if threshold is None
+        else sums_plot(points, threshold, name=f"{name}-sums", title=group.title, mark=mark),
+        state=_state(series, alarm, len(points), baseline),
+        threshold=threshold,
+        alarm=alarm,
+        wear=wear,
         limit=limit,
-        notes=notes,
+        notes=_notes(group, points, series, alarm, wear, limit, baseline),
     )
+
+
+def _state(series: WatchedSeries | None, alarm: Alarm | None, count: int, baseline: int) -> State:
+    if series is None:
+        return "not watched"
+    if alarm is not None:
+        return "changed"
+    return "no change seen" if count > baseline else "learning"
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -112,17 +125,16 @@ def _mean(values: Sequence[float | None]) -> float | None:
 
 
 def _point(
-    key: str,
+    group: Group,
     index: int,
-    members: Sequence[AnalysedRun],
-    signals: tuple[str, ...],
-    control: ControlLimits | None,
+    series: WatchedSeries | None,
+    baseline: int,
     temperature: float | None,
 ) -> PassportPoint:
+    members = group.members
     one = members[index]
-    estimate = one.estimates[key]
-    value = estimate.value
-    remarks = list(_changes(members[index - 1], one)) if index else []
+    estimate = one.estimates[group.quantity.key]
+    remarks = list(changes_between(members[index - 1], one)) if index else []
     if temperature is not None and one.housing_temperature is not None:
         warmer = one.housing_temperature - temperature
         if abs(warmer) > _TEMPERATURE_THAT_MATTERS:
@@ -131,42 +143,29 @@ def _point(
             )
     if estimate.identifiable == "weakly":
         remarks.append(f"weakly identifiable: {estimate.note or 'wide interval'}")
-    within = None
-    if control is not None:
-        own = own_uncertainty(estimate, common_grounds(members[0].grounds, one.grounds))
-        within = abs(value - control.centre) <= own
+    expected = math.nan if series is None else float(series.expected[index])
+    change = None if series is None else series.change
+    is_summed = series is not None and index >= baseline
     return PassportPoint(
         position=index + 1,
         run=one.run.run_id,
         number=one.run.number,
         path=one.run.path,
         start=one.run.start,
-        value=value,
+        value=estimate.value,
         low=estimate.low,
         high=estimate.high,
         expanded_uncertainty=estimate.expanded_uncertainty,
         identifiability=estimate.identifiable,
         analysis=f"{one.analysis.path.parent.name}/{one.analysis.path.name}",
-        signals=signals,
-        within_uncertainty=within,
+        expected=None if math.isnan(expected) else expected,
+        upper_sum=float(series.sums.upper[0, index]) if is_summed and series else None,
+        lower_sum=float(series.sums.lower[0, index]) if is_summed and series else None,
+        is_alarm=change is not None and index == change.run,
+        is_changed=change is not None and index >= change.since,
         housing_temperature=one.housing_temperature,
         remarks=tuple(remarks),
     )
-
-
-def _changes(before: AnalysedRun, after: AnalysedRun) -> list[str]:
-    """What is no longer as it was in the run before."""
-    changes = []
-    for name, now in after.changing.items():
-        then = before.changing.get(name, "")
-        if then == now:
-            continue
-        # An instrument's identity is long: that it changed is what matters, and `rig diff` shows how.
-        short = max(len(then), len(now)) <= 40
-        changes.append(
-            f"{name}: {then or 'unknown'} → {now or 'unknown'}" if short else f"{name} changed"
-        )
-    return changes
 
 
 def _catalogue_limit(quantity: FollowedQuantity, newest: AnalysedRun) -> CatalogueLimit | None:
@@ -179,23 +178,44 @@ def _catalogue_limit(quantity: FollowedQuantity, newest: AnalysedRun) -> Catalog
     return CatalogueLimit(stated.value, stated.origin.source, stated.origin.provenance)
 
 
+def _judging_limit(
+    quantity: FollowedQuantity, acceptance: Acceptance | None, catalogue: CatalogueLimit | None
+) -> float | None:
+    """The upper limit that a quantity of a gear is held against: of its acceptance file, else of its catalogue."""
+    if acceptance is not None:
+        name = f"{quantity.kind}.{quantity.key}"
+        for line in acceptance.limits:
+            if line.quantity == name and line.upper is not None:
+                return line.upper
+    return None if catalogue is None else catalogue.value
+
+
 def _notes(
+    group: Group,
     points: Sequence[PassportPoint],
-    control: ControlLimits | None,
+    series: WatchedSeries | None,
+    alarm: Alarm | None,
+    wear: Wear | None,
     limit: CatalogueLimit | None,
-    shown: tuple[float, str],
     baseline: int,
 ) -> tuple[str, ...]:
-    notes = []
-    if control is None:
-        same = len(points) >= baseline
+    notes: list[str] = []
+    if alarm is not None:
+        notes += [f"{alarm.sentence}. {alarm.decides}"]
+        if alarm.within_uncertainty:
+            notes.append("The change is no larger than U of one run.")
+    if series is not None and len(points) <= baseline:
         notes.append(
-            "No control limits: the first runs do not differ at all."
-            if same
-            else f"No control limits yet: {len(points)} of {baseline} runs."
+            f"Nothing is told yet: {len(points)} of {baseline} runs have taught what is usual."
         )
-    else:
-        notes += _control_notes(points, control, *shown)
+    elif series is not None:
+        notes.append(_days_note(series))
+        notes += [
+            f"A new level begins with run {points[at].run}: {what}."
+            for at, what in series.noted.begins.items()
+        ]
+    if wear is not None:
+        notes.append(wear.sentence)
     if limit is not None and limit.provenance not in (
         "catalogue",
         "measured",
@@ -206,32 +226,6 @@ def _notes(
     return tuple(notes)
 
 
-def _control_notes(
-    points: Sequence[PassportPoint], control: ControlLimits, factor: float, unit: str
-) -> list[str]:
-    share = f"{100.0 * control.false_alarms:.1f} %"
-    notes = [
-        f"Limits from the first {len(control.runs)} runs; of an unchanged gear {share} of "
-        "later runs fall outside them too, "
-        "because so few runs know their own scatter poorly."
-    ]
-    early = [str(p.position) for p in points[: len(control.runs)] if "1" in p.signals]
-    if early:
-        notes.append(
-            f"Among the runs that made the limits, {', '.join(early)} lies outside: find the cause, then start anew."
-        )
-    expanded = sorted(
-        p.expanded_uncertainty for p in points if math.isfinite(p.expanded_uncertainty)
-    )
-    if expanded:
-        middle = expanded[len(expanded) // 2] / factor
-        reach = 3.0 * control.sigma / factor
-        notes.append(
-            f"Control limits lie {reach:.3g} {unit} from the centre; U of one run is {middle:.3g} "
-            f"{unit}, most of it common to all runs where that is larger."
-            if middle > reach
-            else f"Control limits lie {reach:.3g} {unit} from the centre; "
-            f"U of one run is {middle:.3g} "
-            f"{unit}."
-        )
-    return notes
+def _days_note(series: WatchedSeries) -> str:
+    words = days_words(series.days)
+    return f"Held against a threshold of {series.threshold:.2f}: {words}."

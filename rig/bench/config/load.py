@@ -11,14 +11,16 @@ import types
 import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from experiments.finding import Finding, Severity
 from rig.bench.config.parts import FOLDER
-from rig.bench.config.schema import FORMAT, Laboratory, RigConfiguration
+from rig.bench.config.schema import FORMAT, Alarms, Laboratory, RigConfiguration
 from rig.errors import ConfigurationError
+
+_Table = TypeVar("_Table", bound=BaseModel)
 
 TO_BE_SAID = "SAY: "
 """What a word begins with that a person must still say; what is asked stands behind it."""
@@ -74,14 +76,22 @@ def load_laboratory(path: str | Path) -> Laboratory | None:
 
     Raises `ConfigurationError` for a file that cannot be read and for a table that cannot be accepted.
     """
-    path = Path(path)
-    table = _content(path).get("laboratory")
+    return _table(Path(path), "laboratory", Laboratory)
+
+
+def load_alarms(path: str | Path) -> Alarms | None:
+    """The `[alarms]` of a rig's description, read as `load_laboratory` reads."""
+    return _table(Path(path), "alarms", Alarms)
+
+
+def _table(path: Path, name: str, model: type[_Table]) -> _Table | None:
+    table = _content(path).get(name)
     if table is None:
         return None
     try:
-        return Laboratory.model_validate(table)
+        return model.model_validate(table)
     except ValidationError as error:
-        problem = _refused({**error.errors()[0], "loc": ("laboratory", *error.errors()[0]["loc"])})
+        problem = _refused({**error.errors()[0], "loc": (name, *error.errors()[0]["loc"])})
         raise ConfigurationError(
             problem.follows,
             where=f"{path}: {problem.what}",

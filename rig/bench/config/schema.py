@@ -304,6 +304,19 @@ class Laboratory(Part):
     received: datetime.date | None = None
 
 
+class Alarms(Part):
+    """How often a gear that does not change may be told to have changed (`rig report --passport`), and the golden gear.
+
+    At most `false_alarms` of such gears within `over` runs after the first `baseline` ones. `golden_gear` is the serial
+    of a gear that is kept to be measured again and again: what changes with it is the bench.
+    """
+
+    false_alarms: float = Field(default=0.05, gt=0.0, lt=1.0)
+    over: int = Field(default=20, ge=1)
+    baseline: int = Field(default=10, ge=2)
+    golden_gear: str = ""
+
+
 class RigConfiguration(Part):
     """A rig of hardware, as its `rig.toml` describes it."""
 
@@ -323,6 +336,7 @@ class RigConfiguration(Part):
     ratings: Ratings = Ratings()
     real_time: RealTime = RealTime()
     laboratory: Laboratory | None = None
+    alarms: Alarms = Alarms()
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfiguration:

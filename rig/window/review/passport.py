@@ -342,9 +342,5 @@ def summary(passport: Passport) -> str:
     count = f"{len(passport.runs)} runs, {len(passport.series)} charts"
     if not passport.series:
         return f"{count}. Nothing has been fitted yet: fit what is missing."
-    out = [
-        series.title
-        for series in passport.series
-        if series.state in ("out of control", "to be watched")
-    ]
-    return f"{count}. " + (f"To be looked at: {'; '.join(out)}." if out else "No run stands out.")
+    changed = "; ".join(f"{one.sentence}. {one.decides}" for one in passport.alarms)
+    return f"{count}. {changed or 'No change seen.'}"

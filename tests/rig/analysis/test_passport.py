@@ -14,6 +14,7 @@ from experiments.result import Plot
 from model.gear_file import gear_to_mapping, shipped_gear
 from model.identify.estimate import Cause
 from model.units import ARCMIN, ARCSEC
+from rig.analysis.alarm.promise import Promise, Watching
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.passport.followed import followed, largest_members, order_of, watched
@@ -28,15 +29,17 @@ from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 from tests.rig.runfile.making import reseal
 
 ROOT = Path(__file__).parents[3]
-VALUES = (80.0, 81.0, 79.0, 80.5, 79.5, 80.0, 81.0, 80.0, 79.0, 80.0, 80.5, 79.5)
-"""Twelve runs [mN m] of a gear that does not change."""
+VALUES = (80.0, 81.0, 79.0, 80.5, 79.5, 80.0, 81.0, 80.0, 79.0, 80.0, 80.5, 79.5, 80.0, 80.5)
+"""Fourteen runs [mN m] of a gear that does not change."""
+WORN = (*VALUES[:11], 90.0, 91.0, 90.5)
+"""The same gear, changed in the twelfth run [mN m]."""
 
 
 @pytest.fixture(scope="module")
-def twelve(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Twelve friction runs of gear A1, one a day, none of them analysed."""
-    folder = tmp_path_factory.mktemp("twelve")
-    for day in range(1, 13):
+def fourteen(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fourteen friction runs of gear A1, one a day, none of them analysed."""
+    folder = tmp_path_factory.mktemp("fourteen")
+    for day in range(1, 15):
         write(folder, day, start_time=start(day))
     LibraryIndex(folder).refresh()
     return folder
@@ -54,15 +57,15 @@ def taken(source: Path, target: Path, most: int) -> Path:
 
 
 @pytest.fixture
-def history(twelve: Path, tmp_path: Path) -> Path:
-    """The twelve runs in a folder of this test."""
-    return taken(twelve, tmp_path, 12)
+def history(fourteen: Path, tmp_path: Path) -> Path:
+    """The fourteen runs in a folder of this test."""
+    return taken(fourteen, tmp_path, 14)
 
 
 @pytest.fixture
-def folder(twelve: Path, tmp_path: Path) -> Path:
+def folder(fourteen: Path, tmp_path: Path) -> Path:
     """The first four of them."""
-    return taken(twelve, tmp_path, 4)
+    return taken(fourteen, tmp_path, 4)
 
 
 def runs_in(folder: Path) -> list[Path]:
@@ -80,84 +83,131 @@ def series(found: Passport, quantity: str = RUNNING) -> PassportSeries:
     return one
 
 
-def test_a_gear_that_does_not_change_is_in_control(history: Path) -> None:
+def test_a_gear_that_does_not_change_shows_no_change(history: Path) -> None:
     analysed(history, VALUES)
     found = passport(history, "A1")
     one = series(found)
     assert (found.serial, found.gear, found.mark) == ("A1", "CSF-25-120-2UH", "SIMULATED")
     assert [point.value for point in one.points] == pytest.approx([1e-3 * v for v in VALUES])
     assert [point.run for point in one.points] == [run.run_id for run in found.runs]
-    assert [point.start for point in one.points] == [start(day) for day in range(1, 13)]
+    assert [point.start for point in one.points] == [start(day) for day in range(1, 15)]
     assert all(
         point.expanded_uncertainty == pytest.approx(1.96 * 0.2e-3, rel=1e-4) for point in one.points
     )
     assert (one.state, one.unit, one.display_unit, one.origin) == (
-        "in control",
+        "no change seen",
         "N m",
         "mN m",
         "simulated",
     )
-    assert one.control is not None
-    assert one.control.centre == pytest.approx(1e-3 * np.mean(VALUES[:10]))
-    assert one.control.runs == tuple(run.run_id for run in found.runs[:10])
-    assert not any(point.signals for point in one.points)
+    assert (one.alarm, found.alarms) == (None, ())
+    assert one.points[0].expected is None
+    assert one.points[10].expected == pytest.approx(1e-3 * np.mean(VALUES[:10]))
+    assert [point.upper_sum is None for point in one.points] == [True] * 10 + [False] * 4
+    assert "5 % are told to have changed within 20 runs after the first 10" in found.promise
     assert found.left_out == ()
 
 
-def test_a_worn_gear_is_out_of_control_in_the_run_that_shows_it(history: Path) -> None:
-    analysed(history, (*VALUES[:11], 90.0))
+def test_a_worn_gear_has_changed_since_the_run_that_shows_it(history: Path) -> None:
+    analysed(history, WORN)
     one = series(passport(history, "A1"))
-    assert one.state == "out of control"
-    assert [point.signals for point in one.points[:11]] == [()] * 11
-    assert {"1", "MR"} <= set(one.points[11].signals)
-    assert one.points[11].within_uncertainty is False
+    assert (one.state, one.threshold) == ("changed", pytest.approx(7.104))
+    assert one.alarm is not None
+    assert (one.alarm.since, one.alarm.direction) == ("00012-friction-A1", "larger")
+    assert one.alarm.size == pytest.approx(1e-3 * (90.5 - np.mean(VALUES[:11])))
+    assert one.alarm.size_low < one.alarm.size < one.alarm.size_high
+    assert 10.0 < one.alarm.size_in_scatters < 20.0
+    assert one.alarm.within_uncertainty is False
+    assert "is larger by 10.45 ± 0.94 mN m since run 00012-friction-A1" in one.alarm.sentence
+    assert "another gear" in one.alarm.decides
+    assert [point.is_changed for point in one.points] == [False] * 11 + [True] * 3
+    assert [point.run for point in one.points if point.is_alarm] == [one.alarm.run]
 
 
-def test_the_run_after_an_outlier_is_in_its_place_again_and_to_be_watched(folder: Path) -> None:
-    analysed(folder, (80.0, 90.0, 80.0))
-    found = passport(folder, "A1", baseline=2)
-    assert series(found).state == "in control"
-    analysed(folder, (80.0, 80.5, 90.0, 80.2))
-    one = series(passport(folder, "A1", baseline=2))
-    assert [point.signals for point in one.points] == [(), (), ("1", "MR"), ("MR",)]
-    assert one.state == "to be watched"
+def test_a_step_after_fresh_grease_begins_a_new_level_and_is_no_alarm(
+    fourteen: Path, tmp_path: Path
+) -> None:
+    folder = taken(fourteen, tmp_path, 11)
+    for day in (12, 13, 14):
+        write(folder, day, start_time=start(day), conditions={"lubricant": "SK-2"})
+    analysed(folder, WORN)
+    one = series(passport(folder, "A1"))
+    assert (one.state, one.alarm) == ("no change seen", None)
+    assert "A new level begins with run 00012-friction-A1: fresh lubricant." in one.notes
+    # Of the first run with other grease nothing is expected; of the next what that one showed.
+    assert one.points[11].expected is None
+    assert one.points[12].expected == pytest.approx(90e-3)
 
 
-WORN = (80.0, 81.0, 79.5, 90.0)
-"""Three runs that make limits, and one that breaks them [mN m]."""
+def test_one_outlier_alone_is_no_lasting_change(history: Path) -> None:
+    analysed(history, (*VALUES[:11], 84.0, *VALUES[12:]))
+    assert series(passport(history, "A1")).state == "no change seen"
 
 
-def test_a_signal_within_the_measuring_uncertainty_says_so(folder: Path) -> None:
-    analysed(folder, WORN, own=6.0)
-    point = series(passport(folder, "A1", baseline=3)).points[3]
-    assert "1" in point.signals
-    assert point.within_uncertainty is True
+def test_a_change_within_the_measuring_uncertainty_says_so(history: Path) -> None:
+    analysed(history, WORN, own=6.0)
+    one = series(passport(history, "A1"))
+    assert one.alarm is not None
+    assert one.alarm.within_uncertainty is True
+    assert "The change is no larger than U of one run." in one.notes
 
 
 @pytest.mark.parametrize(("calibration", "within"), [(None, False), ("PTB-18", True)])
 def test_an_uncertainty_that_all_runs_share_excuses_no_change(
-    folder: Path, calibration: str | None, within: bool
+    fourteen: Path, tmp_path: Path, calibration: str | None, within: bool
 ) -> None:
     """A torque scale that may be wrong by 10 % is wrong alike in every run, until it is calibrated anew."""
-    last = folder / "00004-friction-A1.h5"
-    for path in (last, last.with_name(last.name + ".sha256")):
-        path.unlink()
+    folder = taken(fourteen, tmp_path, 11)
     changes = {"columns": calibrated(calibration, 3.1e-5)} if calibration else {}
-    write(folder, 4, start_time=start(4), changes=changes)
+    for day in (12, 13, 14):
+        write(folder, day, start_time=start(day), changes=changes)
     analysed(folder, WORN, scale=0.1)
-    point = series(passport(folder, "A1", baseline=3)).points[3]
-    assert point.expanded_uncertainty > 10e-3
-    assert point.within_uncertainty is within
-    assert any("torque calibration changed" in remark for remark in point.remarks) is within
+    one = series(passport(folder, "A1"))
+    assert one.alarm is not None
+    assert one.points[13].expanded_uncertainty > 10e-3
+    assert one.alarm.within_uncertainty is within
+    assert any("torque calibration changed (00012" in text for text in one.alarm.beside) is within
+    assert ("beside it changed: torque calibration" in one.alarm.sentence) is within
 
 
-def test_few_runs_have_no_limits_yet(folder: Path) -> None:
+def test_the_golden_gear_is_the_run_that_decides(history: Path) -> None:
+    analysed(history, WORN)
+    found = passport(history, "A1", watching=Watching(golden_gear="GOLD-1"))
+    (alarm,) = found.alarms
+    assert alarm.command == "rig run friction --gear GOLD-1"
+    assert "golden gear GOLD-1" in alarm.decides
+
+
+def test_few_runs_are_still_learning(folder: Path) -> None:
     analysed(folder, VALUES)
     one = series(passport(folder, "A1"))
-    assert (one.state, one.control, len(one.points)) == ("no control limits yet", None, 4)
-    assert "No control limits yet: 4 of 10 runs." in one.notes
-    assert one.points[0].within_uncertainty is None
-    assert series(passport(folder, "A1", baseline=4)).state == "in control"
+    assert (one.state, one.threshold, len(one.points)) == ("learning", None, 4)
+    assert "Nothing is told yet: 4 of 10 runs have taught what is usual." in one.notes
+    assert one.sums is None
+
+
+def test_hours_on_the_card_give_a_slope_and_the_time_to_the_limit(tmp_path: Path) -> None:
+    for day in range(1, 13):
+        run = write(
+            tmp_path, day, start_time=start(day), conditions={"lubricant": "A", "hours": 50.0 * day}
+        )
+        found = analyse(run, estimate(RUNNING, 1e-3 * (VALUES[day - 1] + 1.0 * day)))
+        told = json.loads(found.path.read_text(encoding="utf-8"))
+        told["gear"] = gear_to_mapping(shipped_gear())
+        found.path.unlink()
+        found.path.write_text(json.dumps(told), encoding="utf-8")
+        reseal(found.path)
+    one = series(passport(tmp_path, "A1"))
+    assert one.wear is not None
+    value, low, high = one.wear.per_1000_hours
+    assert low < 0.02 < high
+    assert value == pytest.approx(0.02, rel=0.1)
+    assert one.wear.hours_to_limit is not None
+    assert one.limit is not None
+    hours, least, most = one.wear.hours_to_limit
+    assert least < 50.0 * (1e3 * one.limit.value - 92.0) < most
+    assert least < hours < most
+    assert "No remaining life is promised" in one.wear.sentence
 
 
 def test_runs_without_an_analysis_and_quantities_without_a_run_are_missing(folder: Path) -> None:
@@ -168,7 +218,7 @@ def test_runs_without_an_analysis_and_quantities_without_a_run_are_missing(folde
     assert "rig fit" in lacking[0].remedy
     told = " ".join(one.what for one in found.missing)
     expected = [one for kind, quantity in watched() for one in followed(kind, quantity)]
-    assert len(expected) == 7
+    assert len(expected) == 8
     for quantity in expected:
         assert (quantity.title in told) == (quantity.key != RUNNING)
     assert "rig run starting-torque" in {one.remedy for one in found.missing}
@@ -296,15 +346,15 @@ def test_a_number_that_the_data_cannot_tell_is_missing_not_drawn(folder: Path) -
 
 def test_what_changed_since_the_run_before_stands_beside_the_point(folder: Path) -> None:
     other = write(folder, 20, start_time=start(20), conditions={"lubricant": "SK-2"})
-    for run, temperature in ((runs_in(folder)[0], 22.0), (runs_in(folder)[1], 22.4), (other, 26.0)):
+    for run, temperature in ((runs_in(folder)[0], 23.0), (runs_in(folder)[1], 23.4), (other, 25.4)):
         analyse(run, estimate(RUNNING, 0.08), metrics={"housing_temperature": temperature})
-    one = series(passport(folder, "A1", baseline=2))
+    one = series(passport(folder, "A1"))
     assert one.points[1].remarks == ()
     assert one.points[2].remarks == (
         "lubricant: SK-1A → SK-2",
-        "housing 3.8 K warmer than in the first runs",
+        "housing 1.5 K warmer than in the first runs",
     )
-    assert one.points[2].housing_temperature == 26.0
+    assert one.points[2].housing_temperature == 25.4
 
 
 SPECTRUM = {"1": 6.0, "2": 16.0, "4": 4.5, "1/N": 6.1, "2+2/N": 1.6, "2-1/N": 0.7, "3": 0.2}
@@ -427,12 +477,13 @@ def test_starting_torque_is_followed_beside_the_value_of_the_catalogue(tmp_path:
     assert one.conditions["ramp"] == "0.02 N m/s"
 
 
-def test_every_figure_can_be_drawn_and_goes_through_json(folder: Path) -> None:
-    analysed(folder, WORN)
-    kinematic(folder, 20)
-    found = passport(folder, "A1", baseline=3)
+def test_every_figure_can_be_drawn_and_goes_through_json(history: Path) -> None:
+    analysed(history, WORN)
+    kinematic(history, 20)
+    found = passport(history, "A1")
     told = json.loads(json_text(found.as_json()))
-    assert len(told["plots"]) == len(found.plots) == len(found.series) + len(found.spectra)
+    # The running torque alone has runs enough for its sums.
+    assert len(told["plots"]) == len(found.plots) == len(found.series) + 1 + len(found.spectra)
     for plot, mapping in zip(found.plots, told["plots"], strict=True):
         assert isinstance(plot, Plot)
         assert [s.label for s in plot_from_mapping(mapping).series] == [
@@ -441,16 +492,17 @@ def test_every_figure_can_be_drawn_and_goes_through_json(folder: Path) -> None:
         assert all(len(s.x) == len(s.y) for s in plot.series)
         assert "[" in plot.y_label
         assert "SIMULATED" in plot.note
-    chart = series(found).plot
-    labels = {s.label for s in chart.series}
-    assert {
-        "centre line",
-        "upper control limit",
-        "lower control limit",
-        "signals a change",
-    } <= labels
-    assert told["series"][-1]["state"] == "out of control"
-    assert set(told["rules"]) == set(found.rules)
+    one = series(found)
+    labels = {s.label for s in one.plot.series}
+    assert {"expected from the runs before", "since the change"} <= labels
+    assert "changed since run 12" in one.plot.note
+    assert one.sums is not None
+    assert {s.label for s in one.sums.series} >= {"larger than expected", "threshold"}
+    assert told["series"][-1]["state"] == "changed"
+    assert told["alarms"][0]["since"] == told["series"][-1]["alarm"]["since"]
+    assert [one["state"] for one in told["series"][:-1]] == ["not watched"] * 5 + ["learning"] + [
+        "not watched"
+    ] * 2
     table = next(t for t in found.tables if t.name == f"passport-{RUNNING}")
     assert [row[3] for row in table.rows] == pytest.approx(WORN)
 
@@ -466,8 +518,8 @@ def test_a_gear_that_is_not_there_and_a_folder_that_is_none(folder: Path, tmp_pa
         passport(folder, "a1")
     with pytest.raises(RunFileError, match="no folder of runs"):
         passport(tmp_path / "none" / "x", "A1")
-    with pytest.raises(RigError, match="limits need runs"):
-        passport(folder, "A1", baseline=1)
+    with pytest.raises(RigError, match="no threshold can be drawn"):
+        Promise(baseline=1)
 
 
 def test_every_cause_that_is_shared_is_a_line_of_some_budget() -> None:

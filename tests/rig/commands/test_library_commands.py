@@ -159,22 +159,32 @@ def test_passport(rig: Rig, three: Path) -> None:
         "Gear A1",
         "SIMULATED",
         "No-load running torque at 1000 r/min",
-        "no control limits yet",
+        "learning",
+        "5 % are told to have changed within 20 runs",
         "Missing",
     ):
         assert word in rig.out
 
 
-def test_a_broken_limit_is_told_by_its_rule(rig: Rig, three: Path) -> None:
-    for number, value in ((4, 0.0815), (5, 0.2)):
+def test_a_change_is_told_with_its_size_and_the_run_that_decides(rig: Rig, three: Path) -> None:
+    for number in range(4, 16):
         run = write(three, number, start_time=start(number))
-        analyse(run, estimate(RUNNING, value))
-    assert rig("report", "--gear", "A1", "--passport", "--runs", three, "--baseline", "3") == 0
+        analyse(
+            run, estimate(RUNNING, 0.08 + 0.0005 * (number % 3) + (0.02 if number > 12 else 0.0))
+        )
+    assert rig("report", "--gear", "A1", "--passport", "--runs", three) == 0
     for word in (
-        "out of control",
-        "00005-friction-A1: beyond a control limit (Western Electric rule 1)",
+        "CHANGED  No-load running torque at 1000 r/min is larger by",
+        "since run 00013-friction-A1",
+        "decides: if it has changed as well, the bench has.",
+        "rig run friction --gear SERIAL",
     ):
         assert word in rig.out
+    (told,) = rig.json("report", "--gear", "A1", "--passport", "--runs", three)["alarms"]
+    assert told["since"] == "00013-friction-A1"
+    (three.parent / "rig.toml").write_text("[alarms]\nbaseline = 12\n", encoding="utf-8")
+    found = rig.json("report", "--gear", "A1", "--passport", "--runs", three, "--baseline", 20)
+    assert found["series"][0]["state"] == "learning"
 
 
 def test_a_passport_fits_what_was_never_fitted_once(rig: Rig, real: Path, tmp_path: Path) -> None:

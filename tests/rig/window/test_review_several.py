@@ -140,7 +140,7 @@ def test_the_passport_of_a_gear_has_charts_after_its_runs_were_fitted(
     qtbot.mouseClick(view.analyse, Qt.MouseButton.LeftButton)
     qtbot.waitUntil(lambda: not view.is_busy and view.passport is not None, timeout=LONGEST)
     assert set(view.state.texts("runs")) == {"2"}
-    assert set(view.state.texts("state")) == {"no control limits yet"}
+    assert set(view.state.texts("state")) == {"learning", "not watched"}
     row = view.state.texts("quantity").index(
         next(t for t in view.state.texts("quantity") if "500 r/min" in t)
     )

@@ -1,0 +1,77 @@
+"""What was noted of each run and may move a quantity without the gear having changed: the regressors of the scores.
+
+    column          what it is                                    where it is used
+    level           1                                             always
+    warmth          housing temperature less that of run 1, 5 K   every run of the baseline has one
+    bench           1 on this bench                               a bench other than the first
+    fresh lubricant 1 from that run on                            lubricant noted otherwise than in the run before
+    new mounting    1 from that run on                            mounting noted otherwise, unless that is so often that
+                                                                  mounting belongs to the scatter of the gear
+
+A run that begins a level is not judged by what was before: it teaches the new level.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_WARMTH_UNIT = 5.0
+"""K; regressors are of about unit size."""
+_OFTEN = 3
+"""Runs of a mounting, on average over the baseline, below which mounting belongs to the scatter."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NotedRun:
+    """What was noted of one run; "" and None: nothing."""
+
+    temperature: float | None = None
+    bench: str = ""
+    lubricant: str = ""
+    mounting: str = ""
+
+
+@dataclass(frozen=True)
+class Noted:
+    """Of a series: `regressors` (runs, columns), NaN in a run that lacks its warmth; the runs at which a level
+    `begins` with what began it; the names of the `columns`.
+    """
+
+    regressors: Array
+    begins: dict[int, str]
+    columns: tuple[str, ...]
+
+
+def noted(runs: Sequence[NotedRun], baseline: int) -> Noted:
+    """The regressors of a series of runs in order of time."""
+    count = len(runs)
+    columns: dict[str, Array] = {"level": np.ones(count)}
+    if all(run.temperature is not None for run in runs[:baseline]):
+        temperature = np.array([np.nan if r.temperature is None else r.temperature for r in runs])
+        columns["warmth"] = (temperature - temperature[:1]) / _WARMTH_UNIT
+    for bench in dict.fromkeys(run.bench for run in runs):
+        if bench != runs[0].bench:
+            columns[f"bench {bench}"] = np.array([float(run.bench == bench) for run in runs])
+    begins: dict[int, str] = {}
+    for name, values in _levels(runs, baseline).items():
+        for run in range(1, count):
+            if values[run] != values[run - 1]:
+                begins[run] = f"{begins[run]}, {name}" if run in begins else name
+                columns[f"{name} at {run}"] = (np.arange(count) >= run).astype(float)
+    return Noted(np.stack(list(columns.values()), axis=1), begins, tuple(columns))
+
+
+def _levels(runs: Sequence[NotedRun], baseline: int) -> dict[str, list[str]]:
+    levels = {"fresh lubricant": [run.lubricant for run in runs]}
+    mountings = [run.mounting for run in runs]
+    changes = sum(a != b for a, b in itertools.pairwise(mountings[:baseline]))
+    if (changes + 1) * _OFTEN <= max(baseline, _OFTEN):
+        levels["new mounting"] = mountings
+    return levels

@@ -1,0 +1,51 @@
+"""How often a gear that does not change may be told to have changed, and what else a laboratory wants of alarms."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rig.errors import RigError
+
+MOST_QUANTITIES = 3
+"""Quantities of a gear whose change is told; each one more costs sight of all."""
+RANGES = {"false_alarms": (0.002, 0.5), "over": (5, 200), "baseline": (4, 100)}
+"""What thresholds are drawn for: rarer alarms need more series than a minute allows."""
+
+
+@dataclass(frozen=True)
+class Promise:
+    """At most `false_alarms` of unchanged gears are told to have changed within `over` runs after `baseline` runs."""
+
+    false_alarms: float = 0.05
+    over: int = 20
+    baseline: int = 10
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise RigError(
+                    "no threshold can be drawn for this",
+                    where=f"alarms.{name}",
+                    value=value,
+                    limit=f"{low:g} to {high:g}",
+                    remedy="Leave it out for 5 % over 20 runs after a baseline of 10.",
+                )
+
+    @property
+    def words(self) -> str:
+        """The promise in a sentence."""
+        return (
+            f"of gears that do not change, {100.0 * self.false_alarms:g} % are told to have changed within {self.over} "
+            f"runs after the first {self.baseline}"
+        )
+
+
+@dataclass(frozen=True)
+class Watching:
+    """What a laboratory wants of alarms: the promise, and its golden gear by serial ("" none): one that is kept to be
+    measured again and again, so that what changes with it is the bench.
+    """
+
+    promise: Promise = Promise()
+    golden_gear: str = ""
