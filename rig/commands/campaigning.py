@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -15,6 +16,7 @@ from rig.commands.running import ORDERED, Events, Json, StdinControl
 from rig.commands.terminal import console, outliving_the_terminal, painted, print_json
 
 if TYPE_CHECKING:
+    from rig.analysis.passport.content import Alarm
     from rig.bench.backends.order import Order
     from rig.gears.acceptance import Acceptance
     from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew
@@ -85,19 +87,25 @@ def campaign(
         print_json(report.as_json())
     else:
         _print_report(report.campaign, report.certificate)
+        _print_alarms(report.alarms)
     raise typer.Exit(_code_of(report.campaign, require_verdict))
 
 
 @dataclass(frozen=True)
 class _Conducted:
-    """A campaign as far as it came, and the files of its certificate."""
+    """A campaign as far as it came, the files of its certificate, and what has changed with the gear over its runs."""
 
     campaign: CampaignReport
     certificate: list[str]
+    alarms: tuple[Alarm, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig campaign --json` prints."""
-        return {**self.campaign.as_json(), "certificate": self.certificate}
+        return {
+            **self.campaign.as_json(),
+            "certificate": self.certificate,
+            "alarms": [one.as_json() for one in self.alarms],
+        }
 
 
 def _code_of(report: CampaignReport, require_verdict: bool) -> int:
@@ -145,6 +153,7 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
 
 
 def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:
+    from rig.analysis.passport.build import alarms_of
     from rig.trial.campaign.conduct import conduct
 
     report = conduct(order, crew)
@@ -157,7 +166,8 @@ def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:
             order.now(),
             _rests_on(report, certificate),
         )
-    return _Conducted(report, certificate)
+    alarms = alarms_of(pattern.folder, pattern.serial) if report.verdict_rests_on else ()
+    return _Conducted(report, certificate, alarms)
 
 
 def _rests_on(report: CampaignReport, certificate: list[str]) -> dict[str, Any]:
@@ -225,6 +235,14 @@ def _print_walk(walked: Walk) -> None:
     out.print(
         f"in all {in_words(walked.nominal)} nominal, {in_words(walked.longest)} at most, prompts not counted"
     )
+
+
+def _print_alarms(alarms: Sequence[Alarm]) -> None:
+    """What has changed with the gear over all its runs, and the run that decides."""
+    out = console()
+    for alarm in alarms:
+        out.print(f"CHANGED  {alarm.sentence}", style="bold red", soft_wrap=True)
+        out.print(f"  {alarm.decides}  →  {alarm.command}", soft_wrap=True)
 
 
 def _print_report(report: CampaignReport, certificate: list[str]) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 
 from experiments.result import WORST_FIRST, VerdictOutcome
 from rig.analysis.judging import NO_ACCEPTANCE, worst_of
+from rig.analysis.passport.build import alarms_of
 from rig.errors import RigError
 from rig.fleet.lot_quantity import LotQuantity, is_on, lot_quantity, quantity_as_json
 from rig.fleet.lot_rows import LotData, LotRow, read_lot
@@ -36,14 +37,16 @@ _VERDICTS: tuple[VerdictOutcome, ...] = ("PASS", "MARGINAL", "FAIL", "NOT JUDGED
 class LotGear:
     """A gear of the lot: its verdict, why it is not a better one, and what makes it worth a look.
 
-    `beyond` are the limits that it breaks or may break, whatever else is not judged; `margin` is the smallest distance
-    to a limit in expanded uncertainties, negative beyond it, infinite without one, and `nearest` that limit in words.
+    `changed` says what a passport of its runs tells to have changed; `beyond` are the limits that it breaks or may
+    break, whatever else is not judged; `margin` is the smallest distance to a limit in expanded uncertainties, negative
+    beyond it, infinite without one, and `nearest` that limit in words.
     """
 
     gear: str
     bench: str
     verdict: VerdictOutcome
     because: tuple[str, ...]
+    changed: tuple[str, ...]
     beyond: tuple[str, ...]
     margin: float
     nearest: str
@@ -125,7 +128,7 @@ def lot_of(folder: Path, *, origin: str = "", part: str = "") -> Lot:
 def why_of(gear: LotGear) -> tuple[str, ...]:
     """Why a gear is worth a look, the strongest reason first."""
     near = (f"nearest to its limit: {gear.nearest}",) if gear.nearest and not gear.beyond else ()
-    return (*gear.beyond, *gear.unlike, *near)
+    return (*gear.beyond, *gear.changed, *gear.unlike, *near)
 
 
 def _acceptances(
@@ -158,9 +161,30 @@ def _gears(
     for gear, run, reason in data.failures:
         failures[gear].append(f"run {run} could not be analysed: {reason}")
     return [
-        _gear(gear, rows_of[gear], titles, accepted, unlike.get(gear, []), failures[gear])
+        _gear(
+            gear,
+            rows_of[gear],
+            titles,
+            accepted,
+            _Told(_changed(data, gear), unlike.get(gear, []), failures[gear]),
+        )
         for gear in data.gears
     ]
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What is to be said of a gear beside its rows."""
+
+    changed: tuple[str, ...]
+    unlike: Sequence[str]
+    failures: Sequence[str]
+
+
+def _changed(data: LotData, gear: str) -> tuple[str, ...]:
+    """What has changed with a gear, by its run files as far as they are there."""
+    files = [Path(file) for file in data.histories.get(gear, ()) if Path(file).is_file()]
+    return tuple(one.sentence for one in alarms_of(files, gear)) if files else ()
 
 
 def _gear(
@@ -168,8 +192,7 @@ def _gear(
     rows: Sequence[LotRow],
     quantities: Mapping[tuple[str, str], LotQuantity],
     accepted: Mapping[str, Acceptance | None],
-    unlike: Sequence[str],
-    failures: Sequence[str],
+    told: _Told,
 ) -> LotGear:
     lines: list[tuple[VerdictOutcome, str]] = []
     margins: list[tuple[float, str]] = []
@@ -185,17 +208,20 @@ def _gear(
     verdict = worst_of([outcome for outcome, _ in lines])
     because = [words for outcome, words in lines if outcome != "PASS"]
     if verdict == "NOT JUDGED":
-        because = [words for outcome, words in lines if outcome == "NOT JUDGED"] + list(failures)
+        because = [words for outcome, words in lines if outcome == "NOT JUDGED"] + list(
+            told.failures
+        )
     margin, nearest = min(margins, default=(math.inf, ""))
     return LotGear(
         gear=gear,
         bench=", ".join(dict.fromkeys(row.bench for row in rows if row.bench)),
         verdict=verdict,
         because=tuple(dict.fromkeys(because)),
+        changed=told.changed,
         beyond=tuple(words for outcome, words in lines if outcome in _BEYOND),
         margin=margin,
         nearest=nearest,
-        unlike=tuple(unlike),
+        unlike=tuple(told.unlike),
         is_complete=bool(lines) and all(outcome != "NOT JUDGED" for outcome, _ in lines),
         run_files=tuple(dict.fromkeys(row.run_file for row in rows)),
     )
@@ -255,10 +281,10 @@ def _unlike(quantities: Sequence[LotQuantity]) -> dict[str, list[str]]:
 
 
 def _urgency(gear: LotGear) -> tuple[int, float, str]:
-    """What fails first, then what is marginal, then what is unlike the others, then what is near a limit."""
+    """What fails first, then what is marginal, then what has changed or is unlike the others, then the rest."""
     if gear.beyond:
         return (0 if gear.verdict == "FAIL" else 1), gear.margin, gear.gear
-    return (2 if gear.unlike else 3), gear.margin, gear.gear
+    return (2 if gear.changed or gear.unlike else 3), gear.margin, gear.gear
 
 
 def _importance(one: LotQuantity) -> tuple[bool, str, str]:

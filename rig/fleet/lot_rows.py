@@ -6,12 +6,15 @@ the same runs.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from experiments import catalogue
 from experiments.quantity import Quantity, quantity_of
+from rig.analysis.alarm.laboratory import watching_in_force
 from rig.errors import ConfigurationError
 from rig.fleet.questions import connected
 from rig.library.listed import COUNTED_OUTCOMES
@@ -63,7 +66,8 @@ class LotData:
     """Rows of the gears of one origin; what else there is in the results, in numbers.
 
     `failures`: gear, run and reason of every run that could not be analysed; `unfinished`: gear, run
-    and outcome of runs that were broken off. `other_origins`: gears by other origins, left out.
+    and outcome of runs that were broken off. `histories`: the run files of each gear of which a kind has
+    runs enough for an alarm. `other_origins`: gears by other origins, left out.
     """
 
     folder: Path
@@ -75,6 +79,7 @@ class LotData:
     failures: tuple[tuple[str, str, str], ...]
     unfinished: tuple[tuple[str, str, str], ...]
     other_origins: tuple[tuple[str, int], ...]
+    histories: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
@@ -121,6 +126,9 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
             f" AND outcome NOT IN (SELECT unnest(?)) ORDER BY ALL",
             list(COUNTED_OUTCOMES),
         )
+        histories: dict[str, list[str]] = defaultdict(list)
+        for gear, file in rows_of(_history_sql(named), watching_in_force().promise.baseline):
+            histories[gear].append(file)
         rows = rows_of(_newest_sql(named), list(COUNTED_OUTCOMES), *_key_families())
     return LotData(
         folder=folder,
@@ -132,7 +140,17 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
         failures=tuple((g, r, f) for g, r, f in failures),
         unfinished=tuple((g, r, o) for g, r, o in unfinished),
         other_origins=tuple((o, n) for o, n in gears_by_origin.items() if o != chosen),
+        histories={gear: tuple(files) for gear, files in histories.items()},
     )
+
+
+def _history_sql(named: str) -> str:
+    """Every run file of the gears of which some kind has more whole runs than a baseline."""
+    return f"""
+SELECT DISTINCT gear, run_file FROM here SEMI JOIN (
+    SELECT gear FROM here WHERE {named} AND failure = '' GROUP BY gear, kind HAVING count(DISTINCT run_file) > ?
+) USING (gear) WHERE failure = '' ORDER BY ALL
+"""
 
 
 def _newest_sql(named: str) -> str:

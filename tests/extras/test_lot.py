@@ -33,6 +33,7 @@ from tests.extras.lots import (
     shares,
     write_lot,
 )
+from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 
 NOW = "2026-03-20T10:00:00+00:00"
 LIMITS = shipped_acceptance(ACCEPTANCE).limits
@@ -112,6 +113,25 @@ def test_a_gear_that_lacks_a_run_is_still_looked_at_for_what_it_shows(tmp_path: 
     assert gear.because == ("no starting-torque run of this gear is analysed",)
     assert lacking.to_look_at[1] == gear
     assert why_of(gear)[0].startswith("running torque 2000 r/min at 20 °C: MARGINAL")
+
+
+def test_a_gear_that_has_changed_over_its_runs_is_looked_at(tmp_path: Path) -> None:
+    rows, life = rows_of(write_lot(tmp_path / "whole")), tmp_path / "life"
+    life.mkdir()
+    like = next(
+        row for row in rows if row["kind"] == "starting-torque" and row["verdict"] == "PASS"
+    )
+    for number in range(1, 15):
+        run = write(life, number, start_time=start(number))
+        analyse(run, estimate(RUNNING, 0.08 + 0.0005 * (number % 3) + 0.02 * (number > 11)))
+        rows.append(like | {"gear": "A1", "run_file": str(run), "run": run.stem})
+    append(tmp_path / "more", rows)
+    found = lot_of(tmp_path / "more")
+    changed = {one.gear: one.changed for one in found.gears if one.changed}
+    assert list(changed) == ["A1"]
+    assert "is larger by" in changed["A1"][0]
+    assert "since run 00012-friction-A1" in changed["A1"][0]
+    assert any(gear.gear == "A1" for gear in found.to_look_at)
 
 
 def test_benches_beside_each_other(lot: Lot) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from experiments.quantity import Quantity
 from model.identify.estimate import Estimate
 from rig.analysis.alarm.laboratory import watching_in_force
 from rig.analysis.alarm.promise import Watching
-from rig.analysis.passport.content import Missing, Passport, PassportSeries
+from rig.analysis.passport.content import Alarm, Missing, Passport, PassportSeries
 from rig.analysis.passport.draw import point_table, spectrum_plots
 from rig.analysis.passport.followed import FollowedQuantity, followed, largest_followed
 from rig.analysis.passport.followed import watched as watched_quantities
@@ -76,6 +77,16 @@ def passport(
         left_out=gathered.left_out,
         promise=watching.promise.words,
     )
+
+
+def alarms_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Alarm, ...]:
+    """What has changed with a gear, by its passport; nothing, and nothing read, while no protocol has runs enough."""
+    watching = watching_in_force()
+    runs = [run for run in runs_of(where, serial) if run.is_complete]
+    most = max(Counter(run.protocol for run in runs).values(), default=0)
+    if most <= watching.promise.baseline:
+        return ()
+    return passport([run.path for run in runs], serial, watching=watching).alarms
 
 
 def _groups(analysed: Sequence[AnalysedRun]) -> list[Group]:

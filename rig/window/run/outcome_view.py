@@ -265,6 +265,7 @@ def campaign_lines(report: dict[str, Any]) -> list[str]:
         *report.get("resumed", ()),
     ]
     lines += [f"Analysis: {problem}" for problem in report.get("problems", ())]
+    lines += [f"CHANGED: {one['sentence']}. {one['decides']}" for one in report.get("alarms", ())]
     if not report.get("complete"):
         lines.append("Start the same campaign again: it goes on from here.")
     return lines

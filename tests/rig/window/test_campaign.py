@@ -235,6 +235,9 @@ def test_an_incomplete_campaign_says_how_it_goes_on() -> None:
         "Analysis: x",
         "Start the same campaign again: it goes on from here.",
     ]
+    alarm = {"sentence": "running torque is larger by 3 mN m", "decides": "One run decides."}
+    told = campaign_lines({"complete": True, "verdict": "PASS", "because": [], "alarms": [alarm]})
+    assert told[-1] == "CHANGED: running torque is larger by 3 mN m. One run decides."
 
 
 @pytest.mark.parametrize("missing", ["", "torque"])
