@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 
 from rig import exits
 from rig.commands import (
+    advising,
     analysis,
     campaigning,
     certifying,
@@ -58,6 +59,7 @@ PANELS = {
     "Fit and compare": (
         analysis.fit,
         validating.validate,
+        advising.next_,
         certifying.certificate,
         reporting.report,
         modelling.model,

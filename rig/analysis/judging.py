@@ -29,6 +29,7 @@ from experiments.result import (
 from model.errors import WordedError
 from model.identify.estimate import Estimate
 from rig.analysis.in_force import InForce, Newest, in_force
+from rig.analysis.next_run import advice, wanted_by
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
 from rig.gears.acceptance import Acceptance, Limit, Subject, acceptance_for
@@ -93,6 +94,11 @@ class GearVerdict:
     source: str = ""
     stale: tuple[str, ...] = ()
     acceptance_sha256: str = ""
+
+    @property
+    def next_steps(self) -> tuple[str, ...]:
+        """What decides each limit that is MARGINAL."""
+        return tuple(line.next_step for line in self.lines if line.next_step)
 
     def of(self, result: Result) -> tuple[Verdict, ...]:
         """The lines that one result had a part in."""
@@ -398,7 +404,7 @@ def _sides(
         if value is None:
             continue
         judged = outcome_against(estimate, value, is_upper=is_upper)
-        yield Verdict(
+        line = Verdict(
             quantity=quantity,
             estimate=estimate,
             limit=value,
@@ -410,3 +416,8 @@ def _sides(
             run=result.run if result is not None else "",
             kind=limit.kind,
         )
+        wanted = wanted_by(line)
+        if result is None or not wanted:
+            yield line
+        else:
+            yield replace(line, next_step=advice(result, estimate.name, wanted, {}).sentence)

@@ -66,6 +66,8 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
     for line in verdict.lines:
         text = Text.assemble("    ", toned(line.outcome))
         out.print(text.append(f"  {verdict_text(line)}"), soft_wrap=True)
+        if line.next_step:
+            out.print(Text(f"      next: {line.next_step}", style="yellow"), soft_wrap=True)
     for words in _not_yet_told(verdict):
         out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)
     if verdict.source:

@@ -208,7 +208,8 @@ def verdict_grid(verdict: GearVerdict) -> Grid:
         (readable(line.name), *held_against(line), _source(line), line.outcome)
         for line in verdict.lines
     ]
-    return Grid("Judged quantities", heads, rows, DECISION_RULE)
+    decides = "".join(f" Next: {sentence}" for sentence in verdict.next_steps)
+    return Grid("Judged quantities", heads, rows, DECISION_RULE + decides)
 
 
 def _source(line: Verdict) -> str:

@@ -143,7 +143,7 @@ def _life(seed: int, hours: float, runs: int) -> tuple[Alarm, ...]:
                 made = execute(
                     protocol, serial=serial, folder=folder, seed=seed, world=world, **chosen
                 )
-                digest(Path(made.path), CREATED)
+                digest(Path(str(made.path)), CREATED)
         return passport(folder, serial, watching=Watching()).alarms
 
 

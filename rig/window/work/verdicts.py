@@ -42,6 +42,7 @@ class ListedVerdict:
     def reasons(self) -> str:
         """Why it is not a better one, and what is stale, line by line."""
         words = [f"{self.judged.verdict}: {why}" for why in self.judged.because]
+        words += [f"next: {step}" for step in self.judged.next_steps]
         words += [f"stale: {what}" for what in self.stale]
         return "\n".join(words)
 

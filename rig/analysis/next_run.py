@@ -1,0 +1,274 @@
+"""What to run next: which line of a budget keeps a number from its verdict, who can lower it, and what U becomes.
+
+    V = sum of u_i^2 ,   A = lines of scatter within the run ,   U(n) = k_n sqrt(A/n + V - A)
+
+for n times the visits, with k_n by n times the degrees of freedom. A line of type B is no smaller by repeating; what
+it would have to be for the wanted U is
+
+    u_needed = sqrt((U_wanted/k)^2 - (V - u_line^2))
+
+Where the largest line is of type B, and scatter has not half of V, no run helps, and the calibration that does is named
+with the size it must have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from experiments import catalogue
+from experiments.parameters import parameter_fields
+from experiments.result import Result, Verdict
+from model.identify.estimate import BudgetLine, Cause, Estimate, coverage_factor_of
+from rig.content.wording import decimals_of, fixed, laboratory_unit, number
+
+Helps = Literal["nothing needed", "visits", "other days", "calibration", "nothing"]
+
+_HALF = 0.5
+_MOST_VISITS = 50
+"""Times as many visits from which on more of them are no advice."""
+_REPEATS = "repeats"
+
+_BY_CAUSE: dict[Cause, str] = {
+    Cause.TORQUE_SCALE: "calibrate the torque channel (scale_relative_uncertainty in rig.toml)",
+    Cause.TARE: "make a longer motor tare",
+    Cause.BEARING_TORQUE: "measure the no-load torque of the bench's bearing ([output_bearing] in rig.toml)",
+    Cause.OUTPUT_ENCODER: "have the output encoder certified (its curve in [counter.calibration])",
+    Cause.MOTOR_ENCODER: "have the motor encoder certified (its curve in [motor_encoder.calibration])",
+    Cause.BOTH_ENCODERS: "have both encoders certified (their curves in rig.toml)",
+}
+_BY_WORD: tuple[tuple[str, str], ...] = (
+    ("torque scale", _BY_CAUSE[Cause.TORQUE_SCALE]),
+    ("output encoder", _BY_CAUSE[Cause.OUTPUT_ENCODER]),
+    ("motor encoder", _BY_CAUSE[Cause.MOTOR_ENCODER]),
+    ("output bearing", _BY_CAUSE[Cause.BEARING_TORQUE]),
+    ("bearing", _BY_CAUSE[Cause.BEARING_TORQUE]),
+    ("thermometer", "calibrate the thermometer of the housing"),
+    ("temperature", "fit the temperature coefficients of this gear from runs at two temperatures"),
+    ("warmth", "record the temperature of motor and housing, and warm up longer"),
+    ("eccentricity", "measure in three mountings or more"),
+    ("lag", "state the lag of the channel with its uncertainty (rig.toml, or --lag)"),
+    ("delay", "state the delay of the torque port with its uncertainty"),
+    ("inertia", "weigh and measure the load, or have its inertia certified"),
+)
+"""Words of a line of type B, and what lowers it; the first that fits."""
+_OTHER_DAYS = "from run to run"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Advice:
+    """What lowers U of one number. `line` is the largest of its budget with its `share` of U^2; `wanted` is the U that
+    would decide, `becomes` the U that the advice leads to (None where nothing does), all in `unit` (SI).
+
+    `times` is how many times the visits, or other days, are needed; `needed` what u of the line must become.
+    """
+
+    quantity: str
+    title: str
+    kind: str
+    run: str
+    value: float
+    expanded_uncertainty: float
+    unit: str
+    wanted: float
+    line: str
+    share: float
+    type_b_share: float
+    helps: Helps
+    becomes: float | None
+    times: int | None
+    needed: float | None
+    sentence: str
+    parameters: dict[str, int]
+    """Of the run that helps."""
+
+    def as_json(self) -> dict[str, Any]:
+        """One line of `rig next --json`."""
+        return dict(vars(self))
+
+
+def wanted_by(verdict: Verdict) -> float | None:
+    """U below which a limit would be decided: the distance to it; None where it is decided or not judged."""
+    estimate = verdict.estimate
+    distance = abs(estimate.value - verdict.limit)
+    is_open = verdict.outcome == "MARGINAL" and math.isfinite(estimate.expanded_uncertainty)
+    return distance if is_open and math.isfinite(distance) else None
+
+
+def advice(result: Result, name: str, wanted: float, parameters: Mapping[str, Any]) -> Advice:
+    """What lowers U of one estimate of a result to `wanted`; `parameters` are those of its run."""
+    estimate = result.estimates[name]
+    lines = merged(estimate)
+    whole = sum(line.standard_uncertainty**2 for line in lines)
+    largest = lines[0]
+    scatter = sum(line.standard_uncertainty**2 for line in lines if line.kind == "A")
+    found = _found(lines, wanted)
+    times, needed = found.times, found.needed
+    title = result.quantity(name).titled(name)
+    repeats = _repeats(result.kind, parameters)
+    changed = (
+        {}
+        if found.helps != "visits" or repeats is None or times is None
+        else {_REPEATS: repeats * times}
+    )
+    made = Advice(
+        quantity=f"{result.kind}.{name}",
+        title=title,
+        kind=result.kind,
+        run=result.run,
+        value=estimate.value,
+        expanded_uncertainty=estimate.expanded_uncertainty,
+        unit=estimate.unit,
+        wanted=wanted,
+        line=largest.source,
+        share=largest.standard_uncertainty**2 / whole,
+        type_b_share=1.0 - scatter / whole,
+        helps=found.helps,
+        becomes=found.becomes,
+        times=times,
+        needed=needed,
+        sentence="",
+        parameters=changed,
+    )
+    sentence = _sentence(
+        made,
+        largest,
+        laboratory_unit(estimate.unit, abs(estimate.value), result.quantity(name).shown),
+    )
+    return Advice(**{**vars(made), "sentence": sentence})
+
+
+def merged(estimate: Estimate) -> list[BudgetLine]:
+    """The lines of a budget, the largest first; what has no budget has its interval as one."""
+    lines = [line for line in estimate.budget if line.standard_uncertainty > 0.0]
+    if not lines:
+        lines = [BudgetLine("interval of the fit", "A", estimate.expanded_uncertainty / 2.0)]
+    return sorted(lines, key=lambda line: -line.standard_uncertainty)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What helps: how many times, what u the line must become, and U of the whole after it."""
+
+    helps: Helps
+    times: int | None = None
+    needed: float | None = None
+    becomes: float | None = None
+
+
+def _found(lines: list[BudgetLine], wanted: float) -> _Found:
+    """What brings U of these lines, the largest first, to `wanted`."""
+    now = _expanded(lines)
+    if wanted >= now:
+        return _Found("nothing needed", becomes=now)
+    largest = lines[0]
+    squares = [line.standard_uncertainty**2 for line in lines]
+    scatter = sum(u2 for u2, line in zip(squares, lines, strict=True) if line.kind == "A")
+    if largest.kind == "A" or scatter > _HALF * sum(squares):
+        return _by_repeating("visits", [line.kind == "A" for line in lines], lines, wanted)
+    if largest.source.startswith(_OTHER_DAYS):
+        return _by_repeating("other days", [line is largest for line in lines], lines, wanted)
+    if remedy_of(largest) is None:
+        return _Found("nothing")
+    needed = _needed(lines, wanted)
+    after = [replace(largest, standard_uncertainty=needed), *lines[1:]]
+    return _Found("calibration", needed=needed, becomes=_expanded(after))
+
+
+def _expanded(lines: Sequence[BudgetLine]) -> float:
+    """U of these lines."""
+    return coverage_factor_of(lines) * math.sqrt(sum(x.standard_uncertainty**2 for x in lines))
+
+
+def _by_repeating(
+    helps: Helps, falls: Sequence[bool], lines: Sequence[BudgetLine], wanted: float
+) -> _Found:
+    """The fewest times at which U is small enough; scatter that is seen n times as often is known n times as well."""
+    becomes = math.inf
+    for times in range(2, _MOST_VISITS + 1):
+        after = [
+            replace(
+                line,
+                standard_uncertainty=line.standard_uncertainty / math.sqrt(times),
+                degrees_of_freedom=times * line.degrees_of_freedom,
+            )
+            if is_falling
+            else line
+            for line, is_falling in zip(lines, falls, strict=True)
+        ]
+        becomes = _expanded(after)
+        if becomes <= wanted:
+            return _Found(helps, times=times, becomes=becomes)
+    return _Found(helps, times=_MOST_VISITS, becomes=becomes)
+
+
+def _needed(lines: Sequence[BudgetLine], wanted: float) -> float:
+    """u of the largest line at which U is as wanted, by halving, as k depends on it; 0 where U is larger without it."""
+    largest, *rest = lines
+
+    def too_large(u: float) -> bool:
+        return _expanded([replace(largest, standard_uncertainty=u), *rest]) > wanted
+
+    if rest and too_large(0.0):
+        return 0.0
+    low, high = 0.0, largest.standard_uncertainty
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if too_large(middle) else (middle, high)
+    return low
+
+
+def remedy_of(line: BudgetLine) -> str | None:
+    """Who can lower a line of type B; None where nobody can: it is the method's own."""
+    if line.assumed:
+        # What nobody gave has its remedy where it is assumed.
+        return f"state what is assumed ({line.note.partition('Give it: ')[2]})"
+    if line.cause is not None:
+        return _BY_CAUSE[line.cause]
+    return next((remedy for word, remedy in _BY_WORD if word in line.source), None)
+
+
+def _repeats(kind: str, parameters: Mapping[str, Any]) -> int | None:
+    """How often the whole measurement was repeated; None for a protocol that cannot."""
+    fields = {field.name: field for field in parameter_fields(catalogue.load(kind).parameters)}
+    if _REPEATS not in fields:
+        return None
+    return int(parameters.get(_REPEATS, fields[_REPEATS].default))
+
+
+def _sentence(one: Advice, largest: BudgetLine, shown: tuple[float, str]) -> str:
+    """The advice in a sentence."""
+    factor, unit = shown
+
+    def text(value: float) -> str:
+        decimals = decimals_of(value / factor)
+        digits = number(value / factor) if decimals is None else fixed(value / factor, decimals)
+        return f"{digits} {unit}".rstrip()
+
+    now = f"{one.title}: U {text(one.expanded_uncertainty)}, wanted {text(one.wanted)}"
+    if one.helps == "nothing needed":
+        return f"{now}. Nothing is needed."
+    named = f"{100.0 * one.share:.0f} % of U² is {one.line}"
+    if one.helps in ("visits", "other days"):
+        what = "as many visits" if one.helps == "visits" else "runs on other days, and their mean,"
+        assert one.becomes is not None
+        enough = "" if one.becomes <= one.wanted * 1.0001 else ", which is not enough"
+        return (
+            f"{now}. {named}: {one.times} times {what} make U {text(one.becomes)}{enough}.".replace(
+                "times runs", "runs"
+            )
+        )
+    if one.helps == "nothing":
+        return f"{now}. {named}, which belongs to the method: no run helps, and no calibration."
+    remedy = remedy_of(largest)
+    assert one.becomes is not None
+    if not one.needed:
+        best = f"which alone makes U {text(one.becomes)} at best, and is not enough"
+        return f"{now}. {named}: no run helps; {remedy}, {best}."
+    now_u, then = largest.standard_uncertainty, one.needed
+    return (
+        f"{now}. {named}: no run helps; {remedy}. Its u must fall to {100.0 * then / now_u:.0f} % of what it is; "
+        f"then U is {text(one.becomes)}."
+    )

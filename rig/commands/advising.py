@@ -1,0 +1,107 @@
+"""`rig next`: which run, calibration or other day decides what is open, and what U becomes by it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rig.commands.judgement import AcceptanceFile
+from rig.commands.terminal import echo, print_json
+
+if TYPE_CHECKING:
+    from rig.analysis.advised import Advised
+    from rig.analysis.next_run import Advice
+
+
+def next_(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="GEAR|RUN",
+            help="Serial number of a gear, or an analysed run: file, number, name.",
+        ),
+    ],
+    target: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--target",
+            metavar="QUANTITY=U",
+            help="A U that is wanted, such as running_torque_1000_rpm=3% or transmission_accuracy=0.1 arcmin; may be "
+            "given several times.",
+        ),
+    ] = None,
+    folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
+        "runs"
+    ),
+    acceptance: AcceptanceFile = "",
+    json: Annotated[
+        bool,
+        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+    ] = False,
+) -> None:
+    """Say what to run next: for every limit that is open or MARGINAL, and for each --target, one sentence, one command.
+
+    The sentence names the largest line of the budget with its share of U², who can lower it, and what U becomes: more
+    visits, other days, or a calibration with the size that it must have. Where more than half of U² is not scatter
+    within the run, no run helps, and it says so. It moves nothing.
+    """
+    from rig.analysis.advised import advised
+    from rig.gears.acceptance import acceptance_named
+
+    asked = acceptance_named(acceptance) if acceptance else None
+    found = advised(source, folder, target or (), asked)
+    rows = [_row(one, found, folder) for one in found.advice]
+    if json:
+        told = found.as_json()
+        told["advice"] = [{**one, **row} for one, row in zip(told["advice"], rows, strict=True)]
+        print_json(told)
+        return
+    if not rows and not found.open:
+        echo(
+            f"{found.subject}: {found.verdict.verdict}. Nothing is open that a number of it would decide."
+        )
+    for sentence, protocol in found.open:
+        echo(sentence)
+        if protocol:
+            echo(f"  rig run {protocol} --gear {found.serial}")
+    for one, row in zip(found.advice, rows, strict=True):
+        echo(one.sentence)
+        if row["command"]:
+            minutes = "" if row["minutes"] is None else f"   ({row['minutes']:.0f} min)"
+            echo(f"  {row['command']}{minutes}")
+
+
+def _row(one: Advice, found: Advised, folder: Path) -> dict[str, Any]:
+    """The command of an advice, and its minutes by the planner; "" and null where no run helps."""
+    gear = f" --gear {found.serial}" if found.serial else ""
+    if one.helps == "visits" and one.parameters:
+        (name, value), *_ = one.parameters.items()
+        command = f"rig run {one.kind}{gear} --{name.replace('_', '-')} {value}"
+        return {"command": command, "minutes": _minutes(one, found.serial, folder)}
+    if one.helps == "other days":
+        return {
+            "command": f"rig run {one.kind}{gear}",
+            "minutes": _minutes(one, found.serial, folder),
+        }
+    return {"command": "", "minutes": None}
+
+
+def _minutes(one: Advice, serial: str, folder: Path) -> float | None:
+    """How long such a run takes by its plan; None where it cannot be planned here."""
+    from rig.errors import RigError
+    from rig.run.ordering import order_of
+    from rig.run.start import plan_order
+
+    try:
+        order = order_of(
+            one.kind, dict(one.parameters), {"serial": serial, "folder": folder}, echo_nothing
+        )
+        return plan_order(order).nominal / 60.0
+    except RigError:
+        return None
+
+
+def echo_nothing(_: str) -> None:
+    """What a card was warned of is told where a run is ordered."""
