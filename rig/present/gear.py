@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -74,7 +75,7 @@ def _page(passport: Passport, fits: Sequence[Fit], verdict: GearVerdict, created
             days_text(run.start for run in runs),
         ),
         marks=marks,
-        states=(_verdict_state(verdict, fits), _chart_state(passport.series)),
+        states=(_verdict_state(verdict, fits), _chart_state(passport)),
         alarms=gear_alarms(passport),
         judged=shown(
             verdict_grid(verdict),
@@ -106,15 +107,17 @@ def _number(passport: Passport) -> str:
     return "HP-" + digest.hexdigest()[:10].upper()
 
 
-def _chart_state(series: Sequence[PassportSeries]) -> State:
-    """The worst state of all charts."""
-    states = [one.state for one in series]
+def _chart_state(passport: Passport) -> State:
+    """The worst state of all charts, and what has changed."""
+    states = [one.state for one in passport.series]
     if not states:
         sentence = "No run of this gear has an analysis with a quantity that is followed."
         return State("NOTHING TO FOLLOW", sentence)
     worst = next(state for state in _WORST if state in states)
     counted = ", ".join(f"{states.count(state)} {state}" for state in _WORST if state in states)
-    sentence = f"{len(states)} quantities over time: {counted}."
+    told = " ".join(f"{one.sentence}. {one.decides}" for one in passport.alarms)
+    charts = "one quantity" if len(states) == 1 else f"{len(states)} quantities"
+    sentence = f"{told} Of {charts} over time: {counted}.".strip()
     return State(worst.upper(), sentence, tone_of(worst) or "muted")
 
 
@@ -130,14 +133,15 @@ def _parts(passport: Passport) -> Iterator[Section]:
     """Every followed quantity with its chart, then what was measured once, then the order spectra of all runs."""
     both = list(zip(passport.series, passport.tables, strict=True))
     charted = [(series, table) for series, table in both if len(series.points) > 1]
-    for number_, (series, table) in enumerate(charted, 1):
+    numbers = itertools.count(1)
+    for place, (series, table) in enumerate(charted, 1):
         facts = "; ".join(f"{name}: {value}" for name, value in series.conditions.items())
         yield Section(
             title=series.title,
-            anchor=f"part-{number_}",
+            anchor=f"part-{place}",
             subtitle=f"Runs with {facts or 'all'}",
             warnings=tuple(series.notes),
-            figures=tuple(drawn(plot, series.origin, number_) for plot in series.plots),
+            figures=tuple(drawn(plot, series.origin, next(numbers)) for plot in series.plots),
             grids=(data_grid(table),),
         )
     once = [series for series in passport.series if len(series.points) == 1]
@@ -150,14 +154,12 @@ def _parts(passport: Passport) -> Iterator[Section]:
             grids=(_once_grid(once),),
         )
     if passport.spectra:
-        first, origin = len(charted) + 1, passport.runs[-1].origin
+        origin = passport.runs[-1].origin
         yield Section(
             title="Order spectra",
-            anchor=f"part-{first}",
+            anchor=f"part-{len(charted) + 1}",
             subtitle="Runs with the kinematic error identified",
-            figures=tuple(
-                drawn(plot, origin, number_) for number_, plot in enumerate(passport.spectra, first)
-            ),
+            figures=tuple(drawn(plot, origin, next(numbers)) for plot in passport.spectra),
         )
 
 

@@ -115,6 +115,10 @@ def test_the_verdict_of_the_newest_run_and_the_worst_state_stand_at_the_head(
     assert (verdict.word, verdict.tone) == ("FAIL", "bad")
     assert "newest run of every kind" in verdict.sentence
     assert (state.word, state.tone) == ("CHANGED", "bad")
+    assert "is larger by" in state.sentence
+    assert "Of one quantity over time: 1 changed." in state.sentence
+    figures = [figure for part in page.sections for figure in part.figures]
+    assert len({figure.number for figure in figures}) == len(figures) == 2
     assert ("Serial number", "A1") in page.facts
     assert any("95.25 ± 0.39 mN m" in row for row in page.summary[0].rows)
 
