@@ -35,11 +35,13 @@ LONGEST_FIRST = (
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Read when a library is loaded. Workers fill the cores: its threads would wait for each other, a fifth of the time."""
 
+for _variable in ONE_THREAD:
+    # Here, not in a hook: the conftest of a room is loaded before any hook is called, and numpy with it.
+    os.environ.setdefault(_variable, "1")
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """Workers take the files in the order above; of itself xdist begins with those that have the most tests."""
-    for variable in ONE_THREAD:
-        os.environ.setdefault(variable, "1")
     # Bytecode is written, whatever the machine's settings say: without it every process that a test starts would
     # compile the program again, and every worker all the tests.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
