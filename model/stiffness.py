@@ -156,8 +156,12 @@ def hertz_contact(bearing: Bearing, ring: str) -> HertzContact:
     return HertzContact(total / bearing.ball_diameter, kappa, reduced)
 
 
+@functools.lru_cache(maxsize=64)
 def _ellipse_ratio(difference: float) -> float:
-    """kappa > 1 of a contact whose curvature difference is F(rho), by bisection of its logarithm."""
+    """kappa > 1 of a contact whose curvature difference is F(rho), by bisection of its logarithm.
+
+    Kept by itself: a fit that moves the bearing's damping asks for the same contact hundreds of times.
+    """
     low, high = 1e-6, 20.0
     while high - low > 1e-14 * high:
         middle = 0.5 * (low + high)
