@@ -56,16 +56,26 @@ TODAY = date(2025, 11, 25)
 MakePrepared = Callable[..., PreparedRun]
 
 
-@pytest.fixture(autouse=True)
-def collector_in_the_main_thread() -> Iterator[None]:
-    """No other thread takes a window apart: what a test leaves is collected here, as by `shell.collector`.
+@pytest.fixture(scope="session", autouse=True)
+def what_stays() -> None:
+    """What is there before the first window outlives it: no collection looks through it again."""
+    gc.collect()
+    gc.freeze()
 
-    At its end the test still holds its windows: they outlive this collection, and go with the next test's.
-    """
+
+@pytest.fixture(scope="module", autouse=True)
+def collector_in_the_main_thread(what_stays: None) -> Iterator[None]:
+    """No other thread takes a window apart: what a test leaves is collected here, as by `shell.collector`."""
+    gc.collect()
     gc.disable()
     yield
-    gc.collect(1)
     gc.enable()
+
+
+@pytest.fixture(autouse=True)
+def windows_of_the_test_before(collector_in_the_main_thread: None) -> None:
+    """At its end a test still holds its windows: a collection then would make them too old for the next one's."""
+    gc.collect(1)
 
 
 class PatientBot(QtBot):
