@@ -1,9 +1,18 @@
-"""Logs in JSON: a list of objects with the same keys, one per sample, alone or under a key of the file."""
+"""Logs in JSON, in the forms in which people write tables.
+
+    rows as objects     [{"t": 0.0, "x": 1.0}, ...], alone or under a key of the file
+    rows as lists       [["t", "x"], [0.0, 1.0], ...], with the names in the first row, or without names
+    columns             {"t": [0.0, ...], "x": [1.0, ...]}, or each an object by row number (pandas' "columns")
+    pandas' "split"     {"columns": ["t", "x"], "data": [[0.0, 1.0], ...]}
+
+Of several in one file the one with most rows is read.
+"""
 
 from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +25,7 @@ SHOWN = 8
 
 
 def json_table(path: Path) -> ArrayTable:
-    """The columns of a log: the longest list of objects in the file. Truth values become 0 and 1.
+    """The columns of a log: the table with most rows in the file. Truth values become 0 and 1.
 
     A key that an object lacks, or that has no number there, is a hole (NaN). What else stands at
     the top of the file is shown in a note.
@@ -27,9 +36,10 @@ def json_table(path: Path) -> ArrayTable:
         raise RunFileError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
     except (ValueError, RecursionError) as error:
         raise RunFileError(f"is not JSON: {error}", where=str(path)) from error
-    entries = _samples(content)
-    names = list(dict.fromkeys(key for entry in entries for key in entry))
-    arrays = {name: np.array([_number(entry.get(name)) for entry in entries]) for name in names}
+    arrays = {
+        name: np.array([_number(value) for value in values])
+        for name, values in _columns(content).items()
+    }
     table = ArrayTable(
         path, {name: a for name, a in arrays.items() if np.isfinite(a).any()}, "JSON log"
     )
@@ -40,15 +50,53 @@ def json_table(path: Path) -> ArrayTable:
     return table
 
 
-def _samples(content: Any) -> list[dict[str, Any]]:
-    """The longest list of objects; empty where there is none."""
-    lists = content.values() if isinstance(content, dict) else [content]
-    found = [
-        x
-        for x in lists
-        if isinstance(x, list) and x and all(isinstance(entry, dict) for entry in x)
-    ]
-    return max(found, key=len, default=[])
+def _columns(content: Any) -> dict[str, list[Any]]:
+    """The columns of the table with most rows; empty where there is none."""
+    places = [content, *content.values()] if isinstance(content, dict) else [content]
+    tables = [table for place in places for table in _tables(place)]
+    return max(tables, key=lambda one: max(map(len, one.values()), default=0), default={})
+
+
+def _tables(place: Any) -> Iterator[dict[str, list[Any]]]:
+    """What one part of a file is as a table, by each form that it has."""
+    if isinstance(place, list) and place and all(isinstance(row, dict) for row in place):
+        names = dict.fromkeys(key for row in place for key in row)
+        yield {name: [row.get(name) for row in place] for name in names}
+    elif isinstance(place, list) and place and all(isinstance(row, list) for row in place):
+        yield _of_rows(place)
+    elif isinstance(place, dict) and {"columns", "data"} <= set(place):
+        names, rows = place["columns"], place["data"]
+        if isinstance(names, list) and isinstance(rows, list):
+            yield _of_rows([[str(name) for name in names], *rows])
+    elif isinstance(place, dict):
+        lists = {k: v for k, v in place.items() if isinstance(v, list) and not _holds(v)}
+        by_row = {k: list(v.values()) for k, v in place.items() if isinstance(v, dict) and v}
+        numbers = {k: v for k, v in by_row.items() if not _holds(v)}
+        yield from (_of_equal_length(found) for found in (lists, numbers) if found)
+
+
+def _holds(values: list[Any]) -> bool:
+    """Whether anything in it is a table or a list of its own."""
+    return any(isinstance(value, (list, dict)) for value in values)
+
+
+def _of_equal_length(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    """The columns that have as many rows as most values do; a short list beside them is no column."""
+    longest = max(map(len, columns.values()))
+    return {name: values for name, values in columns.items() if len(values) == longest}
+
+
+def _of_rows(rows: list[Any]) -> dict[str, list[Any]]:
+    """Columns of rows that are lists; the first row has the names where all of it is text."""
+    rows = [row for row in rows if isinstance(row, list)]
+    named = bool(rows) and bool(rows[0]) and all(isinstance(cell, str) for cell in rows[0])
+    data = rows[1:] if named else rows
+    width = max(map(len, rows), default=0)
+    names = rows[0] if named else [f"column {k}" for k in range(1, width + 1)]
+    return {
+        str(name): [row[k] if k < len(row) else None for row in data]
+        for k, name in enumerate(names)
+    }
 
 
 def _number(value: Any) -> float:

@@ -5,6 +5,10 @@ Time columns are milliseconds after the start of the export, which the file give
 1601. Channels of different rates stand side by side: a row holds samples of different times, and the
 channels that are through leave their cells blank. Whether ScaleFactor, Offset and the unit's own
 scale have been applied to the numbers, the file does not say.
+
+Between the file's own four lines and the channels there may be blocks of something else
+(`TriggerGroup`), which are passed over: the channels are the block that begins with `Name` and has
+data behind it.
 """
 
 from __future__ import annotations
@@ -20,6 +24,10 @@ from rig.runfile.importing.adapters.text_form import encoding_of, open_text
 from rig.runfile.importing.clocks import FILETIME_1970, FILETIME_TICKS
 
 _LOOKED_AT = 60
+_OWN_LINES = 4
+"""Name, file, start and end of the export."""
+_HEADER_LINES = 2000
+"""Lines within which the data begin; a scope of many triggers says much before them."""
 _NO_UNIT = "(None)"
 _UNIT = re.compile(r"(\S+)\s+\(.*\)")
 
@@ -107,31 +115,15 @@ class ScopeTable(TextRows):
 def _head(path: Path, encoding: str) -> _Head:
     """The header. Raises `RunFileError` where the properties and the data don't have the same columns."""
     with open_text(path, encoding) as stream:
-        lines = [line.rstrip("\r\n") for line in islice(stream, _LOOKED_AT)]
+        lines = [line.rstrip("\r\n") for line in islice(stream, _HEADER_LINES)]
     delimiter = lines[0][len("Name") : len("Name") + 1]
-    start_ns = 0
-    properties: dict[str, list[str]] = {}
-    first_row = 0
-    for number, line in enumerate(lines, 1):
-        cells = [cell.strip() for cell in line.split(delimiter)] if delimiter else [line]
-        if cells[0] == "Starttime of export" and cells[1:]:
-            if not cells[1].isdigit():
-                break
-            start_ns = (int(cells[1]) - FILETIME_1970) * FILETIME_TICKS
-        elif number > 4 and cells[0] and not properties and cells[0] != "Name":
-            break
-        elif number > 4 and cells[0] == "Name" and not properties:
-            properties["Name"] = cells
-        elif properties and cells[0]:
-            properties[cells[0]] = cells
-        elif properties:
-            first_row = number + 1
-            break
-    if not properties or not first_row or first_row > len(lines):
+    rows = [[cell.strip() for cell in line.split(delimiter or None)] for line in lines]
+    properties, first_row = _channels(rows)
+    if not properties or not delimiter:
         raise RunFileError(
             "begins as a TwinCAT scope export and is none",
             where=str(path),
-            limit="4 lines, the channels' properties from `Name` on, a blank line, the data",
+            limit="4 lines, blocks of other things, the channels' properties from `Name` on, a blank line, the data",
             remedy="Export it again, or name its lines with --skip and --header.",
         )
     width = len(properties["Name"])
@@ -145,7 +137,42 @@ def _head(path: Path, encoding: str) -> _Head:
                 remedy="The decimal comma of the header is the delimiter too: export with another "
                 "delimiter, or name the lines with --skip and --header and every column's unit by hand.",
             )
-    return _Head(delimiter, properties, first_row, start_ns)
+    return _Head(delimiter, properties, first_row, _start_ns(rows))
+
+
+def _channels(rows: list[list[str]]) -> tuple[dict[str, list[str]], int]:
+    """The properties of the channels by name, and the line after them: of the last block that begins with `Name` and is
+    followed by a row of numbers. Nothing where there is no such block.
+    """
+    properties: dict[str, list[str]] = {}
+    for number, cells in enumerate(rows[_OWN_LINES:], _OWN_LINES + 1):
+        begins = bool(cells) and cells[0] == "Name"
+        if begins and not properties:
+            properties = {"Name": cells}
+        elif properties and cells and cells[0]:
+            properties[cells[0]] = cells
+        elif properties:
+            following = next((row for row in rows[number:] if any(row)), [])
+            if _is_number(following[0] if following else ""):
+                return properties, number + 1
+            properties = {}
+    return {}, 0
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _start_ns(rows: list[list[str]]) -> int:
+    """Start of the export in ns since 1970; 0 where it is no number of ticks."""
+    for cells in rows[:_OWN_LINES]:
+        if cells[0] == "Starttime of export" and len(cells) > 1 and cells[1].isdigit():
+            return (int(cells[1]) - FILETIME_1970) * FILETIME_TICKS
+    return 0
 
 
 def _unit(text: str) -> str:

@@ -113,10 +113,26 @@ def column_named(table: Table, wanted: str) -> int | None:
     return None
 
 
+_NO_UNITS = frozenset(
+    {"a.u.", "a.u", "au", "arb. unit", "arb. units", "arbitrary units", "-", "n/a", "none", "raw"}
+)
+"""What people write in brackets where they know no unit."""
+
+
 def split_heading(heading: str) -> tuple[str, str]:
-    """Name and unit of a heading such as `Position [deg]` or `t (s)`."""
+    """Name and unit of a heading such as `Position [deg]` or `t (s)`.
+
+    What stands in brackets and is no unit belongs to the name: the number of a channel (`x (2)`), or that nobody knows
+    (`M (A.U.)`). `[1]` is a unit: that of a ratio.
+    """
     match = _BRACKETED.fullmatch(heading)
-    return (match.group(1).strip(), match.group(2).strip()) if match else (heading.strip(), "")
+    if match is None:
+        return heading.strip(), ""
+    name, unit = match.group(1).strip(), match.group(2).strip()
+    if unit.isdigit() and not heading.rstrip().endswith("[1]"):
+        inner, unit_before = split_heading(name)
+        return f"{inner} ({unit})", unit_before
+    return (heading.strip(), "") if unit.lower() in _NO_UNITS else (name, unit)
 
 
 def heading_units(headings: Sequence[str]) -> tuple[str, ...]:

@@ -71,6 +71,19 @@ def test_a_scope_export(tmp_path: Path, delimiter: str, mark: str) -> None:
     assert fast.si("voltage").tolist() == list(range(12))
 
 
+def test_blocks_before_the_channels_of_a_scope_export_are_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "scope.csv"
+    head, _, rest = scope_text().partition("\n\n\n")
+    triggers = "\n".join(f"TriggerGroup\t{k}\nName\tTrigger {k}\nCombine\tAnd\n" for k in range(40))
+    path.write_text(f"{head}\n\n{triggers}\n\n{rest}")
+    recording = imported(tmp_path, path, "input_angle=angle:deg", "torque=M")
+    assert recording.si("torque").tolist() == [0.0, 0.25, 0.5, 0.75]
+    assert recording.metadata.start_time == "2022-05-02T13:56:24.376+00:00"
+    path.write_text(f"{head}\n\n{triggers}\n")
+    with pytest.raises(RunFileError, match="begins as a TwinCAT scope export and is none"):
+        made(tmp_path, path, "torque=M")
+
+
 def test_channels_of_other_times_are_never_resampled_unasked(tmp_path: Path) -> None:
     path = tmp_path / "scope.csv"
     path.write_text(scope_text())

@@ -3,6 +3,7 @@
 import gzip
 import json
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -11,6 +12,7 @@ import scipy.io
 
 from experiments.recording import Recording
 from rig.errors import RigError, RunFileError
+from rig.runfile.importing.adapters.table import split_heading
 from rig.runfile.importing.adapters.text_form import TextForm
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import parse_channel
@@ -98,6 +100,46 @@ def test_hdf5_files_that_lead_elsewhere_or_are_none(tmp_path: Path) -> None:
         open_table("hdf5", path)
     with pytest.raises(RunFileError, match="no such file"):
         open_table("hdf5", tmp_path / "none.h5")
+
+
+@pytest.mark.parametrize("form", ["lists", "columns", "by row", "split", "under a key"])
+def test_a_table_in_json_as_people_write_it(tmp_path: Path, form: str) -> None:
+    columns = {"t": list(TIME), "q": list(DEGREES), "M": list(TORQUES)}
+    columns = {name: [float(v) for v in values] for name, values in columns.items()}
+    rows = [list(row) for row in zip(*columns.values(), strict=True)]
+    content: Any = {
+        "lists": [["t", "q", "M"], *rows],
+        "columns": {**columns, "mass": 0.49, "gains": [1.0, 2.0]},
+        "by row": {k: {str(i): v for i, v in enumerate(vs)} for k, vs in columns.items()},
+        "split": {"columns": ["t", "q", "M"], "index": list(range(len(rows))), "data": rows},
+        "under a key": {"about": {"rig": 1, "limits": [1, 2, 3]}, "log": [["t", "q", "M"], *rows]},
+    }[form]
+    path = tmp_path / "log.json"
+    path.write_text(json.dumps(content))
+    assert open_table("json", path).headings == ("t", "q", "M")
+    same(bring("json", path, "t", "q", "M"))
+
+
+def test_rows_without_names_have_numbered_columns(tmp_path: Path) -> None:
+    path = tmp_path / "log.json"
+    path.write_text(json.dumps([[float(t), float(q)] for t, q in zip(TIME, DEGREES, strict=True)]))
+    assert open_table("json", path).headings == ("column 1", "column 2")
+
+
+@pytest.mark.parametrize(
+    ("heading", "name", "unit"),
+    [
+        ("Torque [Nm]", "Torque", "Nm"),
+        ("Torque (1)", "Torque (1)", ""),
+        ("speed (rpm) (3)", "speed (3)", "rpm"),
+        ("Torque (A.U.)", "Torque (A.U.)", ""),
+        ("slip [1]", "slip", "1"),
+        ("x [2]", "x (2)", ""),
+        ("t (s)", "t", "s"),
+    ],
+)
+def test_what_stands_in_brackets_and_is_no_unit(heading: str, name: str, unit: str) -> None:
+    assert split_heading(heading) == (name, unit)
 
 
 def test_a_log_in_json(tmp_path: Path) -> None:
