@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from rig.api.fleets import fleet_fit
     from rig.api.gearing import gear
     from rig.api.reading import (
+        from_pandas,
         load,
         read_csv,
         read_hdf5,
@@ -66,6 +67,7 @@ _PLACES = {
     "read_hdf5": "rig.api.reading",
     "read_json": "rig.api.reading",
     "read_parquet": "rig.api.reading",
+    "from_pandas": "rig.api.reading",
     "read_tdms": "rig.api.reading",
     "read_mdf": "rig.api.reading",
     "fit": "rig.api.fitting",
@@ -95,6 +97,7 @@ __all__ = [
     "read_hdf5",
     "read_json",
     "read_parquet",
+    "from_pandas",
     "read_tdms",
     "read_mdf",
     "fit",

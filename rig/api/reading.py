@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from experiments.recording import ArraySource, Recording
 from rig.api.gearing import gear
@@ -19,6 +19,9 @@ from rig.runfile.importing.opening import open_tables
 from rig.runfile.importing.reach import is_of_tables
 from rig.runfile.importing.stated import with_stated
 from rig.runfile.read import close_recording, open_run
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def load(path: str | Path) -> Run:
@@ -108,6 +111,51 @@ def read_parquet(
     Needs the extra `import`.
     """
     return _read("parquet", paths, channels, map, run, options)
+
+
+def from_pandas(
+    frame: DataFrame,
+    channels: Mapping[str, str],
+    *,
+    units: Mapping[str, str] | None = None,
+    **options: Any,
+) -> Run:
+    """A recording of another rig in a pandas frame, as a run in memory; a named index is a column too.
+
+    `channels` names what stands in which column, as for `read_csv`; `units` are those of columns whose headings name
+    none::
+
+        rig.from_pandas(frame, {"time": "t", "torque": "M"}, units={"t": "ms", "M": "N m"})
+
+    Raises `ConfigurationError` for a unit of a column that there is not, and what `read_csv` raises.
+    """
+    whole = frame.reset_index() if any(name is not None for name in frame.index.names) else frame
+    columns = {str(name): whole[name] for name in whole.columns}
+    unknown = sorted(set(units or {}) - set(columns))
+    if unknown:
+        raise ConfigurationError(
+            "no such column", where="units", value=unknown[0], limit=", ".join(columns)
+        )
+    headed = {
+        f"{name} [{units[name]}]" if units and name in units else name: c
+        for name, c in columns.items()
+    }
+    arrays = {heading: _numbers(column) for heading, column in headed.items()}
+    with tempfile.TemporaryDirectory(prefix="harmonic-rig-") as folder:
+        file = Path(folder) / "frame.csv"
+        numbers = [heading for heading, values in arrays.items() if values is not None]
+        quoted = ",".join('"' + heading.replace('"', '""') + '"' for heading in numbers)
+        rows = zip(*(arrays[heading] for heading in numbers), strict=True)
+        lines = [",".join(map(repr, row)) for row in rows]
+        file.write_text("\n".join([quoted, *lines]) + "\n", encoding="utf-8")
+        return _read("csv", (file,), channels, None, "", options)
+
+
+def _numbers(column: Any) -> list[float] | None:
+    """A column as numbers; times of a calendar in seconds since 1970; None for words."""
+    if column.dtype.kind == "M":
+        return (column.astype("int64") / 1e9).tolist()
+    return column.astype(float).tolist() if column.dtype.kind in "biuf" else None
 
 
 def read_tdms(

@@ -27,6 +27,7 @@ class _TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sh
 
     csv = "csv"
     mat = "mat"
+    parquet = "parquet"
 
 
 def runs(
@@ -149,7 +150,8 @@ def export(
     format: Annotated[
         _TableFormat | None,
         typer.Option(
-            "--format", help="Text or MATLAB 5; by the suffix of FILE without it, else text."
+            "--format",
+            help="Text, MATLAB 5 or Parquet (extra: import); by the suffix of FILE without it, else text.",
         ),
     ] = None,
     output: Annotated[
@@ -165,7 +167,7 @@ def export(
     """Write a run for other programs, in SI with units in the headings; SIMULATED or IMPORTED runs
     say so in the file.
     """
-    from rig.runfile.export import export_csv, export_mat
+    from rig.runfile.export import export_csv, export_mat, export_parquet
     from rig.runfile.read import close_recording, open_run
 
     written_as = _format_of(output, format)
@@ -173,7 +175,11 @@ def export(
     target = output or run.with_name(f"{name}.{written_as.value}")
     recording = open_run(run)
     try:
-        write = export_csv if written_as is _TableFormat.csv else export_mat
+        write = {
+            _TableFormat.csv: export_csv,
+            _TableFormat.mat: export_mat,
+            _TableFormat.parquet: export_parquet,
+        }[written_as]
         rows = write(recording, target, overwrite=force)
     finally:
         close_recording(recording)

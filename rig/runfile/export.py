@@ -1,4 +1,4 @@
-"""A run for other programs: text or MATLAB, in SI with the unit in every heading, and with where it comes from."""
+"""A run for other programs: text, MATLAB or Parquet, in SI with units in the headings, and with where it comes from."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from experiments.recording import Recording
 from rig.errors import RunFileError
+from rig.extras import optional
 from rig.runfile.header import ORIGIN_WORDS
 
 BLOCK_ROWS = 16384
@@ -149,6 +150,37 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
             scipy.io.savemat(
                 stream, content, do_compression=True, long_field_names=True, oned_as="column"
             )
+        os.replace(partial, target)
+    except OSError as error:
+        raise _not_written(target, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return recording.rows
+
+
+def export_parquet(recording: Recording, target: Path, *, overwrite: bool = False) -> int:
+    """Write the run as Parquet, a block at a time; returns the number of rows.
+
+    Column names and units are those of the text; the head of the text is the file's metadata `description`. Needs the
+    extra `import`. Raises `RunFileError`.
+    """
+    arrow = optional("pyarrow", "writing Parquet files", "import")
+    parquet = optional("pyarrow.parquet", "writing Parquet files", "import")
+    floats = ["time [s]", *(f"{name} [{s.unit}]" for name, s in recording.signals.items())]
+    fields = [arrow.field(name, arrow.float64()) for name in floats]
+    fields += [arrow.field(name, arrow.int64()) for name in ("flags", "segment")]
+    schema = arrow.schema(fields, metadata={"description": "\n".join(_description(recording))})
+    partial = _partial(target, overwrite)
+    try:
+        with parquet.ParquetWriter(partial, schema) as writer:
+            for part in recording.blocks(slice(0, recording.rows), size=BLOCK_ROWS):
+                columns = [
+                    recording.time(part).round(_TIME_DECIMALS),
+                    *(_rounded(recording, name, part) for name in recording.signals),
+                    recording.flags(part).astype(np.int64),
+                    _segment_of_rows(recording, part),
+                ]
+                writer.write_table(arrow.table(columns, schema=schema))
         os.replace(partial, target)
     except OSError as error:
         raise _not_written(target, error) from error

@@ -72,6 +72,25 @@ def test_a_list_of_objects(tmp_path: Path) -> None:
     assert run["torque"] == pytest.approx(TORQUES)
 
 
+def test_a_pandas_frame(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame(
+        {"q [deg]": DEGREES, "M": 1e3 * TORQUES, "word": list("abcdef")},
+        index=pandas.Index(2.0 * np.arange(6), name="t"),
+    )
+    run = rig.from_pandas(
+        frame,
+        {"time": "t", "input_angle": "q", "torque": "M"},
+        units={"t": "ms", "M": "mN m"},
+        ratio=120.0,
+    )
+    assert run["input_angle"] == pytest.approx(np.radians(DEGREES))
+    assert run["torque"] == pytest.approx(TORQUES)
+    assert run.time == pytest.approx(0.002 * np.arange(6))
+    with pytest.raises(ConfigurationError, match=r"units: no such column.*'?Q'?"):
+        rig.from_pandas(frame, {"torque": "M"}, units={"Q": "deg"})
+
+
 def test_a_map_of_several_runs_is_asked_which(tmp_path: Path) -> None:
     path = file_of(tmp_path, table())
     several = tmp_path / "map.toml"
