@@ -2,21 +2,24 @@
 
     python -m tests.benchmarks.alarm_study drawn --seed 33000
     python -m tests.benchmarks.alarm_study chain --first-seed 33100 --gears 20
-    python -m tests.benchmarks.alarm_study chain --first-seed 33200 --gears 20 --hours 100
+    python -m tests.benchmarks.alarm_study chain --first-seed 33200 --gears 20 --hours 100 --runs 21
+    python -m tests.benchmarks.alarm_study chain --first-seed 33500 --gears 20 --runs 20 --protocols velocity-steps
 
 `drawn`: 2000 series each of a gear that does not change, whose days are independent or resemble the day before, by
 both tables of thresholds; then a step of two standard deviations, right after the baseline and ten runs later, and the
 same with a bench and a mounting that change. `chain`: gears of the simulated world, each measured on a day of its own,
 run by run, every run recorded, fitted and read by the passport; with --hours each run that many hours older than the
-one before. Two of the three watched quantities: a short friction run and a kinematic error; velocity steps would take
-half a minute each. A worn gear's limit is what its order 2 truly is at run 21.
+one before. Two of the three watched quantities by default, of a short friction run and a kinematic error; velocity
+steps, of two speeds here, take as long as both. A worn gear's limit is what its order 2 truly is at run 21.
 """
 
 from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +31,12 @@ from rig.analysis.passport.content import Alarm
 
 SERIES, OVER = 2000, 20
 CREATED = "2026-01-01T00:00:00+00:00"
-FRICTION_RPM = (300.0, 600.0, 1000.0, 1600.0, 2400.0)
+PROTOCOLS: Mapping[str, Mapping[str, Any]] = {
+    "kinematic-error": {},
+    "friction": {"speeds_rpm": (300.0, 600.0, 1000.0, 1600.0, 2400.0), "up_and_down": False},
+    "velocity-steps": {"speeds_rpm": (600.0, 1200.0), "repeats": 1},
+}
+"""Short forms of the protocols that have a watched quantity."""
 LIMIT_RUN = 21
 """The run at which a worn gear's order 2 truly meets its limit."""
 DAYS: tuple[Days, ...] = ("independent", "alike")
@@ -98,11 +106,11 @@ def _flagged(
     return f"{100.0 * np.any(each, axis=0).mean():.1f} %"
 
 
-def chain(first: int, gears: int, hours: float, runs: int) -> None:
+def chain(first: int, gears: int, hours: float, runs: int, protocols: Sequence[str]) -> None:
     """Print what becomes of gears that are measured day by day."""
     flagged, in_time = [], []
     for seed in range(first, first + gears):
-        alarms = _life(seed, hours, runs)
+        alarms = _life(seed, hours, runs, protocols)
         words = "; ".join(
             f"{one.quantity} {one.direction} since {one.since[:5]}, told at {one.run[:5]}, "
             f"{one.size_in_scatters:+.1f} scatters, {one.per_run[0]:+.3f} a run"
@@ -111,17 +119,17 @@ def chain(first: int, gears: int, hours: float, runs: int) -> None:
         print(f"gear {seed}: {words or 'no change seen'}", flush=True)
         if alarms:
             flagged.append(seed)
-        if any(_place(one) <= LIMIT_RUN for one in alarms):
+        if any(_place(one, len(protocols)) <= LIMIT_RUN for one in alarms):
             in_time.append(seed)
     print(f"{len(flagged)} of {gears} flagged: {flagged}; by run {LIMIT_RUN}: {len(in_time)}")
 
 
-def _place(alarm: Alarm) -> int:
-    """Which run of its series told an alarm: every second run is of the same protocol."""
-    return (int(alarm.run[:5]) + 1) // 2
+def _place(alarm: Alarm, protocols: int) -> int:
+    """Which run of its series told an alarm: the protocols take turns."""
+    return (int(alarm.run[:5]) - 1) // protocols + 1
 
 
-def _life(seed: int, hours: float, runs: int) -> tuple[Alarm, ...]:
+def _life(seed: int, hours: float, runs: int, protocols: Sequence[str]) -> tuple[Alarm, ...]:
     """The alarms of one gear after all its runs."""
     from rig.analysis.digest import digest
     from rig.analysis.passport.build import passport
@@ -136,12 +144,14 @@ def _life(seed: int, hours: float, runs: int) -> tuple[Alarm, ...]:
                 "day": run,
                 "hours": hours * (run - 1),
             }
-            for protocol, chosen in (
-                ("kinematic-error", {}),
-                ("friction", {"speeds_rpm": FRICTION_RPM, "up_and_down": False}),
-            ):
+            for protocol in protocols:
                 made = execute(
-                    protocol, serial=serial, folder=folder, seed=seed, world=world, **chosen
+                    protocol,
+                    serial=serial,
+                    folder=folder,
+                    seed=seed,
+                    world=world,
+                    **PROTOCOLS[protocol],
                 )
                 digest(Path(str(made.path)), CREATED)
         return passport(folder, serial, watching=Watching()).alarms
@@ -155,11 +165,12 @@ def main() -> None:
     parser.add_argument("--gears", type=int, default=20)
     parser.add_argument("--hours", type=float, default=0.0)
     parser.add_argument("--runs", type=int, default=30)
+    parser.add_argument("--protocols", default="kinematic-error,friction")
     said = parser.parse_args()
     if said.what == "drawn":
         drawn(said.seed)
     else:
-        chain(said.first_seed, said.gears, said.hours, said.runs)
+        chain(said.first_seed, said.gears, said.hours, said.runs, said.protocols.split(","))
 
 
 if __name__ == "__main__":
