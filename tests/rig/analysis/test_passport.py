@@ -15,6 +15,7 @@ from model.gear_file import gear_to_mapping, shipped_gear
 from model.identify.estimate import Cause
 from model.units import ARCMIN, ARCSEC
 from rig.analysis.alarm.promise import Promise, Watching
+from rig.analysis.alarm.watching import BOUNDING_RUNS
 from rig.analysis.passport.build import passport
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.passport.followed import followed, largest_members, order_of, watched
@@ -176,6 +177,18 @@ def test_the_golden_gear_is_the_run_that_decides(history: Path) -> None:
     (alarm,) = found.alarms
     assert alarm.command == "rig run friction --gear GOLD-1"
     assert "golden gear GOLD-1" in alarm.decides
+
+
+def test_the_golden_gear_shows_that_days_are_independent(history: Path) -> None:
+    analysed(history, VALUES)
+    generator = np.random.default_rng(6)
+    for number in range(101, 101 + BOUNDING_RUNS + 3):
+        run = write(history, number, serial="GOLD-1", start_time=start(number), rows=2)
+        analyse(run, estimate(RUNNING, 0.08 + 1e-4 * generator.normal()))
+    alone = series(passport(history, "A1"))
+    beside = series(passport(history, "A1", watching=Watching(golden_gear="GOLD-1")))
+    assert (alone.threshold, beside.threshold) == (pytest.approx(7.104), pytest.approx(5.309))
+    assert "days are independent" in " ".join(beside.notes)
 
 
 def test_few_runs_are_still_learning(folder: Path) -> None:
