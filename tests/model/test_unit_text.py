@@ -61,6 +61,8 @@ SPELLINGS = (
     ("N", 1.0, "N|Newtons|newton"),
     ("N", 1e3, "kN"),
     ("N", POUND * FALL, "lbf"),
+    ("N", 1000 * POUND * FALL, "kip|kips"),
+    ("m", Fraction(9144, 10**4), "yd|yards"),
     ("N", FALL, "kgf|kp"),
     ("A", 1.0, "A|Amps|ampere|Arms|A rms|A_rms|A (rms)|Aeff|ARMS|A r.m.s."),
     ("A", 1e-3, "mA"),
