@@ -40,6 +40,10 @@ for _variable in ONE_THREAD:
     os.environ.setdefault(_variable, "1")
 
 
+USERS_OF_QT = ("rig.window", "tests.rig.window", "pyqtgraph", "pytestqt", "PySide6")
+
+
+@pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
     """Workers take the files in the order above; of itself xdist begins with those that have the most tests."""
     # Bytecode is written, whatever the machine's settings say: without it every process that a test starts would
@@ -48,6 +52,16 @@ def pytest_configure(config: pytest.Config) -> None:
     sys.dont_write_bytecode = False
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False
+    # pytest-qt has loaded Qt by now.
+    if feature := sys.modules.get("shibokensupport.feature"):
+        feature.__dict__["_mod_uses_pyside"] = uses_qt
+
+
+def uses_qt(module: object) -> bool:
+    """Whether a module uses Qt. The binding finds out by the source of every module that is imported after it, and the
+    lines stay in `linecache`: a million of them, 100 MB of a worker, of two thousand modules that know nothing of Qt.
+    """
+    return getattr(module, "__name__", "").startswith(USERS_OF_QT)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
