@@ -30,6 +30,8 @@ from tests.benchmarks.long_run import load_average
 COMMAND = (sys.executable, "-m", "pytest", "-n", "auto", "--dist", "loadfile", "-q")
 INTERVAL = 1.0
 """s between two looks at the memory of the workers."""
+BUDGET_SECONDS, BUDGET_MEGABYTES = 800.0, 600.0
+"""Processor time of the whole suite on quiet cores, and what one worker may hold."""
 IGNORED = {"nohup": (signal.SIGHUP,), "background": (signal.SIGINT, signal.SIGQUIT), "terminal": ()}
 """What a process is started to ignore: by `nohup`, by a shell that starts it with `&`."""
 
@@ -118,9 +120,20 @@ def main() -> int:
     if not order.whole:
         failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
         print("\n".join(failed + lines[-1:]))
-    print(f"processor time: {used.ru_utime:.0f} s user + {used.ru_stime:.0f} s system")
-    print(f"largest worker: {most[0] / 1e6:.0f} MB; wall time: {time.monotonic() - began:.0f} s")
+    processor, memory = used.ru_utime + used.ru_stime, most[0] / 1e6
+    print(
+        f"processor time: {used.ru_utime:.0f} s user + {used.ru_stime:.0f} s system, "
+        + beside(processor, BUDGET_SECONDS, "s")
+    )
+    print(f"largest worker: {memory:.0f} MB, " + beside(memory, BUDGET_MEGABYTES, "MB"))
+    print(f"wall time: {time.monotonic() - began:.0f} s")
     return code
+
+
+def beside(used: float, budget: float, unit: str) -> str:
+    """What was used beside its budget, in words."""
+    over = used - budget
+    return f"{abs(over):.0f} {unit} {'over' if over > 0.0 else 'below'} the {budget:.0f} {unit} of the whole suite"
 
 
 if __name__ == "__main__":
