@@ -53,7 +53,7 @@ def test_columns_are_left_out_by_name_and_where_they_say_nothing() -> None:
         ("FAIL", "bad"),
         ("FAIL (≤ 90 mN m, page 12)", "bad"),
         ("no, 1.3 U", "bad"),
-        ("no control limits yet", "muted"),
+        ("learning", "muted"),
         ("NOT JUDGED", "muted"),
         ("nowhere", None),
         ("no motor tare", None),
