@@ -152,9 +152,11 @@ def from_pandas(
 
 
 def _numbers(column: Any) -> list[float] | None:
-    """A column as numbers; times of a calendar in seconds since 1970; None for words."""
+    """A column as numbers; times of a calendar in seconds since 1970, NaN where one is missing; None for words."""
     if column.dtype.kind == "M":
-        return (column.astype("int64") / 1e9).tolist()
+        # A frame keeps times in s, ms, us or ns, by its pandas and by where they are from: never count without asking.
+        seconds = column.dt.as_unit("ns").astype("int64") / 1e9
+        return seconds.where(column.notna(), float("nan")).tolist()
     return column.astype(float).tolist() if column.dtype.kind in "biuf" else None
 
 

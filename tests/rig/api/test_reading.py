@@ -91,6 +91,29 @@ def test_a_pandas_frame(tmp_path: Path) -> None:
         rig.from_pandas(frame, {"torque": "M"}, units={"Q": "deg"})
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns"])
+@pytest.mark.parametrize("zone", [None, "UTC", "Europe/Berlin"])
+def test_calendar_times_of_a_frame_are_the_same_in_whatever_unit_it_keeps_them(
+    unit: str, zone: str | None
+) -> None:
+    pandas = pytest.importorskip("pandas")
+    times = pandas.Series(pandas.to_datetime([f"2025-01-01T00:00:0{k}" for k in range(6)]))
+    stamped = times.dt.tz_localize("UTC").dt.as_unit(unit)
+    column = times.dt.as_unit(unit) if zone is None else stamped.dt.tz_convert(zone)
+    frame = pandas.DataFrame({"t": column, "M": TORQUES})
+    run = rig.from_pandas(frame, {"time": "t", "torque": "M"}, units={"t": "s", "M": "N m"})
+    assert np.diff(run.time) == pytest.approx(np.ones(5))
+    assert run.metadata.start_time == "2025-01-01T00:00:00.000+00:00"
+
+
+def test_a_calendar_time_that_is_missing_is_refused_and_no_number() -> None:
+    pandas = pytest.importorskip("pandas")
+    times = pandas.to_datetime(["2025-01-01", None, *["2025-01-02"] * 4])
+    frame = pandas.DataFrame({"t": times, "M": TORQUES})
+    with pytest.raises(RunFileError, match=r"row 2|line 3"):
+        rig.from_pandas(frame, {"time": "t", "torque": "M"}, units={"t": "s", "M": "N m"})
+
+
 def test_a_map_of_several_runs_is_asked_which(tmp_path: Path) -> None:
     path = file_of(tmp_path, table())
     several = tmp_path / "map.toml"
