@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -87,17 +86,20 @@ def campaign(
         print_json(report.as_json())
     else:
         _print_report(report.campaign, report.certificate)
-        _print_alarms(report.alarms)
+        _print_alarms(report)
     raise typer.Exit(_code_of(report.campaign, require_verdict))
 
 
 @dataclass(frozen=True)
 class _Conducted:
-    """A campaign as far as it came, the files of its certificate, and what has changed with the gear over its runs."""
+    """A campaign as far as it came, the files of its certificate, and what has changed with the gear over its runs, or
+    why nobody can tell.
+    """
 
     campaign: CampaignReport
     certificate: list[str]
     alarms: tuple[Alarm, ...] = ()
+    untold: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig campaign --json` prints."""
@@ -105,6 +107,7 @@ class _Conducted:
             **self.campaign.as_json(),
             "certificate": self.certificate,
             "alarms": [one.as_json() for one in self.alarms],
+            "alarms_untold": self.untold,
         }
 
 
@@ -153,7 +156,6 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
 
 
 def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:
-    from rig.analysis.passport.build import alarms_of
     from rig.trial.campaign.conduct import conduct
 
     report = conduct(order, crew)
@@ -166,8 +168,23 @@ def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:
             order.now(),
             _rests_on(report, certificate),
         )
-    alarms = alarms_of(pattern.folder, pattern.serial) if report.verdict_rests_on else ()
-    return _Conducted(report, certificate, alarms)
+    return _Conducted(report, certificate, *_alarms(report, pattern))
+
+
+def _alarms(report: CampaignReport, pattern: Order) -> tuple[tuple[Alarm, ...], str]:
+    """What has changed with the gear, and why nobody can tell: an older run that was altered is no matter of this
+    campaign, whose end is told all the same.
+    """
+    from rig.analysis.alarm.laboratory import watching_in_force
+    from rig.analysis.passport.build import alarms_of
+    from rig.errors import RigError
+
+    if not report.verdict_rests_on:
+        return (), ""
+    try:
+        return alarms_of(pattern.folder, pattern.serial, watching_in_force(pattern.config)), ""
+    except RigError as error:
+        return (), str(error)
 
 
 def _rests_on(report: CampaignReport, certificate: list[str]) -> dict[str, Any]:
@@ -237,10 +254,13 @@ def _print_walk(walked: Walk) -> None:
     )
 
 
-def _print_alarms(alarms: Sequence[Alarm]) -> None:
+def _print_alarms(conducted: _Conducted) -> None:
     """What has changed with the gear over all its runs, and the run that decides."""
     out = console()
-    for alarm in alarms:
+    if conducted.untold:
+        text = f"Whether the gear has changed cannot be told: {conducted.untold}"
+        out.print(text, style="yellow", soft_wrap=True)
+    for alarm in conducted.alarms:
         out.print(f"CHANGED  {alarm.sentence}", style="bold red", soft_wrap=True)
         out.print(f"  {alarm.decides}  →  {alarm.command}", soft_wrap=True)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.analysis.alarm.promise import RANGES
+from rig.bench.config.ranges import ALARM_RANGES
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import echo, print_json
 
@@ -91,8 +91,8 @@ FalseAlarms = Annotated[
     float | None,
     typer.Option(
         "--false-alarms",
-        min=RANGES["false_alarms"][0],
-        max=RANGES["false_alarms"][1],
+        min=ALARM_RANGES["false_alarms"][0],
+        max=ALARM_RANGES["false_alarms"][1],
         metavar="SHARE",
         help="With --passport: of gears that do not change, so many may be told to have changed; 0.05, or [alarms] "
         "of rig.toml.",
@@ -102,6 +102,8 @@ Over = Annotated[
     int | None,
     typer.Option(
         "--over",
+        min=ALARM_RANGES["over"][0],
+        max=ALARM_RANGES["over"][1],
         metavar="RUNS",
         help="With --passport: within so many runs after the baseline; 20.",
     ),
@@ -110,8 +112,8 @@ Baseline = Annotated[
     int | None,
     typer.Option(
         "--baseline",
-        min=RANGES["baseline"][0],
-        max=RANGES["baseline"][1],
+        min=ALARM_RANGES["baseline"][0],
+        max=ALARM_RANGES["baseline"][1],
         metavar="RUNS",
         help="With --passport: first runs, which teach what is usual; 10.",
     ),
@@ -194,15 +196,13 @@ def _verdicts_of(
 ) -> tuple[dict[Path, GearVerdict], GearVerdict]:
     """The verdict on each run of a passport, and that on the gear by the newest of every kind.
 
-    What the gear must show says the first of these places whose card names a file.
+    What the gear must show say these places.
     """
     from rig.analysis.in_force import newest_analysed
     from rig.analysis.judging import judge_listed, judge_newest
-    from rig.gears.acceptance import acceptance_for
+    from rig.gears.acceptance import acceptance_of_places
 
-    folders = [place if place.is_dir() else place.parent for place in where]
-    named = (acceptance_for(folder, passport.serial) for folder in folders)
-    acceptance = next((one for one in named if one is not None), None)
+    acceptance = acceptance_of_places(where, passport.serial)
     judged = judge_listed(passport.runs)
     verdicts = {path: one.verdict for path, one in judged.items()}
     return verdicts, judge_newest(newest_analysed(passport.runs), acceptance)

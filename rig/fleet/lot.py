@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.result import WORST_FIRST, VerdictOutcome
+from rig.analysis.alarm.laboratory import watching_in_force
+from rig.analysis.alarm.promise import Watching
 from rig.analysis.judging import NO_ACCEPTANCE, worst_of
 from rig.analysis.passport.build import alarms_of
 from rig.errors import RigError
@@ -156,6 +158,7 @@ def _gears(
     for row in data.rows:
         rows_of[row.gear].append(row)
     titles = {(q.kind, q.name): q for q in quantities}
+    watching = watching_in_force()
     unlike = _unlike(quantities)
     failures: dict[str, list[str]] = defaultdict(list)
     for gear, run, reason in data.failures:
@@ -166,7 +169,7 @@ def _gears(
             rows_of[gear],
             titles,
             accepted,
-            _Told(_changed(data, gear), unlike.get(gear, []), failures[gear]),
+            _Told(_changed(data, gear, watching), unlike.get(gear, []), failures[gear]),
         )
         for gear in data.gears
     ]
@@ -181,10 +184,17 @@ class _Told:
     failures: Sequence[str]
 
 
-def _changed(data: LotData, gear: str) -> tuple[str, ...]:
-    """What has changed with a gear, by its run files as far as they are there."""
-    files = [Path(file) for file in data.histories.get(gear, ()) if Path(file).is_file()]
-    return tuple(one.sentence for one in alarms_of(files, gear)) if files else ()
+def _changed(data: LotData, gear: str, watching: Watching) -> tuple[str, ...]:
+    """What has changed with a gear, by its run files as far as they are there; why nobody can tell, where it is so."""
+    if gear not in data.histories:
+        return ()
+    named = dict.fromkeys((gear, watching.golden_gear))
+    files = [Path(file) for one in named for file in data.histories.get(one, ())]
+    try:
+        alarms = alarms_of([file for file in files if file.is_file()], gear, watching)
+    except RigError as error:
+        return (f"whether it has changed cannot be told: {error}",)
+    return tuple(one.sentence for one in alarms)
 
 
 def _gear(

@@ -15,7 +15,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from importlib import resources
@@ -180,6 +180,16 @@ def acceptance_for(folder: str | Path, serial: str) -> Acceptance | None:
     if card is None or not card.facts.acceptance:
         return None
     return acceptance_named(card.facts.acceptance)
+
+
+def acceptance_of_places(
+    where: str | Path | Iterable[str | Path], serial: str
+) -> Acceptance | None:
+    """What a gear must show, by the first of these folders and folders of run files whose card names a file."""
+    places = [Path(where)] if isinstance(where, (str, Path)) else [Path(one) for one in where]
+    folders = dict.fromkeys(place if place.is_dir() else place.parent for place in places)
+    named = (acceptance_for(folder, serial) for folder in folders)
+    return next((one for one in named if one is not None), None)
 
 
 def acceptance_text(acceptance: Acceptance) -> str:

@@ -4,16 +4,17 @@
     level           1                                             always
     warmth          housing temperature less that of run 1, 5 K   every run of the baseline has one
     bench           1 on this bench                               a bench other than the first
-    fresh lubricant 1 from that run on                            lubricant noted otherwise than in the run before
+    fresh lubricant 1 from that run on                            lubricant noted otherwise than before
     new mounting    1 from that run on                            mounting noted otherwise, unless that is so often that
                                                                   mounting belongs to the scatter of the gear
+
+What nobody noted is no change: a card that is filled in after some runs begins no level, and hides none.
 
 A run that begins a level is not judged by what was before: it teaches the new level.
 """
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -56,22 +57,30 @@ def noted(runs: Sequence[NotedRun], baseline: int) -> Noted:
     if all(run.temperature is not None for run in runs[:baseline]):
         temperature = np.array([np.nan if r.temperature is None else r.temperature for r in runs])
         columns["warmth"] = (temperature - temperature[:1]) / _WARMTH_UNIT
-    for bench in dict.fromkeys(run.bench for run in runs):
-        if bench != runs[0].bench:
-            columns[f"bench {bench}"] = np.array([float(run.bench == bench) for run in runs])
+    for bench in list(dict.fromkeys(run.bench for run in runs if run.bench))[1:]:
+        columns[f"bench {bench}"] = np.array([float(run.bench == bench) for run in runs])
     begins: dict[int, str] = {}
-    for name, values in _levels(runs, baseline).items():
-        for run in range(1, count):
-            if values[run] != values[run - 1]:
-                begins[run] = f"{begins[run]}, {name}" if run in begins else name
-                columns[f"{name} at {run}"] = (np.arange(count) >= run).astype(float)
+    for name, changes in _levels(runs, baseline).items():
+        for run in changes:
+            begins[run] = f"{begins[run]}, {name}" if run in begins else name
+            columns[f"{name} at {run}"] = (np.arange(count) >= run).astype(float)
     return Noted(np.stack(list(columns.values()), axis=1), begins, tuple(columns))
 
 
-def _levels(runs: Sequence[NotedRun], baseline: int) -> dict[str, list[str]]:
-    levels = {"fresh lubricant": [run.lubricant for run in runs]}
-    mountings = [run.mounting for run in runs]
-    changes = sum(a != b for a, b in itertools.pairwise(mountings[:baseline]))
-    if (changes + 1) * _OFTEN <= max(baseline, _OFTEN):
+def _levels(runs: Sequence[NotedRun], baseline: int) -> dict[str, list[int]]:
+    levels = {"fresh lubricant": _changes([run.lubricant for run in runs])}
+    mountings = _changes([run.mounting for run in runs])
+    within = sum(run < baseline for run in mountings)
+    if (within + 1) * _OFTEN <= max(baseline, _OFTEN):
         levels["new mounting"] = mountings
     return levels
+
+
+def _changes(values: Sequence[str]) -> list[int]:
+    """The runs at which something is noted otherwise than when it was noted last."""
+    changes, last = [], ""
+    for run, value in enumerate(values):
+        if value and last and value != last:
+            changes.append(run)
+        last = value or last
+    return changes

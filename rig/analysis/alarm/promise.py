@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rig.bench.config.ranges import ALARM_RANGES
 from rig.errors import RigError
 
 MOST_QUANTITIES = 3
 """Quantities of a gear whose change is told; each one more costs sight of all."""
-RANGES = {"false_alarms": (0.002, 0.5), "over": (5, 200), "baseline": (4, 100)}
-"""What thresholds are drawn for: rarer alarms need more series than a minute allows."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +20,7 @@ class Promise:
     baseline: int = 10
 
     def __post_init__(self) -> None:
-        for name, (low, high) in RANGES.items():
+        for name, (low, high) in ALARM_RANGES.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise RigError(

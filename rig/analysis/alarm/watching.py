@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,7 +55,7 @@ class Change:
     scatter: float
 
     @property
-    def direction(self) -> str:
+    def direction(self) -> Literal["larger", "smaller"]:
         """Whether the quantity has become larger or smaller."""
         return "larger" if self.size.value > 0.0 else "smaller"
 

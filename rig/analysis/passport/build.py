@@ -19,7 +19,7 @@ from rig.analysis.passport.series import groups_of, series_of, usable
 from rig.analysis.passport.watch import Group, alarmed, days_between, watched
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import RigError
-from rig.gears.acceptance import Acceptance, acceptance_for
+from rig.gears.acceptance import acceptance_of_places
 from rig.runfile.header import ORIGIN_WORDS
 
 
@@ -38,6 +38,7 @@ def passport(
     this gear; `RunFileError` for a folder that is none.
     """
     watching = watching or watching_in_force()
+    where = where if isinstance(where, (str, Path)) else list(where)
     runs = runs_of(where, serial)
     if not runs:
         raise RigError(
@@ -51,7 +52,7 @@ def passport(
     groups = _groups(analysed)
     chosen = alarmed(groups)
     days = days_between(chosen, _golden(where, serial, watching, origin), watching.promise)
-    acceptance = _acceptance(where, serial)
+    acceptance = acceptance_of_places(where, serial)
     series = tuple(
         series_of(
             one,
@@ -79,14 +80,19 @@ def passport(
     )
 
 
-def alarms_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Alarm, ...]:
-    """What has changed with a gear, by its passport; nothing, and nothing read, while no protocol has runs enough."""
-    watching = watching_in_force()
+def alarms_of(
+    where: str | Path | Sequence[str | Path], serial: str, watching: Watching | None = None
+) -> tuple[Alarm, ...]:
+    """What has changed with a gear, by its passport; nothing, and nothing read, while no protocol has runs enough.
+
+    `where` holds the runs of the golden gear too, if they are to be heard.
+    """
+    watching = watching or watching_in_force()
     runs = [run for run in runs_of(where, serial) if run.is_complete]
     most = max(Counter(run.protocol for run in runs).values(), default=0)
     if most <= watching.promise.baseline:
         return ()
-    return passport([run.path for run in runs], serial, watching=watching).alarms
+    return passport(where, serial, watching=watching).alarms
 
 
 def _groups(analysed: Sequence[AnalysedRun]) -> list[Group]:
@@ -102,14 +108,6 @@ def _golden(
         return []
     runs = runs_of(where, golden)
     return alarmed(_groups(gather(runs, origin).analysed)) if runs else []
-
-
-def _acceptance(where: str | Path | Iterable[str | Path], serial: str) -> Acceptance | None:
-    """What the gear must show, by the first of these places whose card names a file."""
-    places = [Path(where)] if isinstance(where, (str, Path)) else [Path(one) for one in where]
-    folders = [place if place.is_dir() else place.parent for place in places]
-    named = (acceptance_for(folder, serial) for folder in folders)
-    return next((one for one in named if one is not None), None)
 
 
 def _place(where: str | Path | Iterable[str | Path]) -> str:

@@ -102,11 +102,10 @@ class Wear:
     def as_json(self) -> dict[str, Any]:
         """The trend of one series of `rig report --passport --json`; an open end of an interval is null."""
         to_limit = self.hours_to_limit
+        ends = to_limit and [one if math.isfinite(one) else None for one in to_limit]
         return {
             "per_1000_hours": list(self.per_1000_hours),
-            "hours_to_limit": None
-            if to_limit is None
-            else [one if math.isfinite(one) else None for one in to_limit],
+            "hours_to_limit": ends,
             "sentence": self.sentence,
         }
 

@@ -97,7 +97,7 @@ def alarm_of(group: Group, series: WatchedSeries, watching: Watching) -> Alarm |
     return Alarm(
         quantity=quantity.key,
         title=group.title,
-        direction="larger" if change.size.value > 0.0 else "smaller",
+        direction=change.direction,
         since=since.run.run_id,
         run=told.run.run_id,
         runs_until_told=change.run - change.since + 1,

@@ -35,6 +35,7 @@ from rig.bench.config.parts import (
     Positive,
     Word,
 )
+from rig.bench.config.ranges import ALARM_RANGES
 from rig.bench.config.sources import AnySource
 
 FORMAT = "harmonic-rig-1"
@@ -304,6 +305,11 @@ class Laboratory(Part):
     received: datetime.date | None = None
 
 
+def _ranged(default: float, name: str) -> Any:
+    low, high = ALARM_RANGES[name]
+    return Field(default=default, ge=low, le=high)
+
+
 class Alarms(Part):
     """How often a gear that does not change may be told to have changed (`rig report --passport`), and the golden gear.
 
@@ -311,9 +317,9 @@ class Alarms(Part):
     of a gear that is kept to be measured again and again: what changes with it is the bench.
     """
 
-    false_alarms: float = Field(default=0.05, gt=0.0, lt=1.0)
-    over: int = Field(default=20, ge=1)
-    baseline: int = Field(default=10, ge=2)
+    false_alarms: float = _ranged(0.05, "false_alarms")
+    over: int = _ranged(20, "over")
+    baseline: int = _ranged(10, "baseline")
     golden_gear: str = ""
 
 

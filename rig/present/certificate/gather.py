@@ -26,7 +26,7 @@ from rig.library.index import IndexedRun
 from rig.runfile.read import close_recording
 
 CHARTED_FROM = 3
-"""Runs of a kind from which on a control chart tells anything."""
+"""Runs of a kind from which on a chart over the runs tells anything."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +57,7 @@ class Certified:
 
     @property
     def has_charts(self) -> bool:
-        """Whether any kind has as many runs as make a control chart."""
+        """Whether any kind has as many runs as make a chart over them."""
         counts = [sum(run.protocol == fit.result.kind for run in self.runs) for fit in self.fits]
         return max(counts, default=0) >= CHARTED_FROM
 

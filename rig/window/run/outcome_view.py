@@ -265,6 +265,8 @@ def campaign_lines(report: dict[str, Any]) -> list[str]:
         *report.get("resumed", ()),
     ]
     lines += [f"Analysis: {problem}" for problem in report.get("problems", ())]
+    if untold := report.get("alarms_untold"):
+        lines.append(f"Whether the gear has changed cannot be told: {untold}")
     lines += [f"CHANGED: {one['sentence']}. {one['decides']}" for one in report.get("alarms", ())]
     if not report.get("complete"):
         lines.append("Start the same campaign again: it goes on from here.")

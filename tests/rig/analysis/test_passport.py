@@ -16,7 +16,7 @@ from model.identify.estimate import Cause
 from model.units import ARCMIN, ARCSEC
 from rig.analysis.alarm.promise import Promise, Watching
 from rig.analysis.alarm.watching import BOUNDING_RUNS
-from rig.analysis.passport.build import passport
+from rig.analysis.passport.build import alarms_of, passport
 from rig.analysis.passport.content import Passport, PassportSeries
 from rig.analysis.passport.followed import followed, largest_members, order_of, watched
 from rig.analysis.result_data import plot_from_mapping
@@ -189,6 +189,14 @@ def test_the_golden_gear_shows_that_days_are_independent(history: Path) -> None:
     beside = series(passport(history, "A1", watching=Watching(golden_gear="GOLD-1")))
     assert (alone.threshold, beside.threshold) == (pytest.approx(7.104), pytest.approx(5.309))
     assert "days are independent" in " ".join(beside.notes)
+    # Whoever asks for the alarms alone, as campaign and lot do, hears the golden gear too.
+    bent = (*VALUES[:10], *(value + 1.4 for value in VALUES[10:]))
+    analysed(history, bent)
+    told = {
+        golden: [one.quantity for one in alarms_of(history, "A1", Watching(golden_gear=golden))]
+        for golden in ("", "GOLD-1")
+    }
+    assert told == {"": [], "GOLD-1": [RUNNING]}
 
 
 def test_few_runs_are_still_learning(folder: Path) -> None:

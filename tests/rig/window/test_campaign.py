@@ -238,6 +238,15 @@ def test_an_incomplete_campaign_says_how_it_goes_on() -> None:
     alarm = {"sentence": "running torque is larger by 3 mN m", "decides": "One run decides."}
     told = campaign_lines({"complete": True, "verdict": "PASS", "because": [], "alarms": [alarm]})
     assert told[-1] == "CHANGED: running torque is larger by 3 mN m. One run decides."
+    lost = {
+        "complete": True,
+        "verdict": "PASS",
+        "because": [],
+        "alarms_untold": "run 3 was altered",
+    }
+    assert (
+        campaign_lines(lost)[-1] == "Whether the gear has changed cannot be told: run 3 was altered"
+    )
 
 
 @pytest.mark.parametrize("missing", ["", "torque"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -51,8 +52,6 @@ def test_scores_are_by_hand_what_they_say() -> None:
     # w = 2/sqrt(2), 0, 4/sqrt(4/3); the last is held against the root of (2 + 0)/2, with two degrees of freedom.
     ratio = 4.0 / np.sqrt(4.0 / 3.0)
     below = 0.5 + ratio / (2.0 * np.sqrt(2.0 + ratio**2))
-    from statistics import NormalDist
-
     assert found.normal[0, 3] == pytest.approx(NormalDist().inv_cdf(below))
 
 
@@ -130,6 +129,10 @@ def test_what_a_laboratory_says_goes_before_what_is_usual(
     (tmp_path / "rig.toml").write_text("[alarms]\nfalse_alarm = 0.02\n", encoding="utf-8")
     with pytest.raises(ConfigurationError, match="false_alarm"):
         watching_in_force()
+    # What no threshold is drawn for is refused where the file is read, in the same range.
+    (tmp_path / "rig.toml").write_text("[alarms]\nbaseline = 3\n", encoding="utf-8")
+    with pytest.raises(ConfigurationError, match=r"alarms\.baseline.*4"):
+        watching_in_force()
 
 
 def test_size_since_and_slope_of_a_change_are_recovered() -> None:
@@ -164,9 +167,23 @@ def test_warmth_that_moves_a_quantity_is_no_change() -> None:
 def test_a_gear_that_is_refitted_every_time_has_its_mounting_in_its_scatter() -> None:
     often = noted([NotedRun(mounting=f"{k}") for k in range(12)], 10)
     assert (often.columns, often.begins) == (("level",), {})
-    once = noted([NotedRun(mounting=str(k // 6), bench="b" * (k // 8)) for k in range(12)], 10)
+    once = noted([NotedRun(mounting=f"m{k // 6}", bench="ab"[k // 8]) for k in range(12)], 10)
     assert once.columns == ("level", "bench b", "new mounting at 6")
     assert once.begins == {6: "new mounting"}
+
+
+def test_a_card_that_is_filled_in_later_begins_no_level_and_hides_no_change() -> None:
+    runs = [NotedRun(lubricant="A" * (k > 4), bench="b" * (k > 5)) for k in range(30)]
+    assert noted(runs, 10).columns == ("level",)
+    generator = np.random.default_rng(17)
+    values = 80.0 + 0.2 * generator.normal(size=30) + 1.0 * (np.arange(30) >= 12)
+    blank = [NotedRun(lubricant="A" * (k > 11), mounting="m" * (k > 11)) for k in range(30)]
+    found = watch(values.tolist(), blank, Promise(), 1, "alike")
+    assert found.change is not None
+    assert found.change.since == 12
+    # Forgotten once and noted the same again is no change either; another grease is.
+    gaps = [NotedRun(lubricant=name) for name in ("A", "", "A", "B", "", "B")]
+    assert noted(gaps, 10).begins == {3: "fresh lubricant"}
 
 
 def test_a_run_without_its_warmth_is_left_out() -> None:
