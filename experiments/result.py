@@ -141,7 +141,7 @@ class Verdict:
 
     `estimate` is NaN where the run lacks the quantity; `limit_source` is the document, `limit_standing`
     says whose limit it is; `because` says what is missing where it is NOT JUDGED. `run` and `kind`
-    name the analysis, empty where there is none. `next_step` says of a MARGINAL one what decides it.
+    name the analysis, empty where there is none.
     """
 
     quantity: Quantity
@@ -154,7 +154,6 @@ class Verdict:
     because: str = ""
     run: str = ""
     kind: str = ""
-    next_step: str = ""
 
     @property
     def rests_on(self) -> str:
@@ -183,7 +182,6 @@ class Verdict:
             "outcome": self.outcome,
             "because": self.because,
             "rests_on": self.rests_on,
-            "next_step": self.next_step,
         }
 
 

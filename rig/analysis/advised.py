@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from experiments.result import Result
 from model.unit_text import scale_in
 from rig.analysis.in_force import InForce, in_force, newest_analysed
 from rig.analysis.judging import GearVerdict, judge_newest, judge_run, stored_result
-from rig.analysis.next_run import Advice, advice, wanted_by
+from rig.analysis.next_run import Advice, Of, advice, wanted_by
 from rig.analysis.passport.gather import runs_of
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.acceptance import Acceptance, acceptance_for
@@ -27,6 +28,11 @@ class Analysed:
     serial: str
     result: Result
     parameters: Mapping[str, Any]
+
+    def advice(self, name: str, wanted: float) -> Advice:
+        """What lowers U of one of its numbers."""
+        of = Of(self.result.kind, self.result.run, self.parameters)
+        return advice(self.result.estimates[name], self.result.quantity(name), of, wanted)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +120,7 @@ def _by_limits(verdict: GearVerdict, analysed: Sequence[Analysed]) -> list[Advic
     for line in verdict.lines:
         one, wanted = by_run.get((line.run, line.kind)), wanted_by(line)
         if one is not None and wanted and line.estimate.name in one.result.estimates:
-            made.append(advice(one.result, line.estimate.name, wanted, one.parameters))
+            made.append(one.advice(line.estimate.name, wanted))
     return made
 
 
@@ -132,7 +138,15 @@ def _by_target(text: str, analysed: Sequence[Analysed]) -> Advice:
             limit=f"QUANTITY=U of {', '.join(kinds) or 'an analysed run'}, such as {_example(known)}",
         )
     key = _named(name, one.result)
-    return advice(one.result, key, _size(size.strip(), one.result, key), one.parameters)
+    estimate = one.result.estimates[key]
+    if estimate.identifiable == "no" or not math.isfinite(estimate.expanded_uncertainty):
+        raise ConfigurationError(
+            "is not identifiable from this run: there is no budget to lower",
+            where="--target",
+            value=repr(text),
+            limit=estimate.note or "a number with a finite U",
+        )
+    return one.advice(key, _size(size.strip(), one.result, key))
 
 
 def _named(name: str, result: Result) -> str:
@@ -158,7 +172,7 @@ def _size(text: str, result: Result, key: str) -> float:
     except ValueError:
         value = 0.0
     scale = abs(estimate.value) / 100.0 if unit == "%" else scale_in(unit or shown, estimate.unit)
-    if not value > 0.0 or scale is None:
+    if scale is None or not 0.0 < value * scale < math.inf:
         raise ConfigurationError(
             "is no uncertainty that can be wanted",
             where="--target",

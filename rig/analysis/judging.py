@@ -29,7 +29,7 @@ from experiments.result import (
 from model.errors import WordedError
 from model.identify.estimate import Estimate
 from rig.analysis.in_force import InForce, Newest, in_force
-from rig.analysis.next_run import advice, wanted_by
+from rig.analysis.next_run import next_step_of
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
 from rig.gears.acceptance import Acceptance, Limit, Subject, acceptance_for
@@ -97,8 +97,8 @@ class GearVerdict:
 
     @property
     def next_steps(self) -> tuple[str, ...]:
-        """What decides each limit that is MARGINAL."""
-        return tuple(line.next_step for line in self.lines if line.next_step)
+        """What decides each limit that is MARGINAL. Worked out when it is asked for: a list of runs only counts."""
+        return tuple(step for step in map(next_step_of, self.lines) if step)
 
     def of(self, result: Result) -> tuple[Verdict, ...]:
         """The lines that one result had a part in."""
@@ -113,7 +113,7 @@ class GearVerdict:
             "acceptance": self.source,
             "acceptance_sha256": self.acceptance_sha256,
             "decision_rule": DECISION_RULE,
-            "limits": [line.as_json() for line in self.lines],
+            "limits": [{**line.as_json(), "next_step": next_step_of(line)} for line in self.lines],
         }
 
 
@@ -404,7 +404,7 @@ def _sides(
         if value is None:
             continue
         judged = outcome_against(estimate, value, is_upper=is_upper)
-        line = Verdict(
+        yield Verdict(
             quantity=quantity,
             estimate=estimate,
             limit=value,
@@ -416,8 +416,3 @@ def _sides(
             run=result.run if result is not None else "",
             kind=limit.kind,
         )
-        wanted = wanted_by(line)
-        if result is None or not wanted:
-            yield line
-        else:
-            yield replace(line, next_step=advice(result, estimate.name, wanted, {}).sentence)

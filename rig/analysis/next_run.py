@@ -15,12 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from experiments import catalogue
 from experiments.parameters import parameter_fields
-from experiments.result import Result, Verdict
+from experiments.quantity import Quantity
+from experiments.result import Verdict
 from model.identify.estimate import BudgetLine, Cause, Estimate, coverage_factor_of
 from rig.content.wording import decimals_of, fixed, laboratory_unit, number
 
@@ -97,27 +98,44 @@ def wanted_by(verdict: Verdict) -> float | None:
     return distance if is_open and math.isfinite(distance) else None
 
 
-def advice(result: Result, name: str, wanted: float, parameters: Mapping[str, Any]) -> Advice:
-    """What lowers U of one estimate of a result to `wanted`; `parameters` are those of its run."""
-    estimate = result.estimates[name]
+def next_step_of(verdict: Verdict) -> str:
+    """What decides a limit that is MARGINAL, in a sentence; "" for every other one."""
+    wanted = wanted_by(verdict)
+    if not wanted:
+        return ""
+    return advice(
+        verdict.estimate, verdict.quantity, Of(verdict.kind, verdict.run), wanted
+    ).sentence
+
+
+@dataclass(frozen=True)
+class Of:
+    """Of which analysis a number is, and the parameters of its run."""
+
+    kind: str
+    run: str
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+def advice(estimate: Estimate, quantity: Quantity, of: Of, wanted: float) -> Advice:
+    """What lowers U of one number to `wanted` (its SI unit)."""
     lines = merged(estimate)
     whole = sum(line.standard_uncertainty**2 for line in lines)
     largest = lines[0]
     scatter = sum(line.standard_uncertainty**2 for line in lines if line.kind == "A")
     found = _found(lines, wanted)
     times, needed = found.times, found.needed
-    title = result.quantity(name).titled(name)
-    repeats = _repeats(result.kind, parameters)
+    repeats = _repeats(of.kind, of.parameters)
     changed = (
         {}
         if found.helps != "visits" or repeats is None or times is None
         else {_REPEATS: repeats * times}
     )
     made = Advice(
-        quantity=f"{result.kind}.{name}",
-        title=title,
-        kind=result.kind,
-        run=result.run,
+        quantity=f"{of.kind}.{estimate.name}",
+        title=quantity.titled(estimate.name),
+        kind=of.kind,
+        run=of.run,
         value=estimate.value,
         expanded_uncertainty=estimate.expanded_uncertainty,
         unit=estimate.unit,
@@ -132,12 +150,8 @@ def advice(result: Result, name: str, wanted: float, parameters: Mapping[str, An
         sentence="",
         parameters=changed,
     )
-    sentence = _sentence(
-        made,
-        largest,
-        laboratory_unit(estimate.unit, abs(estimate.value), result.quantity(name).shown),
-    )
-    return Advice(**{**vars(made), "sentence": sentence})
+    shown = laboratory_unit(estimate.unit, abs(estimate.value), quantity.shown)
+    return replace(made, sentence=_sentence(made, largest, shown))
 
 
 def merged(estimate: Estimate) -> list[BudgetLine]:

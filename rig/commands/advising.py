@@ -94,14 +94,12 @@ def _minutes(one: Advice, serial: str, folder: Path) -> float | None:
     from rig.run.ordering import order_of
     from rig.run.start import plan_order
 
+    def silent(_: str) -> None:
+        """What a card was warned of is told where a run is ordered."""
+
+    said = {"serial": serial, "folder": folder}
     try:
-        order = order_of(
-            one.kind, dict(one.parameters), {"serial": serial, "folder": folder}, echo_nothing
-        )
+        order = order_of(one.kind, dict(one.parameters), said, silent)
         return plan_order(order).nominal / 60.0
     except RigError:
         return None
-
-
-def echo_nothing(_: str) -> None:
-    """What a card was warned of is told where a run is ordered."""

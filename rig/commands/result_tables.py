@@ -56,6 +56,8 @@ def print_metrics(out: Console, result: Result) -> None:
 
 def print_verdict(out: Console, verdict: GearVerdict) -> None:
     """The verdict in a word with its reasons, then every limit with its own."""
+    from rig.analysis.next_run import next_step_of
+
     out.print(
         Text.assemble("  verdict  ", toned(verdict.verdict)),
         soft_wrap=True,
@@ -66,8 +68,8 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
     for line in verdict.lines:
         text = Text.assemble("    ", toned(line.outcome))
         out.print(text.append(f"  {verdict_text(line)}"), soft_wrap=True)
-        if line.next_step:
-            out.print(Text(f"      next: {line.next_step}", style="yellow"), soft_wrap=True)
+        if step := next_step_of(line):
+            out.print(Text(f"      next: {step}", style="yellow"), soft_wrap=True)
     for words in _not_yet_told(verdict):
         out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)
     if verdict.source:

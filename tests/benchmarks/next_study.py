@@ -26,7 +26,7 @@ from model.identify.estimate import (
     coverage_factor_of,
     effective_degrees_of_freedom,
 )
-from rig.analysis.next_run import Advice, advice, merged
+from rig.analysis.next_run import Advice, Of, advice, merged
 
 CREATED = "2026-01-01T00:00:00+00:00"
 POINTS = 16
@@ -90,7 +90,9 @@ def main() -> None:
             estimate = first.estimates.get(name)
             if estimate is None or not math.isfinite(estimate.expanded_uncertainty):
                 continue
-            one = advice(first, name, SHARE * estimate.expanded_uncertainty, {"repeats": 1})
+            of = Of(first.kind, first.run, {"repeats": 1})
+            wanted = SHARE * estimate.expanded_uncertainty
+            one = advice(estimate, first.quantity(name), of, wanted)
             is_largest = (
                 one.line == max(estimate.budget, key=lambda line: line.standard_uncertainty).source
             )

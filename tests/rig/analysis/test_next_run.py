@@ -7,11 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from experiments.result import Result
+from experiments import catalogue
+from experiments.quantity import quantity_of
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from rig.analysis.advised import advised
-from rig.analysis.next_run import Advice, advice
-from rig.analysis.result_data import quantities_for
+from rig.analysis.in_force import newest_analysed
+from rig.analysis.judging import judge_newest
+from rig.analysis.next_run import Advice, Of, advice
+from rig.analysis.passport.gather import runs_of
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.acceptance import Acceptance, Limit
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
@@ -25,13 +28,9 @@ def advised_by(wanted: float, *lines: BudgetLine, **parameters: int) -> Advice:
     found = Estimate(
         name=RUNNING, value=VALUE, unit="N m", low=0.07, high=0.09, budget=tuple(lines)
     )
-    result = Result(
-        run="00001-friction-A1",
-        kind="friction",
-        quantities=quantities_for("friction", {RUNNING: found}, {}),
-        estimates={RUNNING: found},
-    )
-    return advice(result, RUNNING, wanted, parameters)
+    quantity = quantity_of(catalogue.load("friction").quantities, RUNNING)
+    assert quantity is not None
+    return advice(found, quantity, Of("friction", "00001-friction-A1", parameters), wanted)
 
 
 def scatter(u: float) -> BudgetLine:
@@ -160,12 +159,32 @@ def test_targets_are_read_by_name_share_and_unit(tmp_path: Path) -> None:
         )
     ]
     assert wanted == pytest.approx([1.6e-3] * 4)
-    for text in (f"{RUNNING}=x", f"{RUNNING}=-1%", f"{RUNNING}=2 arcmin"):
+    for text in ("x", "-1%", "2 arcmin", "0%", "nan", "inf", "1e400%"):
+        text = f"{RUNNING}={text}"
         with pytest.raises(ConfigurationError, match="no uncertainty that can be wanted"):
             advised("A1", tmp_path, (text,))
     for text in ("speed=2%", RUNNING, "=3%"):
         with pytest.raises(ConfigurationError, match="names no number that was found"):
             advised("A1", tmp_path, (text,))
+
+
+def test_a_number_that_is_not_identifiable_has_nothing_to_lower(tmp_path: Path) -> None:
+    run = write(tmp_path, 1, start_time=start(1))
+    analyse(run, estimate(RUNNING, VALUE, identifiable="no", note="one speed"))
+    with pytest.raises(ConfigurationError, match=r"not identifiable.*one speed"):
+        advised("A1", tmp_path, (f"{RUNNING}=2%",))
+
+
+def test_a_list_of_runs_works_out_no_advice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = write(tmp_path, 1, start_time=start(1))
+    analyse(run, estimate(RUNNING, VALUE, own=1e-3))
+    found = advised("A1", tmp_path, (), accepting(0.081))
+    monkeypatch.setattr("rig.analysis.next_run.advice", None)
+    again = judge_newest(newest_analysed(runs_of(tmp_path, "A1")), accepting(0.081))
+    assert again.verdict == found.verdict.verdict == "MARGINAL"
+    assert again.because == found.verdict.because
 
 
 def test_what_is_neither_gear_nor_run_and_what_was_never_analysed(tmp_path: Path) -> None:

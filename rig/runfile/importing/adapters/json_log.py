@@ -12,7 +12,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -36,12 +37,17 @@ def json_table(path: Path) -> ArrayTable:
         raise RunFileError(f"cannot be read: {error.strerror or error}", where=str(path)) from error
     except (ValueError, RecursionError) as error:
         raise RunFileError(f"is not JSON: {error}", where=str(path)) from error
+    found = _columns(content)
     arrays = {
         name: np.array([_number(value) for value in values])
-        for name, values in _columns(content).items()
+        for name, values in found.columns.items()
     }
     table = ArrayTable(
         path, {name: a for name, a in arrays.items() if np.isfinite(a).any()}, "JSON log"
+    )
+    table.notes += tuple(
+        f"{name}: {count} values where other columns have {found.rows}, left out"
+        for name, count in found.short.items()
     )
     if isinstance(content, dict):
         stated = {k: v for k, v in content.items() if isinstance(v, (str, int, float))}
@@ -50,40 +56,61 @@ def json_table(path: Path) -> ArrayTable:
     return table
 
 
-def _columns(content: Any) -> dict[str, list[Any]]:
-    """The columns of the table with most rows; empty where there is none."""
+@dataclass(frozen=True)
+class _Found:
+    """The columns of one table, and the lists beside them that are shorter, with their lengths."""
+
+    columns: dict[str, list[Any]]
+    short: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def rows(self) -> int:
+        """The length of a column."""
+        return max(map(len, self.columns.values()), default=0)
+
+
+def _columns(content: Any) -> _Found:
+    """The table with most rows; empty where there is none."""
     places = [content, *content.values()] if isinstance(content, dict) else [content]
     tables = [table for place in places for table in _tables(place)]
-    return max(tables, key=lambda one: max(map(len, one.values()), default=0), default={})
+    return max(tables, key=lambda one: one.rows, default=_Found({}))
 
 
-def _tables(place: Any) -> Iterator[dict[str, list[Any]]]:
+def _tables(place: Any) -> Iterator[_Found]:
     """What one part of a file is as a table, by each form that it has."""
     if isinstance(place, list) and place and all(isinstance(row, dict) for row in place):
         names = dict.fromkeys(key for row in place for key in row)
-        yield {name: [row.get(name) for row in place] for name in names}
+        yield _Found({name: [row.get(name) for row in place] for name in names})
     elif isinstance(place, list) and place and all(isinstance(row, list) for row in place):
-        yield _of_rows(place)
+        yield _Found(_of_rows(place))
     elif isinstance(place, dict) and {"columns", "data"} <= set(place):
         names, rows = place["columns"], place["data"]
         if isinstance(names, list) and isinstance(rows, list):
-            yield _of_rows([[str(name) for name in names], *rows])
+            yield _Found(_of_rows([[str(name) for name in names], *rows]))
     elif isinstance(place, dict):
         lists = {k: v for k, v in place.items() if isinstance(v, list) and not _holds(v)}
-        by_row = {k: list(v.values()) for k, v in place.items() if isinstance(v, dict) and v}
-        numbers = {k: v for k, v in by_row.items() if not _holds(v)}
-        yield from (_of_equal_length(found) for found in (lists, numbers) if found)
+        by_row = {k: v for k, v in place.items() if isinstance(v, dict) and v}
+        numbers = {k: v for k, v in by_row.items() if not _holds(v.values())}
+        if lists:
+            yield _of_longest(lists)
+        if numbers:
+            # A row that one column lacks is a hole there, not the next row's number.
+            keys = dict.fromkeys(key for column in numbers.values() for key in column)
+            yield _Found({name: [c.get(key) for key in keys] for name, c in numbers.items()})
 
 
-def _holds(values: list[Any]) -> bool:
+def _holds(values: Iterable[Any]) -> bool:
     """Whether anything in it is a table or a list of its own."""
     return any(isinstance(value, (list, dict)) for value in values)
 
 
-def _of_equal_length(columns: dict[str, list[Any]]) -> dict[str, list[Any]]:
-    """The columns that have as many rows as most values do; a short list beside them is no column."""
+def _of_longest(columns: dict[str, list[Any]]) -> _Found:
+    """The columns that have as many rows as the longest; of the shorter ones nobody knows which rows they are of."""
     longest = max(map(len, columns.values()))
-    return {name: values for name, values in columns.items() if len(values) == longest}
+    return _Found(
+        {name: values for name, values in columns.items() if len(values) == longest},
+        {name: len(values) for name, values in columns.items() if len(values) < longest},
+    )
 
 
 def _of_rows(rows: list[Any]) -> dict[str, list[Any]]:

@@ -146,8 +146,7 @@ def _channels(rows: list[list[str]]) -> tuple[dict[str, list[str]], int]:
     """
     properties: dict[str, list[str]] = {}
     for number, cells in enumerate(rows[_OWN_LINES:], _OWN_LINES + 1):
-        begins = bool(cells) and cells[0] == "Name"
-        if begins and not properties:
+        if cells and cells[0] == "Name":
             properties = {"Name": cells}
         elif properties and cells and cells[0]:
             properties[cells[0]] = cells

@@ -75,6 +75,9 @@ def test_blocks_before_the_channels_of_a_scope_export_are_passed_over(tmp_path: 
     path = tmp_path / "scope.csv"
     head, _, rest = scope_text().partition("\n\n\n")
     triggers = "\n".join(f"TriggerGroup\t{k}\nName\tTrigger {k}\nCombine\tAnd\n" for k in range(40))
+    # With and without a blank line between.
+    path.write_text(f"{head}\n\n{triggers.rstrip()}\n{rest}")
+    assert imported(tmp_path, path, "torque=M").si("torque").tolist() == [0.0, 0.25, 0.5, 0.75]
     path.write_text(f"{head}\n\n{triggers}\n\n{rest}")
     recording = imported(tmp_path, path, "input_angle=angle:deg", "torque=M")
     assert recording.si("torque").tolist() == [0.0, 0.25, 0.5, 0.75]

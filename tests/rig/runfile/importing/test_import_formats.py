@@ -12,6 +12,7 @@ import scipy.io
 
 from experiments.recording import Recording
 from rig.errors import RigError, RunFileError
+from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import split_heading
 from rig.runfile.importing.adapters.text_form import TextForm
 from rig.runfile.importing.channel_map import ImportOptions
@@ -118,6 +119,26 @@ def test_a_table_in_json_as_people_write_it(tmp_path: Path, form: str) -> None:
     path.write_text(json.dumps(content))
     assert open_table("json", path).headings == ("t", "q", "M")
     same(bring("json", path, "t", "q", "M"))
+
+
+def test_columns_of_json_are_put_together_by_row_and_none_is_lost_without_a_word(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "log.json"
+    by_row = {"t": {"0": 0.0, "1": 0.1, "2": 0.2}, "x": {"1": 5.0, "0": 4.0, "2": 6.0}}
+    path.write_text(json.dumps(by_row))
+    opened = open_table("json", path)
+    assert isinstance(opened, ArrayTable)
+    np.testing.assert_array_equal(opened._columns["x"], [4.0, 5.0, 6.0])
+    del by_row["x"]["1"]
+    path.write_text(json.dumps(by_row))
+    opened = open_table("json", path)
+    assert isinstance(opened, ArrayTable)
+    np.testing.assert_array_equal(opened._columns["x"], [4.0, np.nan, 6.0])
+    path.write_text(json.dumps({"t": [0.0, 0.1, 0.2], "x": [4.0, 5.0]}))
+    opened = open_table("json", path)
+    assert opened.headings == ("t",)
+    assert "x: 2 values where other columns have 3, left out" in opened.notes
 
 
 def test_rows_without_names_have_numbered_columns(tmp_path: Path) -> None:
