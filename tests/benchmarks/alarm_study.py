@@ -1,13 +1,15 @@
 """How often an alarm is false, and how soon a change is found: by drawn series, and through the whole chain.
 
     python -m tests.benchmarks.alarm_study drawn --seed 33000
+    python -m tests.benchmarks.alarm_study sizes --seed 33601
     python -m tests.benchmarks.alarm_study chain --first-seed 33100 --gears 20
     python -m tests.benchmarks.alarm_study chain --first-seed 33200 --gears 20 --hours 100 --runs 21
     python -m tests.benchmarks.alarm_study chain --first-seed 33500 --gears 20 --runs 20 --protocols velocity-steps
 
 `drawn`: 2000 series each of a gear that does not change, whose days are independent or resemble the day before, by
 both tables of thresholds; then a step of two standard deviations, right after the baseline and ten runs later, and the
-same with a bench and a mounting that change. `chain`: gears of the simulated world, each measured on a day of its own,
+same with a bench and a mounting that change. `sizes`: how often the interval of an alarm's size holds the true step,
+whose beginning the data chose, with thresholds for days that are alike. `chain`: gears of the simulated world, each measured on a day of its own,
 run by run, every run recorded, fitted and read by the passport; with --hours each run that many hours older than the
 one before. Two of the three watched quantities by default, of a short friction run and a kinematic error; velocity
 steps, of two speeds here, take as long as both. A worn gear's limit is what its order 2 truly is at run 21.
@@ -23,10 +25,12 @@ from typing import Any
 
 import numpy as np
 
+from rig.analysis.alarm.noted import NotedRun
 from rig.analysis.alarm.promise import Promise, Watching
 from rig.analysis.alarm.scores import scores_of
 from rig.analysis.alarm.sums import sums_of
 from rig.analysis.alarm.threshold import Days, alike_days, threshold_of
+from rig.analysis.alarm.watching import WatchedSeries, watch
 from rig.analysis.passport.content import Alarm
 
 SERIES, OVER = 2000, 20
@@ -87,6 +91,38 @@ def drawn(seed: int) -> None:
                     share, middle = 100.0 * np.isfinite(found).mean(), np.median(found)
                     told.append(f"step {late} runs later: {share:.1f} %, median {middle:g}")
                 print("; ".join(told), flush=True)
+
+
+def sizes(seed: int) -> None:
+    """Print how often the interval of a size holds the step, of series of which an alarm was told."""
+    generator = np.random.default_rng(seed)
+    for correlation in (0.0, 0.3):
+        for step in (2.0, 4.0):
+            for late in (0, 10):
+                changes = [
+                    found.change
+                    for values in alike_days(SERIES // 4, 10 + OVER, correlation, generator)
+                    if (found := _watched(values, 10 + late, step, generator)).change is not None
+                ]
+                held = [c.size.low <= step <= c.size.high for c in changes]
+                near = [abs(c.since - 10 - late) <= 1 for c in changes]
+                excess = np.mean([c.size.value for c in changes]) - step
+                print(
+                    f"r {correlation}, step {step:g}, {late} runs later: {len(changes)} of {SERIES // 4} told, size "
+                    f"holds {100.0 * np.mean(held):.1f} %, since within one run {100.0 * np.mean(near):.0f} %, "
+                    f"mean excess {excess:+.2f}",
+                    flush=True,
+                )
+
+
+def _watched(
+    values: np.ndarray, since: int, step: float, generator: np.random.Generator
+) -> WatchedSeries:
+    """A series with a step, at runs of different warmth."""
+    stepped = values + step * (np.arange(len(values)) >= since)
+    warmth = 20.0 + generator.normal(size=len(values))
+    runs = [NotedRun(temperature=float(one)) for one in warmth]
+    return watch(stepped.tolist(), runs, Promise(), 1, "alike")
 
 
 def _flagged(
@@ -159,7 +195,7 @@ def _life(seed: int, hours: float, runs: int, protocols: Sequence[str]) -> tuple
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("drawn", "chain"))
+    parser.add_argument("what", choices=("drawn", "sizes", "chain"))
     parser.add_argument("--seed", type=int, default=33000)
     parser.add_argument("--first-seed", type=int, default=33100)
     parser.add_argument("--gears", type=int, default=20)
@@ -169,6 +205,8 @@ def main() -> None:
     said = parser.parse_args()
     if said.what == "drawn":
         drawn(said.seed)
+    elif said.what == "sizes":
+        sizes(said.seed)
     else:
         chain(said.first_seed, said.gears, said.hours, said.runs, said.protocols.split(","))
 

@@ -5,9 +5,9 @@ told, beside those of `rig.analysis.alarm.noted`, over all runs:
 
     x = Z b + size [i >= since] + e ,      x = Z b + slope max(0, i - since + 1) + e
 
-with intervals from Student's t of the residuals; `since` is the run, not later than the one at which the change is
-told, for which the step leaves the least squares. It was chosen because it shows a change: of one that is small the
-size comes out too large.
+with intervals as wide as the days that the threshold assumes make them (`rig.analysis.alarm.lines`); `since` is the
+run, not later than the one at which the change is told, for which the step leaves the least scatter. It was chosen
+because it shows a change: of one that is small the size comes out too large.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
+from rig.analysis.alarm.lines import line
 from rig.analysis.alarm.noted import Noted, NotedRun, noted
 from rig.analysis.alarm.promise import Promise
 from rig.analysis.alarm.scores import scores_of
@@ -99,7 +99,7 @@ def watch(
         sums=sums,
         threshold=threshold,
         days=days,
-        change=None if crossing is None else _change(x, told, crossing),
+        change=None if crossing is None else _change(x, told, crossing, correlation_of(days)),
     )
 
 
@@ -132,18 +132,26 @@ def _scores(values: Array, told: Noted) -> tuple[Array, Array]:
     return normal, expected
 
 
-def _change(values: Array, told: Noted, run: int) -> Change:
+def correlation_of(days: Days) -> float:
+    """What days are taken to be correlated by."""
+    return CORRELATION if days == "alike" else 0.0
+
+
+def _change(values: Array, told: Noted, run: int, correlation: float) -> Change:
     places = np.arange(len(values))
     first = told.regressors.shape[1] + 1
     steps = {since: (places >= since).astype(float) for since in range(min(first, run), run + 1)}
-    found = {since: coefficient(values, told.regressors, step) for since, step in steps.items()}
+    found = {
+        since: coefficient(values, told.regressors, step, correlation)
+        for since, step in steps.items()
+    }
     since = min(found, key=lambda one: (found[one].scatter, -one))
     after = np.where(places >= since, places - since + 1.0, 0.0)
     return Change(
         run=run,
         since=since,
         size=found[since].coefficient,
-        per_run=coefficient(values, told.regressors, after).coefficient,
+        per_run=coefficient(values, told.regressors, after, correlation).coefficient,
         scatter=found[since].scatter,
     )
 
@@ -156,17 +164,12 @@ class Fitted:
     scatter: float
 
 
-def coefficient(values: Array, regressors: Array, more: Array) -> Fitted:
+def coefficient(values: Array, regressors: Array, more: Array, correlation: float) -> Fitted:
     """One more regressor beside those of a series, by least squares over all runs."""
     usable = np.isfinite(regressors).all(axis=1) & np.isfinite(more)
-    matrix = np.column_stack([regressors[usable], more[usable]])
-    solution, _, rank, _ = np.linalg.lstsq(matrix, values[usable], rcond=None)
-    freedom = int(usable.sum()) - int(rank)
-    value = float(solution[-1])
-    if freedom < 1:
+    found = line(values[usable], np.column_stack([regressors[usable], more[usable]]), correlation)
+    value = float(found.coefficients[-1])
+    if not found.freedom:
         return Fitted(Coefficient(value, -math.inf, math.inf), math.inf)
-    residual = values[usable] - matrix @ solution
-    scatter = math.sqrt(float(residual @ residual) / freedom)
-    spread = math.sqrt(float(np.linalg.pinv(matrix.T @ matrix)[-1, -1]))
-    reach = float(stdtrit(freedom, 0.975)) * scatter * spread
-    return Fitted(Coefficient(value, value - reach, value + reach), scatter)
+    reach = found.quantile * math.sqrt(float(found.covariance[-1, -1]))
+    return Fitted(Coefficient(value, value - reach, value + reach), found.scatter)

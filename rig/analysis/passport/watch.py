@@ -14,6 +14,7 @@ from rig.analysis.alarm.watching import (
     BOUNDING_RUNS,
     Change,
     WatchedSeries,
+    correlation_of,
     days_of,
     scored,
     watch,
@@ -189,7 +190,8 @@ def _decides(group: Group, watching: Watching, newest: AnalysedRun) -> tuple[str
 def wear_of(group: Group, series: WatchedSeries, limit: float | None) -> Wear | None:
     """What hours do to a watched series whose gear has its hours on the card; None where they tell nothing."""
     hours = np.array([one.hours for one in group.members])
-    found = trend(np.asarray(group.values), series.noted.regressors, hours, limit)
+    correlation = correlation_of(series.days)
+    found = trend(np.asarray(group.values), series.noted.regressors, hours, limit, correlation)
     if found is None:
         return None
     factor, unit = group.shown

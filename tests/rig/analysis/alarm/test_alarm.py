@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import kstest
 
 from rig.analysis.alarm.laboratory import watching_in_force
+from rig.analysis.alarm.lines import line
 from rig.analysis.alarm.noted import NotedRun, noted
 from rig.analysis.alarm.promise import Promise
 from rig.analysis.alarm.scores import scores_of
@@ -153,6 +154,21 @@ def test_size_since_and_slope_of_a_change_are_recovered() -> None:
     assert drift.per_run.value == pytest.approx(-0.15, rel=0.35)
 
 
+@pytest.mark.parametrize(("correlation", "least"), [(0.0, 0.93), (0.3, 0.93)])
+def test_the_interval_of_a_step_is_as_wide_as_its_days_make_it(
+    correlation: float, least: float
+) -> None:
+    generator = np.random.default_rng(29)
+    places = np.arange(30)
+    matrix = np.column_stack([np.ones(30), places >= 18]).astype(float)
+    held = 0
+    for values in alike_days(600, 30, correlation, generator):
+        found = line(values + 2.0 * (places >= 18), matrix, correlation)
+        reach = found.quantile * float(np.sqrt(found.covariance[-1, -1]))
+        held += abs(float(found.coefficients[-1]) - 2.0) <= reach
+    assert least <= held / 600 <= 0.97
+
+
 def test_warmth_that_moves_a_quantity_is_no_change() -> None:
     generator = np.random.default_rng(9)
     warmth = 22.0 + generator.normal(size=30)
@@ -211,7 +227,7 @@ def test_the_time_to_a_limit_holds_the_truth_as_often_as_it_says() -> None:
     held = told = 0
     for _ in range(400):
         values = 80.0 + 0.02 * hours + generator.normal(size=20)
-        found = trend(values, level, hours, 95.0)
+        found = trend(values, level, hours, 95.0, 0.0)
         assert found is not None
         if found.to_limit is not None:
             told += 1
@@ -223,8 +239,8 @@ def test_the_time_to_a_limit_holds_the_truth_as_often_as_it_says() -> None:
 def test_hours_that_tell_nothing_promise_nothing() -> None:
     level = np.ones((12, 1))
     flat = np.array([80.0, 81.0, 79.0] * 4)
-    assert trend(flat, level, np.full(12, 100.0), 95.0) is None
-    assert trend(flat, level, np.full(12, np.nan), 95.0) is None
-    found = trend(flat, level, np.arange(12.0), 95.0)
+    assert trend(flat, level, np.full(12, 100.0), 95.0, 0.0) is None
+    assert trend(flat, level, np.full(12, np.nan), 95.0, 0.0) is None
+    found = trend(flat, level, np.arange(12.0), 95.0, 0.0)
     assert found is not None
     assert found.to_limit is None
