@@ -9,10 +9,12 @@
 `drawn`: 2000 series each of a gear that does not change, whose days are independent or resemble the day before, by
 both tables of thresholds; then a step of two standard deviations, right after the baseline and ten runs later, and the
 same with a bench and a mounting that change. `sizes`: how often the interval of an alarm's size holds the true step,
-whose beginning the data chose, with thresholds for days that are alike. `chain`: gears of the simulated world, each measured on a day of its own,
-run by run, every run recorded, fitted and read by the passport; with --hours each run that many hours older than the
-one before. Two of the three watched quantities by default, of a short friction run and a kinematic error; velocity
-steps, of two speeds here, take as long as both. A worn gear's limit is what its order 2 truly is at run 21.
+whose beginning the data chose, with thresholds for days that are alike.
+
+`chain`: gears of the simulated world, each measured on a day of its own, run by run, every run recorded, fitted and
+read by the passport; with --hours each run that many hours older than the one before. Two of the three watched
+quantities by default, of a short friction run and a kinematic error; velocity steps, of two speeds here, take as long
+as both. A worn gear's limit is what its order 2 truly is at run 21.
 """
 
 from __future__ import annotations
