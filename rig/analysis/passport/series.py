@@ -5,7 +5,8 @@ be said of each point.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from model.gear_file import gear_from_mapping
 from model.identify.estimate import Estimate
@@ -30,6 +31,19 @@ _TEMPERATURE_THAT_MATTERS = 1.0
 """K between a run's housing and that of the first runs from which on it is told: friction falls
 some percent per kelvin.
 """
+
+
+_STATED = ("catalogue", "measured", "identified", "published")
+"""Provenances that somebody can be asked for."""
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What is to be said of a series beside its points."""
+
+    alarm: Alarm | None
+    wear: Wear | None
+    limit: CatalogueLimit | None
 
 
 def groups_of(quantity: FollowedQuantity, analysed: Sequence[AnalysedRun]) -> list[Group]:
@@ -107,7 +121,7 @@ def series_of(
         alarm=alarm,
         wear=wear,
         limit=limit,
-        notes=_notes(group, points, series, alarm, wear, limit, baseline),
+        notes=tuple(_notes(points, series, _Told(alarm, wear, limit), baseline)),
     )
 
 
@@ -191,39 +205,26 @@ def _judging_limit(
 
 
 def _notes(
-    group: Group,
     points: Sequence[PassportPoint],
     series: WatchedSeries | None,
-    alarm: Alarm | None,
-    wear: Wear | None,
-    limit: CatalogueLimit | None,
+    told: _Told,
     baseline: int,
-) -> tuple[str, ...]:
-    notes: list[str] = []
-    if alarm is not None:
-        notes += [f"{alarm.sentence}. {alarm.decides}"]
-        if alarm.within_uncertainty:
-            notes.append("The change is no larger than U of one run.")
+) -> Iterator[str]:
+    if told.alarm is not None:
+        yield f"{told.alarm.sentence}. {told.alarm.decides}"
+        if told.alarm.within_uncertainty:
+            yield "The change is no larger than U of one run."
     if series is not None and len(points) <= baseline:
-        notes.append(
-            f"Nothing is told yet: {len(points)} of {baseline} runs have taught what is usual."
-        )
+        yield f"Nothing is told yet: {len(points)} of {baseline} runs have taught what is usual."
     elif series is not None:
-        notes.append(_days_note(series))
-        notes += [
-            f"A new level begins with run {points[at].run}: {what}."
-            for at, what in series.noted.begins.items()
-        ]
-    if wear is not None:
-        notes.append(wear.sentence)
-    if limit is not None and limit.provenance not in (
-        "catalogue",
-        "measured",
-        "identified",
-        "published",
-    ):
-        notes.append(f"The catalogue's value is {limit.provenance}, not verified: {limit.source}.")
-    return tuple(notes)
+        yield _days_note(series)
+        for at, what in series.noted.begins.items():
+            yield f"A new level begins with run {points[at].run}: {what}."
+    if told.wear is not None:
+        yield told.wear.sentence
+    limit = told.limit
+    if limit is not None and limit.provenance not in _STATED:
+        yield f"The catalogue's value is {limit.provenance}, not verified: {limit.source}."
 
 
 def _days_note(series: WatchedSeries) -> str:
