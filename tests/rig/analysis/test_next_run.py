@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 
 from experiments import catalogue
+from experiments.protocols.friction.points import VIBRATION
 from experiments.quantity import quantity_of
 from model.identify.estimate import BudgetLine, Cause, Estimate
+from model.identify.friction import SCATTER
 from rig.analysis.advised import advised
 from rig.analysis.in_force import newest_analysed
 from rig.analysis.judging import judge_newest
-from rig.analysis.next_run import Advice, Of, advice
+from rig.analysis.next_run import FALLING, Advice, Of, advice
 from rig.analysis.passport.gather import runs_of
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.acceptance import Acceptance, Limit
@@ -33,8 +35,8 @@ def advised_by(wanted: float, *lines: BudgetLine, **parameters: int) -> Advice:
     return advice(found, quantity, Of("friction", "00001-friction-A1", parameters), wanted)
 
 
-def scatter(u: float) -> BudgetLine:
-    return BudgetLine("scatter between revolutions and points", "A", u)
+def scatter(u: float, source: str = "scatter between revolutions") -> BudgetLine:
+    return BudgetLine(source, "A", u)
 
 
 def scale(u: float) -> BudgetLine:
@@ -50,10 +52,19 @@ def test_scatter_falls_by_the_root_of_the_visits_and_nothing_else_does() -> None
     assert found.becomes == pytest.approx(K * math.sqrt(1e-6 / 4 + 0.3e-3**2))
     assert found.becomes <= 1.2e-3
     assert (found.line, found.share) == (
-        "scatter between revolutions and points",
+        "scatter between revolutions",
         pytest.approx(1.0 / 1.09),
     )
     assert "4 times as many visits make U 1.1 mN m" in found.sentence
+
+
+def test_what_lies_between_the_speeds_stays_and_vibration_near_resonances_falls() -> None:
+    assert set(FALLING) == {SCATTER, VIBRATION}
+    points, shaken = scatter(1e-3, SCATTER), BudgetLine(VIBRATION, "B", 0.6e-3)
+    found = advised_by(1.6e-3, points, shaken, scale(0.3e-3), repeats=1)
+    assert (found.helps, found.times) == ("visits", 3)
+    stays = 0.14 * 1e-6 + 0.3e-3**2
+    assert found.becomes == pytest.approx(K * math.sqrt(stays + (0.86e-6 + 0.36e-6) / 3))
 
 
 def test_visits_that_are_not_enough_say_so() -> None:
