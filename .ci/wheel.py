@@ -6,7 +6,7 @@ import sys
 from importlib import import_module, metadata
 from pathlib import Path
 
-PACKAGES = ("rig", "model", "drivers", "experiments", "sim_backend")
+PACKAGES = ("harmonic_rig", "rig", "model", "drivers", "experiments", "sim_backend")
 
 here = Path(sys.prefix).resolve()
 for name in PACKAGES:

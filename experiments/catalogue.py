@@ -1,15 +1,18 @@
 """The only list of protocols and analyses: names and summaries at once, modules only when one is asked for.
 
-This module stays light: it imports no array library, so that a command line can list names without waiting.
+Behind ours stand those of other packages (`experiments.extensions`), imported only by whoever uses them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from experiments.errors import PlanError
+from experiments import extensions
+from experiments.errors import ExtensionError, PlanError
+from experiments.extensions import Extension
 
 if TYPE_CHECKING:
     from experiments.contract import Evidence, Experiment
@@ -22,7 +25,8 @@ if TYPE_CHECKING:
 class Entry:
     """One line of the catalogue: the name people type, its module, one line of summary, and whether it moves a rig.
 
-    `ladder` is the module of the models that its runs can be judged by, where there is one.
+    `ladder` is the module of the models that its runs can be judged by, where there is one. `extension` is what
+    another package brought.
     """
 
     name: str
@@ -30,6 +34,7 @@ class Entry:
     summary: str
     has_plan: bool = True
     ladder: str = ""
+    extension: Extension | None = None
 
 
 ENTRIES: tuple[Entry, ...] = (
@@ -113,29 +118,56 @@ ENTRIES: tuple[Entry, ...] = (
 """Protocols first, in the order of a day on the rig; then the analyses that need no plan."""
 
 
+def entries() -> tuple[Entry, ...]:
+    """Ours, then those of other packages; nothing is imported."""
+    brought = extensions.usable(("protocols", "fits"), {ours.name for ours in ENTRIES})
+    return (*ENTRIES, *(_entry_of(one) for one in brought))
+
+
+def _entry_of(one: Extension) -> Entry:
+    summary = f"{one.summary or 'no summary'} ({one.package} {one.version})"
+    return Entry(one.name, "", summary, has_plan=one.group == "protocols", extension=one)
+
+
 def names() -> tuple[str, ...]:
     """The protocols that can be planned and run."""
-    return tuple(entry.name for entry in ENTRIES if entry.has_plan)
+    return tuple(entry.name for entry in entries() if entry.has_plan)
 
 
 def kinds() -> tuple[str, ...]:
     """Every kind of fit: the protocols' own analyses and those that need no plan."""
-    return tuple(entry.name for entry in ENTRIES)
+    return tuple(entry.name for entry in entries())
 
 
 def entry(name: str) -> Entry:
     """The line of one name; an unknown one is a `PlanError` that lists those there are."""
-    for candidate in ENTRIES:
+    for candidate in entries():
         if candidate.name == name:
             return candidate
+    for one, why in extensions.left_out():
+        if one.name == name:
+            raise one.refused(why)
     raise PlanError(
         "no such protocol or analysis", where="protocol", value=repr(name), limit=", ".join(kinds())
     )
 
 
+def extension_of(name: str) -> Extension | None:
+    """The package that brought a protocol or analysis; None for ours and for a name that is none."""
+    return next((one.extension for one in entries() if one.name == name), None)
+
+
+def every() -> Iterator[Experiment]:
+    """All that are there, loaded one after the other; one of another package that does not load is left out."""
+    for name in kinds():
+        experiment = declared(name)
+        if experiment is not None:
+            yield experiment
+
+
 def ladders() -> tuple[str, ...]:
     """The kinds whose runs can be judged by a ladder of models."""
-    return tuple(entry.name for entry in ENTRIES if entry.ladder)
+    return tuple(entry.name for entry in entries() if entry.ladder)
 
 
 def ladder(name: str) -> Ladder:
@@ -155,8 +187,16 @@ def ladder(name: str) -> Ladder:
 
 
 def declared(name: str) -> Experiment | None:
-    """The protocol or analysis of this name; None for a name in a recording that this catalogue does not have."""
-    return load(name) if name in kinds() else None
+    """The protocol or analysis of this name; None for a name in a recording that this catalogue does not have, or whose
+    package does not load.
+    """
+    if name not in kinds():
+        return None
+    try:
+        return load(name)
+    except ExtensionError:
+        # It is named among those that were left out (`experiments.extensions.left_out`).
+        return None
 
 
 def load(name: str) -> Experiment:
@@ -164,7 +204,8 @@ def load(name: str) -> Experiment:
 
     Its `analyse` is the protocol's own after every recording has passed the table of checks.
     """
-    experiment: Experiment = import_module(entry(name).module).EXPERIMENT
+    found = entry(name)
+    experiment = _brought(found) if found.extension else import_module(found.module).EXPERIMENT
 
     def checked(recording: Recording, evidence: Evidence) -> Result:
         # The checks need the array libraries, and whoever asks only what a protocol declares does not.
@@ -173,3 +214,15 @@ def load(name: str) -> Experiment:
         return checked_analysis(experiment)(recording, evidence)
 
     return replace(experiment, analyse=checked)
+
+
+def _brought(found: Entry) -> Experiment:
+    """What another package declares. Raises `ExtensionError` where that is no experiment of its group."""
+    from experiments.contract import Experiment
+
+    assert found.extension is not None
+    experiment: Experiment = found.extension.loaded(Experiment)
+    if experiment.has_plan != found.has_plan:
+        wrong = "fits" if found.has_plan else "protocols"
+        raise found.extension.refused(f"belongs into the group {extensions.PREFIX}{wrong}")
+    return experiment

@@ -17,6 +17,10 @@ class PlanError(ExperimentError):
     """Parameters that are impossible, or a plan that would break a limit."""
 
 
+class ExtensionError(PlanError):
+    """What another package brings and what cannot be used."""
+
+
 class AnalysisError(ExperimentError):
     """A recording that lacks what the analysis needs, or whose data cannot carry it."""
 

@@ -25,7 +25,7 @@ import traceback
 from collections.abc import Iterable
 
 from drivers.errors import DriverError, OtherMasterError
-from experiments.errors import AnalysisError, PlanError, SettingError
+from experiments.errors import AnalysisError, ExtensionError, PlanError, SettingError
 from model.errors import ModelError, ParameterError, WordedError, without_traceback
 from rig.errors import BenchInUseError, ConfigurationError, LimitError, RigError
 
@@ -49,6 +49,7 @@ _CODE_OF_VERDICT: dict[str, int] = {
 CODE_OF_ERROR: tuple[tuple[type[BaseException], int, str], ...] = (
     (ParameterError, USAGE, "A parameter cannot be accepted"),
     (SettingError, USAGE, "A setting cannot be accepted"),
+    (ExtensionError, USAGE, "What another package brings cannot be used"),
     (PlanError, USAGE, "This protocol cannot be planned"),
     (LimitError, USAGE, "A limit of the rig or the gear would be broken"),
     (ConfigurationError, USAGE, "The configuration cannot be accepted"),

@@ -232,6 +232,15 @@ def run(arguments: list[str] | None = None) -> None:
         with outliving_the_terminal():
             code = _tell(error, as_json=as_json)
         raise SystemExit(code) from None
+    finally:
+        _tell_left_out()
+
+
+def _tell_left_out() -> None:
+    """What other packages bring and what could not be used of it, for whoever has looked at any of it."""
+    extensions = sys.modules.get("experiments.extensions")
+    for one, why in extensions.left_out() if extensions is not None else ():
+        sys.stderr.write(f"warning: {one.title} is left out: it {why}.\n")
 
 
 def _tell(error: BaseException, *, as_json: bool = False) -> int:

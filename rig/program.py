@@ -3,7 +3,8 @@
 A number is made by a recording, its settings and a program. Runs, analyses and certificates therefore hold these three,
 and two numbers that were made by different programs are said to be so. The same files give the same hash wherever
 they lie, in a clone or installed from a wheel, with the line ends of any system; numpy and what else comes
-from other people is not in it.
+from other people is not in it. A package that brings a protocol, a fit, a source or an importer is named beside it,
+with a hash of its own, where what it brought was used.
 """
 
 from __future__ import annotations
@@ -13,19 +14,23 @@ import hashlib
 import os
 import subprocess
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from experiments.extensions import Extension
 from rig.floors import DISTRIBUTION, KNOWN_FILES, OURS
 
-PACKAGES = ("rig", *KNOWN_FILES)
+PACKAGES = ("harmonic_rig", "rig", *KNOWN_FILES)
 SHIPPED = frozenset({".py", ".typed", ".toml", ".csv", ".md", ".html", ".css", ".typ", ".json"})
 """Suffixes of the files that a wheel carries (`[tool.setuptools.package-data]` in pyproject.toml)."""
 CHANGED = "+changed"
 """Stands behind a commit whose tree is not what was committed."""
+EXTENSIONS = "extensions"
+"""Under which runs and analyses hold what other packages brought to them."""
 PROGRAM_KEYS = ("program_version", "git_commit", "program_sha256")
 """Under which runs, analyses and certificates hold it."""
 
@@ -77,18 +82,51 @@ def version() -> str:
         return "not installed"
 
 
-def files_sha256(root: Path) -> str:
-    """One SHA-256 over names and content of all shipped files of the five packages below a folder."""
+def extension_records(used: Iterable[Extension | None]) -> dict[str, Any]:
+    """What other packages brought, as a run or an analysis holds it under `EXTENSIONS`; empty where that is nothing."""
+    records = [_record(one) for one in dict.fromkeys(used) if one is not None]
+    return {EXTENSIONS: records} if records else {}
+
+
+def _record(one: Extension) -> dict[str, str]:
+    name = one.place.partition(":")[0].partition(".")[0]
+    # Asked for without importing it.
+    spec = find_spec(name)
+    place = Path(spec.origin).parent if spec is not None and spec.origin else None
+    is_package = spec is not None and spec.submodule_search_locations is not None
+    root = place.parent if place is not None and is_package else place
+    return {
+        "group": one.group,
+        "name": one.name,
+        "package": one.package,
+        "version": one.version,
+        "sha256": "" if root is None else files_sha256(root, (name,)),
+    }
+
+
+def brought_by(content: Mapping[str, Any]) -> tuple[str, ...]:
+    """What other packages brought to a run (its process) or an analysis, one phrase each."""
+    return tuple(
+        f"{one['name']} of {one['package']} {one['version']} ({one['group'].removesuffix('s')}, files "
+        f"{one['sha256'][:12] or 'not hashed'})"
+        for one in content.get(EXTENSIONS, ())
+    )
+
+
+def files_sha256(root: Path, packages: Sequence[str] = PACKAGES) -> str:
+    """One SHA-256 over names and content of all shipped files of these packages or modules below a folder."""
     digest = hashlib.sha256()
-    for name, path in sorted(_shipped(root)):
+    for name, path in sorted(_shipped(root, packages)):
         content = Path(path).read_bytes().replace(b"\r\n", b"\n")
         digest.update(f"{name}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
 
 
-def _shipped(root: Path) -> Iterator[tuple[str, str]]:
+def _shipped(root: Path, packages: Sequence[str] = PACKAGES) -> Iterator[tuple[str, str]]:
     """Name from the root on with `/` between its parts, and path, of every shipped file."""
-    for package in PACKAGES:
+    for package in packages:
+        if (module := root / f"{package}.py").is_file():
+            yield module.name, str(module)
         for folder, _, names in os.walk(root / package):
             if os.path.basename(folder) == "__pycache__":
                 continue

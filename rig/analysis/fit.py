@@ -95,7 +95,7 @@ class Fit:
     @property
     def leans_on_gear(self) -> bool:
         """Whether it had a parameter set to lean on; an analysis of recordings needs none."""
-        analyses = {entry.name for entry in catalogue.ENTRIES if not entry.has_plan}
+        analyses = {entry.name for entry in catalogue.entries() if not entry.has_plan}
         return self.gear_known or self.result.kind not in analyses
 
     @property

@@ -24,6 +24,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from experiments.catalogue import extension_of
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import Result, checks_to_mapping
 from rig.analysis import format_1
@@ -36,7 +37,7 @@ from rig.analysis.result_data import (
     table_to_mapping,
 )
 from rig.errors import ChangedRunError, RunFileError
-from rig.program import this_program
+from rig.program import extension_records, this_program
 from rig.runfile.seal import Seal, is_unsealed_allowed, unsealed
 from rig.runfile.sealed import read_sealed, write_sealed
 
@@ -219,6 +220,7 @@ def append_analysis(run: str | Path, result: Result, basis: Basis) -> Analysis:
         "format": STORE_FORMAT,
         "created": basis.created,
         **this_program().as_json(),
+        **extension_records((extension_of(result.kind),)),
         "run": result.run,
         "run_file": Path(run).name,
         "run_sha256": basis.run_sha256,

@@ -29,12 +29,13 @@ if TYPE_CHECKING:
 
 def tare_kind() -> str:
     """The protocol whose result is subtracted as a tare: the first of the catalogue that gives one."""
-    return next(kind for kind in catalogue.kinds() if catalogue.load(kind).gives_tare)
+    return next(one.name for one in catalogue.every() if one.gives_tare)
 
 
 def takes_tare(kind: str) -> bool:
     """Whether an analysis of this kind subtracts a tare where it is given one; False for a kind that is none."""
-    return kind in catalogue.kinds() and catalogue.load(kind).takes_tare
+    experiment = catalogue.declared(kind)
+    return experiment is not None and experiment.takes_tare
 
 
 def check_tare(recording: Recording, tare: Recording, result: Result) -> None:

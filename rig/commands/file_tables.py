@@ -15,6 +15,7 @@ from rig.commands.visible import Text
 from rig.content.grid import Fact, Grid, columns
 from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
+from rig.program import brought_by
 from rig.runfile.contents import channel_grid, event_grid, segment_grid
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -195,6 +196,7 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         ("mounting", mounting),
         ("rows", _row_text(recording)),
         ("backend", ", ".join(f"{name} {value}" for name, value in backend.items())),
+        *(("another package", one) for one in brought_by(m.process)),
         *((fact.title, fact.text) for fact in made),
         ("parameters", _in_a_line(parameter_facts(m.experiment, m.parameters))),
         ("conditions", _in_a_line(flat("conditions", m.conditions))),

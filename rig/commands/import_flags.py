@@ -9,20 +9,16 @@ from typing import Annotated
 import typer
 
 
-class _FileKind(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
-    """Kinds of files that can be imported."""
+def _file_kind(text: str) -> str:
+    """A kind of file that there is, ours or of another package."""
+    from rig.runfile.importing.opening import formats
 
-    csv = "csv"
-    mat = "mat"
-    npz = "npz"
-    hdf5 = "hdf5"
-    json = "json"
-    parquet = "parquet"
-    tdms = "tdms"
-    mdf = "mdf"
+    if text not in formats():
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(map(repr, formats()))}.")
+    return text
 
 
-class _MountingChoice(str, Enum):  # noqa: UP042
+class _MountingChoice(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """Which part of the gear is fixed."""
 
     circular_spline_fixed = "circular-spline-fixed"
@@ -39,11 +35,13 @@ class _TimeBaseChoice(str, Enum):  # noqa: UP042
 
 
 Kind = Annotated[
-    _FileKind,
+    str,
     typer.Argument(
+        metavar="KIND",
+        parser=_file_kind,
         help="csv (any delimited text, TwinCAT scope, LabVIEW .lvm, also .gz), mat (MATLAB 4 to 7.3), "
         "npz (NumPy), hdf5 (columns by path), json (a list of objects), parquet, tdms (LabVIEW), "
-        "mdf (ASAM MDF 3 and 4)."
+        "mdf (ASAM MDF 3 and 4), or what another package brings.",
     ),
 ]
 Files = Annotated[

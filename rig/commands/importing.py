@@ -100,9 +100,9 @@ def import_(
     }
     runs = _runs(map_file, said, stated)
     if check:
-        _check(format.value, file, runs, json=json)
+        _check(format, file, runs, json=json)
     else:
-        _import(format.value, file, runs, output, json=json)
+        _import(format, file, runs, output, json=json)
 
 
 def _runs(

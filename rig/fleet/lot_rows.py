@@ -175,7 +175,7 @@ ORDER BY kind, quantity, gear
 
 def _kinds_of_gears() -> tuple[str, ...]:
     """The kinds of analysis that are of a gear: not those of a bare motor, and none without a protocol."""
-    return tuple(name for name in catalogue.names() if catalogue.load(name).gear_mounted)
+    return tuple(one.name for one in catalogue.every() if one.has_plan and one.gear_mounted)
 
 
 def _key_families() -> tuple[list[str], list[str]]:

@@ -78,7 +78,5 @@ def sections(
 
 def paper_figures() -> list[tuple[PaperFigure, str]]:
     """The paper's figures in their order, each with the protocol whose run it is drawn from."""
-    figures = [
-        (figure, kind) for kind in catalogue.kinds() for figure in catalogue.load(kind).figures
-    ]
+    figures = [(figure, one.name) for one in catalogue.every() for figure in one.figures]
     return sorted(figures, key=lambda pair: pair[0].number)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from rig.analysis.fit import NOT_SEALED
 from rig.content.grid import Fact, Grid, columns
 from rig.content.page import Section
+from rig.program import EXTENSIONS, brought_by
 from rig.runfile.facts import ELSEWHERE, flat, parameter_facts
 from rig.runfile.prevailing import alarms_of, certificates_of, conditions_of, world_facts
 
@@ -123,9 +124,12 @@ def _identity(fit: Fit) -> Iterator[Fact]:
         for name, value in m.process.items()
         if (name not in ELSEWHERE or name == "planned_duration")
         and not isinstance(value, Mapping)
+        and name != EXTENSIONS
         and len(str(value)) <= LONG
     }
     yield from flat("run", process, {"planned_duration": "s"})
+    for one in brought_by(m.process):
+        yield Fact("another package", one, "", "run")
     yield from world_facts(m.process.get("world"))
 
 

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, cast
 
 from drivers.port import RigDescription
+from experiments.catalogue import extension_of
 from experiments.recording import Origin, RunMetadata
 from rig.library.folder import RunPlace, claim_run
-from rig.program import this_program
+from rig.program import extension_records, this_program
 from rig.run.dry_run import vars_of
 from rig.run.keeping import keep_files
 from rig.run.parts import SessionParts
@@ -101,6 +102,7 @@ def header_of(
         "backend": parts.rig.name,
         "seed": order.seed,
         **this_program().as_json(),
+        **extension_records((extension_of(planned.experiment.name), *parts.rig.extensions)),
         "rig": description.title,
         "motor": planned.motor.name,
         "motor_friction": planned.motor.stated_friction(),

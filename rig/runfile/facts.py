@@ -15,7 +15,7 @@ from experiments.recording import Recording, RunMetadata
 from model.units import printed
 from rig.content.grid import Fact
 from rig.content.wording import named, quantity_text, value_text
-from rig.program import PROGRAM_KEYS
+from rig.program import EXTENSIONS, PROGRAM_KEYS, brought_by
 
 GROUPS = (
     "run",
@@ -53,6 +53,8 @@ def run_facts(recording: Recording) -> tuple[Fact, ...]:
     m = recording.metadata
     process = {name: value for name, value in m.process.items() if name not in ELSEWHERE}
     program = {name: process.pop(name) for name in PROGRAM_KEYS if name in process}
+    for number, one in enumerate(brought_by({EXTENSIONS: process.pop(EXTENSIONS, ())}), 1):
+        program[f"another package {number}"] = one
     figures = m.process.get("acquisition")
     acquired = {"origin": m.origin, "time base": m.time_base, "sample rate": m.sample_rate}
     acquired |= process | dict(figures if isinstance(figures, Mapping) else {})

@@ -5,7 +5,8 @@
     python -m tests.benchmarks.alarm_study chain --first-seed 33100 --gears 20
     python -m tests.benchmarks.alarm_study chain --first-seed 33200 --gears 20 --hours 100 --runs 21
     python -m tests.benchmarks.alarm_study chain --first-seed 33500 --gears 20 --runs 20 --protocols velocity-steps
-    python -m tests.benchmarks.alarm_study chain --first-seed 33540 --gears 20 --runs 21 --hours 100 --protocols velocity-steps
+    python -m tests.benchmarks.alarm_study chain --first-seed 33540 --hours 100 --runs 21 \\
+        --protocols velocity-steps
 
 `drawn`: 2000 series each of a gear that does not change, whose days are independent or resemble the day before, by
 both tables of thresholds; then a step of two standard deviations, right after the baseline and ten runs later, and the

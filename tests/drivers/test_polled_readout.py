@@ -17,6 +17,7 @@ from drivers.samples import CycleFlag
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.simulated import wire_port
+from rig.testing.source import check_source
 from sim_backend.wire.bench import WireBench
 
 CYCLE_NS = 1_000_000
@@ -83,6 +84,10 @@ def test_a_value_comes_in_pieces_and_stands_until_the_next() -> None:
         "half the storage delay after the question, a cycle ago"
     )
     assert clock.monotonic_ns() - begun == 6 * CYCLE_NS, "nobody waited"
+
+
+def test_it_keeps_what_every_source_keeps() -> None:
+    check_source(lambda clock: PolledReadout(CONFIG, clock, lambda: Port(LINE, LINE, b"x" * 17)))
 
 
 def test_silence_garbage_a_fault_and_a_lost_line_are_told() -> None:

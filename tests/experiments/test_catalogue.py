@@ -12,8 +12,9 @@ import pytest
 from experiments import catalogue
 from experiments.contract import Deferred, Experiment
 from experiments.errors import PlanError
-from experiments.parameters import make_parameters, parameter_fields
+from experiments.parameters import make_parameters
 from model.gear_file import shipped_gear
+from rig.testing.protocol import check_protocol
 
 PROTOCOLS = (
     "kinematic-error",
@@ -78,11 +79,7 @@ def test_every_experiment_keeps_the_contract(name: str) -> None:
         there = function.function if isinstance(function, Deferred) else function
         assert callable(there)
         assert there.__doc__
-    if experiment.has_plan:
-        for parameter in parameter_fields(experiment.parameters):
-            assert parameter.help, parameter.name
-            assert parameter.kind in (float, int, bool, str, tuple), parameter.name
-            assert parameter.unit or parameter.kind is not float, parameter.name
+    check_protocol(experiment)
 
 
 @pytest.mark.parametrize("name", catalogue.kinds())
@@ -104,22 +101,3 @@ def test_every_protocol_has_a_short_form_that_can_be_planned(name: str) -> None:
     assert experiment.short
     short = make_parameters(experiment.parameters, dict(experiment.short))
     assert list(experiment.plan(short, shipped_gear()))
-
-
-@pytest.mark.parametrize("name", [k for k in catalogue.kinds() if k not in PROTOCOLS])
-def test_an_analysis_without_a_plan_cannot_be_run(name: str) -> None:
-    experiment = catalogue.load(name)
-    with pytest.raises(PlanError, match="cannot be planned"):
-        experiment.plan(experiment.parameters(), shipped_gear())
-
-
-@pytest.mark.parametrize("name", PROTOCOLS)
-def test_parameters_survive_text(name: str) -> None:
-    """Defaults as text (as flags and files carry them) are the same parameters."""
-    model = catalogue.load(name).parameters
-    defaults = model()
-    text = {}
-    for f in parameter_fields(model):
-        value = getattr(defaults, f.name)
-        text[f.name] = " ".join(repr(v) for v in value) if isinstance(value, tuple) else str(value)
-    assert make_parameters(model, text) == defaults

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Any
 
@@ -14,7 +13,6 @@ from hypothesis import strategies as st
 from experiments import catalogue
 from experiments.errors import PlanError
 from experiments.parameters import ParameterField, parameter_fields
-from experiments.planning.parts import LABELS, ZERO_AFTER, ZERO_BEFORE
 from experiments.planning.speeds import alias_leak, first_resonances, incommensurate, lattice_lock
 from experiments.protocols.friction import declaration as friction_declaration
 from experiments.protocols.friction import plan as friction_plan
@@ -23,32 +21,17 @@ from experiments.protocols.kinematic_error import plan as kinematic_error_plan
 from experiments.protocols.velocity_steps import declaration as velocity_steps_declaration
 from experiments.protocols.velocity_steps import plan as velocity_steps_plan
 from experiments.steps.vocabulary import (
-    FindIndex,
     HoldRevolutions,
-    HoldTime,
     MoveRevolutions,
     MoveToAngle,
     Ramp,
-    ServoOff,
-    Settle,
     SpeedStep,
-    TorqueRamp,
 )
 from model.gear_file import shipped_gear
 from model.units import RPM
+from rig.testing.protocol import check_plan
 
 GEAR = shipped_gear()
-TURNING = (
-    Ramp,
-    SpeedStep,
-    HoldRevolutions,
-    HoldTime,
-    Settle,
-    MoveToAngle,
-    MoveRevolutions,
-    FindIndex,
-    TorqueRamp,
-)
 
 
 def _number(f: ParameterField) -> st.SearchStrategy[Any]:
@@ -90,57 +73,7 @@ def parameters_of(name: str) -> st.SearchStrategy[Any]:
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(data=st.data())
 def test_every_plan_is_pure_finite_and_between_torque_zeros(name: str, data: st.DataObject) -> None:
-    experiment = catalogue.load(name)
-    parameters = data.draw(parameters_of(name))
-    refusal: PlanError | None = None
-    plan: list[Any] = []
-    try:
-        plan = list(experiment.plan(parameters, GEAR))
-    except PlanError as error:
-        refusal = error
-    if refusal is not None:
-        assert refusal.where.startswith(name)
-        assert refusal.limit
-        return
-    assert plan == list(experiment.plan(parameters, GEAR))
-    steps = [s for s in plan if isinstance(s, (*TURNING, ServoOff))]
-    labels = [s.segment.label for s in steps if s.segment is not None]
-    assert labels[0] == ZERO_BEFORE
-    assert labels[-1] == ZERO_AFTER
-    assert set(labels) <= LABELS
-    assert isinstance(steps[0], ServoOff)
-    assert isinstance(steps[-1], ServoOff)
-    # Nothing turns when the power goes off.
-    assert isinstance(steps[-2], HoldTime)
-    assert steps[-2].duration > 0.0
-    _check_numbers(steps)
-
-
-def _check_numbers(steps: list[Any]) -> None:
-    speed = 0.0
-    rating = GEAR.ratings.maximum_input_speed
-    for step in steps:
-        for value in dataclasses.asdict(step).values():
-            assert not isinstance(value, float) or math.isfinite(value)
-        if hasattr(step, "at_most"):
-            assert step.at_most > 0.0
-        if hasattr(step, "acceleration"):
-            assert step.acceleration > 0.0
-        if isinstance(step, Ramp | SpeedStep):
-            speed = step.speed
-        if isinstance(step, MoveToAngle | MoveRevolutions):
-            # An angle is approached from either side, by the sign of the speed.
-            assert step.speed > 0.0 or (isinstance(step, MoveToAngle) and step.speed < 0.0)
-            speed = 0.0
-        assert abs(getattr(step, "speed", 0.0)) <= rating * (1.0 + 1e-9)
-        if isinstance(step, HoldRevolutions):
-            nominal = step.revolutions * 2.0 * math.pi / abs(speed)
-            assert speed != 0.0
-            assert step.at_most > nominal
-        if isinstance(step, Settle | FindIndex):
-            assert speed != 0.0
-        if isinstance(step, ServoOff):
-            assert speed == 0.0
+    check_plan(catalogue.load(name), data.draw(parameters_of(name)), GEAR)
 
 
 def test_kinematic_error_covers_whole_output_revolutions_after_an_approach() -> None:

@@ -45,9 +45,9 @@ class FollowedQuantity:
 def watched() -> tuple[tuple[str, Quantity], ...]:
     """Every watched quantity with its kind of analysis, in the order of the catalogue."""
     return tuple(
-        (kind, quantity)
-        for kind in catalogue.kinds()
-        for quantity in catalogue.load(kind).quantities
+        (one.name, quantity)
+        for one in catalogue.every()
+        for quantity in one.quantities
         if quantity.is_watched
     )
 

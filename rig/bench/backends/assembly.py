@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from drivers.bus.network import RawBus
 from drivers.clock import Clock
 from drivers.port import RigPort
+from experiments.extensions import Extension
 from sim_backend.world import OLDEST
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ class AssembledRig:
     `loss_covered_by` says what stops the motor when the computer is lost and the drive does not see to it,
     `reaction` [s] is how long an exchange may take, `priority` and `lock_memory` are what the loop
     asks of the computer.
+    `extensions` are what other packages brought to it.
 
     Of a simulated rig: `world` is the world that it is in, as its run file tells it, and
     `thermal_state` tells how warm it is now ("end") and was on average ("mean") [degC].
@@ -49,3 +51,4 @@ class AssembledRig:
     lock_memory: bool = False
     world: Mapping[str, Any] = field(default_factory=dict)
     thermal_state: Callable[[], Mapping[str, Mapping[str, float]]] | None = None
+    extensions: tuple[Extension, ...] = ()

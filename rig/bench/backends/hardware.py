@@ -27,7 +27,7 @@ from drivers.readout.nd287 import ReadoutConfig
 from model.motor import ServoMotor
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.order import Order, Setup
-from rig.bench.backends.sources import Shafts, sources_of
+from rig.bench.backends.sources import Shafts, extensions_of, sources_of
 from rig.bench.config import schema as described
 from rig.bench.config.drives import Drive, ReferenceDrive
 from rig.bench.config.load import load_configuration
@@ -76,6 +76,7 @@ def hardware(order: Order, setup: Setup) -> AssembledRig:
         reaction=real_time.reaction_ms * 1e-3,
         priority=real_time.scheduler_priority,
         lock_memory=real_time.lock_memory,
+        extensions=extensions_of(configuration),
     )
 
 

@@ -14,6 +14,7 @@ from rig.present import definitions, provenance
 from rig.present.certificate import words
 from rig.present.certificate.gather import Certified
 from rig.present.certificate.laboratory import LaboratoryWords
+from rig.present.certificate.rests_on import brought_to
 from rig.present.certificate.traceability import Instrument
 from rig.present.report import signature_of
 from rig.program import Program
@@ -164,6 +165,7 @@ def _remarks(gathered: Certified) -> tuple[str, ...]:
             *gathered.unsealed,
             *alarms,
             *_different_programs(gathered),
+            *(f"By another package: {one}." for one in brought_to(gathered)),
             *gathered.passed_over,
             *_assumed(gathered),
         ]

@@ -15,7 +15,7 @@ from rig.analysis.in_force import KEPT_NAME, InForce, in_force_by_kind
 from rig.analysis.store import Analysis, analysis_folder
 from rig.gears.card import card_path
 from rig.present.certificate.gather import Certified
-from rig.program import Program, this_program
+from rig.program import EXTENSIONS, Program, brought_by, this_program
 from rig.runfile.manifest import Entry, Manifest
 from rig.runfile.seal import file_sha256
 
@@ -39,6 +39,12 @@ def manifest_of(gathered: Certified) -> Manifest:
         for one in programs
         if one.sha256
     }
+    entries |= {
+        Entry(f"{brought['package']} {brought['version']}", PROGRAM, brought["sha256"])
+        for content in _contents(gathered)
+        for brought in content.get(EXTENSIONS, ())
+        if brought["sha256"]
+    }
     return Manifest.made_of(f"what the certificate of gear {gathered.serial} rests on", entries)
 
 
@@ -46,6 +52,20 @@ def programs_of(gathered: Certified) -> tuple[Program, ...]:
     """The programs that made the analyses of a certificate, each once."""
     found = (one.analysis for one in gathered.analyses)
     return tuple(dict.fromkeys(Program.from_json(one.content) for one in found if one is not None))
+
+
+def _contents(gathered: Certified) -> Iterator[Mapping[str, Any]]:
+    """What runs and analyses say of how they were made."""
+    for fit, found in zip(gathered.fits, gathered.analyses, strict=True):
+        yield fit.recording.metadata.process
+        if found.analysis is not None:
+            yield found.analysis.content
+
+
+def brought_to(gathered: Certified) -> tuple[str, ...]:
+    """What other packages brought to the runs and the analyses of a certificate, each once."""
+    found = (one for content in _contents(gathered) for one in brought_by(content))
+    return tuple(dict.fromkeys(found))
 
 
 def _name(path: Path, start: Path) -> str:

@@ -22,6 +22,7 @@ from rig.analysis.judging import GearVerdict, StoredResult, judge
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import json_text
 from rig.errors import RigError
+from rig.floors import DISTRIBUTION
 from rig.gears.acceptance import acceptance_named
 from rig.library.folder import ANALYSES_SUFFIX
 from rig.present.certificate.record import (
@@ -179,8 +180,9 @@ def _programs(found: _Certificate) -> Iterator[Finding]:
         yield Finding(
             "program", Severity.BLOCKS, "the manifest does not name the program of the record"
         )
-    if len(listed) > 1:
-        names = "; ".join(f"{name}, files {sha[:12]}" for sha, name in listed.items())
+    ours = {sha: name for sha, name in listed.items() if name.startswith(DISTRIBUTION)}
+    if len(ours) > 1:
+        names = "; ".join(f"{name}, files {sha[:12]}" for sha, name in ours.items())
         yield Finding("program", Severity.WARNS, f"made by different programs: {names}")
     if made_by != this_program().sha256:
         text = f"made by {listed.get(made_by, 'a program without a name')}, not by this program"

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from experiments.recording import RunMetadata, TimeBase
 from rig.errors import ConfigurationError
+from rig.program import extension_records
 from rig.runfile.header import RunHeader, iso_time
+from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.reading import Reading, Rows
@@ -130,6 +132,7 @@ def _process(tables: Sequence[Table], options: ImportOptions, ratio: float) -> d
             for s in (*options.channels, *options.reverse)
         ],
         "stated": _stated(options, ratio),
+        **extension_records(one.brought_by for one in tables if isinstance(one, ArrayTable)),
     }
 
 

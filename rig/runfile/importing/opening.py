@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from experiments import extensions
 from rig.errors import RunFileError
+from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.adapters.text_form import TextForm
 
@@ -20,6 +26,44 @@ FORMATS = {
     "mdf": "MDF 3 and 4, ASAM measurement data (extra `import`)",
 }
 """Kinds of files, each with what it is."""
+
+
+@dataclass(frozen=True)
+class Importer:
+    """A kind of file that another package reads: what it is, and the reading of a whole file.
+
+    `read` gives the columns by their heading, each a vector of numbers, all of one length, with the unit in brackets
+    where the file states it ("speed [r/min]"). Times, units, signs and gaps are looked at afterwards, by the code that
+    looks at every file.
+    """
+
+    summary: str
+    read: Callable[[Path], Mapping[str, Any]]
+
+    def table(self, whose: extensions.Extension, path: Path) -> ArrayTable:
+        """The columns of one file. Raises `RunFileError` for whatever the package's own code raises of it."""
+        try:
+            arrays = {name: np.asarray(values) for name, values in self.read(path).items()}
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise RunFileError("cannot be read", where=str(path), value=why) from error
+        except Exception as error:
+            why = f"{type(error).__name__}: {' '.join(str(error).split())[:120]}"
+            raise RunFileError(
+                f"is not a readable {whose.name} file ({why})", where=str(path)
+            ) from error
+        return ArrayTable(path, arrays, whose.name, whose)
+
+
+def formats() -> tuple[str, ...]:
+    """Every kind of file: ours, then those of other packages."""
+    return (*FORMATS, *(one.name for one in extensions.usable(("importers",), FORMATS)))
+
+
+def brought(kind: str) -> extensions.Extension | None:
+    """What another package brings for this kind of file; None for ours, and where there is none."""
+    found = extensions.usable(("importers",), FORMATS)
+    return next((one for one in found if one.name == kind), None)
 
 
 def open_table(kind: str, path: Path, form: TextForm = TextForm()) -> Table:
@@ -54,7 +98,10 @@ def open_table(kind: str, path: Path, form: TextForm = TextForm()) -> Table:
         from rig.runfile.importing.adapters.mdf import MdfTable
 
         return MdfTable(path)
-    raise RunFileError("is no kind of file", where=kind, limit=", ".join(FORMATS))
+    if one := brought(kind):
+        importer: Importer = one.loaded(Importer)
+        return importer.table(one, path)
+    raise RunFileError("is no kind of file", where=kind, limit=", ".join(formats()))
 
 
 def open_tables(kind: str, paths: Sequence[Path], form: TextForm = TextForm()) -> tuple[Table, ...]:

@@ -14,10 +14,7 @@ def reach_of(look: Look, options: ImportOptions) -> dict[str, str]:
     """Each kind of analysis with "" where the recording may be good for it, else why not; none without a channel."""
     if not look.channels:
         return {}
-    return {
-        kind: _why_not(catalogue.load(kind).foreign_need, look, options)
-        for kind in catalogue.kinds()
-    }
+    return {one.name: _why_not(one.foreign_need, look, options) for one in catalogue.every()}
 
 
 def is_of_tables(kind: str) -> bool:

@@ -51,8 +51,9 @@ class ProtocolSection(QWidget):
             self.choice.addItem(f"campaign: {name}", CAMPAIGN + name)
         self.choice.addItem(PLAN_FILE, PLAN_FILE)
         self.choice.insertSeparator(self.choice.count())
-        for name in catalogue.names():
-            self.choice.addItem(name, name)
+        for one in catalogue.every():
+            if one.has_plan:
+                self.choice.addItem(one.name, one.name)
         self.summary = text_label("", "muted", wraps=True)
         self.defaults_button = push_button(
             "&Defaults",

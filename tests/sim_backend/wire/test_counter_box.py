@@ -26,6 +26,7 @@ from rig.bench.backends.sources import Shafts, sources_of
 from rig.bench.config.load import load_configuration
 from rig.errors import ConfigurationError
 from rig.run.preflight import standing_checks
+from rig.testing.source import check_source
 from sim_backend.faults import Fault
 from sim_backend.wire import box_faults as faults
 from sim_backend.wire.bench import WireBench
@@ -181,6 +182,14 @@ def test_over_a_real_socket_lines_come_in_pieces_and_a_closed_one_is_lost() -> N
     assert [event.code for event in box.events()] == ["source-lost"]
     box.request(8)
     box.close()
+
+
+def test_it_keeps_what_every_source_keeps() -> None:
+    made = bench()
+    config = CounterBoxConfig(
+        channel="output_angle", lines=18000, multiplication=4, largest_speed=10.0
+    )
+    check_source(lambda clock: CounterBox(config, clock, made.box_line), clock=made.clock)
 
 
 def test_answers_that_nobody_collected_are_not_late() -> None:

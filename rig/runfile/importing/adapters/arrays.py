@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.extensions import Extension
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.adapters.table import (
     BATCH_ROWS,
@@ -31,8 +32,16 @@ class ArrayTable:
     stamped: Collection[int] = ()
     may_be_retimed = True
 
-    def __init__(self, path: Path, arrays: Mapping[str, NDArray[Any]], kind: str) -> None:
+    def __init__(
+        self,
+        path: Path,
+        arrays: Mapping[str, NDArray[Any]],
+        kind: str,
+        brought_by: Extension | None = None,
+    ) -> None:
+        """`brought_by` is the package whose importer read the file, where it was not one of ours."""
         self.path = path
+        self.brought_by = brought_by
         self._columns: dict[str, NDArray[Any]] = {}
         for name, array in arrays.items():
             self._columns |= _named_columns(name, array)

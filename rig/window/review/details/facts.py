@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from experiments.recording import Recording
 from rig.content.grid import Fact, Grid
-from rig.program import PROGRAM_KEYS
+from rig.program import PROGRAM_KEYS, brought_by
 from rig.runfile.facts import flat, limit_facts, parameter_facts
 from rig.runfile.prevailing import acquisition_facts, calibration_grid, conditions_of, world_facts
 from rig.window.review.words import facts_html, grid_html
@@ -40,6 +40,8 @@ def facts_of(recording: Recording) -> Facts:
     """The facts of a run; reads it once from end to end."""
     m = recording.metadata
     process = {name: m.process[name] for name in _OF_THE_PROGRAM if m.process.get(name)}
+    if brought := brought_by(m.process):
+        process["another package"] = "; ".join(brought)
     return Facts(
         {
             "Conditions": conditions_of(recording, m.gear if m.gear_mounted else None),
