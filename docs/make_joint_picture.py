@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-import rig
+import harmonic_rig as rig
 from rig.exchange.identified import identified_gear
 from rig.exchange.joint import seen_from, torque_at
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-import rig
+import harmonic_rig as rig
 
 
 def study(folder: Path, **settings: Any) -> rig.Result:

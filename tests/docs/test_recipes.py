@@ -1,13 +1,14 @@
-"""The recipes work as they stand: the modules that the pages print are planned, run, fitted and reported."""
+"""The recipes work as they stand: the package that the pages print is laid into an empty folder and used there."""
 
 from __future__ import annotations
 
-import ast
 import dataclasses
+import importlib
 import importlib.util
 import json
 import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
@@ -20,56 +21,89 @@ from experiments.contract import Evidence
 from experiments.recording import Segment
 from model.gear_file import shipped_gear
 from rig import main
+from rig.testing.protocol import check_protocol
+from rig.testing.source import check_source
+from tests import outside_package
 from tests.experiments.test_analyses_without_plan import foreign, stating
+from tests.outside_package import found_in, installed_into
 
 HOWTO = Path(__file__).parents[2] / "docs" / "howto"
-_MODULE = re.compile(r"^```python\n# (\S+\.py)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+PAGES = ("add-a-protocol", "add-a-fit", "add-a-driver", "import-a-recording")
+_MODULE = re.compile(r"^```python\n# (lab_noise/\S+\.py)\n(.*?)^```", re.DOTALL | re.MULTILINE)
+_TABLE = re.compile(r"^```toml\n(.*?)^```", re.DOTALL | re.MULTILINE)
 
-pytest.importorskip("experiments.quantity")
-pytest.importorskip("experiments.steps.vocabulary")
+
+def page(name: str) -> str:
+    return (HOWTO / f"{name}.md").read_text(encoding="utf-8")
 
 
-def printed_module(page: str, folder: Path) -> ModuleType:
-    """The one module that a page prints, imported under its own name as if it lay where the page puts it."""
-    ((path, code),) = _MODULE.findall((HOWTO / f"{page}.md").read_text(encoding="utf-8"))
+def printed() -> dict[str, str]:
+    """The files of the package that the pages print."""
+    return {path: code for name in PAGES for path, code in _MODULE.findall(page(name))}
+
+
+def test_the_pages_print_the_package_whole() -> None:
+    folder = outside_package.HERE
+    there = {
+        str(path.relative_to(folder)): path.read_text(encoding="utf-8")
+        for path in folder.glob("lab_noise/*.py")
+        if path.name != "__init__.py"
+    }
+    assert printed() == there
+    project = (folder / "pyproject.toml").read_text(encoding="utf-8")
+    assert project in _TABLE.findall(page("add-a-protocol"))
+    points = tomllib.loads(project)["project"]["entry-points"]
+    for name in PAGES[1:]:
+        said = next(t for t in _TABLE.findall(page(name)) if "entry-points" in t)
+        for group, named in tomllib.loads(said)["project"]["entry-points"].items():
+            assert points[group] == named, name
+
+
+def printed_module(name: str, folder: Path) -> ModuleType:
+    """The one module that a page prints of this program, imported under its own name as if it lay where it belongs."""
+    ((path, code),) = re.findall(
+        r"^```python\n# (\S+\.py)\n(.*?)^```", page(name), re.DOTALL | re.MULTILINE
+    )
     file = folder / Path(path).name
     file.write_text(code, encoding="utf-8")
-    name = path.removesuffix(".py").replace("/", ".")
-    spec = importlib.util.spec_from_file_location(name, file)
+    spec = importlib.util.spec_from_file_location(path.removesuffix(".py").replace("/", "."), file)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+    sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
 
 
-def printed_entry(page: str) -> catalogue.Entry:
-    """The line of the catalogue that a page prints."""
-    text = (HOWTO / f"{page}.md").read_text(encoding="utf-8")
-    found = re.search(r"^( *)(Entry\(\n.*?^\1\))$", text, re.DOTALL | re.MULTILINE)
-    assert found, page
-    call = ast.parse(found[2].strip(), mode="eval").body
-    assert isinstance(call, ast.Call)
-    words = [ast.literal_eval(argument) for argument in call.args]
-    named = {str(k.arg): ast.literal_eval(k.value) for k in call.keywords}
-    return catalogue.Entry(*words, **named)
-
-
 @pytest.fixture(autouse=True)
-def _followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
-    """What the pages ask for, done: modules and entries; undone afterwards."""
+def followed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Path]:
+    """What the pages ask for, done in an empty folder; undone afterwards."""
     before = set(sys.modules)
     monkeypatch.chdir(tmp_path)
-    entries = []
-    for page in ("add-a-protocol", "add-a-fit"):
-        printed_module(page, tmp_path)
-        entries.append(printed_entry(page))
-    monkeypatch.setattr(catalogue, "ENTRIES", (*catalogue.ENTRIES, *entries))
-    yield
+    site = installed_into(tmp_path / "site")
+    for path, code in printed().items():
+        (site / path).write_text(code, encoding="utf-8")
+    with found_in(site):
+        yield site
     for name in set(sys.modules) - before:
         if name.startswith("experiments."):
             del sys.modules[name]
+
+
+def test_what_the_pages_print_keeps_the_contracts() -> None:
+    check_protocol(catalogue.load("torque-noise"))
+    check_protocol(catalogue.load("torque-drift"))
+    thermometer = importlib.import_module("lab_noise.thermometer")
+    check_source(lambda clock: thermometer.Thermometer(clock, _Quiet))
+
+
+class _Quiet:
+    """A line on which nothing comes."""
+
+    def read(self, size: int) -> bytes:
+        return b""
+
+    def close(self) -> None: ...
 
 
 def rig(capsys: pytest.CaptureFixture[str], *words: str) -> str:
@@ -95,20 +129,20 @@ def test_the_printed_protocol_is_planned_run_and_reported(
     assert scale[0]["standard_uncertainty"] > 0.01 * found["value"]
     assert found["expanded_uncertainty"] > 2.0 * (found["high"] - found["value"])
     rig(capsys, "report", str(run), "--output", "noise.html")
-    page = Path("noise.html").read_text(encoding="utf-8")
-    assert "noise of the torque port" in page.lower()
-    assert "mN" in page
+    text = Path("noise.html").read_text(encoding="utf-8")
+    assert "noise of the torque port" in text.lower()
+    assert "mN" in text
 
 
 def test_the_scale_of_the_port_is_in_u_though_the_recipe_says_nothing_of_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    followed: Path,
 ) -> None:
     """The mean where the recipe has the noise: ten pieces agree to 0.03 mN m, and the port shows 1.8 mN m too much."""
-    module = sys.modules["experiments.protocols.torque_noise"]
-    code = (tmp_path / "torque_noise.py").read_text(encoding="utf-8")
+    module = importlib.import_module("lab_noise.noise")
+    code = (followed / "lab_noise" / "noise.py").read_text(encoding="utf-8")
     mean = code.replace(".std(axis=1, ddof=1)", ".mean(axis=1)")
     assert mean != code
-    exec(compile(mean, "torque_noise.py", "exec"), module.__dict__)
+    exec(compile(mean, "noise.py", "exec"), module.__dict__)
     true, scale = 0.064665, 1.8e-3 / 0.064665 / 2.0
     random = np.random.default_rng(1)
     shown = (1.0 + 2.0 * scale) * true + 5e-4 * random.standard_normal(5000)
@@ -135,8 +169,8 @@ def test_the_printed_fit_takes_any_recording(capsys: pytest.CaptureFixture[str])
 def test_the_printed_step_turns_what_it_forecasts(tmp_path: Path) -> None:
     from experiments.steps.kind import Situation
 
-    page = printed_module("add-a-step", tmp_path)
-    step = page.SmoothRamp(speed=30.0, acceleration=50.0)
+    module = printed_module("add-a-step", tmp_path)
+    step = module.SmoothRamp(speed=30.0, acceleration=50.0)
     at = Situation(
         index=0,
         what=step.words(),
@@ -147,7 +181,7 @@ def test_the_printed_step_turns_what_it_forecasts(tmp_path: Path) -> None:
         starting_torque=0.1,
     )
     forecast = step.forecast(at)
-    profile = page.HalfCosine(-10.0, 30.0, round(forecast.nominal / at.period))
+    profile = module.HalfCosine(-10.0, 30.0, round(forecast.nominal / at.period))
     targets = profile.targets(0, profile.cycles)
     rates = np.diff(targets, prepend=-10.0) / at.period
     assert forecast.net == pytest.approx(at.period * targets.sum())
