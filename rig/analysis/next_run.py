@@ -31,6 +31,8 @@ Helps = Literal["nothing needed", "visits", "other days", "calibration", "nothin
 _HALF = 0.5
 _MOST_VISITS = 50
 """Times as many visits from which on more of them are no advice."""
+_ENOUGH = 1.0001
+"""By how much U may miss what is wanted and still be it: rounding."""
 _REPEATS = "repeats"
 FALLING: Mapping[str, float] = {
     "scatter between revolutions and points": 0.86,
@@ -137,11 +139,9 @@ def advice(estimate: Estimate, quantity: Quantity, of: Of, wanted: float) -> Adv
     found = _found(lines, wanted)
     times, needed = found.times, found.needed
     repeats = _repeats(of.kind, of.parameters)
-    changed = (
-        {}
-        if found.helps != "visits" or repeats is None or times is None
-        else {_REPEATS: repeats * times}
-    )
+    is_enough = found.becomes is not None and found.becomes <= wanted * _ENOUGH
+    is_run = found.helps == "visits" and is_enough
+    changed = {_REPEATS: repeats * times} if is_run and repeats and times else {}
     made = Advice(
         quantity=f"{of.kind}.{estimate.name}",
         title=quantity.titled(estimate.name),
@@ -290,7 +290,7 @@ def _sentence(one: Advice, largest: BudgetLine, shown: tuple[float, str]) -> str
     if one.helps in ("visits", "other days"):
         what = "as many visits" if one.helps == "visits" else "runs on other days, and their mean,"
         assert one.becomes is not None
-        enough = "" if one.becomes <= one.wanted * 1.0001 else ", which is not enough"
+        enough = "" if one.becomes <= one.wanted * _ENOUGH else ", which is not enough"
         return (
             f"{now}. {named}: {one.times} times {what} make U {text(one.becomes)}{enough}.".replace(
                 "times runs", "runs"

@@ -68,7 +68,8 @@ def test_what_lies_between_the_speeds_stays_and_vibration_near_resonances_falls(
 
 
 def test_visits_that_are_not_enough_say_so() -> None:
-    found = advised_by(0.5e-3, scatter(1e-3), scale(0.3e-3))
+    found = advised_by(0.5e-3, scatter(1e-3), scale(0.3e-3), repeats=1)
+    assert found.parameters == {}, "no run is named that does not help"
     assert found.becomes is not None
     assert found.becomes > 0.5e-3
     assert found.sentence.endswith("which is not enough.")
