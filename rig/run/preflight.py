@@ -38,6 +38,7 @@ from model.units import RPM
 from rig.bench.limits import Limits
 from rig.errors import LimitError, RigError
 from rig.run.dry_run import PlannedRun
+from rig.runfile.seal import is_guarded
 
 _VERIFIED_PROVENANCES = ("catalogue", "measured", "identified", "published")
 """Ratings of any other provenance are worth a warning."""
@@ -63,7 +64,7 @@ _HELD_OTHERWISE = {
 
 def static_checks(planned: PlannedRun, output: Path) -> tuple[Finding, ...]:
     """What can be known without the rig: disk space, folder, provenance of the ratings, points for what is fitted."""
-    return (*_disk(planned, output), *_ratings(planned), *_points(planned))
+    return (*_disk(planned, output), *_guarded(output), *_ratings(planned), *_points(planned))
 
 
 def folder_problem(output: Path) -> str:
@@ -129,6 +130,19 @@ def _disk(planned: PlannedRun, output: Path) -> tuple[Finding, ...]:
             ),
         )
     return (Finding("disk space", Severity.PASSED, evidence),)
+
+
+def _guarded(output: Path) -> tuple[Finding, ...]:
+    """A warning where another program cannot see that a run is being written, and might take it for a broken one."""
+    try:
+        if is_guarded(_existing(output)):
+            return ()
+    except OSError:
+        # What cannot be written is told with the disk.
+        return ()
+    text = "nobody guards the file of a run while it is written: this system or file system has no locks"
+    remedy = "Let nobody recover, move or delete files in this folder before a run has ended."
+    return (Finding("folder", Severity.WARNS, text, remedy),)
 
 
 def _points(planned: PlannedRun) -> tuple[Finding, ...]:

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib
 import os
 import stat
+import tempfile
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -18,6 +20,7 @@ from contextvars import ContextVar
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from rig.errors import ChangedRunError, RunFileError, UnsealedError
 from rig.runfile.damage import refusing_damage
@@ -235,31 +238,70 @@ def protect(run: Path) -> None:
 def hold_while_writing(part: Path) -> Callable[[], None]:
     """Mark a file as being written for as long as this process lives; returns what takes the mark away.
 
-    A shared lock: other programs that read the growing file, and take shared locks themselves, are not disturbed.
+    Other programs that read the growing file, and take shared locks themselves, are not disturbed.
     """
-    try:
-        import fcntl
-    except ImportError:
-        return lambda: None
-    descriptor = os.open(part, os.O_RDONLY)
+    descriptor = os.open(part, os.O_RDONLY | getattr(os, "O_BINARY", 0))
     with contextlib.suppress(OSError):
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        _mark(descriptor, is_writer=True)
     return _closing_once(descriptor)
 
 
 def refuse_live(part: Path) -> None:
     """Raise `RunFileError` for a file that a living writer holds, where the file system has locks."""
+    with contextlib.suppress(OSError), part.open("rb") as stream:
+        if not _mark(stream.fileno(), is_writer=False):
+            raise RunFileError(
+                "is still being written", where=str(part), remedy="Stop that run first."
+            )
+
+
+def is_guarded(folder: Path) -> bool:
+    """Whether a file in this folder that one program writes can be seen to be written by another. Raises `OSError`."""
+    descriptor, name = tempfile.mkstemp(dir=folder)
+    os.close(descriptor)
+    release = hold_while_writing(Path(name))
+    try:
+        refuse_live(Path(name))
+    except RunFileError:
+        return True
+    finally:
+        release()
+        os.unlink(name)
+    return False
+
+
+_MARK_AT = 2**40
+"""Where Windows locks one byte: behind the end of every run, since nobody may read a byte that is locked there."""
+
+
+def _mark(descriptor: int, *, is_writer: bool) -> bool:
+    """Lock a file as its writer, or look whether a writer holds it: False where it is held.
+
+    True where the system has no locks. Raises `OSError` where its file system has none.
+    """
     try:
         import fcntl
     except ImportError:
-        return
-    with contextlib.suppress(OSError), part.open("rb") as stream:
-        try:
-            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise RunFileError(
-                "is still being written", where=str(part), remedy="Stop that run first."
-            ) from error
+        return _mark_by_byte(descriptor)
+    try:
+        fcntl.flock(descriptor, (fcntl.LOCK_SH if is_writer else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _mark_by_byte(descriptor: int) -> bool:
+    """The same on Windows (never run there): one byte, locked by whoever writes and asked for by whoever looks."""
+    try:
+        msvcrt: Any = importlib.import_module("msvcrt")
+    except ImportError:
+        return True
+    os.lseek(descriptor, _MARK_AT, os.SEEK_SET)
+    try:
+        msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+    except OSError:
+        return False
+    return True
 
 
 def _closing_once(descriptor: int) -> Callable[[], None]:
