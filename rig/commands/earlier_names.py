@@ -5,13 +5,17 @@ And how a command ends by Ctrl-C.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from typer import Abort
+from typer import Abort, BadParameter
 from typer.core import TyperCommand
 
 from rig.commands.terminal import echo
+from rig.runfile.file_names import unportable
 
+_WRITTEN = frozenset({"--output", "--runs", "--junit"})
+"""Options that name what a command may write."""
 FOLDER = "--runs"
 """The folder of runs and gear cards, wherever one is read or written."""
 _NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder": FOLDER}
@@ -34,6 +38,8 @@ class Command(TyperCommand):
         """Execute; a Ctrl-C that was raised in a run and ended it is told with the words of how the run ended."""
         if self.now:
             echo(f"`{ctx.command_path}` is `{self.now}` from now on.", errors=True)
+        for parameter in self.params:
+            _refuse_unportable(ctx, parameter)
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt as error:
@@ -41,6 +47,16 @@ class Command(TyperCommand):
                 raise
             # The library would make an exit of it that says nothing.
             raise Abort from error
+
+
+def _refuse_unportable(ctx: Any, parameter: Any) -> None:
+    """What is to be written must have a name that every system can have."""
+    named = None if _WRITTEN.isdisjoint(parameter.opts) else ctx.params.get(parameter.name)
+    for path in named if isinstance(named, (list, tuple)) else (named,):
+        if isinstance(path, Path) and (why := unportable(path)):
+            raise BadParameter(
+                f"{path}: {why}: give another name.", ctx=ctx, param_hint=parameter.opts[0]
+            )
 
 
 def moved(now: str) -> type[Command]:

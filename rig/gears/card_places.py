@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import quote as in_file_name
 
+from rig.runfile.file_names import is_device
+
 FOLDER = ".gears"
 """Lies in the folder of runs."""
 
@@ -17,8 +19,12 @@ def cards_folder(folder: str | Path) -> Path:
 
 
 def card_file(serial: str) -> str:
-    """The name of the file of one gear's card; characters that a file name cannot have are written as %XX."""
+    """The name of the file of one gear's card; characters that a file name cannot have are written as %XX, and of a
+    name that it cannot have the first one.
+    """
     name = in_file_name(serial.strip(), safe=" ()+,=@").replace("~", "%7E")
+    if is_device(name):
+        name = f"%{ord(name[0]):02X}{name[1:]}"
     return f"{name or '%20'}.toml"
 
 

@@ -1,0 +1,33 @@
+"""Names that no file may have on one of the systems that people carry folders between.
+
+Windows keeps CON, NUL, COM1 and the like for devices, whatever suffix stands behind them, and drops a dot or a blank at
+the end. They are refused, or written otherwise, on every system: a folder of runs is copied from one to another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import PurePath
+
+_DEVICES = frozenset(
+    {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}
+)
+
+
+def is_device(name: str) -> bool:
+    """Whether a name is one of a device of Windows: CON, con.pdf, com1.tar.gz."""
+    return name.partition(".")[0].rstrip(" ").upper() in _DEVICES
+
+
+def unportable(path: PurePath) -> str:
+    """Why a path cannot be had on every system, in words; "" where it can."""
+    for part in _names(path):
+        if is_device(part):
+            return f"{part} is the name of a device on Windows"
+        if part.strip(".") and part != part.rstrip(". "):
+            return f"{part!r} ends with a dot or a blank, which Windows drops"
+    return ""
+
+
+def _names(path: PurePath) -> Iterable[str]:
+    return (part for part in path.parts if part != path.anchor)
