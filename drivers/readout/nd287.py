@@ -19,7 +19,7 @@ from typing import Final, Protocol
 import serial
 
 try:
-    from termios import error as _termios_error
+    from termios import error as _termios_error  # pyright: ignore[reportAttributeAccessIssue]  POSIX has it
 except ImportError:  # not a POSIX system
     _termios_error = OSError
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -99,7 +100,7 @@ def read_held(path: Path) -> dict[str, Any]:
 
 def synchronise_folder(folder: Path) -> None:
     """Bring the names in a folder to the disk, where folders can be opened (not on Windows)."""
-    if not hasattr(os, "O_DIRECTORY"):
+    if sys.platform == "win32":
         return
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -115,7 +116,7 @@ def _opened(path: Path, creating: int = 0) -> int:
     except PermissionError:
         # Another user's file: it can be locked all the same.
         return os.open(path, os.O_RDONLY)
-    if creating and hasattr(os, "fchmod"):
+    if creating and sys.platform != "win32":
         with contextlib.suppress(OSError):
             os.fchmod(descriptor, 0o666)
     return descriptor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 from rig.errors import RunFileError
@@ -23,6 +24,8 @@ def is_being_written(part: Path) -> bool:
 
 
 def _is_listed(part: Path) -> bool:
+    if sys.platform == "win32":
+        return False
     try:
         status = os.stat(part)
         locks = _LOCKS.read_text(encoding="ascii", errors="replace")

@@ -25,7 +25,7 @@ def claim_real_time(priority: int, lock_memory: bool) -> tuple[Finding, ...]:
 
 def _claim_priority(priority: int) -> Finding:
     remedy = "Allow it (ulimit -r, or CAP_SYS_NICE), or set real_time.scheduler_priority = 0."
-    if not hasattr(os, "sched_setscheduler"):
+    if sys.platform != "linux":
         return Finding(
             "scheduler",
             Severity.WARNS,

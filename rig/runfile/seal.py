@@ -12,6 +12,7 @@ import hashlib
 import importlib
 import os
 import stat
+import sys
 import tempfile
 import time
 from collections import OrderedDict
@@ -279,6 +280,8 @@ def _mark(descriptor: int, *, is_writer: bool) -> bool:
 
     True where the system has no locks. Raises `OSError` where its file system has none.
     """
+    if sys.platform == "win32":
+        return _mark_by_byte(descriptor)
     try:
         import fcntl
     except ImportError:

@@ -12,6 +12,7 @@ import asyncio
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -119,6 +120,13 @@ class Server:
         return ""
 
     def _open_pty(self) -> str:
+        if sys.platform == "win32":
+            raise DriverError(
+                "there are no pseudo-terminals on Windows",
+                where="--readout",
+                value="pty",
+                limit="socket",
+            )
         import tty
 
         master, slave = os.openpty()
