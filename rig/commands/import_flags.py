@@ -9,15 +9,6 @@ from typing import Annotated
 import typer
 
 
-def _file_kind(text: str) -> str:
-    """A kind of file that there is, ours or of another package."""
-    from rig.runfile.importing.opening import formats
-
-    if text not in formats():
-        raise typer.BadParameter(f"{text!r} is not one of {', '.join(map(repr, formats()))}.")
-    return text
-
-
 class _MountingChoice(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """Which part of the gear is fixed."""
 
@@ -34,19 +25,28 @@ class _TimeBaseChoice(str, Enum):  # noqa: UP042
     nominal = "nominal"
 
 
-Kind = Annotated[
-    str,
+Words = Annotated[
+    list[str],
     typer.Argument(
-        metavar="KIND",
-        parser=_file_kind,
-        help="csv (any delimited text, TwinCAT scope, LabVIEW .lvm, also .gz), mat (MATLAB 4 to 7.3), "
+        metavar="[KIND] FILE...",
+        help="The recording of another rig; the files of one run. KIND where the file does not tell it: "
+        "csv (any delimited text, TwinCAT scope, LabVIEW .lvm, also .gz), mat (MATLAB 4 to 7.3), "
         "npz (NumPy), hdf5 (columns by path), json (a list of objects), parquet, tdms (LabVIEW), "
         "mdf (ASAM MDF 3 and 4), or what another package brings.",
     ),
 ]
-Files = Annotated[
-    list[Path],
-    typer.Argument(metavar="FILE...", help="The recording of another rig; the files of one run."),
+Accept = Annotated[
+    bool,
+    typer.Option(
+        "--accept",
+        help="Take over what is proposed, in a script; what stays open is refused by name.",
+    ),
+]
+SaveMap = Annotated[
+    Path | None,
+    typer.Option(
+        "--save-map", metavar="FILE", help="Keep what was accepted as a channel map (TOML)."
+    ),
 ]
 Channels = Annotated[
     list[str] | None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from rig.commands import import_flags as flags
 from rig.commands.terminal import echo, print_json
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from model.gear import HarmonicDrive
     from rig.runfile.importing.channel_map import ImportOptions, RunMap
@@ -21,11 +22,12 @@ if TYPE_CHECKING:
 
 
 def import_(
-    format: flags.Kind,
-    file: flags.Files,
+    words: flags.Words,
     channel: flags.Channels = None,
     map_file: flags.MapFile = None,
     check: flags.Check = False,
+    accept: flags.Accept = False,
+    save_map: flags.SaveMap = None,
     output: flags.Folder = Path("runs"),
     rate: flags.Rate = None,
     no_time: flags.NoTime = False,
@@ -98,11 +100,90 @@ def import_(
         "lag": _texts(lag, "--lag"),
         "accuracy": _texts(accuracy, "--accuracy"),
     }
+    format, file = _kind_and_files(words)
     runs = _runs(map_file, said, stated)
     if check:
         _check(format, file, runs, json=json)
+        return
+    is_proposed = not channel and map_file is None
+    if is_proposed:
+        runs = [_proposed(format, file, runs[0], accept=accept, save_map=save_map, json=json)]
+    _import(format, file, runs, output, json=json)
+    if is_proposed and not json:
+        _say_what_it_is_good_for(format, file, runs[0][1], output)
+
+
+def _say_what_it_is_good_for(
+    kind: str, files: list[Path], options: ImportOptions, folder: Path
+) -> None:
+    """The kinds of fit that the recording can bear, as far as its channels tell; the first as a command."""
+    from rig.library.folder import run_files
+    from rig.runfile.importing.looking import look_at
+    from rig.runfile.importing.opening import open_tables
+    from rig.runfile.importing.reach import reach_of
+
+    reach = reach_of(look_at(open_tables(kind, files, options.form), options), options)
+    good = [name for name, why in reach.items() if not why]
+    if good:
+        newest = run_files(folder)[-1]
+        echo(f"  good for {', '.join(good)}")
+        echo(f"  next  rig fit {good[0]} {newest}")
+
+
+def _kind_and_files(words: Sequence[str]) -> tuple[str, list[Path]]:
+    """The kind that was said, or that the first file tells, and the files."""
+    from rig.runfile.importing.opening import formats
+    from rig.runfile.importing.proposal import kind_of
+
+    if words[0] in formats() and len(words) > 1:
+        return words[0], [Path(word) for word in words[1:]]
+    files = [Path(word) for word in words]
+    if len(words) > 1 and not files[0].suffix and not files[0].exists():
+        raise typer.BadParameter(
+            f"{words[0]!r} is not one of {', '.join(map(repr, formats()))}, and no file.",
+            param_hint="KIND",
+        )
+    return kind_of(files[0]), files
+
+
+def _proposed(
+    kind: str,
+    files: list[Path],
+    run: tuple[RunMap, ImportOptions],
+    *,
+    accept: bool,
+    save_map: Path | None,
+    json: bool,
+) -> tuple[RunMap, ImportOptions]:
+    """The run with the channels that were proposed and accepted. Raises `ConfigurationError` for what stays open."""
+    from rig.commands import import_proposed as proposed
+    from rig.runfile.importing.opening import open_tables
+    from rig.runfile.importing.proposal import propose
+
+    name, options = run
+    proposal = propose(open_tables(kind, files, options.form))
+    if options.rate:
+        rest = tuple(one for one in proposal.questions if one.why != "rate")
+        proposal = replace(proposal, questions=rest)
+    if not json:
+        proposed.show(proposal)
+    proposed.refuse_useless(proposal, files)
+    if accept or json or not proposed.asks():
+        proposed.refuse_open(proposal)
+        if not accept:
+            raise typer.BadParameter(
+                "nobody is asked here: say --accept to take over what is proposed.",
+                param_hint="--accept",
+            )
     else:
-        _import(format, file, runs, output, json=json)
+        proposal = proposed.settled(proposal, proposed.ask_at_the_terminal)
+        proposed.ask_at_the_terminal("Enter imports it so, Ctrl-C does not.")
+    options = proposed.accepted(options, proposal)
+    if save_map is not None:
+        save_map.write_text(proposed.map_text(options), encoding="utf-8")
+    if not json:
+        echo(f"  without a question: {proposed.command_of(kind, files, options)}")
+    return name, options
 
 
 def _runs(

@@ -92,6 +92,9 @@ class ImportOptions:
     resonance_hz: float | None = None
     load_inertia_kg_m2: float | None = None
     conditions: Mapping[str, Any] = field(default_factory=dict)
+    proposed: tuple[str, ...] = ()
+    """What the program proposed of the columns, with its evidence; `accepted_by` is who took it over."""
+    accepted_by: str = ""
 
     @property
     def form(self) -> TextForm:

@@ -148,4 +148,7 @@ def _stated(options: ImportOptions, ratio: float) -> dict[str, Any]:
         value = getattr(options, name)
         if value is not None:
             stated[name] = value
+    if options.proposed:
+        stated["proposed"] = list(options.proposed)
+        stated["accepted_by"] = options.accepted_by
     return stated

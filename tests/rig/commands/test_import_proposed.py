@@ -1,0 +1,153 @@
+"""`rig import FILE` and nothing else, as a script and as somebody at a terminal."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from rig import main
+from rig.commands import import_proposed
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def called(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    with pytest.raises(SystemExit) as ended:
+        main.run(list(words))
+    shown = capsys.readouterr()
+    return int(ended.value.code or 0), shown.out, shown.err
+
+
+def swinging(units: bool) -> Path:
+    """A log of a joint that swings."""
+    time = np.arange(3000) * 0.002
+    columns = {
+        "time [s]": time,
+        "pos [rad]" if units else "pos": 1.3 * np.sin(1.7 * time),
+        "tau [N m]" if units else "tau": 0.4 * np.sign(np.cos(1.7 * time)),
+    }
+    path = Path("joint.csv")
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def stated(run: Path) -> dict[str, object]:
+    with h5py.File(run) as file:
+        found: dict[str, object] = json.loads(file["entry/process/details"][()])["stated"]
+        return found
+
+
+def test_a_script_takes_over_what_has_evidence(capsys: pytest.CaptureFixture[str]) -> None:
+    path = swinging(units=True)
+    words = ("import", str(path), "--accept", "--operator", "A. Example", "--save-map", "map.toml")
+    code, out, _ = called(capsys, *words)
+    assert code == 0
+    (run,) = Path("runs").glob("*.h5")
+    said = stated(run)
+    assert said["accepted_by"] == "A. Example"
+    assert "position = pos [rad] [rad]: called 'pos [rad]'; unit rad as written" in str(
+        said["proposed"]
+    )
+    assert "good for motion" in out
+    # The one command that does the same, and the map, make the same rows.
+    (line,) = (line for line in out.splitlines() if "without a question" in line)
+    again = shlex.split(line.partition(": ")[2])[1:]
+    assert called(capsys, *again, "--runs", "second")[0] == 0
+    assert (
+        called(capsys, "import", "csv", str(path), "--map", "map.toml", "--runs", "third")[0] == 0
+    )
+    rows = []
+    for folder in ("runs", "second", "third"):
+        with h5py.File(next(Path(folder).glob("*.h5"))) as file:
+            rows.append({name: np.asarray(data) for name, data in file["entry/data"].items()})
+    for other in rows[1:]:
+        assert other.keys() == rows[0].keys()
+        assert all(np.array_equal(other[name], rows[0][name]) for name in other)
+    assert "proposed" not in stated(next(Path("second").glob("*.h5")))
+
+
+def test_a_script_is_refused_what_stays_open(capsys: pytest.CaptureFixture[str]) -> None:
+    path = swinging(units=False)
+    code, _, errors = called(capsys, "import", str(path), "--accept")
+    assert code == 2
+    assert "unit of pos (position); unit of tau (torque)" in errors
+    assert not Path("runs").exists()
+
+
+def test_without_a_terminal_nothing_is_taken_over(capsys: pytest.CaptureFixture[str]) -> None:
+    code, _, errors = called(capsys, "import", str(swinging(units=True)))
+    assert code == 2
+    assert "--accept" in errors
+    assert not Path("runs").exists()
+
+
+def test_somebody_answers_and_it_is_imported(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter(["furlong/h", "deg", "A", ""])
+    asked: list[str] = []
+
+    def ask(text: str) -> str:
+        asked.append(text)
+        return next(answers)
+
+    monkeypatch.setattr(import_proposed, "asks", lambda: True)
+    monkeypatch.setattr(import_proposed, "ask_at_the_terminal", ask)
+    code, out, errors = called(capsys, "import", str(swinging(units=False)))
+    assert code == 0
+    assert next(answers, None) is None
+    assert "furlong" in errors, "a wrong answer is told and asked for again"
+    assert "-c position=pos:deg -c current=tau:A" in out
+    assert "Ctrl-C does not" in asked[-1]
+
+
+def test_what_nobody_knows_is_left_out(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter(["rad", "", ""])
+    monkeypatch.setattr(import_proposed, "asks", lambda: True)
+    monkeypatch.setattr(import_proposed, "ask_at_the_terminal", lambda text: next(answers))
+    code, out, _ = called(capsys, "import", str(swinging(units=False)))
+    assert code == 0
+    assert "torque" not in out.partition("without a question")[2].splitlines()[0]
+
+
+def test_columns_that_nothing_tells_are_refused_with_what_to_say(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    Path("odd.csv").write_text("a,b\n" + "1,2\n2,1\n" * 30, encoding="utf-8")
+    code, _, errors = called(capsys, "import", "odd.csv", "--accept")
+    assert code == 2
+    assert "no column is recognised" in errors
+    assert "-c position=COLUMN:rad" in errors
+
+
+def test_an_export_of_our_own_needs_no_key(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("run", "velocity-steps", "--gear", "A1", "--speeds-rpm", "300", "--repeats", "1")
+    assert called(capsys, *words, "--runs", "own")[0] == 0
+    (own,) = Path("own").glob("*.h5")
+    assert called(capsys, "export", str(own), "--output", "own.csv")[0] == 0
+    code, out, _ = called(capsys, "import", "own.csv", "--accept")
+    assert code == 0
+    assert "--ratio 120 --output-sense -1" in out
+    (run,) = Path("runs").glob("*.h5")
+    with h5py.File(own) as first, h5py.File(run) as second:
+        ours, theirs = first["entry/data/input_angle"], second["entry/data/input_angle"]
+        assert len(ours) == len(theirs)
+
+
+def test_a_word_that_is_neither_kind_nor_file_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, _, errors = called(capsys, "import", "cvs", str(swinging(units=True)))
+    assert code == 2
+    assert "'cvs' is not one of" in " ".join(errors.split())
