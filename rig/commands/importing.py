@@ -265,9 +265,11 @@ def _check(
     kind: str, files: list[Path], runs: list[tuple[RunMap, ImportOptions]], *, json: bool
 ) -> None:
     """Show what the import would make of the files; nothing is written."""
+    from rig.commands import import_proposed as proposed
     from rig.commands.import_tables import print_columns, print_look
     from rig.runfile.importing.looking import columns_of, look_at
     from rig.runfile.importing.opening import open_tables
+    from rig.runfile.importing.proposal import propose
 
     told: list[dict[str, Any]] = []
     for one, options in runs:
@@ -275,9 +277,11 @@ def _check(
         if not options.channels:
             listed = columns_of(tables)
             notes = [note for table in tables for note in table.notes]
-            told.append({"columns": listed, "notes": notes})
+            proposal = propose(tables)
+            told.append({"columns": listed, "notes": notes, "proposal": proposed.told(proposal)})
             if not json:
                 print_columns(listed, notes)
+                proposed.show(proposal)
             continue
         look = look_at(tables, options)
         told.append({"map": one.name, **_look_as_json(look, options)})

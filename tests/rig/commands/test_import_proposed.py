@@ -83,6 +83,17 @@ def test_a_script_is_refused_what_stays_open(capsys: pytest.CaptureFixture[str])
     assert not Path("runs").exists()
 
 
+def test_a_look_shows_the_proposal_and_writes_nothing(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = str(swinging(units=False))
+    found = json.loads(called(capsys, "import", path, "--check", "--json")[1])["proposal"]
+    assert [one["channel"] for one in found["columns"]] == ["time", "position", "torque"]
+    assert [one["about"] for one in found["questions"]] == ["position", "torque"]
+    assert "called 'pos'" in called(capsys, "import", path, "--check")[1]
+    assert not Path("runs").exists()
+
+
 def test_without_a_terminal_nothing_is_taken_over(capsys: pytest.CaptureFixture[str]) -> None:
     code, _, errors = called(capsys, "import", str(swinging(units=True)))
     assert code == 2
