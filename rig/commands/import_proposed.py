@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any
 from rig.commands.terminal import console, echo, painted
 from rig.content.grid import Grid, columns
 from rig.errors import ConfigurationError
-from rig.runfile.importing.proposal import Proposal, Question, answered
+from rig.runfile.importing.answers import answered
+from rig.runfile.importing.proposed import Proposal, Question
 
 if TYPE_CHECKING:
     from rig.runfile.importing.channel_map import ImportOptions

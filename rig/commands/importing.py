@@ -132,8 +132,7 @@ def _say_what_it_is_good_for(
 
 def _kind_and_files(words: Sequence[str]) -> tuple[str, list[Path]]:
     """The kind that was said, or that the first file tells, and the files."""
-    from rig.runfile.importing.opening import formats
-    from rig.runfile.importing.proposal import kind_of
+    from rig.runfile.importing.opening import formats, kind_of
 
     if words[0] in formats() and len(words) > 1:
         return words[0], [Path(word) for word in words[1:]]

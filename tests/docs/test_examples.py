@@ -33,7 +33,7 @@ def test_a_script_is_short_and_uses_the_public_interface_alone(script: Path) -> 
         if isinstance(node, (ast.Import, ast.ImportFrom))
         for alias in node.names
     }
-    assert imported <= {"rig", "pathlib", "typing"}
+    assert imported <= {"harmonic_rig", "pathlib", "typing"}
 
 
 @pytest.mark.parametrize(

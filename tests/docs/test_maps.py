@@ -11,9 +11,13 @@ from tests.docs.test_reference_pages import pages
 
 __all__ = ["pages"]
 PAGE = Path(__file__).parents[2] / "docs" / "howto" / "import-a-recording.md"
-MAPS = re.findall(
-    r"^```toml\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-)
+MAPS = [
+    text
+    for text in re.findall(
+        r"^```toml\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
+    )
+    if not text.startswith("[project")
+]
 
 
 @pytest.mark.parametrize("number", range(len(MAPS)))

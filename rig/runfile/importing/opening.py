@@ -66,6 +66,34 @@ def brought(kind: str) -> extensions.Extension | None:
     return next((one for one in found if one.name == kind), None)
 
 
+def kind_of(path: Path) -> str:
+    """The kind of a file by its first bytes, and by its name where these say nothing."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(64)
+    except OSError:
+        head = b""
+    for mark, kind in _MARKS:
+        if head.startswith(mark):
+            return kind
+    text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
+    if text[:1] in (b"{", b"["):
+        return "json"
+    return {".mat": "mat", ".npz": "npz", ".npy": "npz"}.get(path.suffix.lower(), "csv")
+
+
+_MARKS = (
+    (b"MATLAB", "mat"),
+    (b"\x89HDF", "hdf5"),
+    (b"PAR1", "parquet"),
+    (b"TDSm", "tdms"),
+    (b"MDF ", "mdf"),
+    (b"\x93NUMPY", "npz"),
+    (b"PK\x03\x04", "npz"),
+)
+"""First bytes of a kind of file."""
+
+
 def open_table(kind: str, path: Path, form: TextForm = TextForm()) -> Table:
     """The columns of one file. Raises `RunFileError` for one that cannot be read as that kind."""
     if kind == "csv":

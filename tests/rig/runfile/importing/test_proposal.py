@@ -11,9 +11,11 @@ import pytest
 
 from rig.commands.import_proposed import settled
 from rig.errors import ConfigurationError
+from rig.runfile.importing.answers import answered
 from rig.runfile.importing.heading_words import read_heading
-from rig.runfile.importing.opening import open_tables
-from rig.runfile.importing.proposal import Proposal, answered, kind_of, propose
+from rig.runfile.importing.opening import kind_of, open_tables
+from rig.runfile.importing.proposal import propose
+from rig.runfile.importing.proposed import Proposal
 
 HEADINGS: tuple[tuple[str, str, str], ...] = (
     ("Time [s]", "time", "s"),
