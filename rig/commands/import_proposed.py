@@ -15,6 +15,7 @@ from rig.commands.terminal import console, echo, painted
 from rig.content.grid import Grid, columns
 from rig.errors import ConfigurationError
 from rig.runfile.importing.answers import answered
+from rig.runfile.importing.channel_source import ChannelSource, parse_channel
 from rig.runfile.importing.proposed import Proposal, Question
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 MOST_QUESTIONS = 5
 _TABLE_KIND = "friction-curve"
 Ask = Callable[[str], str]
+_LAST = "Enter imports it so; NAME=COLUMN:UNIT says another channel first, such as position=4:rad; Ctrl-C leaves it."
 
 
 def proposal_grid(proposal: Proposal, *, all_columns: bool = False) -> Grid:
@@ -70,6 +72,17 @@ def settled(proposal: Proposal, ask: Ask) -> Proposal:
         except ConfigurationError as error:
             echo(str(error), errors=True)
     return proposal
+
+
+def said_beside(ask: Ask) -> tuple[ChannelSource, ...]:
+    """Channels that somebody names beside what was proposed, one a line, until Enter imports it."""
+    said: list[ChannelSource] = []
+    while line := ask(_LAST).strip():
+        try:
+            said.append(parse_channel(line))
+        except ConfigurationError as error:
+            echo(str(error), errors=True)
+    return tuple(said)
 
 
 def _wording(question: Question) -> str:
@@ -120,12 +133,14 @@ def _open(proposal: Proposal, why: str) -> ConfigurationError:
     )
 
 
-def accepted(options: ImportOptions, proposal: Proposal) -> ImportOptions:
-    """The options of the import with all that was proposed and accepted, and by whom."""
-    ratio = options.ratio
+def accepted(
+    options: ImportOptions, proposal: Proposal, said: Sequence[ChannelSource] = ()
+) -> ImportOptions:
+    """The options of the import with all that was proposed and accepted, and by whom; what was said goes before it."""
+    ratio, names = options.ratio, {one.name for one in said}
     return replace(
         options,
-        channels=proposal.sources,
+        channels=(*(one for one in proposal.sources if one.name not in names), *said),
         rate=options.rate or proposal.rate or None,
         ratio=ratio if math.isfinite(ratio) else proposal.ratio,
         output_sense=options.output_sense or proposal.output_sense,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from model.gear import HarmonicDrive
     from rig.runfile.importing.channel_map import ImportOptions, RunMap
+    from rig.runfile.importing.channel_source import ChannelSource
     from rig.runfile.importing.convert import Imported
     from rig.runfile.importing.looking import Look
 
@@ -166,8 +167,9 @@ def _proposed(
         proposal = replace(proposal, questions=rest)
     if not json:
         proposed.show(proposal)
-    proposed.refuse_useless(proposal, files)
+    said: tuple[ChannelSource, ...] = ()
     if accept or json or not proposed.asks():
+        proposed.refuse_useless(proposal, files)
         proposed.refuse_open(proposal)
         if not accept:
             raise typer.BadParameter(
@@ -176,8 +178,8 @@ def _proposed(
             )
     else:
         proposal = proposed.settled(proposal, proposed.ask_at_the_terminal)
-        proposed.ask_at_the_terminal("Enter imports it so, Ctrl-C does not.")
-    options = proposed.accepted(options, proposal)
+        said = proposed.said_beside(proposed.ask_at_the_terminal)
+    options = proposed.accepted(options, proposal, said)
     if save_map is not None:
         save_map.write_text(proposed.map_text(options), encoding="utf-8")
     if not json:

@@ -118,7 +118,7 @@ def test_somebody_answers_and_it_is_imported(
     assert next(answers, None) is None
     assert "furlong" in errors, "a wrong answer is told and asked for again"
     assert "-c position=pos:deg -c current=tau:A" in out
-    assert "Ctrl-C does not" in asked[-1]
+    assert "Ctrl-C leaves it" in asked[-1]
 
 
 def test_what_nobody_knows_is_left_out(
@@ -140,6 +140,24 @@ def test_columns_that_nothing_tells_are_refused_with_what_to_say(
     assert code == 2
     assert "no column is recognised" in errors
     assert "-c position=COLUMN:rad" in errors
+
+
+def test_what_nothing_tells_is_said_at_the_end(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    swinging(units=True).rename("joint2.csv")
+    text = Path("joint2.csv").read_text(encoding="utf-8").replace("pos [rad]", "xyz", 1)
+    Path("joint2.csv").write_text(text, encoding="utf-8")
+    answers = iter(["position=xyz:parsec", "position xyz", "position=xyz:deg", "", ""])
+    monkeypatch.setattr(import_proposed, "asks", lambda: True)
+    monkeypatch.setattr(import_proposed, "ask_at_the_terminal", lambda text: next(answers))
+    code, out, errors = called(capsys, "import", "joint2.csv")
+    assert "position xyz" in errors, "a line that is no channel is told and asked for again"
+    assert code == 2, "a unit that is none is refused by the import, as everywhere"
+    answers = iter(["position=xyz:deg", ""])
+    code, out, _ = called(capsys, "import", "joint2.csv")
+    assert code == 0
+    assert "-c position=xyz:deg" in out
 
 
 def test_an_export_of_our_own_needs_no_key(capsys: pytest.CaptureFixture[str]) -> None:
