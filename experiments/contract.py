@@ -13,6 +13,7 @@ from experiments.errors import PlanError
 from experiments.finding import Finding
 from experiments.need import Need
 from experiments.quantity import Quantity
+from experiments.setting import Setting
 from experiments.shape import Shape
 from experiments.terms import PaperFigure, Term
 
@@ -89,6 +90,7 @@ class Experiment:
     `asks` is what the analysis needs of a recording that was made elsewhere: the channels of `needs`, where it does
     not say more. `short` are parameters with which its run is short, for teaching and load tests, with wider
     uncertainties.
+    `settings` are what its analysis lets a user choose.
     `shapes` are the curves that it lays through the points of a run: a plan says beforehand where they are too few.
     `cuts_gaps` is an analysis that uses the stretches between gaps of time and draws nothing across them.
     `version` of the analysis is raised whenever the same recording gives other numbers.
@@ -119,6 +121,7 @@ class Experiment:
     shapes: tuple[Shape, ...] = ()
     asks: Need | None = None
     short: Mapping[str, Any] = field(default_factory=dict)
+    settings: tuple[Setting, ...] = ()
 
     @property
     def foreign_need(self) -> Need:

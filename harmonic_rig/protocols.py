@@ -13,6 +13,7 @@ from experiments.parameters import Help, Unit
 from experiments.planning.parts import between_zeros, checked, ramp, stop
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.quantity import Quantity
+from experiments.setting import Setting
 from experiments.steps.vocabulary import (
     HoldRevolutions,
     HoldTime,
@@ -51,6 +52,7 @@ __all__ = [
     "Ramp",
     "Repeats",
     "SegmentLabel",
+    "Setting",
     "Settle",
     "SlowSpeed",
     "SpeedStep",

@@ -12,13 +12,15 @@ from reference_pages.words import cell, default_text, plain
 
 
 def protocols() -> Iterable[str]:
-    """Every protocol and analysis with its parameters: flag, unit, allowed range, default, meaning."""
+    """Every protocol and analysis with its parameters (flag, unit, range, default, meaning) and settings."""
     from experiments import catalogue
     from experiments.parameters import parameter_fields
+    from experiments.setting import EVERY_KIND
 
     yield "# Protocols and analyses"
     yield ""
-    yield "Every protocol's parameters: the same model makes the flags, the window's form and this page."
+    yield "Every protocol's parameters: the same model makes the flags, the window's form and this page. Settings"
+    yield "are those of its analysis; `rig fit KIND --help` shows the same."
     for entry in catalogue.ENTRIES:
         experiment = catalogue.load(entry.name)
         yield f"\n## {entry.name}\n"
@@ -32,6 +34,10 @@ def protocols() -> Iterable[str]:
             yield "\n| flag | unit | allowed | default | what |\n|---|---|---|---|---|"
             for f in fields:
                 yield f"| `{f.flag}` | {f.unit} | {cell(f.limit)} | {cell(default_text(f.default))} | {cell(f.help)} |"
+        yield "\n| setting (`rig fit --set`) | takes | without it | use it where |\n|---|---|---|---|"
+        for one in (*experiment.settings, *EVERY_KIND):
+            takes = f"{one.takes} {one.unit}".strip()
+            yield f"| `{one.name}` | {cell(takes)} | {cell(one.default)} | {cell(one.when)} |"
         aims = [q for q in experiment.quantities if q.target_text]
         if aims:
             yield "\n| quantity | U of a useful result | why |\n|---|---|---|"

@@ -26,8 +26,9 @@ from experiments.evidence import (
 )
 from experiments.evidence.holds import Recorded
 from experiments.finding import Finding, Severity
+from experiments.setting import EVERY_KIND, names_of
 
-SETTINGS = ("tare_age_limit",)
+SETTINGS = names_of(EVERY_KIND)
 """Settings that belong to the checks: every kind of fit has them."""
 
 

@@ -67,12 +67,13 @@ MissedShare = Annotated[
 
 
 def fit(
+    context: typer.Context,
     words: Annotated[
-        list[str],
+        list[str] | None,
         typer.Argument(
             metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files."
         ),
-    ],
+    ] = None,
     tare: Tare = None,
     no_tare: NoTare = False,
     parameters: Parameters = None,
@@ -112,6 +113,10 @@ def fit(
     ] = False,
     unsealed: Unsealed = False,
     json: Json = False,
+    show_help: Annotated[
+        bool,
+        typer.Option("--help", "-h", help="Show this, and with a KIND its settings, and exit."),
+    ] = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
 
@@ -120,7 +125,15 @@ def fit(
     order-spectrum, skew (delay between two channels) and hysteresis (loops of output torque).
     The exit code is the verdict by the acceptance file of the gear:
     0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
+    rig fit KIND --help lists the settings of one kind.
     """
+    if show_help:
+        from rig.commands.run_tables import print_settings
+
+        print_settings(context, words or [])
+        return
+    if not words:
+        raise typer.BadParameter("which run? For instance: rig fit RUN.h5", param_hint="RUN")
     from rig.analysis.fit_run import fit_run
     from rig.exits import code_of_verdicts
 
@@ -147,6 +160,10 @@ def fit(
     else:
         _print_fits(fits, verdicts, notes, everything=everything)
     raise typer.Exit(code_of_verdicts([v.verdict for v in verdicts], required=require_verdict))
+
+
+# Its help is its own: with a kind it shows what that kind lets one choose.
+fit.__dict__["context_settings"] = {"help_option_names": []}
 
 
 def compare(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import typer
@@ -11,6 +11,7 @@ from rich.panel import Panel
 
 from experiments import catalogue
 from experiments.parameters import ParameterField, parameter_fields
+from experiments.setting import EVERY_KIND
 from model.units import RPM
 from rig.commands.terminal import console, echo, fact_table, painted
 from rig.content.grid import Grid, columns, number_columns
@@ -44,6 +45,19 @@ def print_help(context: typer.Context) -> None:
     ]
     heads = columns(("flag", "unit"), ("unit", "unit"), "allowed", "default", "what")
     out.print(painted(Grid(f"{named}: {experiment.title}", heads, rows)))
+
+
+def print_settings(context: typer.Context, words: Sequence[str]) -> None:
+    """The help of `rig fit`, and of the kind that is named its settings: value without it, when to use it."""
+    named = next((word for word in words if word in catalogue.kinds()), "")
+    if not named:
+        echo(context.get_help())
+        return
+    experiment = catalogue.load(named)
+    rows = [(one.name, one.in_words) for one in (*experiment.settings, *EVERY_KIND)]
+    out = console()
+    out.print(fact_table(rows, f"{named}: {experiment.title}; --set NAME=VALUE, to be used where"))
+    out.print(f"\n'{context.command_path} --help' shows the options of every kind.")
 
 
 def _default(field: ParameterField) -> str:

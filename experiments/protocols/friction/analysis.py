@@ -19,8 +19,7 @@ from experiments.budget import budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, SettingError, analysing
 from experiments.evidence import check_settings, rotary_ratio
-from experiments.protocols.friction import bearing
-from experiments.protocols.friction.declaration import NAME
+from experiments.protocols.friction.declaration import NAME, SETTINGS
 from experiments.protocols.friction.estimates import (
     at_20_degrees,
     coefficients_of,
@@ -53,6 +52,7 @@ from experiments.protocols.friction.quantities import CURVE, QUANTITIES
 from experiments.protocols.friction.temperature import DRY, VISCOUS
 from experiments.recording import Recording
 from experiments.result import Covariance, Result
+from experiments.setting import names_of
 from experiments.shape import Standing
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
@@ -66,20 +66,6 @@ from model.identify.friction import (
 from model.identify.running_torque import FrictionPoints, pair_directions, pooled_errors
 from model.identify.stribeck import NAMES
 
-SETTINGS = (
-    "channel",
-    "balance",
-    "bracket_limit",
-    "bracket_refusal",
-    "chi_square_limit",
-    "genetic",
-    "seed",
-    "dry_per_kelvin",
-    "viscous_per_kelvin",
-    "per_kelvin_source",
-    *bearing.NAMES,
-)
-
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Friction parameters with profile intervals, running torque at the catalogue's speeds, offset and asymmetry, at
@@ -92,7 +78,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     per_kelvin_source; output_bearing, output_bearing_viscous: value and U of the bench's output bearing
     [N m], [N m s/rad], with output_bearing_date and output_bearing_source.
     """
-    check_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, names_of(SETTINGS), NAME)
     measured = measure_friction(recording, evidence)
     settings = evidence.settings
     chi_square_limit = float(settings.get("chi_square_limit", LARGEST_REDUCED_CHI_SQUARE))
@@ -296,7 +282,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
 
     Null models: the mean torque, and a straight line over speed; both are fitted to the run, the parameter set is not.
     """
-    check_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, names_of(SETTINGS), NAME)
     measured = measure_friction(recording, evidence)
     if measured.unit != "N m":
         raise AnalysisError(

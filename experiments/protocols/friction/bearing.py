@@ -17,12 +17,13 @@ import numpy as np
 from experiments.assumed import BEARING, Assumed
 from experiments.protocols.friction.temperature import stated, value_and_u
 from experiments.recording import Recording
+from experiments.setting import OUTPUT_BEARING, names_of
 from model.arrays import FloatArray
 from model.identify.estimate import BudgetLine
 
 CARD = "output_bearing"
 """Entry of a run's process record: what the bench's card says, `coulomb` [N m], `viscous` [N m s/rad], each with U."""
-NAMES = ("output_bearing", "output_bearing_viscous", "output_bearing_date", "output_bearing_source")
+NAMES = names_of(OUTPUT_BEARING)
 COULOMB, VISCOUS = "output bearing", "output bearing, viscous"
 """Its two lines in budgets."""
 

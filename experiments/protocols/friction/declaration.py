@@ -12,6 +12,7 @@ from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
 from experiments.protocols.friction.quantities import CURVE, QUANTITIES
+from experiments.setting import DRY_PER_KELVIN, OUTPUT_BEARING, PER_KELVIN_SOURCE, Setting
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
 
 NAME = "friction"
@@ -75,6 +76,42 @@ class Parameters:
     sync_rate: SyncRate = 1000.0
 
 
+SETTINGS = (
+    Setting(
+        "channel", "channel", "torque", "", "the drive's own torque is to be used: drive_torque"
+    ),
+    Setting(
+        "balance",
+        "energy, published",
+        "the gear's own",
+        "",
+        "the paper's balance of torques is to be compared",
+    ),
+    Setting(
+        "bracket_limit",
+        "share",
+        "0.03",
+        "",
+        "speeds that are measured again differ by more, and that is known",
+    ),
+    Setting(
+        "bracket_refusal", "share", "0.25", "", "a run is refused because the gear warmed up in it"
+    ),
+    Setting(
+        "chi_square_limit",
+        "number",
+        "4",
+        "",
+        "points scatter by more than their noise, and that is known",
+    ),
+    Setting("genetic", "true, false", "false", "", "the paper's search is wanted beside the fit"),
+    Setting("seed", "whole number", "0", "", "another draw of that search"),
+    DRY_PER_KELVIN,
+    Setting("viscous_per_kelvin", "value,U", "assumed", "1/K", "the same of viscous friction"),
+    PER_KELVIN_SOURCE,
+    *OUTPUT_BEARING,
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="No-load running torque and friction",
@@ -115,4 +152,5 @@ EXPERIMENT = Experiment(
         PaperFigure(9, "friction torque at the input over speed"),
         PaperFigure(17, "measured and fitted friction torque, both directions"),
     ),
+    settings=SETTINGS,
 )

@@ -29,7 +29,7 @@ from experiments.load import UNSTATED, is_simulated
 from experiments.planning.speeds import (
     first_resonances,
 )
-from experiments.protocols.kinematic_error.declaration import NAME
+from experiments.protocols.kinematic_error.declaration import NAME, SETTINGS
 from experiments.protocols.kinematic_error.plots import (
     goodness_table,
     kinematic_error_plots,
@@ -40,6 +40,7 @@ from experiments.protocols.kinematic_error.quantities import QUANTITIES
 from experiments.quantity import quantity_of
 from experiments.recording import Recording, Segment
 from experiments.result import Covariance, Result, way_of
+from experiments.setting import names_of
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.channel import Channel
@@ -63,14 +64,6 @@ from model.units import ARCSEC, REVOLUTION
 
 HIGHEST_ORDER = 12
 """Input orders that are fitted unless the setting says otherwise."""
-
-SETTINGS = (
-    "highest_order",
-    "accuracy_order",
-    "edge_triggered",
-    "output_eccentricity",
-    "input_eccentricity",
-)
 
 OUTPUT_ECCENTRICITY, INPUT_ECCENTRICITY = 2.0, 1.0
 """arcsec at the output, once per output and once per input revolution: a seat that is trued up to half a micrometre."""
@@ -122,7 +115,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     edge_triggered (False), output_eccentricity and input_eccentricity of the mounting (2, 1 arcsec at the output).
     Raises `AnalysisError` for missing channels, too many missed cycles, a wrong ratio.
     """
-    check_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, names_of(SETTINGS), NAME)
     context, segments, warnings = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
         traverses = _traverses_of(context, segments)
@@ -472,7 +465,7 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
 
     Where the run saw no index mark the phase of the set is not known here; the best common shift is scored beside it.
     """
-    check_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, names_of(SETTINGS), NAME)
     context, segments, warnings = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
         traverses = _traverses_of(context, segments)

@@ -18,6 +18,7 @@ from experiments.planning.shared_parameters import (
     ZeroTime,
 )
 from experiments.protocols.kinematic_error.quantities import QUANTITIES
+from experiments.setting import Setting
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 
 NAME = "kinematic-error"
@@ -58,6 +59,30 @@ class Parameters:
     ] = 72000
 
 
+SETTINGS = (
+    Setting(
+        "highest_order", "whole number", "12", "", "orders of the input beyond it are asked for"
+    ),
+    Setting(
+        "accuracy_order",
+        "whole number",
+        "the highest",
+        "",
+        "a catalogue's transmission accuracy is of fewer orders",
+    ),
+    Setting(
+        "edge_triggered", "true, false", "false", "", "the counters latch at edges, not at the SYNC"
+    ),
+    Setting(
+        "output_eccentricity",
+        "number",
+        "2",
+        "arcsec",
+        "the seat of the output is trued up better, or worse",
+    ),
+    Setting("input_eccentricity", "number", "1", "arcsec at the output", "the same of the input"),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Kinematic error and transmission accuracy",
@@ -88,4 +113,5 @@ EXPERIMENT = Experiment(
         PaperFigure(13, "fitted kinematic error and its orders"),
         PaperFigure(16, "friction torque and kinematic error over the wave-generator angle"),
     ),
+    settings=SETTINGS,
 )

@@ -12,7 +12,7 @@ from experiments.budget import budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings
-from experiments.protocols.friction.bearing import NAMES, output_bearing
+from experiments.protocols.friction.bearing import output_bearing
 from experiments.protocols.starting_torque.balance import Balance, balanced
 from experiments.protocols.starting_torque.breakaway import (
     Breakaway,
@@ -21,15 +21,14 @@ from experiments.protocols.starting_torque.breakaway import (
     breakaway_of,
     stuck_share,
 )
-from experiments.protocols.starting_torque.declaration import NAME
+from experiments.protocols.starting_torque.declaration import NAME, SETTINGS
 from experiments.protocols.starting_torque.estimates import at_rest, conditions_of, estimates_of
 from experiments.protocols.starting_torque.quantities import QUANTITIES
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Table, both_ways
+from experiments.setting import names_of
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.units import DEGREE
-
-SETTINGS = (*NAMES, "dry_per_kelvin", "per_kelvin_source")
 
 _LARGEST_DOUBTFUL = 0.25
 """Share of the ramps that may have ended by something else than motion."""
@@ -44,7 +43,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     speeds does not tell the motor's own breakaway. Settings: the bench's output bearing, as of a friction analysis;
     dry_per_kelvin: value and U of the coefficient of dry friction [1/K], with per_kelvin_source.
     """
-    check_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, names_of(SETTINGS), NAME)
     bearing = output_bearing(recording, evidence.settings)
     recording.require("starting torque", "input_angle", "torque")
     warnings = list(

@@ -12,6 +12,7 @@ from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.shared_parameters import Acceleration, Repeats, SlowSpeed, ZeroTime
 from experiments.protocols.starting_torque.quantities import QUANTITIES
+from experiments.setting import DRY_PER_KELVIN, OUTPUT_BEARING, PER_KELVIN_SOURCE
 from experiments.terms import MOTOR_AND_GEAR, Term
 
 NAME = "starting-torque"
@@ -56,6 +57,8 @@ class Parameters:
     zero_time: ZeroTime = 3.0
 
 
+SETTINGS = (*OUTPUT_BEARING, DRY_PER_KELVIN, PER_KELVIN_SOURCE)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="No-load starting torque",
@@ -77,4 +80,5 @@ EXPERIMENT = Experiment(
         ),
         MOTOR_AND_GEAR,
     ),
+    settings=SETTINGS,
 )

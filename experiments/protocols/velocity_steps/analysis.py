@@ -21,7 +21,7 @@ from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
 from experiments.load import load_of
 from experiments.planning.speeds import first_resonances
-from experiments.protocols.friction.bearing import NAMES, output_bearing
+from experiments.protocols.friction.bearing import output_bearing
 from experiments.protocols.velocity_steps.bearing import without_bearing
 from experiments.protocols.velocity_steps.data import (
     RecordedStep,
@@ -30,6 +30,7 @@ from experiments.protocols.velocity_steps.data import (
     recorded_steps,
     simulated_output,
 )
+from experiments.protocols.velocity_steps.declaration import SETTINGS
 from experiments.protocols.velocity_steps.identified import torsional_mode
 from experiments.protocols.velocity_steps.inertia import output_inertia
 from experiments.protocols.velocity_steps.plan import RESONANCE_SHARE
@@ -44,6 +45,7 @@ from experiments.protocols.velocity_steps.plots import (
 from experiments.protocols.velocity_steps.quantities import NAME, QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
+from experiments.setting import names_of
 from experiments.torque.zero import torque_zero
 from model.arrays import FloatArray
 from model.gear import HarmonicDrive
@@ -56,8 +58,6 @@ from model.identify.step_rungs import Expected
 from model.linear import dynamic_parameters
 from model.stiffness import drive_stiffness
 from model.units import REVOLUTION
-
-SETTINGS = ("kinematic_error", "ladder", *NAMES)
 
 _LADDERS = {"linear": "linear", "hardening": "hardening", "full": "hysteresis"}
 """The setting `ladder`: up to which rung is fitted; full costs several times as much."""
@@ -205,7 +205,7 @@ def _steps_of(
     recording: Recording, gear: HarmonicDrive, evidence: Evidence
 ) -> tuple[list[RecordedStep], dict[str, str], list[str]]:
     """The steps of a run, what of them an option names, and what is to be said of them."""
-    check_settings(evidence.settings, SETTINGS, NAME)
+    check_settings(evidence.settings, names_of(SETTINGS), NAME)
     recording.require("velocity steps", "input_angle", "output_angle")
     warnings = list(
         check_recording(recording, "velocity steps", evidence.maximum_missed_share).warnings

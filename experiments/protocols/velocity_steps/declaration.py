@@ -18,6 +18,7 @@ from experiments.planning.shared_parameters import (
     ZeroTime,
 )
 from experiments.protocols.velocity_steps.quantities import NAME, QUANTITIES
+from experiments.setting import OUTPUT_BEARING, Setting
 from experiments.terms import KINEMATIC_ERROR, NORMALISED_MSE, PaperFigure, Term
 
 
@@ -43,6 +44,24 @@ class Parameters:
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0
 
+
+SETTINGS = (
+    Setting(
+        "kinematic_error",
+        "auto, set, run",
+        "auto",
+        "",
+        "that of the set is another mounting's: run",
+    ),
+    Setting(
+        "ladder",
+        "linear, hardening, full",
+        "hardening",
+        "",
+        "hysteresis is asked for: full, which costs several times as much",
+    ),
+    *OUTPUT_BEARING,
+)
 
 EXPERIMENT = Experiment(
     name=NAME,
@@ -82,4 +101,5 @@ EXPERIMENT = Experiment(
         ),
     ),
     figures=(PaperFigure(19, "output speed after velocity steps, simulated and measured"),),
+    settings=SETTINGS,
 )

@@ -24,17 +24,16 @@ from experiments.evidence import check_settings, usable
 from experiments.need import EFFORTS, SPEEDS
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
-from experiments.recordings.friction_curve.declaration import NAME, QUANTITIES
+from experiments.recordings.friction_curve.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.recordings.motion_channels import number
 from experiments.result import Covariance, Plot, Result, Series, Table, both_ways, residual_panel
+from experiments.setting import names_of
 from experiments.shape import Shape, Standing
 from model.arrays import BoolArray, FloatArray
 from model.identify.estimate import BudgetLine, Estimate, Identifiable
 from model.identify.friction_curve import CurveFit, LawFit, fit_curve
 from model.identify.friction_points import LAWS, CurvePoints, Law, curve_points
 from model.identify.least_squares import student_quantile
-
-SETTINGS = ("law", "speed", "effort", "uncertainty", "direction", "least_speed")
 
 _SPEED_UNITS = ("rad/s", "m/s")
 
@@ -59,7 +58,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     names); direction (both, forward, reverse, each); least_speed below which no point is taken.
     """
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     table = _Table.of(recording, settings)
     fits: dict[str, CurveFit] = {}
     for suffix, rows in _parts(table, _choice(settings, "direction", _DIRECTIONS)).items():

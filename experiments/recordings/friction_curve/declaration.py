@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from experiments.contract import Deferred, Experiment, NoParameters, no_plan
 from experiments.need import EFFORTS, SPEEDS, Need
 from experiments.quantity import Dependence, Quantity
+from experiments.setting import Setting
 
 NAME = "friction-curve"
 
@@ -53,6 +54,37 @@ QUANTITIES = (
     Quantity(name="scatter", title="scatter about the curve", unit=""),
 )
 
+SETTINGS = (
+    Setting(
+        "law",
+        "auto, coulomb, coulomb-viscous, stribeck",
+        "auto",
+        "",
+        "the law is known, or auto takes one too many terms",
+    ),
+    Setting("speed", "channel", "the speed that is there", "", "there are several"),
+    Setting(
+        "effort", "channel", "the torque, force or current that is there", "", "there are several"
+    ),
+    Setting(
+        "uncertainty",
+        "channel",
+        "EFFORT_uncertainty where it is there",
+        "",
+        "another column holds the uncertainty of the points",
+    ),
+    Setting(
+        "direction", "both, forward, reverse, each", "both", "", "the two directions differ: each"
+    ),
+    Setting(
+        "least_speed",
+        "number",
+        "0",
+        "rad/s or m/s",
+        "points near standstill are no friction at speed",
+    ),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Friction over speed from a table",
@@ -66,4 +98,5 @@ EXPERIMENT = Experiment(
     has_plan=False,
     quantities=QUANTITIES,
     version=4,
+    settings=SETTINGS,
 )

@@ -20,13 +20,12 @@ from experiments.evidence import (
 )
 from experiments.recording import Recording
 from experiments.recordings.channels import brought_forward, chosen_channel, stated_lag
-from experiments.recordings.hysteresis.declaration import NAME, QUANTITIES
+from experiments.recordings.hysteresis.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.result import Plot, Result, Series, Table
+from experiments.setting import names_of
 from model.arrays import BoolArray, FloatArray
 from model.identify.estimate import Estimate
 from model.identify.hysteresis import NAMES, UNITS, HysteresisFit, fit_hysteresis
-
-SETTINGS = ("angle", "torque", "at_torque")
 
 TORQUE = "output_torque"
 
@@ -48,7 +47,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     the output: what the motor gives is not what twists the gear. Lags that the import states are taken off.
     """
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     torque = _torque(recording, settings)
     checked = check_recording(
         recording, "hysteresis loops", evidence.maximum_missed_share, least_rows=40

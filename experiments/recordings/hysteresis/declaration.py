@@ -5,6 +5,7 @@ from __future__ import annotations
 from experiments.contract import Deferred, Experiment, NoParameters, no_plan
 from experiments.need import ANGLES, TORQUES, Need
 from experiments.quantity import Quantity
+from experiments.setting import Setting
 
 NAME = "hysteresis"
 
@@ -47,6 +48,24 @@ QUANTITIES = (
     Quantity(name="torque_of_lost_motion", title="torque of the lost motion", unit="N m"),
 )
 
+SETTINGS = (
+    Setting(
+        "angle",
+        "torsion, output_angle, position",
+        "torsion where both angles are there",
+        "",
+        "the input was locked: output_angle",
+    ),
+    Setting("torque", "channel", "output_torque", "", "the torque at the output has another name"),
+    Setting(
+        "at_torque",
+        "number",
+        "4 % of the amplitude",
+        "N m",
+        "the catalogue states lost motion at another torque",
+    ),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Hysteresis loops",
@@ -59,4 +78,5 @@ EXPERIMENT = Experiment(
     has_plan=False,
     quantities=QUANTITIES,
     version=4,
+    settings=SETTINGS,
 )

@@ -23,10 +23,11 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
 from experiments.recording import Recording
-from experiments.recordings.motion.declaration import NAME, QUANTITIES
+from experiments.recordings.motion.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.recordings.motion_channels import RecordedMotion, number, recorded_motion
 from experiments.recordings.motion_plots import motion_plots, motion_tables
 from experiments.result import Covariance, Result
+from experiments.setting import names_of
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.motion import (
     VARIANTS,
@@ -35,11 +36,6 @@ from model.identify.motion import (
     score_source,
 )
 from model.identify.motion_result import MotionFit, MotionScore
-
-SETTINGS = (
-    *("variant", "position", "effort", "instrument", "load", "lag_s", "least_speed"),
-    *("cutoff_hz", "decimation", "start", "stop"),
-)
 
 _MOST_HARMONICS = 40
 
@@ -53,7 +49,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     [s] of the part of the run. Raises `AnalysisError` without a true time base.
     """
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     motion, warnings = channels_of(recording, settings, evidence.maximum_missed_share)
     with analysing(recording.metadata.run_id):
         choice = choice_of(motion, settings)
@@ -77,7 +73,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> MotionScore:
     """Fit one recording and predict the effort of another one with it: relative error in per cent."""
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     first, _ = channels_of(fitted, settings, evidence.maximum_missed_share)
     second, _ = channels_of(other, settings, evidence.maximum_missed_share)
     with analysing(other.metadata.run_id):

@@ -8,6 +8,7 @@ from experiments.quantity import (
     OF_EFFORT_DIFFERENCES,
     Quantity,
 )
+from experiments.setting import Setting
 
 NAME = "motion"
 
@@ -66,6 +67,62 @@ QUANTITIES = (
     Quantity(name="samples", title="samples", unit="1"),
 )
 
+SETTINGS = (
+    Setting(
+        "variant",
+        "auto, symmetric, asymmetric, stribeck",
+        "auto",
+        "",
+        "the friction law is known, or directions differ",
+    ),
+    Setting("position", "channel", "the angle or position that is there", "", "there are several"),
+    Setting(
+        "effort", "channel", "the torque, force or current that is there", "", "there are several"
+    ),
+    Setting(
+        "instrument",
+        "channel, none",
+        "a measured speed or a set-point",
+        "",
+        "the measured speed is made of the position by the drive: none",
+    ),
+    Setting(
+        "load",
+        "gravity, harmonics:K",
+        "none",
+        "",
+        "the residual follows the position: a lever (gravity) or cogging (harmonics:K)",
+    ),
+    Setting(
+        "lag_s", "number", "as the import states it", "s", "the effort is late by a known time"
+    ),
+    Setting(
+        "least_speed",
+        "number",
+        "from the noise",
+        "rad/s or m/s",
+        "slow motion creeps, and is no friction at speed",
+    ),
+    Setting(
+        "cutoff_hz",
+        "number",
+        "from the spectrum",
+        "Hz",
+        "a resonance or noise reaches into the motion",
+    ),
+    Setting(
+        "decimation",
+        "whole number",
+        "from the cut-off",
+        "",
+        "residuals of neighbouring rows are alike",
+    ),
+    Setting(
+        "start", "number", "the beginning", "s", "the beginning of the recording is another motion"
+    ),
+    Setting("stop", "number", "the end", "s", "the end of the recording is another motion"),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Inertia and friction from motion",
@@ -79,4 +136,5 @@ EXPERIMENT = Experiment(
     quantities=QUANTITIES,
     version=6,
     cuts_gaps=True,
+    settings=SETTINGS,
 )

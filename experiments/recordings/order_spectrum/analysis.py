@@ -11,17 +11,16 @@ from experiments.evidence import check_recording, check_settings, rotary_ratio
 from experiments.need import ANGLES, EFFORTS
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
-from experiments.recordings.order_spectrum.declaration import NAME, QUANTITIES
+from experiments.recordings.order_spectrum.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
 from experiments.recordings.orders_source import KINEMATIC_ERROR, order_source
 from experiments.recordings.orders_words import order_estimates, said_of
 from experiments.result import Result, way_of
+from experiments.setting import names_of
 from model.identify.orders.fit import fit_samples
 from model.identify.orders.near_two import near_two
 from model.identify.orders.samples import OrderSamples
 from model.identify.orders.search import Search
-
-SETTINGS = ("channel", "angle", "highest_order")
 
 STRONGEST = 12
 """Orders that are listed as results; the table has all."""
@@ -40,7 +39,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     segments, or found from the angle. Directions that differ are listed apart, with their mean beside them.
     """
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     angle_name = chosen_channel(recording, settings, "angle", ANGLES, "an order spectrum")
     channel, unit = channel_of(recording, settings)
     warnings = list(

@@ -7,6 +7,7 @@ from experiments.need import ANGLES, MEASURED, Need
 from experiments.quantity import (
     Quantity,
 )
+from experiments.setting import Setting
 
 NAME = "order-spectrum"
 
@@ -29,6 +30,24 @@ QUANTITIES = (
     Quantity(name="revolutions_{way}", title="revolutions {way}", unit="1"),
 )
 
+SETTINGS = (
+    Setting(
+        "channel",
+        "channel",
+        "kinematic_error where both angles are there, else the torque",
+        "",
+        "another channel's orders are asked for",
+    ),
+    Setting(
+        "angle",
+        "input_angle, output_angle",
+        "input_angle",
+        "",
+        "orders of the output are asked for",
+    ),
+    Setting("highest_order", "number", "64", "", "orders beyond it are looked for"),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Order spectrum",
@@ -42,6 +61,7 @@ EXPERIMENT = Experiment(
     cuts_gaps=True,
     quantities=QUANTITIES,
     version=6,
+    settings=SETTINGS,
 )
 """Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart.
 Version 6: no slope beside the orders of the kinematic error of a stated ratio.

@@ -18,13 +18,12 @@ from experiments.recordings.channels import chosen_channel
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
 from experiments.recordings.orders_source import order_source
 from experiments.recordings.orders_words import order_estimates, said_of
-from experiments.recordings.revolution.declaration import NAME, QUANTITIES
+from experiments.recordings.revolution.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.result import Plot, Result, Series
+from experiments.setting import names_of
 from model.identify.orders.near_two import near_two
 from model.identify.revolution import HIGHEST_ORDER, RevolutionFit, fit_series
 from model.units import DEGREE
-
-SETTINGS = ("channel", "angle", "highest_order")
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -35,7 +34,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     foreign recording all that turns one way. Directions that differ are listed apart, with their mean beside them.
     """
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     purpose = "a Fourier series per revolution"
     angle_name = chosen_channel(recording, settings, "angle", ANGLES, purpose)
     channel = chosen_channel(recording, settings, "channel", EFFORTS, purpose)

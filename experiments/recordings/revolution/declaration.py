@@ -8,6 +8,7 @@ from experiments.quantity import (
     OF_CHANNEL_DIFFERENCES,
     Quantity,
 )
+from experiments.setting import Setting
 
 NAME = "revolution"
 
@@ -54,6 +55,16 @@ QUANTITIES = (
     Quantity(name="revolutions", title="revolutions", unit="1"),
 )
 
+SETTINGS = (
+    Setting(
+        "channel", "channel", "the torque, force or current that is there", "", "there are several"
+    ),
+    Setting("angle", "input_angle, position", "the one that is there", "", "both are there"),
+    Setting(
+        "highest_order", "whole number", "200", "", "fewer rows in a revolution, or teeth beyond it"
+    ),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Fourier series per revolution",
@@ -67,6 +78,7 @@ EXPERIMENT = Experiment(
     cuts_gaps=True,
     quantities=QUANTITIES,
     version=6,
+    settings=SETTINGS,
 )
 """Version 3: the estimator of the order spectrum; directions that differ apart, lines between whole orders fitted.
 Version 4: an interval that holds zero is called so, whatever the quantity.

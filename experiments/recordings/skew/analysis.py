@@ -14,12 +14,11 @@ from experiments.evidence import check_recording, check_settings, require_time_b
 from experiments.recording import Recording
 from experiments.recordings.channels import stated_lag
 from experiments.recordings.orders_source import angle_of
-from experiments.recordings.skew.declaration import NAME, QUANTITIES
+from experiments.recordings.skew.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.result import Plot, Result, Series
+from experiments.setting import names_of
 from model.arrays import FloatArray
 from model.identify.channel_skew import Pair, SkewFit, fit_skew
-
-SETTINGS = ("first", "second", "longest_delay")
 
 LONGEST = 0.5
 """s of delay that are searched, where nothing else is set; no more than a tenth of the recording."""
@@ -52,7 +51,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     delay is the whole one, as recorded; lags that the import states are compared with it.
     """
     settings = evidence.settings
-    check_settings(settings, SETTINGS, NAME)
+    check_settings(settings, names_of(SETTINGS), NAME)
     first, second = _names(recording, settings)
     warnings = list(check_recording(recording, "a skew", evidence.maximum_missed_share).warnings)
     require_time_base(recording, "a skew")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from experiments.contract import Deferred, Experiment, NoParameters, no_plan
 from experiments.need import ANGLES, EFFORTS, MEASURED, SPEEDS, Need
 from experiments.quantity import Quantity
+from experiments.setting import Setting
 
 NAME = "skew"
 
@@ -28,6 +29,20 @@ QUANTITIES = (
     ),
 )
 
+SETTINGS = (
+    Setting("first", "channel", "the first of the pair that is there", "", "another pair is meant"),
+    Setting(
+        "second", "channel", "the second of the pair that is there", "", "another pair is meant"
+    ),
+    Setting(
+        "longest_delay",
+        "number",
+        "0.5, at most a tenth of the recording",
+        "s",
+        "the delay may be longer",
+    ),
+)
+
 EXPERIMENT = Experiment(
     name=NAME,
     title="Skew between two channels",
@@ -40,4 +55,5 @@ EXPERIMENT = Experiment(
     has_plan=False,
     quantities=QUANTITIES,
     version=4,
+    settings=SETTINGS,
 )
