@@ -30,7 +30,7 @@ from drivers.port import (
     RigDescription,
 )
 from drivers.samples import Break, SampleBlock
-from drivers.source import Follower, Source
+from drivers.source import Contained, Follower, Source
 
 _COLLECTED_WITHIN: Final = 0.5
 """Share of the period, from the SYNC on, in which sources may answer; the rest belongs to guard and set-points."""
@@ -93,7 +93,8 @@ class CycledRig:
     """A rig of one actuator and sources beside it. `clock` is that of the actuator."""
 
     def __init__(self, actuator: Actuator, sources: Sequence[Source], clock: Clock) -> None:
-        self._actuator, self._sources, self._clock = actuator, tuple(sources), clock
+        self._actuator, self._clock = actuator, clock
+        self._sources = tuple(map(Contained, sources))
         self._followers: tuple[Follower, ...] = ()
         self._judge: CycleJudge | None = None
         self._sync, self._stamp_ns = -1, 0

@@ -2,7 +2,8 @@
 
 The cycled rig calls `request(k)` right after SYNC k went out and `collect(k, until)` before the cycle is judged.
 Neither may raise, and `collect` returns by `until` [ns of the clock]: no source can delay the next SYNC, the guard or
-the way to standstill. A channel says how its values are taken:
+the way to standstill. One that raises all the same is out of use from then on (`Contained`). A channel says how its
+values are taken:
 
 - `latched`: at the SYNC itself, by a trigger line or the like. What is not there by `until` makes its cycle INCOMPLETE.
 - `polled`: when the source came to it. Its latest value stands in every cycle, and a channel of its own, named by
@@ -12,6 +13,8 @@ the way to standstill. A channel says how its values are taken:
 
 from __future__ import annotations
 
+import contextlib
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -80,6 +83,84 @@ class Source(Protocol):
     def close(self) -> None:
         """Let go of the line. Never raises."""
         ...
+
+
+class Contained:
+    """A source whose errors stay its own. What none may raise, one of another package may: the first error is told, and
+    from then on nothing of it is asked, so that what is latched there becomes stale and the guard judges that.
+    """
+
+    def __init__(self, source: Source) -> None:
+        self._source = source
+        self._is_out = False
+        self._told: list[Event] = []
+        self._width = 0
+
+    @property
+    def name(self) -> str:
+        """That of the source."""
+        return self._source.name
+
+    @property
+    def channels(self) -> Sequence[Channel]:
+        """Those of the source."""
+        return self._source.channels
+
+    @property
+    def largest_steps(self) -> Sequence[int]:
+        """Those of the source."""
+        return self._source.largest_steps
+
+    def open(self, cycle_ns: int) -> Mapping[str, str]:
+        """Nothing moves yet: what is wrong here is raised."""
+        self._is_out, self._told = False, []
+        said = self._source.open(cycle_ns)
+        self._width = len(self._source.channels)
+        return said
+
+    def request(self, cycle: int) -> None:
+        """Ask, unless it is out."""
+        if not self._is_out:
+            try:
+                self._source.request(cycle)
+            except Exception as error:  # noqa: BLE001  whoever wrote it
+                self._put_out("request", error)
+
+    def collect(self, cycle: int, until_ns: int) -> Reading | None:
+        """What it has; None once it is out, and for counts that are not one whole number a channel."""
+        if self._is_out:
+            return None
+        try:
+            reading = self._source.collect(cycle, until_ns)
+            if reading is None:
+                return None
+            counts = tuple(map(operator.index, reading.counts))
+            if len(counts) != self._width:
+                raise ValueError(f"{len(counts)} counts for {self._width} channels")
+            return Reading(counts, operator.index(reading.flags))
+        except Exception as error:  # noqa: BLE001  whoever wrote it
+            self._put_out("collect", error)
+            return None
+
+    def events(self) -> list[Event]:
+        """What it told, and that it is out."""
+        told, self._told = self._told, []
+        if not self._is_out:
+            try:
+                told += self._source.events()
+            except Exception as error:  # noqa: BLE001  whoever wrote it
+                self._put_out("events", error)
+        return told
+
+    def close(self) -> None:
+        """Let go of the line, whatever that raises."""
+        with contextlib.suppress(Exception):
+            self._source.close()
+
+    def _put_out(self, where: str, error: Exception) -> None:
+        self._is_out = True
+        text = f"out of use: {where} raised {type(error).__name__}: {error}"
+        self._told.append(Event(0, "error", "source-raised", self._source.name, text[:200]))
 
 
 class Follower:

@@ -14,6 +14,7 @@ from drivers.port import Command, Guard, Mode
 from drivers.readout.nd287 import ReadoutConfig
 from drivers.readout.polled import PolledReadout
 from drivers.samples import CycleFlag
+from drivers.source import Reading
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.simulated import wire_port
@@ -127,4 +128,50 @@ def test_beside_the_rig_it_follows_the_output_and_marks_nothing() -> None:
     read = shown.to_si(block.counts[:, names.index("readout_angle")])
     assert np.abs(np.diff(read - np.remainder(true, 2 * math.pi) * np.sign(1))).max() < 1e-3
     assert not block.flags.any()
+    port.close()
+
+
+class Faulty(PolledReadout):
+    """A readout whose driver has a fault of its own in the hundredth cycle."""
+
+    fault: BaseException | Reading = ValueError("a fault of its own")
+
+    def collect(self, cycle: int, until_ns: int) -> Reading | None:
+        if cycle < 100:
+            return super().collect(cycle, until_ns)
+        if isinstance(self.fault, BaseException):
+            raise self.fault
+        return self.fault
+
+    def close(self) -> None:
+        super().close()
+        raise OSError("nor can it be closed")
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"),
+    [
+        (ValueError("a fault of its own"), "collect raised ValueError: a fault of its own"),
+        (Reading((1,)), "collect raised ValueError: 1 counts for 2 channels"),
+        (Reading((0.5, 0)), "collect raised TypeError"),  # type: ignore[arg-type]
+    ],
+)
+def test_a_source_that_raises_is_out_of_use_and_stops_nobody(
+    fault: BaseException | Reading, told: str
+) -> None:
+    bench = WireBench(shipped_gear(), shipped_motor())
+    made = Faulty(ReadoutConfig(url="simulated"), bench.clock, bench.serial)
+    made.fault = fault
+    port: CanRig = wire_port(bench, shipped_motor(), sources=[made])
+    port.open()
+    block = port.exchange(Command(Mode.SPEED, np.full(300, 30.0)), 300, Guard())
+    assert len(block.counts) == 300
+    assert block.broken is None
+    (event,) = (one for one in port.events() if one.code == "source-raised")
+    assert told in event.text
+    # The motor is led on: down to standstill, and nothing is told twice.
+    block = port.exchange(Command(Mode.SPEED, np.zeros(300)), 300, Guard())
+    assert not [one for one in port.events() if one.code == "source-raised"]
+    turned = np.diff(block.counts[-50:, 0])
+    assert np.abs(turned).max() <= 1
     port.close()
