@@ -41,6 +41,7 @@ LOOKED_AT = 100_000
 """Rows from the beginning that the numbers are judged by."""
 _PAIRED = 20_000
 """Rows by which columns without headings are held against each other, each with each."""
+_LARGEST = 1e100
 _SIGN = 0.8
 """Share of moving rows in which an effort has the sign of the speed."""
 _SECONDS = (1e-5, 0.02)
@@ -53,6 +54,8 @@ def propose(tables: Sequence[Table]) -> Proposal:
     numbers: dict[str, Numbers] = {}
     for index, table in enumerate(tables):
         values = _head(table)
+        # What is no size of anything is no number either: its square would overflow.
+        values = np.where(np.abs(values) < _LARGEST, values, np.nan)
         several = len(tables) > 1
         for at in range(len(table.headings)):
             column = _by_heading(table, at, values[:, at])

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rig.commands.import_proposed import settled
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.answers import answered
 from rig.runfile.importing.heading_words import read_heading
 from rig.runfile.importing.opening import kind_of, open_tables
@@ -247,6 +247,29 @@ def test_arrays_of_other_lengths_are_left_out(tmp_path: Path) -> None:
     path = tmp_path / "a.npz"
     np.savez(path, t=time, pos=turned, gain=np.array([3.0]))
     assert set(channels(proposed(path))) == {"time", "position"}
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "",
+        "0,0\n",
+        "0,0\n" * 40,
+        "1e308,-1e308\n" * 40,
+        "inf,nan\n" * 40,
+        "".join(f"{k * 1e300},{k}\n" for k in range(40)),
+        "".join(f"{k},{(-1) ** k}\n" for k in range(40)),
+        "".join(f"{k},\n" for k in range(40)),
+    ],
+)
+def test_odd_numbers_are_no_evidence(tmp_path: Path, rows: str) -> None:
+    path = tmp_path / "odd.csv"
+    path.write_text(f"a,b\n{rows}", encoding="utf-8")
+    try:
+        found = proposed(path)
+    except RunFileError:
+        return
+    assert not [one for one in found.used if one.channel != "time"]
 
 
 @pytest.mark.parametrize(
