@@ -43,7 +43,11 @@ def derivative(angle: Numbers, speed: Numbers, time: Numbers) -> tuple[float, fl
     # Over stretches, so that the resolution of the angle does not drown it.
     stride = max(1, len(a) // 2000)
     rows = np.arange(0, len(a) - 4 * stride, stride)
-    rate = (a[rows + 4 * stride] - a[rows]) / np.maximum(t[rows + 4 * stride] - t[rows], 1e-300)
+    lasting = t[rows + 4 * stride] - t[rows]
+    rows, lasting = rows[lasting > 1e-9], lasting[lasting > 1e-9]
+    if len(rows) < 3:
+        return 0.0, 0.0
+    rate = (a[rows + 4 * stride] - a[rows]) / lasting
     cumulated = np.concatenate(([0.0], np.cumsum(s)))
     mean = (cumulated[rows + 4 * stride] - cumulated[rows]) / (4 * stride)
     if np.ptp(rate) == 0.0 or np.ptp(mean) == 0.0:
