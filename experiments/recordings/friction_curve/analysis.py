@@ -30,6 +30,7 @@ from experiments.result import Covariance, Plot, Result, Series, Table, both_way
 from experiments.setting import names_of
 from experiments.shape import Shape, Standing
 from model.arrays import BoolArray, FloatArray
+from model.errors import WordedError
 from model.identify.estimate import BudgetLine, Estimate, Identifiable
 from model.identify.friction_curve import CurveFit, LawFit, fit_curve
 from model.identify.friction_points import LAWS, CurvePoints, Law, curve_points
@@ -78,10 +79,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         quantities=QUANTITIES,
         estimates=estimates,
         metrics=_metrics(table, fits),
-        warnings=tuple(
-            text
-            for fit in fits.values()
-            for text in (*_remarks(table, fit), *_standing(fit).warnings)
+        warnings=(
+            *(
+                text
+                for fit in fits.values()
+                for text in (*_remarks(table, fit), *_standing(fit).warnings)
+            ),
+            *_two_ways(table, settings),
         ),
         plots=(_plot(table, fits),),
         tables=(_laws(fits), budget_table(estimates.values())),
@@ -91,6 +95,31 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "uncertainty": "stated" if table.error is not None else "from the scatter",
         },
         covariance=_covariance(first.chosen, names),
+    )
+
+
+def _two_ways(table: _Table, settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """A sentence where both directions were fitted by one law and each has a Coulomb friction of its own."""
+    if settings.get("direction", "both") != "both":
+        return ()
+    found: list[tuple[float, float]] = []
+    for rows in _parts(table, "each").values():
+        try:
+            law = _fit(table, rows, settings).chosen
+        except WordedError:
+            # Too few points of one way: nothing can be said.
+            return ()
+        place = law.names.index("coulomb")
+        low, high = law.ends[place].tolist()
+        found.append((float(law.values[place]), 0.5 * (high - low)))
+    (forward, of_forward), (reverse, of_reverse) = found
+    apart = abs(abs(forward) - abs(reverse))
+    if not apart > math.hypot(of_forward, of_reverse):
+        return ()
+    unit = table.effort_unit
+    return (
+        f"The directions differ: Coulomb friction {abs(forward):.3g} {unit} forward and {abs(reverse):.3g} {unit} "
+        "reverse, by more than their U: --set direction=each.",
     )
 
 

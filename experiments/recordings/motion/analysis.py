@@ -24,6 +24,7 @@ from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
 from experiments.recording import Recording
 from experiments.recordings.motion.declaration import NAME, QUANTITIES, SETTINGS
+from experiments.recordings.motion.remedies import load_remedy
 from experiments.recordings.motion_channels import RecordedMotion, number, recorded_motion
 from experiments.recordings.motion_plots import motion_plots, motion_tables
 from experiments.result import Covariance, Result
@@ -55,6 +56,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         choice = choice_of(motion, settings)
         fit = identify_motion(motion, choice, rotary=motion.position_unit == "rad")
         warnings += _remarks(motion, fit)
+        if not choice.load_orders:
+            warnings += filter(None, [load_remedy(motion, fit, _turn_if_known(motion))])
     estimates = _with_budget(motion, fit)
     return Result(
         run=recording.metadata.run_id,
@@ -160,6 +163,14 @@ def load_turn(motion: RecordedMotion) -> float:
             remedy="State the ratio at the import (--ratio), or use the output's angle.",
         )
     return 1.0 / ratio
+
+
+def _turn_if_known(motion: RecordedMotion) -> float:
+    """Angle of the load per position, where that can be known; else as if the position were the load's."""
+    try:
+        return load_turn(motion)
+    except AnalysisError:
+        return 1.0
 
 
 def _remarks(motion: RecordedMotion, fit: MotionFit) -> list[str]:

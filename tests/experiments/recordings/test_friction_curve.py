@@ -109,6 +109,10 @@ def test_one_direction_and_each_of_both() -> None:
     assert "offset" not in forward.estimates
     assert any("One direction only" in w for w in forward.warnings)
     effort = np.where(BOTH > 0.0, friction(BOTH, 1.5), 2.0 * friction(BOTH, 1.5))
+    (remedy,) = (t for t in fitted(table(BOTH, effort)).warnings if "--set direction" in t)
+    assert "1.01 N m forward and 1.99 N m reverse" in remedy
+    alike = fitted(table(BOTH, np.where(BOTH > 0.0, effort, -np.abs(effort) / 2.0)))
+    assert not [t for t in alike.warnings if "--set direction" in t]
     each = fitted(table(BOTH, effort), direction="each")
     assert each.estimates["coulomb_forward"].value == pytest.approx(1.0, abs=0.05)
     assert each.estimates["coulomb_reverse"].value == pytest.approx(2.0, abs=0.1)

@@ -125,7 +125,12 @@ def test_a_load_over_position_has_a_basis(gear: HarmonicDrive) -> None:
     without = fitted(run, gear)
     assert without.metrics["relative_error_percent"] > 50.0
     assert {e.identifiable for e in without.estimates.values()} == {"no"}
+    (remedy,) = (text for text in without.warnings if "--set load=" in text)
+    assert "as the weight of a lever does" in remedy
+    assert remedy.endswith("--set load=gravity.")
     result = fitted(run, gear, load="gravity")
+    assert not [text for text in result.warnings if "--set load=" in text]
+    assert not [t for t in fitted(moved().recording(), gear).warnings if "--set load=" in t]
     assert value(result, "load_sin_1") == pytest.approx(4.0, rel=0.01)
     assert value(result, "coulomb") == pytest.approx(COULOMB, rel=0.01)
     assert result.estimates["load_sin_1"].unit == "N m"
