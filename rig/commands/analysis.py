@@ -66,57 +66,67 @@ MissedShare = Annotated[
 ]
 
 
+_Words = Annotated[
+    list[str] | None,
+    typer.Argument(
+        metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files."
+    ),
+]
+_ParametersOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--parameters-out",
+        metavar="FILE",
+        help="Write the parameter set with what was identified (TOML).",
+    ),
+]
+_Plots = Annotated[
+    bool, typer.Option("--plots", help="With --json: figures and tables as data too.")
+]
+_Stored = Annotated[
+    bool,
+    typer.Option(
+        "--store/--no-store",
+        " /--no-keep",
+        help="Append the analysis to the store beside the run, or leave no trace.",
+    ),
+]
+_Keep = Annotated[
+    int | None,
+    typer.Option(
+        "--keep",
+        metavar="NUMBER",
+        min=0,
+        help="Fit nothing: put this stored analysis of RUN in force, by hand; 0 takes the choice back.",
+    ),
+]
+_Everything = Annotated[
+    bool, typer.Option("--all", help="The statistical part of every interval too.")
+]
+_Help = Annotated[
+    bool, typer.Option("--help", "-h", help="Show this, and with a KIND its settings, and exit.")
+]
+
+
 def fit(
     context: typer.Context,
-    words: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files."
-        ),
-    ] = None,
+    words: _Words = None,
     tare: Tare = None,
     no_tare: NoTare = False,
     parameters: Parameters = None,
-    parameters_out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write the parameter set with what was identified (TOML)."
-        ),
-    ] = None,
+    parameters_out: _ParametersOut = None,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
-    plots: Annotated[
-        bool, typer.Option("--plots", help="With --json: figures and tables as data too.")
-    ] = False,
-    stored: Annotated[
-        bool,
-        typer.Option(
-            "--store/--no-store",
-            " /--no-keep",
-            help="Append the analysis to the store beside the run, or leave no trace.",
-        ),
-    ] = True,
-    keep: Annotated[
-        int | None,
-        typer.Option(
-            "--keep",
-            metavar="NUMBER",
-            min=0,
-            help="Fit nothing: put this stored analysis of RUN in force, by hand; 0 takes the choice back.",
-        ),
-    ] = None,
+    plots: _Plots = False,
+    stored: _Stored = True,
+    keep: _Keep = None,
     by: Annotated[str, typer.Option("--by", metavar="NAME", help="Who chooses, with --keep.")] = "",
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
-    everything: Annotated[
-        bool, typer.Option("--all", help="The statistical part of every interval too.")
-    ] = False,
+    everything: _Everything = False,
     unsealed: Unsealed = False,
     json: Json = False,
-    show_help: Annotated[
-        bool,
-        typer.Option("--help", "-h", help="Show this, and with a KIND its settings, and exit."),
-    ] = False,
+    show_help: _Help = False,
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
 

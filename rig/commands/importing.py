@@ -101,17 +101,30 @@ def import_(
         "lag": _texts(lag, "--lag"),
         "accuracy": _texts(accuracy, "--accuracy"),
     }
-    format, file = _kind_and_files(words)
     runs = _runs(map_file, said, stated)
+    kind, files = _kind_and_files(words)
     if check:
-        _check(format, file, runs, json=json)
-        return
-    is_proposed = not channel and map_file is None
-    if is_proposed:
-        runs = [_proposed(format, file, runs[0], accept=accept, save_map=save_map, json=json)]
-    _import(format, file, runs, output, json=json)
-    if is_proposed and not json:
-        _say_what_it_is_good_for(format, file, runs[0][1], output)
+        _check(kind, files, runs, json=json)
+    elif channel or map_file is not None:
+        _import(kind, files, runs, output, json=json)
+    else:
+        _import_proposed(kind, files, runs[0], output, accept, save_map, json)
+
+
+def _import_proposed(
+    kind: str,
+    files: list[Path],
+    run: tuple[RunMap, ImportOptions],
+    output: Path,
+    accept: bool,
+    save_map: Path | None,
+    json: bool,
+) -> None:
+    """Make the run of what was proposed and accepted, and say what it is good for."""
+    run = _proposed(kind, files, run, accept=accept, save_map=save_map, json=json)
+    _import(kind, files, [run], output, json=json)
+    if not json:
+        _say_what_it_is_good_for(kind, files, run[1], output)
 
 
 def _say_what_it_is_good_for(
