@@ -17,6 +17,7 @@ from rig.errors import ConfigurationError
 from rig.runfile.importing.answers import answered
 from rig.runfile.importing.channel_source import ChannelSource, parse_channel
 from rig.runfile.importing.proposed import Proposal, Question
+from rig.runfile.importing.units import TIME_CHANNEL
 
 if TYPE_CHECKING:
     from rig.runfile.importing.channel_map import ImportOptions
@@ -72,6 +73,16 @@ def settled(proposal: Proposal, ask: Ask) -> Proposal:
         except ConfigurationError as error:
             echo(str(error), errors=True)
     return proposal
+
+
+def without_time(proposal: Proposal) -> Proposal:
+    """The same where somebody said a rate, or that there is no time: no column is one, and none is asked for."""
+    columns = tuple(
+        replace(one, channel="") if one.channel == TIME_CHANNEL else one for one in proposal.columns
+    )
+    about = ("rate", TIME_CHANNEL)
+    rest = (one for one in proposal.questions if one.why not in about and one.about not in about)
+    return replace(proposal, columns=columns, questions=tuple(rest))
 
 
 def said_beside(ask: Ask) -> tuple[ChannelSource, ...]:

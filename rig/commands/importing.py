@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,30 +101,39 @@ def import_(
         "lag": _texts(lag, "--lag"),
         "accuracy": _texts(accuracy, "--accuracy"),
     }
-    runs = _runs(map_file, said, stated)
-    kind, files = _kind_and_files(words)
-    if check:
-        _check(kind, files, runs, json=json)
-    elif channel or map_file is not None:
-        _import(kind, files, runs, output, json=json)
-    else:
-        _import_proposed(kind, files, runs[0], output, accept, save_map, json)
+    is_named = bool(channel) or map_file is not None
+    way = _Way(is_named, check, accept, save_map, output, json)
+    _carry_out(*_kind_and_files(words), _runs(map_file, said, stated), way)
 
 
-def _import_proposed(
-    kind: str,
-    files: list[Path],
-    run: tuple[RunMap, ImportOptions],
-    output: Path,
-    accept: bool,
-    save_map: Path | None,
-    json: bool,
+@dataclass(frozen=True)
+class _Way:
+    """How an import is carried out: channels named, only a look, proposals taken over and kept, where to, how told."""
+
+    is_named: bool
+    check: bool
+    accept: bool
+    save_map: Path | None
+    folder: Path
+    json: bool
+
+
+def _carry_out(
+    kind: str, files: list[Path], runs: list[tuple[RunMap, ImportOptions]], way: _Way
 ) -> None:
-    """Make the run of what was proposed and accepted, and say what it is good for."""
-    run = _proposed(kind, files, run, accept=accept, save_map=save_map, json=json)
-    _import(kind, files, [run], output, json=json)
-    if not json:
-        _say_what_it_is_good_for(kind, files, run[1], output)
+    """Look at the files, or make the runs; of what nobody named, what is proposed and accepted."""
+    if way.is_named and (way.accept or way.save_map is not None):
+        raise typer.BadParameter(
+            "with -c or a map nothing is proposed", param_hint="--accept, --save-map"
+        )
+    if way.check:
+        _check(kind, files, runs, json=way.json)
+        return
+    if not way.is_named:
+        runs = [_proposed(kind, files, runs[0], way)]
+    _import(kind, files, runs, way.folder, json=way.json)
+    if not way.is_named and not way.json:
+        _say_what_it_is_good_for(kind, files, runs[0][1], way.folder)
 
 
 def _say_what_it_is_good_for(
@@ -150,6 +159,10 @@ def _kind_and_files(words: Sequence[str]) -> tuple[str, list[Path]]:
 
     if words[0] in formats() and len(words) > 1:
         return words[0], [Path(word) for word in words[1:]]
+    if words[0] in formats() and not Path(words[0]).exists():
+        raise typer.BadParameter(
+            f"which file? For instance: rig import {words[0]} FILE", param_hint="FILE"
+        )
     files = [Path(word) for word in words]
     if len(words) > 1 and not files[0].suffix and not files[0].exists():
         raise typer.BadParameter(
@@ -163,10 +176,7 @@ def _proposed(
     kind: str,
     files: list[Path],
     run: tuple[RunMap, ImportOptions],
-    *,
-    accept: bool,
-    save_map: Path | None,
-    json: bool,
+    way: _Way,
 ) -> tuple[RunMap, ImportOptions]:
     """The run with the channels that were proposed and accepted. Raises `ConfigurationError` for what stays open."""
     from rig.commands import import_proposed as proposed
@@ -175,16 +185,15 @@ def _proposed(
 
     name, options = run
     proposal = propose(open_tables(kind, files, options.form))
-    if options.rate:
-        rest = tuple(one for one in proposal.questions if one.why != "rate")
-        proposal = replace(proposal, questions=rest)
-    if not json:
+    if options.rate or options.no_time:
+        proposal = proposed.without_time(proposal)
+    if not way.json:
         proposed.show(proposal)
     said: tuple[ChannelSource, ...] = ()
-    if accept or json or not proposed.asks():
+    if way.accept or way.json or not proposed.asks():
         proposed.refuse_useless(proposal, files)
         proposed.refuse_open(proposal)
-        if not accept:
+        if not way.accept:
             raise typer.BadParameter(
                 "nobody is asked here: say --accept to take over what is proposed.",
                 param_hint="--accept",
@@ -193,9 +202,9 @@ def _proposed(
         proposal = proposed.settled(proposal, proposed.ask_at_the_terminal)
         said = proposed.said_beside(proposed.ask_at_the_terminal)
     options = proposed.accepted(options, proposal, said)
-    if save_map is not None:
-        save_map.write_text(proposed.map_text(options), encoding="utf-8")
-    if not json:
+    if way.save_map is not None:
+        way.save_map.write_text(proposed.map_text(options), encoding="utf-8")
+    if not way.json:
         echo(f"  without a question: {proposed.command_of(kind, files, options)}")
     return name, options
 

@@ -174,6 +174,29 @@ def test_an_export_of_our_own_needs_no_key(capsys: pytest.CaptureFixture[str]) -
         assert len(ours) == len(theirs)
 
 
+def test_a_rate_stands_for_the_time_of_the_file(capsys: pytest.CaptureFixture[str]) -> None:
+    code, out, _ = called(capsys, "import", str(swinging(units=True)), "--accept", "--rate", "500")
+    assert code == 0
+    assert "-c time=" not in out
+    assert "--rate 500" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("csv",), "which file?"),
+        (("joint.csv", "-c", "position=2:rad", "--accept"), "nothing is proposed"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(
+    words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    swinging(units=True)
+    code, _, errors = called(capsys, "import", *words)
+    assert code == 2
+    assert told in " ".join(errors.split())
+
+
 def test_a_word_that_is_neither_kind_nor_file_is_refused(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
