@@ -14,7 +14,7 @@ from typer.core import TyperCommand
 from rig.commands.terminal import echo
 from rig.runfile.file_names import unportable
 
-_WRITTEN = frozenset({"--output", "--runs", "--junit"})
+_WRITTEN = frozenset({"--output", "--runs", "--junit", "--save-map"})
 """Options that name what a command may write."""
 FOLDER = "--runs"
 """The folder of runs and gear cards, wherever one is read or written."""

@@ -63,6 +63,8 @@ def import_(
 ) -> None:
     """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
     or says what it lacks. Units, signs and ratios are asked for, never guessed.
+
+    With a file alone it proposes what the columns are, with the evidence, and asks what stays open.
     """
     from rig.runfile.importing.channel_source import parse_channel
     from rig.runfile.importing.reach import is_of_tables
@@ -125,6 +127,10 @@ def _carry_out(
     if way.is_named and (way.accept or way.save_map is not None):
         raise typer.BadParameter(
             "with -c or a map nothing is proposed", param_hint="--accept, --save-map"
+        )
+    if way.save_map is not None and (way.save_map.exists() or not way.save_map.parent.is_dir()):
+        raise typer.BadParameter(
+            f"{way.save_map}: is there already, or its folder is not", param_hint="--save-map"
         )
     if way.check:
         _check(kind, files, runs, json=way.json)
