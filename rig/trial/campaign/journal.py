@@ -3,31 +3,31 @@
 `<folder of runs>/.campaigns/<gear>-<campaign>-<number>.jsonl`, one JSON object a line, written to the
 disk before the next stage begins. A last line that a power cut left unfinished is not counted.
 
-A journal grows, so it has no note beside it: each line holds under `before` the SHA-256 of the line
-before, and a line that was changed, taken out or put in is found when it is read. Whole lines taken
-away at its end are not: nothing after them tells. Journals of format 1 (version 0.2.0) hold no hashes.
+Each line holds the hash of the line before (`rig.runfile.chained_lines`). Journals of format 1 (version 0.2.0) hold
+no hashes.
 """
 
 from __future__ import annotations
 
-import hashlib
-import json
-import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from rig.errors import ChangedRunError, RunFileError
+from rig.errors import RunFileError
+from rig.runfile.chained_lines import BEFORE, Chain
 from rig.trial.campaign.plan import CampaignPlan
 
 FOLDER = ".campaigns"
 """Lies in the folder of runs."""
 FORMAT = "harmonic-rig-campaign-2"
 FORMAT_1 = "harmonic-rig-campaign-1"
-BEFORE = "before"
-"""The key under which a line holds the SHA-256 of the line before, "" in the first one."""
+_CHAIN = Chain(
+    "the journal of a campaign",
+    "Take the original, or the backup; or begin the campaign anew with --anew: its runs stay what they are.",
+    "Make the folder writable, or name another one with --runs.",
+)
 _NOT_IN_NAMES = re.compile(r"[^A-Za-z0-9._]+")
 _NUMBER = re.compile(r"-(\d{3,})\.jsonl\Z")
 
@@ -85,7 +85,7 @@ class Journal:
     def with_stage(self, stage: DoneStage) -> Journal:
         """The journal with one more run, on the disk as well."""
         row = {key: value for key, value in vars(stage).items() if key != "outdated"}
-        _append(self.path, {"what": "stage", **row})
+        _CHAIN.append(self.path, {"what": "stage", **row})
         return replace(self, stages=(*self.stages, stage))
 
     def with_outdated(self, index: int, because: str, at: str) -> Journal:
@@ -93,7 +93,7 @@ class Journal:
         newest = self.newest(index)
         if newest is None or newest.outdated:
             return self
-        _append(self.path, {"what": "outdated", "index": index, "because": because, "at": at})
+        _CHAIN.append(self.path, {"what": "outdated", "index": index, "because": because, "at": at})
         stages = tuple(
             replace(one, outdated=because) if one is newest else one for one in self.stages
         )
@@ -104,7 +104,7 @@ class Journal:
     ) -> Journal:
         """The journal of a campaign that came to its end; `rests_on` names files with the hashes that they had."""
         ended = {"verdict": verdict, "certificate": certificate, "at": at, **(rests_on or {})}
-        _append(self.path, {"what": "ended", **ended})
+        _CHAIN.append(self.path, {"what": "ended", **ended})
         return replace(self, ended=ended)
 
 
@@ -134,8 +134,8 @@ def begin(
             except FileExistsError:
                 number += 1
     except OSError as error:
-        raise _not_written(place, error) from None
-    _append(path, {"what": "begun", **begun})
+        raise _CHAIN.not_written(place, error) from None
+    _CHAIN.append(path, {"what": "begun", **begun})
     return Journal(path, begun)
 
 
@@ -151,7 +151,7 @@ def read(path: Path) -> Journal | None:
 
     Raises `RunFileError` for one that is none, `ChangedRunError` for one whose lines are not those that were written.
     """
-    rows = _rows(path)
+    rows = _CHAIN.read(path, lambda first: first.get("format") != FORMAT_1)
     if not rows:
         return None
     first = rows[0]
@@ -191,71 +191,6 @@ def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
     if what == "ended":
         return replace(journal, ended=_without_frame(row))
     return journal
-
-
-def _rows(path: Path) -> list[dict[str, Any]]:
-    try:
-        lines = path.read_bytes().split(b"\n")
-    except OSError as error:
-        raise RunFileError(
-            "the journal of a campaign cannot be read", where=str(path), value=str(error)
-        ) from None
-    rows: list[dict[str, Any]] = []
-    # What stands behind the last newline was being written when the power went.
-    for number, line in enumerate(lines[:-1], 1):
-        try:
-            row = json.loads(line)
-        except ValueError:
-            row = None
-        if not isinstance(row, dict):
-            raise RunFileError(
-                "the journal of a campaign is damaged",
-                where=f"{path}: line {number}",
-                remedy="Move the file away and begin the campaign anew; its runs stay what they are.",
-            )
-        if rows and rows[0].get("format") != FORMAT_1:
-            _check_line(path, number, row, lines[number - 2])
-        rows.append(row)
-    return rows
-
-
-def _check_line(path: Path, number: int, row: Mapping[str, Any], before: bytes) -> None:
-    """Refuse a line that does not follow upon the one before it."""
-    digest = hashlib.sha256(before).hexdigest()
-    if row.get(BEFORE) != digest:
-        raise ChangedRunError(
-            "the journal of a campaign was changed since it was written",
-            where=f"{path}: line {number - 1}",
-            value=f"SHA-256 {digest}",
-            limit=f"{row.get(BEFORE) or 'none'} (as line {number} says)",
-            remedy="Take the original, or the backup; or begin the campaign anew with --anew.",
-        )
-
-
-def _append(path: Path, row: Mapping[str, Any]) -> None:
-    try:
-        kept = path.read_bytes() if path.exists() else b""
-        whole = kept[: kept.rfind(b"\n") + 1]
-        lines = whole.split(b"\n")[:-1]
-        before = hashlib.sha256(lines[-1]).hexdigest() if lines else ""
-        with path.open("r+b" if path.exists() else "xb") as file:
-            # A line that was cut off is taken away: the next one would be glued to it.
-            file.truncate(len(whole))
-            file.seek(len(whole))
-            file.write(json.dumps({**row, BEFORE: before}, ensure_ascii=False).encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise _not_written(path, error) from None
-
-
-def _not_written(path: Path, error: OSError) -> RunFileError:
-    return RunFileError(
-        "the journal of a campaign cannot be written",
-        where=str(path),
-        value=error.strerror or str(error),
-        remedy="Make the folder writable, or name another one with --runs.",
-    )
 
 
 def _stem(serial: str, campaign: str) -> str:
