@@ -42,6 +42,11 @@ class CanRig(CycledRig):
         super().__init__(self.segment, sources, clock)
 
     @property
+    def config(self) -> CanRigConfig:
+        """What it was told of the devices."""
+        return self.segment.config
+
+    @property
     def nodes(self) -> RigNodes:
         """The devices, for checks that go beyond running: doctor, drills."""
         return self.segment.nodes

@@ -181,7 +181,7 @@ def scan(
     return tuple(sorted(answering))
 
 
-def _read_node(bus: ListeningBus, node_id: int) -> FoundNode:
+def read_node(bus: ListeningBus, node_id: int) -> FoundNode:
     """What a node tells of itself. Raises `OtherMasterError` for a drive that has power."""
     device = RemoteDevice(bus, node_id)
     identity = device.identity()
@@ -269,5 +269,5 @@ def discover(
     found: list[FoundNode] = []
     for done, node_id in enumerate(nodes):
         on_stage("nodes read", done, len(nodes))
-        found.append(_read_node(bus, node_id))
+        found.append(read_node(bus, node_id))
     return found

@@ -68,7 +68,8 @@ class CanSegment:
         origin: Origin = "hardware",
         truth: Mapping[str, object] | None = None,
     ) -> None:
-        self._config, self._clock, self._connect, self._pump = config, clock, connect, pump
+        self.config = self._config = config
+        self._clock, self._connect, self._pump = clock, connect, pump
         self._wanted_base: TimeBase = time_base
         self._origin: Origin = origin
         self._truth = truth

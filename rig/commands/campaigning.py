@@ -69,6 +69,7 @@ def campaign(
         print_json(walked.as_json()) if json else _print_walk(walked)
         return
     order = _order_of(walked, pattern, anew=anew)
+    _warn_of_what_was_never_tried(pattern)
     if events or stdin_control:
         report = _conducted_for_a_program(order, pattern, events, stdin_control)
     else:
@@ -153,6 +154,21 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
         beside=is_simulated(pattern.backend),
         anew=anew,
     )
+
+
+def _warn_of_what_was_never_tried(pattern: Order) -> None:
+    """Which stages of its commissioning a bench of hardware lacks; each run asks again, and asks the devices."""
+    from rig.bench.backends.registry import HARDWARE
+    from rig.commands.terminal import echo
+    from rig.run.commissioned import missing_on
+    from rig.run.start import bench_for
+
+    if pattern.backend != HARDWARE:
+        return
+    missing = missing_on(bench_for(pattern), pattern)
+    if missing:
+        text = f"warning: never commissioned: {', '.join(map(str, missing))}; simulated devices need none"
+        echo(text, errors=True)
 
 
 def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:

@@ -95,6 +95,13 @@ def run(
             help="Arms a run on hardware: the gear's serial number, letter for letter, once more.",
         ),
     ] = "",
+    uncommissioned: Annotated[
+        str,
+        typer.Option(
+            metavar="SENTENCE",
+            help="Turns hardware further than `rig commission` has looked at; the refusal says the sentence.",
+        ),
+    ] = "",
     require_verdict: RequireVerdict = False,
     everything: Annotated[
         bool,
@@ -137,10 +144,15 @@ def run(
 
     if events or stdin_control:
         report, ending = _run_for_a_program(
-            order, planned, confirmation, ended=ended, tells=events, listens=stdin_control
+            order,
+            planned,
+            (confirmation, uncommissioned),
+            ended=ended,
+            tells=events,
+            listens=stdin_control,
         )
     else:
-        report = _run_with_signals(order, planned, confirmation, quiet=json)
+        report = _run_with_signals(order, planned, (confirmation, uncommissioned), quiet=json)
         ending = ended(report)
     if events:
         pass
@@ -261,7 +273,7 @@ def _values_after(rest: list[str], field: ParameterField) -> list[str]:
 
 
 def _run_with_signals(
-    order: Order, planned: PlannedRun, confirmation: str, *, quiet: bool
+    order: Order, planned: PlannedRun, typed: tuple[str, str], *, quiet: bool
 ) -> RunReport:
     from rig.commands.progress import progress_line
     from rig.commands.prompting import terminal_ask
@@ -277,7 +289,8 @@ def _run_with_signals(
         return run_order(
             order,
             planned,
-            confirmation=confirmation,
+            confirmation=typed[0],
+            uncommissioned=typed[1],
             stop=stop,
             ask=terminal_ask(stop),
             on_progress=on_progress,
@@ -288,7 +301,7 @@ def _run_with_signals(
 def _run_for_a_program(
     order: Order,
     planned: PlannedRun,
-    confirmation: str,
+    typed: tuple[str, str],
     *,
     ended: Callable[[RunReport], Ending],
     tells: bool,
@@ -315,7 +328,8 @@ def _run_for_a_program(
         report = run_order(
             order,
             planned,
-            confirmation=confirmation,
+            confirmation=typed[0],
+            uncommissioned=typed[1],
             stop=stop,
             ask=remote.ask if listens else terminal_ask(stop),
             on_progress=remote.on_progress,

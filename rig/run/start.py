@@ -30,6 +30,7 @@ from rig.library.folder import RunPlace, claim_run
 from rig.program import this_program
 from rig.run.arming import Arming, guard_check, handle_check, loss_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
+from rig.run.commissioned import commissioned_check, refuse_sentence
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
@@ -128,6 +129,7 @@ def run_order(
     planned: PlannedRun | None = None,
     *,
     confirmation: str = "",
+    uncommissioned: str = "",
     stop: StopRequest | None = None,
     ask: Ask = lambda prompt: "",
     on_progress: Callable[[Progress], None] | None = None,
@@ -136,8 +138,10 @@ def run_order(
     """Plan (unless `planned` is given), open the rig, run, make safe, seal. Raises only before
     anything moves.
 
-    `confirmation`: what the operator typed to arm this run on hardware.
+    `confirmation`: what the operator typed to arm this run on hardware; `uncommissioned`: and to run it further than
+    its commissioning allows (`rig.run.commissioned.SENTENCE`).
     """
+    refuse_sentence(uncommissioned)
     planned = planned or plan_order(order)
     if order.backend == HARDWARE:
         refuse_unarmed(arming_of(order, planned, confirmation))
@@ -156,6 +160,7 @@ def run_order(
                 place=place,
                 on_progress=on_progress,
                 on_event=on_event,
+                uncommissioned=uncommissioned,
             )
 
 
@@ -169,11 +174,13 @@ def run_on(
     place: RunPlace | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     on_event: Callable[[Event], None] | None = None,
+    uncommissioned: str | None = "",
 ) -> RunReport:
     """Run what was planned on a rig that is put together and not opened. Whether it may is the caller's business.
 
     `bench`: where a trip is latched and the run marked, if that is not the order's own. `place`: a
-    number of its folder that was taken for it.
+    number of its folder that was taken for it. `uncommissioned`: what was typed to go further than the commissioning of
+    a rig of hardware allows; None: this is a stage of it, and asks for none.
     """
     bench = bench or bench_for(order)
     # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
@@ -184,6 +191,12 @@ def run_on(
     if rig.real_time:
         cycles = block_cycles(order.sample_rate, cycles, rig.reaction)
     handle = handle_of(rig)
+
+    def commissioned() -> tuple[Finding, ...]:
+        if order.backend != HARDWARE or uncommissioned is None:
+            return ()
+        return (commissioned_check(rig, order, bench, planned, uncommissioned),)
+
     parts = SessionParts(
         order=order,
         planned=planned,
@@ -195,7 +208,7 @@ def run_on(
         latch=latch_of(bench),
         marker=marker,
         watchdog=watchdog_of(rig, handle, cycles),
-        arm=(lambda: arm(rig, handle)) if rig.real_time else None,
+        arm=(lambda: (*commissioned(), *arm(rig, handle))) if rig.real_time else None,
         files=files_used(order.config),
     )
     run, begin = (

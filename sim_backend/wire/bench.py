@@ -74,6 +74,8 @@ FIRST_STAMP_NS = 1_000_000_000
 """The adapter's clock at the first SYNC: it has been running for a second."""
 SPEED_MONITOR = 0.3125e-3 / 1.0 * 1000.0 * RPM
 """rad/s per increment of the speed monitor: 1 V per 1000 r/min."""
+_HAND_RESTS = 0.3
+"""s for which a hand holds the shaft once it has turned it."""
 _CHUNK = 1024
 _LOOP_MODE = {
     Mode.OFF: closed_loop.OFF,
@@ -436,6 +438,15 @@ class WireBench:
     def hold(self, frame: Frame, until_cycle: int) -> None:
         """Keep a frame back; it is delivered right after the SYNC of that cycle."""
         self._held.append((until_cycle, frame))
+
+    def turn_by_hand(self, turns: float, speed: float = 2.0 * REVOLUTION) -> None:
+        """Somebody turns the input shaft evenly, at `speed` [rad/s], whatever the drive does, and lets it rest."""
+        per_second = 1e9 / self.cycle_ns
+        turning = round(turns * REVOLUTION / speed * per_second)
+        for target in (*[speed] * turning, *[0.0] * round(_HAND_RESTS * per_second)):
+            rows = self.plant.advance(_LOOP_MODE[Mode.SPEED], np.array([target]))
+            self._show(rows, self._lateness(self._cycle))
+            self._cycle += 1
 
     # Inside -------------------------------------------------------------------------------------------------------
 

@@ -13,6 +13,8 @@ from experiments.extensions import Extension
 from sim_backend.world import OLDEST
 
 if TYPE_CHECKING:
+    from drivers.bus.listening import ListeningBus
+    from drivers.bus.rig_config import CanRigConfig
     from drivers.bus.rig_nodes import RigNodes
 
 WORLD_OF_0_2_0: Mapping[str, Any] = {"version": OLDEST, "hours": 0.0, "day_correlation": None}
@@ -33,7 +35,11 @@ class AssembledRig:
     asks of the computer.
     `extensions` are what other packages brought to it.
 
-    Of a simulated rig: `world` is the world that it is in, as its run file tells it, and
+    Of a rig on a bus: `described` is what its drivers were told of it, `quiet_bus` opens the bus for whoever only
+    listens and reads.
+
+    Of a simulated rig: `person` does at the bench what the key of a question asks for, and answers;
+    `world` is the world that it is in, as its run file tells it, and
     `thermal_state` tells how warm it is now ("end") and was on average ("mean") [degC].
     """
 
@@ -52,3 +58,6 @@ class AssembledRig:
     world: Mapping[str, Any] = field(default_factory=dict)
     thermal_state: Callable[[], Mapping[str, Mapping[str, float]]] | None = None
     extensions: tuple[Extension, ...] = ()
+    described: CanRigConfig | None = None
+    quiet_bus: Callable[[], ListeningBus] | None = None
+    person: Callable[[str], str] | None = None

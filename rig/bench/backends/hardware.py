@@ -16,6 +16,7 @@ from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.cia406 import CounterConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.device_file import load_device_file
+from drivers.bus.listening import ListeningBus
 from drivers.bus.motor_encoder import MotorEncoder
 from drivers.bus.network import BusConfig, open_raw_bus, second_handle_words
 from drivers.bus.rig_nodes import GuardContact
@@ -77,6 +78,8 @@ def hardware(order: Order, setup: Setup) -> AssembledRig:
         priority=real_time.scheduler_priority,
         lock_memory=real_time.lock_memory,
         extensions=extensions_of(configuration),
+        described=config,
+        quiet_bus=lambda: ListeningBus(open_raw_bus(bus), clock, None),
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,7 +26,6 @@ from sim_backend.world import ThermalState, World
 if TYPE_CHECKING:
     from drivers.bus.cia402.tables import OperationMode
     from drivers.bus.cyclic import CanRig, CanRigConfig
-    from drivers.bus.rig_nodes import RigNodes
     from drivers.source import Source
     from sim_backend.direct import SimulatedRig
     from sim_backend.wire.analog_amplifier import ReferenceDevice
@@ -105,20 +104,33 @@ def assembled(
     clock: Clock,
     plant: SimulatedRig | WireBench,
     order: Order,
-    nodes: Callable[[], RigNodes] | None = None,
+    **on_the_bus: Any,
 ) -> AssembledRig:
-    """A simulated rig as a run takes it; `plant` is what is behind the port."""
+    """A simulated rig as a run takes it; `plant` is what is behind the port, `on_the_bus` what one on the wire has."""
     return AssembledRig(
         name=name,
         port=port,
         clock=clock,
-        nodes=nodes,
+        **on_the_bus,
         world=world_record(order),
         thermal_state=lambda: {
             "end": asdict(plant.thermal_state),
             "mean": asdict(plant.mean_temperatures),
         },
     )
+
+
+def of_bus(bench: WireBench, port: CanRig) -> dict[str, Any]:
+    """What an assembled rig has more because it is on a bus: its nodes, its description, a way to listen, a person."""
+    from drivers.bus.listening import ListeningBus
+    from sim_backend.wire.person import Person
+
+    return {
+        "nodes": lambda: port.nodes,
+        "described": port.config,
+        "quiet_bus": lambda: ListeningBus(bench.bus(), bench.clock, bench.pump),
+        "person": Person(bench).act,
+    }
 
 
 def simulated(order: Order, setup: Setup) -> AssembledRig:
@@ -136,8 +148,10 @@ def on_the_wire(order: Order, setup: Setup) -> AssembledRig:
 
     parts = parts_of(order, setup)
     bench = WireBench(**parts, clock=_clock_of(order))
-    port = wire_port(bench, parts["motor"])
-    return assembled("wire", port, bench.clock, bench, order, lambda: port.nodes)
+    port = wire_port(
+        bench, parts["motor"], wire_config(bench, parts["motor"], has_guard=setup.guard)
+    )
+    return assembled("wire", port, bench.clock, bench, order, **of_bus(bench, port))
 
 
 def on_the_wire_by_position(order: Order, setup: Setup) -> AssembledRig:
@@ -146,8 +160,9 @@ def on_the_wire_by_position(order: Order, setup: Setup) -> AssembledRig:
 
     parts = parts_of(order, setup)
     bench = WireBench(**parts, clock=_clock_of(order))
-    port = wire_port(bench, parts["motor"], position_config(bench, parts["motor"]))
-    return assembled("wire-csp", port, bench.clock, bench, order, lambda: port.nodes)
+    config = position_config(bench, parts["motor"], has_guard=setup.guard)
+    port = wire_port(bench, parts["motor"], config)
+    return assembled("wire-csp", port, bench.clock, bench, order, **of_bus(bench, port))
 
 
 def position_config(
@@ -182,8 +197,8 @@ def on_the_wire_with_box(order: Order, setup: Setup) -> AssembledRig:
 
     parts = parts_of(order, setup)
     bench = WireBench(**parts, clock=_clock_of(order))
-    port = box_port(bench, parts["motor"])
-    return assembled("wire-box", port, bench.clock, bench, order, lambda: port.nodes)
+    port = box_port(bench, parts["motor"], has_guard=setup.guard)
+    return assembled("wire-box", port, bench.clock, bench, order, **of_bus(bench, port))
 
 
 def on_the_wire_by_reference(order: Order, setup: Setup) -> AssembledRig:
@@ -194,8 +209,9 @@ def on_the_wire_by_reference(order: Order, setup: Setup) -> AssembledRig:
     bench = WireBench(
         **parts, clock=_clock_of(order), reference=reference_device(order, parts["motor"], setup)
     )
-    port = wire_port(bench, parts["motor"], reference_config(bench, parts["motor"]))
-    return assembled("wire-analog", port, bench.clock, bench, order, lambda: port.nodes)
+    config = reference_config(bench, parts["motor"], has_guard=setup.guard)
+    port = wire_port(bench, parts["motor"], config)
+    return assembled("wire-analog", port, bench.clock, bench, order, **of_bus(bench, port))
 
 
 def reference_device(order: Order, motor: ServoMotor, setup: Setup = Setup()) -> ReferenceDevice:

@@ -25,6 +25,7 @@ from rig.bench.backends.registry import HARDWARE
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
 from rig.run.arming import guard_check, handle_check, loss_check
+from rig.run.commissioned import commissioned_check
 from rig.run.dry_run import PlannedRun
 from rig.run.parts import RunReport
 from rig.run.start import bench_for, handle_of, plan_order, run_on
@@ -116,7 +117,7 @@ def examine(
     on_stage("standing")
     rig = make()
     findings = [*bench_lines(order), disk(order.folder), calendar(rig.clock)]
-    findings += _examine_standing(rig, planned)
+    findings += examine_standing(rig, planned, order)
     if order.backend == HARDWARE:
         findings += output_assumptions(planned.gear, order.output_bearing)
     findings.append(readout(serial_line, rig.clock))
@@ -152,6 +153,7 @@ class Looked:
 
     rig: AssembledRig
     planned: PlannedRun
+    order: Order
     stand: Stand | None = None
     heard: Mapping[int, Sequence[int]] = field(default_factory=dict)
 
@@ -262,7 +264,15 @@ def _abilities(looked: Looked) -> Iterable[Finding]:
     return inspect_abilities(looked.rig.port)
 
 
+def _commissioned(looked: Looked) -> Iterable[Finding]:
+    order = looked.order
+    if order.backend != HARDWARE:
+        return ()
+    return (replace(commissioned_check(looked.rig, order, bench_for(order)), where="bench"),)
+
+
 PARTS: tuple[Part, ...] = (
+    Part("bench", "commissioning", _commissioned),
     Part("abilities", "abilities", _abilities),
     Part("safety", "drive limits", _limits),
     Part("safety", "guard", _guard),
@@ -275,9 +285,9 @@ PARTS: tuple[Part, ...] = (
 """What is looked at while the rig stands open, in this order."""
 
 
-def _examine_standing(rig: AssembledRig, planned: PlannedRun) -> list[Finding]:
+def examine_standing(rig: AssembledRig, planned: PlannedRun, order: Order) -> list[Finding]:
     """Everything that can be seen with the servo off."""
-    port, looked = rig.port, Looked(rig, planned)
+    port, looked = rig.port, Looked(rig, planned, order)
     findings: list[Finding] = []
     try:
         description = port.open()
@@ -358,13 +368,13 @@ def _examine_motion(
         try:
             thrown_away = replace(order, folder=Path(folder))
             report = run_on(rig, thrown_away, planned, stop, bench=bench_for(order))
-            findings = [_ending(report), *_inspected(report, planned)]
+            findings = [ending_of(report), *_inspected(report, planned)]
         except (DriverError, RigError, ExperimentError) as error:
             return [Finding("run", Severity.BLOCKS, str(error), where="motion")]
     return findings
 
 
-def _ending(report: RunReport) -> Finding:
+def ending_of(report: RunReport) -> Finding:
     safe = report.make_safe
     stands = "STANDSTILL NOT VERIFIED"
     if safe is not None and safe.safe:

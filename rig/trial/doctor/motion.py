@@ -49,6 +49,8 @@ _LEAST_TORQUE = 0.01
 """N m that the motion must cost before the sense of the torque is believed."""
 TORQUE_SCALE = 0.2
 """Share by which port and drive may differ in what the motion costs."""
+_ANOTHER_SCALE = 2.0
+"""Factor, or one over it, from which one of the two is described wrongly."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,7 @@ def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Findin
     else:
         text = "no output encoder: which way the output turns and the ratio cannot be told"
         yield Finding("output direction and ratio", Severity.NOT_LOOKED_AT, text, where="motion")
-    yield from _torque(recording, turn or outward)
+    yield from torque_findings(recording, turn or outward)
     yield _missed(recording)
     yield _index(recording)
 
@@ -282,7 +284,7 @@ def _skew(recording: Recording, gear: HarmonicDrive) -> Finding:
     )
 
 
-def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
+def torque_findings(recording: Recording, segment: Segment) -> Iterable[Finding]:
     """What the motion costs, by the port and by the drive: the same sense, and about the same number."""
     if not recording.has("torque"):
         text = "there is no torque port"
@@ -305,7 +307,7 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
         )
         return
     scale = port / drive
-    if scale < 0.5:
+    if scale < 1.0 / _ANOTHER_SCALE:
         remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
         yield Finding(
             "torque direction",
@@ -336,7 +338,7 @@ def _torque(recording: Recording, segment: Segment) -> Iterable[Finding]:
         allowed=f"1 +- {TORQUE_SCALE:g}",
         value=scale,
         unit="1",
-        otherwise=Severity.WARNS,
+        otherwise=Severity.WARNS if scale <= _ANOTHER_SCALE else Severity.BLOCKS,
     )
 
 

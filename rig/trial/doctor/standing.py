@@ -23,7 +23,7 @@ DISAGREEMENT = 0.1
 """Share of the rated torque by which port and drive may differ at rest."""
 LARGEST_MISSED = 0.001
 """Share of cycles that may be missed without a word."""
-_ROOM_TEMPERATURES = (-10.0, 60.0)
+ROOM_TEMPERATURES = (-10.0, 60.0)
 SLOW_RATE, SLOWEST_RATE = 0.99, 0.9
 """Shares of the nominal rate below which something is to be said, and below which it is not the
 rate that was asked for.
@@ -209,7 +209,7 @@ def _encoder(stand: Stand, name: str) -> Finding:
 
 
 def _temperatures(stand: Stand) -> Iterable[Finding]:
-    low, high = _ROOM_TEMPERATURES
+    low, high = ROOM_TEMPERATURES
     for name in (names.HOUSING_TEMPERATURE, names.AMBIENT_TEMPERATURE):
         values = stand.si(name)
         if values is not None and len(values):

@@ -11,6 +11,7 @@ from drivers.clock import VirtualClock
 from drivers.port import Abilities
 from experiments.finding import Finding, Severity
 from rig.bench.backends.assembly import AssembledRig
+from rig.bench.backends.order import Order
 from rig.run.dry_run import PlannedRun
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.examine import PARTS, Looked
@@ -84,7 +85,7 @@ def test_the_loss_of_the_computer_is_a_line_of_the_doctor(
         loss_covered_by=covered_by,
     )
     (part,) = [part for part in PARTS if part.name == "guard"]
-    found = {f.what: f for f in part.inspect(Looked(rig, cast("PlannedRun", None)))}
+    found = {f.what: f for f in part.inspect(Looked(rig, cast("PlannedRun", None), cast("Order", None)))}
     assert found["guard"].severity is Severity.PASSED
     assert found["loss of the computer"].severity == result
     assert all(words in found["loss of the computer"].found for words in reasons)
