@@ -168,7 +168,13 @@ def read_record(state: Path) -> tuple[StageDone, ...]:
         return ()
     known = StageDone.__dataclass_fields__
     return tuple(
-        StageDone(**{key: value for key, value in row.items() if key in known})
+        StageDone(
+            **{
+                key: tuple(value) if key == "findings" else value
+                for key, value in row.items()
+                if key in known
+            }
+        )
         for row in _CHAIN.read(path)
     )
 

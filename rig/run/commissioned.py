@@ -46,11 +46,15 @@ def missing_on(
 
 
 def devices_of(rig: AssembledRig) -> dict[str, Device]:
-    """Who is on the bus of an open rig, by what each node is; of a rig without a bus nobody is known."""
+    """Who is on the bus of an open rig, by node; of a rig without a bus nobody is known."""
     if rig.nodes is None:
         return {}
-    found = rig.nodes().identities.items()
-    return {name: {key: str(value) for key, value in asdict(one).items()} for name, one in found}
+    nodes = rig.nodes()
+    found = zip(nodes.devices, nodes.identities.values(), strict=True)
+    return {
+        f"node {device.node_id}": {key: str(value) for key, value in asdict(identity).items()}
+        for device, identity in found
+    }
 
 
 def is_exempt(rig: AssembledRig) -> bool:

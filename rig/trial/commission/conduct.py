@@ -72,6 +72,8 @@ def stages_to_do(missing: Sequence[Missing], asked: Sequence[str]) -> tuple[Stag
 def do_stage(stage: Stage, work: Work, description: str) -> Seen:
     """Do one stage and record how it came out, whatever happens. Raises only where it cannot be recorded."""
     record, seen = read_record(work.bench.state), Seen()
+    # Who was read is whom the later stages are done with: exchanged, none of them counts.
+    known = next((one.devices for one in reversed(record) if one.stage == "read"), {})
 
     def done(*, begun: bool = False) -> StageDone:
         answers = {**seen.answers, **({BEGUN: work.now()} if begun else {})}
@@ -81,7 +83,7 @@ def do_stage(stage: Stage, work: Work, description: str) -> Seen:
             operator=work.order.operator,
             passed=seen.is_fine and not begun,
             description=description,
-            devices=dict(seen.devices),
+            devices=dict(seen.devices or known),
             findings=[finding.as_json() for finding in seen.findings],
             answers=answers,
             runs=dict(seen.runs),

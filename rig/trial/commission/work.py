@@ -16,7 +16,6 @@ from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.registry import make_port
 from rig.bench.commissioning import Device
 from rig.bench.identity import Bench
-from rig.run.commissioned import devices_of
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Ask
 from rig.run.parts import Progress, RunReport
@@ -130,10 +129,6 @@ class Work:
         if report.path.exists():
             seen.runs[report.path.name] = file_sha256(report.path)
         return report, rig
-
-    def devices(self, seen: Seen, rig: AssembledRig) -> None:
-        """Note who is on the bus of an open rig."""
-        seen.devices.update(devices_of(rig))
 
 
 def read_back(

@@ -85,7 +85,9 @@ def test_the_loss_of_the_computer_is_a_line_of_the_doctor(
         loss_covered_by=covered_by,
     )
     (part,) = [part for part in PARTS if part.name == "guard"]
-    found = {f.what: f for f in part.inspect(Looked(rig, cast("PlannedRun", None), cast("Order", None)))}
+    found = {
+        f.what: f for f in part.inspect(Looked(rig, cast("PlannedRun", None), cast("Order", None)))
+    }
     assert found["guard"].severity is Severity.PASSED
     assert found["loss of the computer"].severity == result
     assert all(words in found["loss of the computer"].found for words in reasons)

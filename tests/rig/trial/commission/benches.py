@@ -25,7 +25,7 @@ from rig.trial.commission.work import Seen, Work
 from sim_backend.wire.bench import WireBench
 from sim_backend.world import World
 
-RATE = 100.0
+RATE = 50.0
 GEAR, MOTOR = shipped_gear(), shipped_motor()
 _WORDS = {
     "<rate>": f"{RATE:g}",
