@@ -166,17 +166,12 @@ def read_record(state: Path) -> tuple[StageDone, ...]:
     path = state / JOURNAL_NAME
     if not path.exists():
         return ()
-    known = StageDone.__dataclass_fields__
-    return tuple(
-        StageDone(
-            **{
-                key: tuple(value) if key == "findings" else value
-                for key, value in row.items()
-                if key in known
-            }
-        )
-        for row in _CHAIN.read(path)
-    )
+    return tuple(_line(row) for row in _CHAIN.read(path))
+
+
+def _line(row: Mapping[str, Any]) -> StageDone:
+    known: dict[str, Any] = {k: v for k, v in row.items() if k in StageDone.__dataclass_fields__}
+    return StageDone(**{**known, "findings": tuple(row.get("findings", ()))})
 
 
 def keep(state: Path, done: StageDone) -> None:

@@ -97,13 +97,11 @@ class Work:
                 )
             )
 
-    def plan(self, experiment: Experiment, *, fastest: float, torque: float | None) -> PlannedRun:
+    def plan(self, experiment: Experiment, *, fastest: float, torque: float) -> PlannedRun:
         """The run of a stage whose limits are those of the order, and tighter: speed [rad/s], motor torque [N m]."""
         limits = dict(self.order.limits)
         tighter = {lim.INPUT_SPEED: ROOM * fastest + 5.0 * RPM, lim.MOTOR_TORQUE: torque}
-        for quantity, value in tighter.items():
-            if value is not None:
-                limits[quantity] = min(value, limits.get(quantity, value))
+        limits |= {name: min(value, limits.get(name, value)) for name, value in tighter.items()}
         return plan_order(replace(self.order, limits=limits), experiment)
 
     def turn(
