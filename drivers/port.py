@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from pathlib import Path
 from typing import Final, Literal, Protocol, TypeVar
 
 import numpy as np
@@ -233,6 +234,8 @@ class Abilities:
       itself; known once the rig is open. Without it nobody knows, which is as bad;
     - `has_quick_stop`: QUICK_STOP brings the motor to rest by the drive's own ramp; without it that mode is a set-point
       of zero;
+    - `keep_frames`: writes the bus frames of the last so many seconds to a file, once the rig is closed, and says how
+      many (`OSError` where it cannot be written);
     - `reads_limits_back`: the limits are in the drive, and `write_limits` returns what it holds; without it somebody
       has set them by the maker's tool and says so when the rig is armed.
     """
@@ -243,6 +246,7 @@ class Abilities:
     unwatched: Callable[[], Sequence[str]] | None = None
     has_quick_stop: bool = True
     reads_limits_back: bool = True
+    keep_frames: Callable[[Path, float], int] | None = None
 
 
 class Machine(Protocol):

@@ -24,6 +24,7 @@ from drivers.bus.cia301 import (
     error_register_text,
     nmt_state,
 )
+from drivers.bus.frame_log import ERROR, SENT, FrameLog
 from drivers.clock import Clock
 from drivers.errors import BusLostError, DriverError
 from drivers.event import Event, Level
@@ -191,6 +192,8 @@ class PumpedBus:
         self._heartbeat_period_ns = self._heartbeat_due_ns = 0
         self._is_open = True
         self._asked: tuple[int, bytes] | None = None
+        self.log: FrameLog | None = None
+        """Where every frame is kept that is sent or taken in."""
 
     @property
     def clock(self) -> Clock:
@@ -213,6 +216,8 @@ class PumpedBus:
         message = can.Message(arbitration_id=cob_id, data=data, is_extended_id=False)
         if cob_id >= SDO_REQUEST_BASE:
             self._asked = (cob_id, data)
+        if self.log is not None:
+            self.log.put(self._clock.monotonic_ns(), cob_id, data, SENT)
         try:
             self._raw.send(message)
         except (can.CanError, OSError, ValueError) as error:
@@ -363,6 +368,9 @@ class PumpedBus:
     def _dispatch(self, message: can.Message) -> None:
         self.frames_received += 1
         cob_id = message.arbitration_id
+        if self.log is not None and not message.is_extended_id:
+            marks = ERROR if message.is_error_frame else 0
+            self.log.put(self._clock.monotonic_ns(), cob_id & 0x7FF, message.data, marks)
         if message.is_error_frame:
             self._on_error_frame()
         elif message.is_extended_id or message.is_remote_frame:

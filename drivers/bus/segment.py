@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -22,6 +23,7 @@ from drivers.acquisition_statistics import AcquisitionReport, AcquisitionStatist
 from drivers.bus.amplifier import Left
 from drivers.bus.cia301 import SYNC_COB_ID, ObjectRef
 from drivers.bus.columns import ColumnDecoder
+from drivers.bus.frame_log import FrameLog
 from drivers.bus.frames import CycleStore
 from drivers.bus.letting_go import command_once, let_go
 from drivers.bus.listening import listen_for_masters, listening_time_ns
@@ -78,6 +80,7 @@ class CanSegment:
         self._line: RequestLine | None = None
         self._left_events: list[Event] = []
         self._lost: BusLostError | None = None
+        self._log: FrameLog | None = None
         self.on_sync: Callable[[], None] | None = None
         self._frames: Sequence[Sequence[bytes]] = ()
         self._speeds = self._torques = np.empty(0, dtype=np.int64)
@@ -120,6 +123,7 @@ class CanSegment:
             unwatched=lambda: self.nodes.drive.unwatched,
             has_quick_stop=self._config.drive.has_quick_stop,
             reads_limits_back=self._config.drive.reads_limits_back,
+            keep_frames=self.keep_frames,
         )
 
     def open(self) -> RigDescription:
@@ -136,6 +140,7 @@ class CanSegment:
         )
         self._bus = bus
         config = self._config
+        bus.log = self._log = FrameLog(config.cycle_ns)
         try:
             self._left_events += listen_for_masters(
                 raw,
@@ -245,6 +250,11 @@ class CanSegment:
     def nodes(self) -> RigNodes:
         """The devices, for checks that go beyond running: doctor, drills."""
         return self._opened()
+
+    def keep_frames(self, path: Path, seconds: float) -> int:
+        """Write the frames of the last `seconds`, as python-can does; how many. Raises `OSError`."""
+        epoch = self._clock.calendar_ns() - self._clock.monotonic_ns()
+        return 0 if self._log is None else self._log.write(path, epoch, seconds)
 
     def quick_stop_frames(self) -> list[tuple[int, bytes]]:
         """(COB-ID, data) of the frames that quick-stop the drive without this loop: for a watchdog

@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -17,7 +18,9 @@ from rig.commands.terminal import echo, outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
+    from rig.bench.backends.assembly import AssembledRig
     from rig.bench.backends.order import Order
+    from rig.run.dry_run import PlannedRun
     from rig.trial.doctor.examine import Examination
 
 
@@ -49,6 +52,14 @@ def doctor(
             help="Whether the rig may turn; without it only a simulated one does.",
         ),
     ] = None,
+    bundle: Annotated[
+        Path | None,
+        typer.Option(
+            "--bundle",
+            metavar="FILE",
+            help="Pack checklist, description, nodes, frames and versions for a report of a device; names no person.",
+        ),
+    ] = None,
     no_card: NoCard = False,
     stdin_control: StdinControl = False,
     json: Annotated[
@@ -67,10 +78,9 @@ def doctor(
     from rig import exits
     from rig.analysis.store import json_ready
     from rig.bench.backends.registry import HARDWARE
-    from rig.commands.ordering import confirmed, order_of
-    from rig.run.arming import refuse_unarmed
+    from rig.commands.ordering import order_of
     from rig.run.remote import RemoteOperator, lines_of
-    from rig.run.start import arming_of, plan_order, rig_for
+    from rig.run.start import plan_order, rig_for
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.doctor.examine import examine, readout_of
     from rig.trial.doctor.motion import EXPERIMENT
@@ -80,16 +90,20 @@ def doctor(
     planned = plan_order(order, EXPERIMENT)
     moves = move if move is not None else order.backend != HARDWARE
     if moves:
-        confirmation = confirmed(order, planned, confirm, not (json or stdin_control))
-        if order.backend == HARDWARE:
-            refuse_unarmed(arming_of(order, planned, confirmation))
+        _arm(order, planned, confirm, asks=not (json or stdin_control))
+    made: list[AssembledRig] = []
+
+    def make() -> AssembledRig:
+        made.append(rig_for(order, planned))
+        return made[-1]
+
     stop = StopRequest()
     remote = RemoteOperator(stop, partial(print, flush=True), WallClock())
     if stdin_control:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
     with _bench_of_its_own(order, moves), pressed_by_signals(stop):
         examination = examine(
-            lambda: rig_for(order, planned),
+            make,
             order,
             moves=moves,
             why_not="asked not to move; --move lets it",
@@ -99,15 +113,45 @@ def doctor(
                 None if json or stdin_control else echo(f"{stage} ...", errors=True)
             ),
         )
+        packed = _bundle(bundle, examination, made, order)
     if stdin_control:
         remote.report(json_ready(examination.as_json()))
     elif json:
         print_json(examination.as_json())
     else:
-        _print(examination)
+        _print(examination, bundle, packed)
     if examination.was_stopped:
         raise typer.Exit(exits.ABORTED)
     raise typer.Exit(exits.DONE if examination.is_fine else exits.ERROR)
+
+
+def _arm(order: Order, planned: PlannedRun, confirm: str, *, asks: bool) -> None:
+    """Refuse motion on hardware that nobody armed."""
+    from rig.bench.backends.registry import HARDWARE
+    from rig.commands.ordering import confirmed
+    from rig.run.arming import refuse_unarmed
+    from rig.run.start import arming_of
+
+    confirmation = confirmed(order, planned, confirm, asks)
+    if order.backend == HARDWARE:
+        refuse_unarmed(arming_of(order, planned, confirmation))
+
+
+def _bundle(
+    path: Path | None, examination: Examination, rigs: list[AssembledRig], order: Order
+) -> tuple[str, ...]:
+    """Pack what was found, while the bench is still this program's own; what is in it."""
+    from rig.errors import ConfigurationError
+    from rig.run.start import bench_for
+    from rig.trial.doctor.bundle import write_bundle
+
+    if path is None:
+        return ()
+    try:
+        bench = bench_for(order)
+    except ConfigurationError:
+        bench = None
+    return write_bundle(path, examination, rigs, bench, order.config)
 
 
 @contextmanager
@@ -146,7 +190,9 @@ def _refuse_a_replay(backend: str) -> None:
         )
 
 
-def _print(examination: Examination) -> None:
+def _print(
+    examination: Examination, bundle: Path | None = None, packed: tuple[str, ...] = ()
+) -> None:
     from experiments.finding import Severity
     from rig.commands.findings import print_findings
 
@@ -160,3 +206,5 @@ def _print(examination: Examination) -> None:
         f"{len(examination.findings)} lines, {count[Severity.BLOCKS]} failed, "
         f"{count[Severity.WARNS]} warnings, {count[Severity.NOT_LOOKED_AT]} not looked at"
     )
+    if packed:
+        echo(f"{bundle}: {', '.join(packed)}")

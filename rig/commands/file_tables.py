@@ -12,7 +12,7 @@ from rich.console import Console
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, fact_table, painted
 from rig.commands.visible import Text
-from rig.content.grid import Fact, Grid, columns
+from rig.content.grid import Fact, Grid, columns, number_columns
 from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
 from rig.program import brought_by
@@ -22,6 +22,7 @@ from rig.runfile.header import ORIGIN_WORDS
 if TYPE_CHECKING:
     from experiments.recording import Recording
     from rig.analysis.judging import GearVerdict
+    from rig.trial.doctor.frames import Played
 
 _SHOWN_SEGMENTS = 24
 _SHOWN_EVENTS = 20
@@ -217,3 +218,34 @@ def _row_text(recording: Recording) -> str:
     flagged = sum(int((recording.flags(block) != 0).sum()) for block in recording.blocks())
     missed = f", {flagged} cycles flagged" if flagged else ""
     return f"{rows}{rate}, {duration_text(total)}, time base {m.time_base}{missed}"
+
+
+def print_frames(played: Played, log: Path) -> None:
+    """The frames of a bus: by COB-ID, what the nodes told, and the latest of them in words."""
+    out = console()
+    out.print(f"{log}: {played.frames} frames in {played.seconds:.1f} s")
+    span = played.seconds or math.inf
+    rows = [
+        (
+            f"0x{cob_id:03X}",
+            one.what,
+            str(one.sent or "-"),
+            str(one.received or "-"),
+            f"{max(one.sent, one.received) / span:.0f}",
+            one.latest,
+        )
+        for cob_id, one in sorted(played.traffic.items())
+    ]
+    numbers = number_columns("sent", "received", "a second")
+    headings = (*columns("COB-ID", "what"), *numbers, *columns("latest data"))
+    out.print(painted(Grid("Frames", headings, rows)))
+    told = [(f"{at:.3f}", event.level, event.source, event.text) for at, event in played.events]
+    if told:
+        headings = (*number_columns("s"), *columns("level", "from", ("what", "sentence")))
+        out.print(painted(Grid("Told by the nodes", headings, told)))
+    latest = [
+        (f"{one.at:.4f}", "sent" if one.is_sent else "", f"0x{one.cob_id:03X}", one.data, one.words)
+        for one in played.latest
+    ]
+    headings = (*number_columns("s"), *columns("", "COB-ID", "data", ("what it says", "sentence")))
+    out.print(painted(Grid(f"The latest {len(latest)}", headings, latest)))

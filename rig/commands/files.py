@@ -128,8 +128,22 @@ def _day(text: str | None, flag: str) -> str | None:
         raise typer.BadParameter(f"{text!r} is no day; write YYYY-MM-DD", param_hint=flag) from None
 
 
-def show(run: _RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) -> None:
+def show(
+    run: _RunArgument,
+    frames: Annotated[
+        bool,
+        typer.Option(
+            "--frames",
+            help="The bus frames that were kept with the run, or of any log that python-can reads, in words.",
+        ),
+    ] = False,
+    unsealed: Unsealed = False,
+    json: JsonFlag = False,
+) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
+    if frames:
+        _show_frames(run, json)
+        return
     from rig.analysis.judging import judge_file
     from rig.commands.file_tables import print_recording
     from rig.runfile.read import close_recording, open_run
@@ -143,6 +157,30 @@ def show(run: _RunArgument, unsealed: Unsealed = False, json: JsonFlag = False) 
             print_recording(recording, run, verdict)
     finally:
         close_recording(recording)
+
+
+def _show_frames(path: Path, json: bool) -> None:
+    """The log of a run, or a log itself, played to the decoders."""
+    from rig.commands.file_tables import print_frames
+    from rig.errors import RunFileError
+    from rig.run.frames import frames_of
+    from rig.runfile.sealed import read_sealed
+    from rig.trial.doctor.frames import play
+
+    log = frames_of(path) if path.name.endswith((".h5", ".h5.part")) else path
+    if log is not path:
+        if not log.exists():
+            raise RunFileError(
+                "no frames were kept with this run",
+                where=str(log),
+                remedy="They are kept of runs that tripped and of stages of a commissioning.",
+            )
+        read_sealed(log)
+    played = play(log)
+    if json:
+        print_json({"file": str(log), **played.as_json()})
+    else:
+        print_frames(played, log)
 
 
 def export(

@@ -34,6 +34,7 @@ from rig.run.commissioned import commissioned_check, refuse_sentence
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
+from rig.run.frames import keep_frames
 from rig.run.latch import latch_of
 from rig.run.marker import RunMarker
 from rig.run.opening import begin_inline_run, begin_threaded_run
@@ -45,6 +46,9 @@ from rig.run.session import execute
 from rig.run.stop import StopRequest
 from rig.run.watchdog import Watchdog
 from rig.run.world import refuse_world, start_state
+
+_FRAMES_OF = ("TRIPPED", "ERROR")
+"""Outcomes of runs whose last frames are kept beside them."""
 
 
 def plan_order(order: Order, experiment: Experiment | None = None) -> PlannedRun:
@@ -215,7 +219,7 @@ def run_on(
         (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)
     )
     try:
-        return run(
+        report = run(
             parts,
             begin,
             stop=stop,
@@ -225,6 +229,9 @@ def run_on(
         )
     finally:
         marker.let_go()
+    if report.outcome in _FRAMES_OF or uncommissioned is None:
+        keep_frames(rig, report)
+    return report
 
 
 def arming_of(order: Order, planned: PlannedRun, confirmation: str = "") -> Arming:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -13,6 +14,7 @@ from drivers.bus.cia402 import tables as obj
 from drivers.bus.cia406 import POSITION, TOTAL_RANGE, CounterConfig
 from drivers.bus.device import RemoteDevice
 from drivers.bus.discover import FoundNode, read_node
+from drivers.bus.frame_log import FrameLog
 from drivers.bus.listening import LEAST_TIME_NS, ListeningBus, masters_heard
 from drivers.bus.rig_config import CanRigConfig
 from drivers.errors import DriverError
@@ -22,9 +24,12 @@ from model.units import REVOLUTION
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.registry import nameplates
 from rig.bench.limits import kinematic_error_margin, torsion_stiffness
+from rig.run.frames import SUFFIX
+from rig.runfile.sealed import seal_in_place
 from rig.trial.commission.work import Seen, Work
 from rig.trial.doctor.standing import ROOM_TEMPERATURES
 
+_NOT_DIGITS = re.compile(r"\D")
 TORQUE_FACTOR = 2.0
 """Factor between two statements of the rated torque from which on one of them is wrong."""
 _VOLTAGE_BIT = 0x0010
@@ -36,15 +41,23 @@ _MISCOUNT = 0.25
 
 
 @contextmanager
-def _quiet(rig: AssembledRig) -> Iterator[ListeningBus]:
-    """The bus, for whoever only listens and reads. Raises `DriverError` on a rig without one."""
+def _quiet(stage: str, work: Work, seen: Seen, rig: AssembledRig) -> Iterator[ListeningBus]:
+    """The bus, for whoever only listens and reads; its frames are kept. Raises `DriverError` on a rig without one."""
     if rig.quiet_bus is None or rig.described is None:
         raise DriverError("this rig has no bus to listen to", where=rig.name)
     bus = rig.quiet_bus()
+    bus.log = FrameLog(rig.described.cycle_ns)
     try:
         yield bus
     finally:
         bus.close()
+        epoch = bus.clock.calendar_ns() - bus.clock.monotonic_ns()
+        path = (
+            work.order.folder / f"commissioning-{stage}-{_NOT_DIGITS.sub('', work.now())}{SUFFIX}"
+        )
+        work.order.folder.mkdir(parents=True, exist_ok=True)
+        bus.log.write(path, epoch)
+        seen.runs[path.name] = seal_in_place(path, path.read_bytes())
 
 
 # --- listen
@@ -53,7 +66,7 @@ def _quiet(rig: AssembledRig) -> Iterator[ListeningBus]:
 def listen(work: Work, seen: Seen) -> None:
     """Hear who is there, and that nobody else commands."""
     rig = work.rig()
-    with _quiet(rig) as bus:
+    with _quiet("listen", work, seen, rig) as bus:
         bus.listen(LEAST_TIME_NS)
         heard = dict(bus.heard)
     config = rig.described
@@ -101,7 +114,7 @@ def read(work: Work, seen: Seen) -> None:
     """Ask every node who it is and how it is set; nothing is written."""
     rig = work.rig()
     config = rig.described
-    with _quiet(rig) as bus:
+    with _quiet("read", work, seen, rig) as bus:
         assert config is not None
         for node_id, profiles in _profiles(config).items():
             group = f"node {node_id}"
@@ -285,7 +298,7 @@ class _Turned:
 def hand(work: Work, seen: Seen) -> None:
     """Emergency stop, the shaft turned by hand, the guard: read by SDO alone."""
     rig = work.rig()
-    with _quiet(rig) as bus:
+    with _quiet("hand", work, seen, rig) as bus:
         config = rig.described
         assert config is not None
         text = (

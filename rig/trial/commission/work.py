@@ -18,6 +18,7 @@ from rig.bench.commissioning import Device
 from rig.bench.identity import Bench
 from rig.run.dry_run import PlannedRun
 from rig.run.engine import Ask
+from rig.run.frames import frames_of
 from rig.run.parts import Progress, RunReport
 from rig.run.start import plan_order, run_on
 from rig.run.stop import StopRequest
@@ -124,8 +125,9 @@ class Work:
             on_progress=lambda progress: on_progress(rig, progress),
             uncommissioned=None,
         )
-        if report.path.exists():
-            seen.runs[report.path.name] = file_sha256(report.path)
+        for path in (report.path, frames_of(report.path)):
+            if path.exists():
+                seen.runs[path.name] = file_sha256(path)
         return report, rig
 
 
