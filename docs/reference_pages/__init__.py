@@ -8,13 +8,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reference_pages import assumed, channel_map, files, fleet_results, measurands, order, program
+from reference_pages import (
+    assumed,
+    channel_map,
+    commissioning,
+    files,
+    fleet_results,
+    measurands,
+    order,
+    program,
+)
 
 PAGES = {
     "protocols": program.protocols,
     "commands": program.commands,
     "order": order.order,
     "configuration": files.configuration,
+    "commissioning": commissioning.commissioning,
     "exit-codes": program.exit_codes,
     "limits": program.limits,
     "gear-file": files.gear_file,

@@ -38,7 +38,7 @@ class FrameLog:
         self._is_full = False
         self._pack = _RECORD.pack_into
 
-    def put(self, time_ns: int, cob_id: int, data: bytes, marks: int = 0) -> None:
+    def put(self, time_ns: int, cob_id: int, data: bytes | bytearray, marks: int = 0) -> None:
         """Keep one frame with an 11-bit identifier; `marks`: `SENT`, `ERROR`."""
         at = self._at
         if at == self._end:

@@ -15,7 +15,7 @@ from rig.bench.backends.registry import make_port
 from rig.errors import ChangedRunError
 from rig.main import app
 from rig.run.frames import frames_of
-from rig.run.parts import RunReport
+from rig.run.parts import Progress, RunReport
 from rig.run.start import plan_order, run_on
 from rig.trial.commission.motion import UNCOUPLED
 from rig.trial.doctor.bundle import without_persons
@@ -27,9 +27,11 @@ def run(folder: Path, act: str) -> RunReport:
     rig = make_port(order, Setup(gear_mounted=False, guard=True))
     assert rig.person is not None
     person = rig.person
-    return run_on(
-        rig, order, plan_order(order, UNCOUPLED), on_progress=lambda _: person(act) and None
-    )
+
+    def acts(_: Progress) -> None:
+        person(act)
+
+    return run_on(rig, order, plan_order(order, UNCOUPLED), on_progress=acts)
 
 
 def test_a_run_that_trips_keeps_its_frames_and_another_does_not(tmp_path: Path) -> None:
