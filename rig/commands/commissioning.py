@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rig.commands.ordering import NoCard, Said, with_order
+from rig.commands.running import Events, StdinControl
 from rig.commands.terminal import console, echo, outliving_the_terminal, painted, print_json
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from rig.bench.backends.order import Order
     from rig.bench.commissioning import Missing, Stage, StageDone
     from rig.bench.identity import Bench
-    from rig.trial.commission.work import Seen
+    from rig.run.remote import RemoteOperator
+    from rig.run.stop import StopRequest
+    from rig.trial.commission.work import Seen, Work
 
 
 @outliving_the_terminal()
@@ -52,6 +55,8 @@ def commission(
         bool,
         typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
     ] = False,
+    events: Events = False,
+    stdin_control: StdinControl = False,
 ) -> None:
     """Take a new bench through its first hour, stage by stage; what was done is kept, and goes on where it stopped.
 
@@ -62,12 +67,9 @@ def commission(
     """
     from rig import exits
     from rig.bench.backends.registry import HARDWARE
-    from rig.commands.ordering import confirmed, order_of
-    from rig.run.arming import refuse_unarmed
-    from rig.run.bench_lock import bench_lock
-    from rig.run.start import arming_of, bench_for, plan_order
+    from rig.commands.ordering import order_of
+    from rig.run.start import bench_for
     from rig.trial.commission.conduct import missing_of, stages_to_do
-    from rig.trial.doctor.motion import EXPERIMENT
 
     order = order_of("commission", {}, {"backend": HARDWARE, **said}, no_card=no_card)
     _refuse_without_a_bus(order.backend)
@@ -77,57 +79,160 @@ def commission(
         _list(bench, missing, json)
         return
     to_do = stages_to_do(missing, stages or ())
+    by_a_program = events or stdin_control
     if order.backend == HARDWARE:
-        planned = plan_order(order, EXPERIMENT)
-        confirmation = confirmed(order, planned, confirm, not json)
-        refuse_unarmed(arming_of(order, planned, confirmation))
-    done: dict[str, Seen] = {}
-    stopped = False
-    with bench_lock(bench, "rig commission"):
-        for stage in to_do:
-            seen, stopped = _one(stage, order, bench, description, quiet=json)
-            done[stage.name] = seen
-            if stopped or not seen.is_fine:
-                break
-    missing = missing_of(bench, description)
-    if json:
-        print_json(_as_json(done, missing))
-    else:
-        _ending(done, missing)
+        _arm(order, confirm, asks=not (json or by_a_program))
+    crew = _Program(order, to_do, listens=stdin_control) if by_a_program else _Terminal(quiet=json)
+    done, stopped = _conducted(to_do, order, bench, description, crew)
+    crew.over(done, missing_of(bench, description))
+    if json and not by_a_program:
+        print_json(_as_json(done, missing_of(bench, description)))
     if stopped:
         raise typer.Exit(exits.ABORTED)
     if not all(seen.is_fine for seen in done.values()):
         raise typer.Exit(exits.ERROR)
 
 
-def _one(
-    stage: Stage, order: Order, bench: Bench, description: str, *, quiet: bool
-) -> tuple[Seen, bool]:
-    """One stage with its own STOP; what was seen, and whether the operator stopped it."""
-    from rig.commands.prompting import terminal_ask
+def _arm(order: Order, confirm: str, *, asks: bool) -> None:
+    from rig.commands.ordering import confirmed
+    from rig.run.arming import refuse_unarmed
+    from rig.run.start import arming_of, plan_order
+    from rig.trial.doctor.motion import EXPERIMENT
+
+    planned = plan_order(order, EXPERIMENT)
+    refuse_unarmed(arming_of(order, planned, confirmed(order, planned, confirm, asks)))
+
+
+def _conducted(
+    to_do: Sequence[Stage],
+    order: Order,
+    bench: Bench,
+    description: str,
+    crew: _Terminal | _Program,
+) -> tuple[dict[str, Seen], bool]:
+    """Every stage with a STOP of its own, up to the first that fails; and whether the operator stopped it."""
+    from rig.run.bench_lock import bench_lock
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.commission.conduct import do_stage
-    from rig.trial.commission.work import Work
 
-    if not quiet:
-        echo(
-            f"\n{stage.name} (gear {stage.gear})\n  done: {stage.does}\n  must be seen: {stage.must_be_seen}"
-        )
-    stop = StopRequest()
-    work = Work(
-        order=order,
-        bench=bench,
-        ask=terminal_ask(stop),
-        stop=stop,
-        now=lambda: datetime.now(UTC).isoformat(timespec="seconds"),
-    )
-    with pressed_by_signals(stop):
-        seen = do_stage(stage, work, description)
-    if not quiet:
+    done: dict[str, Seen] = {}
+    stopped = False
+    with bench_lock(bench, "rig commission"):
+        for index, stage in enumerate(to_do):
+            stop = StopRequest()
+            work = crew.work(order, bench, stop)
+            crew.begun(index, stage)
+            with pressed_by_signals(stop):
+                done[stage.name] = do_stage(stage, work, description)
+            crew.ended(index, stage, done[stage.name])
+            stopped = bool(stop.level) and stage.name != "stop-key"
+            if stopped or not done[stage.name].is_fine:
+                break
+    return done, stopped
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+class _Terminal:
+    """Whoever sits at the terminal."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+
+    def work(self, order: Order, bench: Bench, stop: StopRequest) -> Work:
+        from rig.commands.prompting import terminal_ask
+        from rig.trial.commission.work import Work
+
+        return Work(order=order, bench=bench, ask=terminal_ask(stop), stop=stop, now=_now)
+
+    def begun(self, index: int, stage: Stage) -> None:
+        if not self._quiet:
+            heading = f"\n{stage.name} (gear {stage.gear})"
+            echo(f"{heading}\n  done: {stage.does}\n  must be seen: {stage.must_be_seen}")
+
+    def ended(self, index: int, stage: Stage, seen: Seen) -> None:
         from rig.commands.findings import print_findings
 
-        print_findings({stage.name: seen.findings})
-    return seen, bool(stop.level) and stage.name != "stop-key"
+        if not self._quiet:
+            print_findings({stage.name: seen.findings})
+
+    def over(self, done: Mapping[str, Seen], missing: Sequence[Missing]) -> None:
+        if not self._quiet:
+            echo("\n".join(_lines(done, missing)))
+
+
+class _Program:
+    """Another program: it hears the stages as those of a campaign, and answers."""
+
+    def __init__(self, order: Order, to_do: Sequence[Stage], *, listens: bool) -> None:
+        from drivers.clock import WallClock
+        from rig.run.remote import RemoteOperator, lines_of
+        from rig.run.stop import StopRequest
+
+        self._gear = order.serial
+        self._remote: RemoteOperator = RemoteOperator(StopRequest(), _print_line, WallClock())
+        if listens:
+            self._remote.listen_in_background(lines_of(sys.stdin.fileno()))
+        rows = [{"protocol": stage.name, "nominal": 0.0, "longest": 0.0} for stage in to_do]
+        self._remote.tell("campaign", {**self._named(), "title": "commissioning", "stages": rows})
+
+    def _named(self) -> dict[str, str]:
+        return {"campaign": "commissioning", "gear": self._gear}
+
+    def work(self, order: Order, bench: Bench, stop: StopRequest) -> Work:
+        from rig.trial.commission.work import Work
+
+        self._remote.serve(stop)
+        return Work(
+            order=order,
+            bench=bench,
+            ask=self._remote.ask,
+            stop=stop,
+            now=_now,
+            on_progress=self._remote.on_progress,
+            on_event=self._remote.on_event,
+        )
+
+    def begun(self, index: int, stage: Stage) -> None:
+        told = {"index": index, "protocol": stage.name, "state": "begun"}
+        self._remote.tell("stage", {**told, "does": stage.does, "must_be_seen": stage.must_be_seen})
+
+    def ended(self, index: int, stage: Stage, seen: Seen) -> None:
+        failed = "; ".join(one.sentence for one in seen.findings if one.severity == "blocks")
+        run = seen.latest
+        outcome = "COMPLETED" if seen.is_fine else "ERROR"
+        report: dict[str, Any] = {
+            "outcome": outcome,
+            "message": failed,
+            "path": "" if run is None else str(run.path),
+            "rows": 0 if run is None else run.rows,
+            # What did not turn stands; what a stage let somebody stop was seen to stand, or the stage has failed.
+            "make_safe": {"safe": run is None or run.safe or seen.is_fine},
+        }
+        told = {"index": index, "protocol": stage.name, "state": "ended", "run": ""}
+        self._remote.tell(
+            "stage", {**told, "outcome": outcome, "message": failed, "report": report}
+        )
+
+    def over(self, done: Mapping[str, Seen], missing: Sequence[Missing]) -> None:
+        fine = all(seen.is_fine for seen in done.values())
+        self._remote.report(
+            {
+                **self._named(),
+                **_as_json(done, missing),
+                "complete": fine,
+                "outcome": "COMPLETED" if fine else "ERROR",
+                "verdict": "stages are missing" if missing else "every stage is done",
+                "lines": _lines(done, missing),
+            }
+        )
+
+
+def _print_line(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
 
 
 def _refuse_without_a_bus(backend: str) -> None:
@@ -189,12 +294,13 @@ def _by(done: StageDone) -> str:
     return f"{done.at[:10]}, {done.operator or 'nobody'}"
 
 
-def _ending(done: Mapping[str, Seen], missing: Sequence[Missing]) -> None:
+def _lines(done: Mapping[str, Seen], missing: Sequence[Missing]) -> list[str]:
+    """How it stands, in lines."""
     if not done:
-        echo("Nothing is missing: every stage was done with this description.")
-        return
+        return ["Nothing is missing: every stage was done with this description."]
     left = f"still missing: {', '.join(map(str, missing))}" if missing else "every stage is done"
-    echo(f"\n{len(done)} stages, {left}")
+    failed = [f"{name} failed" for name, seen in done.items() if not seen.is_fine]
+    return ["; ".join([f"{len(done)} stages", *failed, left])]
 
 
 def _as_json(done: Mapping[str, Seen], missing: Sequence[Missing]) -> dict[str, Any]:

@@ -63,6 +63,12 @@ class RemoteOperator:
             target=self.listen, args=(lines,), name="remote operator", daemon=True
         ).start()
 
+    def serve(self, stop: StopRequest) -> None:
+        """From now on STOP and ABORT are said to this: one stop was obeyed, and was the purpose."""
+        if self._is_gone:
+            stop.stop()
+        self._stop = stop
+
     def take(self, line: str) -> None:
         """One line: a word, and what follows it."""
         word, _, rest = line.strip().partition(" ")

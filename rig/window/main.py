@@ -45,7 +45,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 from rig.window.shell.theme import apply_theme, theme_named
-from rig.window.work.prepared import PreparedCampaign, PreparedRun
+from rig.window.work.prepared import PreparedCampaign, PreparedCommission, PreparedRun
 
 PAGES = ("prepare", "run", "review", "fleet")
 """The pages in the order of the navigation; Ctrl+1 to Ctrl+4."""
@@ -147,8 +147,8 @@ class MainWindow(QMainWindow):
         self.stack.setCurrentIndex(index)
         self._buttons.button(index).setChecked(True)
 
-    def start(self, prepared: PreparedRun | PreparedCampaign) -> None:
-        """Start a prepared run, or a campaign of them, and watch it."""
+    def start(self, prepared: PreparedRun | PreparedCampaign | PreparedCommission) -> None:
+        """Start a prepared run, a campaign of them, or a commissioning, and watch it."""
         if self.run.is_active:
             self.session.message.emit(
                 "A run is going on: stop it or wait for its end before the next."
@@ -157,6 +157,8 @@ class MainWindow(QMainWindow):
         self.show_page("run")
         if isinstance(prepared, PreparedCampaign):
             self.run.start_campaign(prepared)
+        elif isinstance(prepared, PreparedCommission):
+            self.run.start_commission(prepared)
         else:
             self.run.start(prepared)
 

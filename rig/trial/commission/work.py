@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from experiments.contract import Experiment
 from experiments.finding import Finding, Severity
-from experiments.recording import Recording
+from experiments.recording import Event, Recording
 from experiments.steps.note import Prompt
 from model.units import RPM
 from rig.bench import limits as lim
@@ -38,6 +38,8 @@ class Seen:
     answers: dict[str, str] = field(default_factory=dict)
     runs: dict[str, str] = field(default_factory=dict)
     devices: dict[str, Device] = field(default_factory=dict)
+    latest: RunReport | None = None
+    """How the run of a stage that turns came to its end."""
 
     @property
     def is_fine(self) -> bool:
@@ -59,6 +61,8 @@ class Work:
     stop: StopRequest
     now: Callable[[], str]
     make: Make = make_port
+    on_progress: Callable[[Progress], None] | None = None
+    on_event: Callable[[Event], None] | None = None
     record: Callable[[Seen], None] = lambda seen: None
     """Writes down that a stage has begun from which this program does not come back."""
 
@@ -115,6 +119,12 @@ class Work:
         """Turn by a plan, as every run does; its file is kept, and who was on the bus."""
         rig = self.rig(coupled=planned.experiment.gear_mounted)
         order = replace(self.order, protocol=planned.experiment.name)
+
+        def progressed(progress: Progress) -> None:
+            on_progress(rig, progress)
+            if self.on_progress is not None:
+                self.on_progress(progress)
+
         report = run_on(
             rig,
             order,
@@ -122,9 +132,11 @@ class Work:
             stop or self.stop,
             ask=self.ask,
             bench=self.bench,
-            on_progress=lambda progress: on_progress(rig, progress),
+            on_progress=progressed,
+            on_event=self.on_event,
             uncommissioned=None,
         )
+        seen.latest = report
         for path in (report.path, frames_of(report.path)):
             if path.exists():
                 seen.runs[path.name] = file_sha256(path)

@@ -39,6 +39,7 @@ from rig.window.prepare.request import (
     Intent,
     Outlook,
     RigChoice,
+    commission_arguments,
     doctor_arguments,
     is_armed,
     look_ahead,
@@ -63,6 +64,7 @@ from rig.window.shell.stack import (
 )
 from rig.window.work.background import LatestTask, single_shot
 from rig.window.work.child import Ending, RunProcess
+from rig.window.work.prepared import PreparedCommission
 
 TYPING_PAUSE = 250
 """ms without a change after which the plan is worked out anew."""
@@ -103,6 +105,11 @@ class PreparePage(QWidget):
             "Ask the &rig",
             tip="Connect and look: nodes, directions, torque zero, limits (rig doctor)",
             act=self.ask_the_rig,
+        )
+        self.commission_button = push_button(
+            "&Commission …",
+            tip="Take a new bench through its first hour, stage by stage (rig commission)",
+            act=self.commission_bench,
         )
         self.training_button = push_button("&Training …", act=self.open_training)
         self.acknowledge_button = push_button("Ac&knowledge the trip …", act=self.acknowledge_trip)
@@ -164,6 +171,7 @@ class PreparePage(QWidget):
             self.acknowledge_button,
             self.sign_button,
             self.training_button,
+            self.commission_button,
             self.doctor_button,
         )
         checks = room_for(in_column(head, (scrolled(self.checklist), 1), margins=(8, 4, 8, 0)))
@@ -176,6 +184,9 @@ class PreparePage(QWidget):
     def _start_row(self) -> QHBoxLayout:
         self.confirmation.setMaximumWidth(240)
         self.confirmation.setVisible(self._session.is_hardware)
+        # What has no bus has no devices that could be met.
+        has_bus = self._session.is_hardware or self._session.backend.startswith("wire")
+        self.commission_button.setVisible(has_bus)
         self.start_button.setMinimumHeight(36)
         return in_row((self.waiting, 1), self.confirmation, self.start_button)
 
@@ -286,6 +297,29 @@ class PreparePage(QWidget):
         self.doctor_button.setEnabled(False)
         self.doctor_button.setText("Asking the rig … (Esc stops)")
         self.asking_changed.emit()
+
+    def commission_bench(self) -> None:
+        """Begin, or go on with, the commissioning of the bench of this window. A rig of hardware has to be armed."""
+        intent, outlook = self.intent, self.outlook
+        order = outlook.order if outlook is not None and not self.is_stale else None
+        if order is None or not order.operator:
+            self._session.message.emit(
+                "Name operator and gear first: each stage is recorded with them."
+            )
+            return
+        if intent.rig.is_hardware and not is_armed(intent):
+            self._session.message.emit(
+                "Type the gear's serial number beside Start: it arms the commissioning."
+            )
+            return
+        try:
+            parameters = write_parameters(order)
+        except (RigError, ModelError) as error:
+            self._session.message.emit(str(error))
+            return
+        words = commission_arguments(order, intent.confirmation.strip(), parameters)
+        self.confirmation.clear()
+        self.start_requested.emit(PreparedCommission(words, "Commissioning"))
 
     def stop_asking(self) -> None:
         """Let what turns for `rig doctor` ramp to standstill, and end it."""

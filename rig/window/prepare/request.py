@@ -320,6 +320,15 @@ def doctor_arguments(
     return words
 
 
+def commission_arguments(
+    order: Order, confirmation: str = "", parameters: Path | None = None
+) -> list[str]:
+    """What follows `python -m rig` to take this bench through the stages that are missing."""
+    words = ["commission", *arguments_of(order, SAID_TO_A_CHILD[:-1], parameters)]
+    words += [f"--confirm={confirmation}"] if confirmation else []
+    return [*words, "--events", "--stdin-control"]
+
+
 def arming(intent: Intent, typed: str) -> Arming:
     """What an intent says of who arms it, with what was typed."""
     return Arming(

@@ -247,6 +247,8 @@ def _campaign_headline(state: RunState, report: dict[str, Any]) -> str:
     if state.safe is False:
         return _headline_of(state, report)
     what = f"Campaign {report.get('campaign', '')}, gear {report.get('gear', '')}"
+    if "lines" in report:
+        what = "Commissioning"
     if report.get("complete"):
         return f"{what}: COMPLETED, {report.get('verdict', '')}"
     return f"{what}: INCOMPLETE, {report.get('outcome', '')}"
@@ -256,6 +258,8 @@ def campaign_lines(report: dict[str, Any]) -> list[str]:
     """What a campaign found: the verdict with its reasons, what was done again, what went wrong, how it goes on."""
     if not report:
         return []
+    if "lines" in report:
+        return [str(line) for line in report["lines"]]
     reasons = [str(why) for why in report.get("because", ())]
     more = len(reasons) - _MOST_REASONS
     if more > 0:

@@ -45,7 +45,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 from rig.window.work.child import Ending, RunProcess
-from rig.window.work.prepared import PreparedCampaign, PreparedRun
+from rig.window.work.prepared import PreparedCampaign, PreparedCommission, PreparedRun
 
 _SIDE_WIDTH = 330
 """Logical pixels of the column of margins and events."""
@@ -130,6 +130,17 @@ class RunPage(QWidget):
         )
         for note in prepared.notes:
             process.note(note)
+
+    def start_commission(self, prepared: PreparedCommission) -> None:
+        """Start a commissioning and watch its stages as those of a campaign."""
+        self._title = self._campaign_title = prepared.title
+        process = self._start_process(list(prepared.arguments))
+        process.campaign.connect(self._on_commission)
+        self._begin(process, None, None)
+
+    def _on_commission(self, told: dict[str, Any]) -> None:
+        """The stages that are missing."""
+        self.stages.expect([StageRow(str(one["protocol"]), 0.0) for one in told["stages"]])
 
     def start_command(self, arguments: list[str], title: str = "") -> None:
         """Start `rig run` with these arguments and watch it, without a plan to compare with."""
@@ -234,6 +245,11 @@ class RunPage(QWidget):
             self._expect(planned, None if planned is None else preview_plan(planned))
             number = f"run {index + 1} of {len(self.stages.rows)}"
             self._title = f"{self._campaign_title}, {number}: {protocol}"
+            if "does" in told:
+                # A stage of a commissioning: its STOP, if it was pressed, was the one before.
+                self._step.setText(f"{told['does']} Must be seen: {told['must_be_seen']}")
+                self._change(RunState().armed())
+                return
             self._change(self.state.stage_begun())
         elif told["state"] == "counts":
             self.stages.stands(index, "counts")

@@ -27,6 +27,16 @@ class PreparedRun:
 
 
 @dataclass(frozen=True)
+class PreparedCommission:
+    """A commissioning that may be started; its child tells the stages that are missing. `arguments` begins with
+    "commission".
+    """
+
+    arguments: list[str]
+    title: str = ""
+
+
+@dataclass(frozen=True)
 class PreparedCampaign:
     """A campaign that may be started: as `PreparedRun`, all its runs walked; `arguments` begins with "campaign"."""
 

@@ -4,6 +4,7 @@ trip      a simulated rig whose drive runs away in the middle of a hold: the sup
 ask       asks the operator a question, notes what it is told, and ends by itself
 unsafe    ends without verified standstill
 campaign  two runs one after the other; the first one is done when the line "go on" comes
+commission  a stage that asks, and one whose purpose is a STOP
 mute      ends at once without a report
 """
 
@@ -119,6 +120,43 @@ def campaign() -> None:
     )
 
 
+def commission() -> None:
+    names = ("hand", "stop-key")
+    rows = [{"protocol": name, "nominal": 0.0, "longest": 0.0} for name in names]
+    tell("campaign", campaign="commissioning", gear="SN", title="commissioning", stages=rows)
+    for index, name in enumerate(names):
+        seen = {"does": f"{name} is done.", "must_be_seen": "It stands."}
+        tell("stage", index=index, protocol=name, state="begun", **seen)
+        if name == "hand":
+            tell("prompt", text="Press it.", key="press", consent="it is pressed")
+        else:
+            progress(1, "turning")
+        # An answer, or the STOP.
+        for _ in sys.stdin:
+            break
+        ended = {"outcome": "COMPLETED", "path": "", "rows": 0, "make_safe": {"safe": True}}
+        tell(
+            "stage",
+            index=index,
+            protocol=name,
+            state="ended",
+            run="",
+            outcome="COMPLETED",
+            report=ended,
+        )
+    tell("stage", index=1, protocol="coupled", state="begun", does="", must_be_seen="")
+    tell("stage", index=1, protocol="coupled", state="ended", outcome="COMPLETED", report=ended)
+    tell(
+        "report",
+        campaign="commissioning",
+        gear="SN",
+        complete=True,
+        outcome="COMPLETED",
+        verdict="every stage is done",
+        lines=["2 stages; every stage is done"],
+    )
+
+
 def unsafe() -> None:
     progress(2, "hold 300 r/min")
     event(
@@ -205,4 +243,4 @@ if __name__ == "__main__":
         sys.stderr.write("The configuration cannot be accepted: rig.toml: no such motor.\n")
         raise SystemExit(2)
     else:
-        {"ask": ask, "unsafe": unsafe, "campaign": campaign}[kind]()
+        {"ask": ask, "unsafe": unsafe, "campaign": campaign, "commission": commission}[kind]()
