@@ -12,11 +12,12 @@ def commissioning() -> Iterable[str]:
     from model.units import RPM
     from rig.bench.commissioning import COUPLED, FIRST_SPEED, FIRST_TURNS, STAGES
 
+    later = [stage.name for stage in STAGES if stage.name in COUPLED]
     yield "# Stages of a commissioning"
     yield ""
     yield (
         f"`rig commission`, in this order. Until those with the gear uncoupled are done nothing turns faster than "
-        f"{FIRST_SPEED / RPM:.0f} r/min; until {' and '.join(s.name for s in STAGES if s.name in COUPLED)} are done the "
+        f"{FIRST_SPEED / RPM:.0f} r/min; until {' and '.join(later)} are done the "
         f"output turns no further than {FIRST_TURNS:.0f} time. How it is done: [](../../howto/commission-a-bench.md)."
     )
     yield "\n| stage | gear | what is done | what must be seen |\n|---|---|---|---|"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
@@ -54,7 +52,8 @@ def test_it_is_begun_with_operator_and_gear(
 def test_a_rig_without_a_bus_offers_none(
     session: WindowSession, qtbot: QtBot, settle: Settle
 ) -> None:
-    assert not shown(session, qtbot, settle).commission_button.isVisibleTo(None)
+    made = shown(session, qtbot, settle)
+    assert not made.commission_button.isVisibleTo(made)
 
 
 def test_its_stages_are_watched_to_their_end(window: MainWindow, qtbot: QtBot) -> None:
@@ -79,7 +78,7 @@ def test_its_stages_are_watched_to_their_end(window: MainWindow, qtbot: QtBot) -
 def test_a_question_of_a_stage_is_put_and_answered_and_a_stop_is_of_its_stage(
     window: MainWindow, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(window.run, "_start_process", lambda words: child("commission", Path()))
+    monkeypatch.setattr(window.run, "_start_process", lambda words: child("commission"))
     window.start(PreparedCommission([], "Commissioning"))
     run = window.run
     assert run.process is not None
