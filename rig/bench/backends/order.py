@@ -469,11 +469,11 @@ def _text(value: object) -> str:
 @dataclass(frozen=True, kw_only=True)
 class Setup:
     """What the plan of a run says of the rig that its order asks for: whether a gear is mounted, and the inertia of the
-    disc on its output [kg m2]. A replay must have been recorded with these `parameters` of the protocol. `guard`: a
-    simulated rig on the wire is to have its guard's contact watched.
+    disc on its output [kg m2]. A replay must have been recorded with these `parameters` of the protocol.
+    `watches_contact`: a simulated rig on the wire is to have its guard's contact watched.
     """
 
     gear_mounted: bool = True
     parameters: Mapping[str, object] = field(default_factory=dict)
     disc_inertia: float = 0.0
-    guard: bool = False
+    watches_contact: bool = False

@@ -149,7 +149,7 @@ def on_the_wire(order: Order, setup: Setup) -> AssembledRig:
     parts = parts_of(order, setup)
     bench = WireBench(**parts, clock=_clock_of(order))
     port = wire_port(
-        bench, parts["motor"], wire_config(bench, parts["motor"], has_guard=setup.guard)
+        bench, parts["motor"], wire_config(bench, parts["motor"], has_guard=setup.watches_contact)
     )
     return assembled("wire", port, bench.clock, bench, order, **of_bus(bench, port))
 
@@ -160,7 +160,7 @@ def on_the_wire_by_position(order: Order, setup: Setup) -> AssembledRig:
 
     parts = parts_of(order, setup)
     bench = WireBench(**parts, clock=_clock_of(order))
-    config = position_config(bench, parts["motor"], has_guard=setup.guard)
+    config = position_config(bench, parts["motor"], has_guard=setup.watches_contact)
     port = wire_port(bench, parts["motor"], config)
     return assembled("wire-csp", port, bench.clock, bench, order, **of_bus(bench, port))
 
@@ -197,7 +197,7 @@ def on_the_wire_with_box(order: Order, setup: Setup) -> AssembledRig:
 
     parts = parts_of(order, setup)
     bench = WireBench(**parts, clock=_clock_of(order))
-    port = box_port(bench, parts["motor"], has_guard=setup.guard)
+    port = box_port(bench, parts["motor"], has_guard=setup.watches_contact)
     return assembled("wire-box", port, bench.clock, bench, order, **of_bus(bench, port))
 
 
@@ -209,7 +209,7 @@ def on_the_wire_by_reference(order: Order, setup: Setup) -> AssembledRig:
     bench = WireBench(
         **parts, clock=_clock_of(order), reference=reference_device(order, parts["motor"], setup)
     )
-    config = reference_config(bench, parts["motor"], has_guard=setup.guard)
+    config = reference_config(bench, parts["motor"], has_guard=setup.watches_contact)
     port = wire_port(bench, parts["motor"], config)
     return assembled("wire-analog", port, bench.clock, bench, order, **of_bus(bench, port))
 

@@ -68,7 +68,7 @@ class Work:
 
     def rig(self, *, coupled: bool = True) -> AssembledRig:
         """The rig of the order, put together anew and not opened."""
-        return self.make(self.order, Setup(gear_mounted=coupled, guard=True))
+        return self.make(self.order, Setup(gear_mounted=coupled, watches_contact=True))
 
     def answer(
         self,

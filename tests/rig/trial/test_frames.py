@@ -24,7 +24,7 @@ from rig.trial.doctor.frames import meaning, play, words
 
 def run(folder: Path, act: str) -> RunReport:
     order = Order(protocol="turn", backend="wire", folder=folder, sample_rate=50.0, operator="A")
-    rig = make_port(order, Setup(gear_mounted=False, guard=True))
+    rig = make_port(order, Setup(gear_mounted=False, watches_contact=True))
     assert rig.person is not None
     person = rig.person
 

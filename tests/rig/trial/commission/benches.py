@@ -86,7 +86,7 @@ class Described:
             reference=reference,
         )
         if self.analog_scale:
-            config = reference_config(bench, MOTOR, has_guard=setup.guard)
+            config = reference_config(bench, MOTOR, has_guard=setup.watches_contact)
             per_volt = config.drive.speed_per_volt  # type: ignore[union-attr]
             drive = replace(config.drive, speed_per_volt=self.analog_scale * per_volt)  # type: ignore[arg-type]
             config = replace(config, drive=drive)
