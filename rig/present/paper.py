@@ -39,7 +39,7 @@ def document_of(page: Page) -> Document:
     """The template and what it shows of a report."""
     content = json.dumps(paper_content(page), ensure_ascii=False, allow_nan=False)
     source = resources.files("rig.present").joinpath(TEMPLATE).read_text(encoding="utf-8")
-    return Document(source, content, fonts())
+    return Document(source, content, (fonts(),))
 
 
 def fonts() -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -444,19 +444,25 @@ def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Seque
     return ", ".join(runs)
 
 
-def signature_of(fits: Sequence[Fit]) -> Signature:
-    """Only runs from hardware, sealed and brought to their end, all of them, are signed."""
+NOT_SIGNED = {
+    "marked": "This report holds runs marked {runs}. There is no room for a signature on it.",
+    "unsealed": "Not sealed, so that it could still change: {runs}. It is not signed.",
+    "unfinished": "Not every run reached its end; an incomplete test is not signed.",
+}
+"""Why there is no room for a signature."""
+
+
+def signature_of(fits: Sequence[Fit], said: Callable[[str], str] = str) -> Signature:
+    """Only runs from hardware, sealed and brought to their end, all of them, are signed; `said` is another language's
+    sentence for one of `NOT_SIGNED`.
+    """
     runs = [fit.recording.metadata for fit in fits]
     words = ", ".join(word for word, _ in marks_of(m.origin for m in runs))
     if words:
-        return Signature(
-            False, f"This report holds runs marked {words}. There is no room for a signature on it."
-        )
+        return Signature(False, said(NOT_SIGNED["marked"]).format(runs=words))
     unsealed = ", ".join(m.run_id for m in runs if not m.is_sealed)
     if unsealed:
-        return Signature(
-            False, f"Not sealed, so that it could still change: {unsealed}. It is not signed."
-        )
+        return Signature(False, said(NOT_SIGNED["unsealed"]).format(runs=unsealed))
     if any(m.outcome in UNFINISHED for m in runs):
-        return Signature(False, "Not every run reached its end; an incomplete test is not signed.")
+        return Signature(False, said(NOT_SIGNED["unfinished"]))
     return Signature(True)

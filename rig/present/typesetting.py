@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -23,11 +23,11 @@ from rig.errors import RigError
 
 @dataclass(frozen=True)
 class Document:
-    """What is to be set: the source, the content that it shows (JSON), and the folder of its fonts."""
+    """What is to be set: the source, the content that it shows (JSON), and the folders of its fonts."""
 
     source: str
     content: str
-    fonts: str
+    fonts: Sequence[str]
 
     def set_by_typst(self, call: Any, **output: Any) -> Any:
         """What one of typst's functions makes of it, in this process."""
@@ -35,7 +35,7 @@ class Document:
             self.source.encode(),
             sys_inputs={"content": self.content},
             ignore_system_fonts=True,
-            font_paths=[self.fonts],
+            font_paths=list(self.fonts),
             **output,
         )
 

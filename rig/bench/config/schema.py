@@ -291,7 +291,8 @@ class Laboratory(Part):
     """Who tests and for whom, as it stands on a certificate. `logo` is a picture beside this file (PNG, JPEG, SVG).
 
     `place` is where the test was made, where that is not the address; `received` the day on which the item came;
-    `deviations` what was done otherwise than the method says.
+    `deviations` what was done otherwise than the method says, `language` the certificate's: en, de, ja, or a file of
+    sentences beside this one.
     """
 
     name: str = Field(min_length=1)
@@ -303,6 +304,7 @@ class Laboratory(Part):
     deviations: str = ""
     place: str = ""
     received: datetime.date | None = None
+    language: str = Field(default="en", min_length=1)
 
 
 def _ranged(default: float, name: str) -> Any:

@@ -11,11 +11,11 @@ from rig.content.grid import Grid, columns
 from rig.content.page import Signature
 from rig.content.wording import number
 from rig.present import definitions, provenance
-from rig.present.certificate import words
 from rig.present.certificate.gather import Certified
 from rig.present.certificate.laboratory import LaboratoryWords
 from rig.present.certificate.rests_on import brought_to
 from rig.present.certificate.traceability import Instrument
+from rig.present.certificate.words import Words
 from rig.present.report import signature_of
 from rig.program import Program
 from rig.runfile.manifest import Manifest
@@ -57,16 +57,17 @@ def back_of(
         for fit in gathered.fits
     }
     kind, manifest_file = names
+    words = laboratory.words
     return Back(
-        conditions=tuple(_conditions(gathered, prevailed)),
-        tests=_tests(gathered, prevailed),
-        instruments=_instruments(instruments),
+        conditions=tuple(_conditions(gathered, prevailed, words)),
+        tests=_tests(gathered, prevailed, words),
+        instruments=_instruments(instruments, words),
         paragraphs=tuple(_paragraphs(gathered, laboratory)),
-        remarks=_remarks(gathered),
+        remarks=_remarks(gathered, words),
         manifest=" ".join(manifest.sha256[at : at + 8] for at in range(0, 64, 8)),
         rests_on=words.HASH.format(manifest=manifest_file),
         scope=words.SCOPE.format(kind=kind),
-        signature=signature_of(gathered.fits),
+        signature=signature_of(gathered.fits, words.name),
     )
 
 
@@ -74,27 +75,31 @@ _Prevailed = dict[str, dict[str, str]]
 """What prevailed by kind and by what it is called."""
 
 
-def _conditions(gathered: Certified, prevailed: _Prevailed) -> Iterator[tuple[str, str]]:
+def _conditions(
+    gathered: Certified, prevailed: _Prevailed, words: Words
+) -> Iterator[tuple[str, str]]:
     told: dict[str, object] = {}
     for fit in gathered.fits:
         if fit.recording.metadata.gear_mounted:
             told |= fit.recording.metadata.conditions
     hours = told.get("hours")
     yield words.LUBRICANT, str(told.get("lubricant") or words.NOT_STATED)
-    yield words.HOURS, words.NOT_STATED if hours is None else f"{number(hours)} h"
+    yield words.HOURS, words.NOT_STATED if hours is None else words.numbers(f"{number(hours)} h")
     warm = gathered.fit_of("warm-up")
     warmed = prevailed.get("warm-up", {})
     said = [warmed.get("input speeds", ""), warmed.get("duration", "").partition(" in ")[0]]
-    simulated = " (simulated)" if warm and warm.recording.metadata.origin == "simulated" else ""
-    yield words.WARM_UP, (", ".join(filter(None, said)) + simulated) if warm else words.NO_WARM_UP
+    text = words.named(", ".join(filter(None, said)))
+    if warm and warm.recording.metadata.origin == "simulated":
+        text = words.SIMULATED.format(text=text)
+    yield words.WARM_UP, text if warm else words.NO_WARM_UP
     judged = {line.kind for line in gathered.verdict.lines} or prevailed.keys()
     ambient = dict.fromkeys(
         facts[_AMBIENT] for kind, facts in prevailed.items() if kind in judged and _AMBIENT in facts
     )
-    yield words.AMBIENT, "; ".join(ambient) or words.NOT_STATED
+    yield words.AMBIENT, words.named("; ".join(ambient)) or words.NOT_STATED
 
 
-def _tests(gathered: Certified, prevailed: _Prevailed) -> Grid:
+def _tests(gathered: Certified, prevailed: _Prevailed, words: Words) -> Grid:
     """Each test that is judged with its day, what the rig was set to, and the temperature at which its values hold."""
     rows = []
     judged = {line.kind for line in gathered.verdict.lines}
@@ -106,55 +111,51 @@ def _tests(gathered: Certified, prevailed: _Prevailed) -> Grid:
         day = fit.recording.metadata.start_time[:10] or words.NOT_STATED
         housing = facts.get(_HOUSING, words.NOT_STATED)
         tare = provenance.tare_of(fit)
-        subject = str(fit.result.options.get("torque_is_of", "")) or "–"
-        rows.append(
-            (
-                definitions.title_of(fit.result.kind),
-                day,
-                speeds,
-                housing,
-                subject + (f", tare {tare}" if tare != "none" else ""),
-            )
-        )
-    heads = columns("test", "date", "set to", "housing", "torque of")
+        subject = words.name(str(fit.result.options.get("torque_is_of", ""))) or "–"
+        if tare != "none":
+            subject = words.TARE.format(subject=subject, tare=tare)
+        title = words.name(definitions.title_of(fit.result.kind))
+        rows.append((title, day, words.named(str(speeds)), words.named(housing), subject))
+    heads = columns(*words.HEADS_TESTS)
     return Grid("", heads, rows, words.HOLDS_AT)
 
 
-def _instruments(instruments: tuple[Instrument, ...]) -> Grid:
+def _instruments(instruments: tuple[Instrument, ...], words: Words) -> Grid:
     rows = [
         tuple(
             cell or "–"
             for cell in (
-                one.title,
-                " ".join(filter(None, (one.device, one.serial))),
-                one.certificate,
+                words.name(one.title),
+                " ".join(filter(None, (words.name(one.device), one.serial))),
+                words.name(one.certificate),
                 one.laboratory,
                 one.date,
-                one.due + (f" ({one.doubt})" if one.doubt and one.due else ""),
+                one.due + (f" ({one.doubt_in(words)})" if one.doubt and one.due else ""),
             )
         )
         for one in instruments[:MOST_INSTRUMENTS]
     ]
-    heads = columns(
-        "instrument", "device, serial number", "certificate", "laboratory", "dated", "due"
-    )
+    heads = columns(*words.HEADS_INSTRUMENTS)
     return Grid("", heads, rows)
 
 
 def _paragraphs(gathered: Certified, laboratory: LaboratoryWords) -> Iterator[tuple[str, str]]:
-    titles = ", ".join(definitions.title_of(fit.result.kind).lower() for fit in gathered.fits)
+    words = laboratory.words
+    kinds = [definitions.title_of(fit.result.kind) for fit in gathered.fits]
+    own = [words.names.get(kind) or kind.lower() for kind in kinds]
+    titles = ", ".join(own)
     yield words.METHOD, laboratory.method or words.PROTOCOLS.format(protocols=titles)
     yield words.DEVIATIONS, laboratory.deviations or words.NO_DEVIATIONS
     yield words.RULE_NAME, words.RULE
     yield words.COVERAGE_NAME, words.COVERAGE
 
 
-def _remarks(gathered: Certified) -> tuple[str, ...]:
+def _remarks(gathered: Certified, words: Words) -> tuple[str, ...]:
     """What makes the paper doubtful: scales, analyses without a seal, stale ones with the command that renews them,
     those by different programs, newer runs left away; what does not fit is counted.
     """
     stale = [
-        f"The {one.kind} analysis is stale ({'; '.join(one.stale)}); {one.renewed_by}"
+        words.STALE.format(kind=one.kind, why="; ".join(one.stale), renewed_by=one.renewed_by)
         for one in gathered.analyses
         if one.stale
     ]
@@ -164,10 +165,10 @@ def _remarks(gathered: Certified) -> tuple[str, ...]:
             *stale,
             *gathered.unsealed,
             *alarms,
-            *_different_programs(gathered),
-            *(f"By another package: {one}." for one in brought_to(gathered)),
+            *_different_programs(gathered, words),
+            *(words.ANOTHER_PACKAGE.format(name=one) for one in brought_to(gathered)),
             *gathered.passed_over,
-            *_assumed(gathered),
+            *_assumed(gathered, words),
         ]
     )
     cut = [
@@ -179,18 +180,19 @@ def _remarks(gathered: Certified) -> tuple[str, ...]:
     return tuple(cut)
 
 
-def _assumed(gathered: Certified) -> Iterator[str]:
+def _assumed(gathered: Certified, words: Words) -> Iterator[str]:
     """What nobody stated and was assumed in the budgets of what is judged: one line a kind, and what rests on it."""
     lines = gathered.verdict.lines
     for row in ASSUMED:
         if any(row.kind in assumed_kinds(line.estimate) for line in lines):
-            yield f"Nobody stated the {row.kind}. {row.note[0].upper()}{row.note[1:]}."
+            note = row.note[0].upper() + row.note[1:]
+            yield words.NOBODY_STATED.format(kind=words.name(row.kind), note=note)
     for line in lines:
         if line.rests_on:
             yield f"{line.quantity.headed(line.estimate.name)} {line.rests_on}."
 
 
-def _different_programs(gathered: Certified) -> list[str]:
+def _different_programs(gathered: Certified, words: Words) -> list[str]:
     """A sentence where the analyses were not all made by one program, with the analyses that each one made."""
     kinds: dict[str, list[str]] = {}
     for one in gathered.analyses:
@@ -200,4 +202,4 @@ def _different_programs(gathered: Certified) -> list[str]:
     if len(kinds) < 2:
         return []
     said = "; ".join(f"{', '.join(names)} by {program}" for program, names in kinds.items())
-    return [f"The analyses were made by different programs: {said}."]
+    return [words.DIFFERENT_PROGRAMS.format(said=said)]

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
 
 from experiments.quantity import key_names
 from experiments.result import WORST_FIRST, Verdict
@@ -13,17 +14,28 @@ from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
 from rig.analysis.judging import held_against, whose_limit
 from rig.analysis.rows import coverage
-from rig.content.grid import Grid, Tone, columns, tone_of
+from rig.content.grid import Grid, Kind, Tone, columns, tone_of
 from rig.content.wording import number, show
-from rig.present.certificate import words
 from rig.present.certificate.gather import Certified
 from rig.present.certificate.laboratory import LaboratoryWords
 from rig.present.certificate.pictures import Picture, pictures_of
+from rig.present.certificate.words import ENGLISH, Words
 
 MOST_LIMITS = 10
 """Lines of the table of limits; the others are counted."""
 VALUES = 5
 """Lines of a gear without a limit: the first key quantity of every kind in turn."""
+_KINDS: Final[tuple[Kind, ...]] = (
+    "quantity",
+    "number",
+    "number",
+    "number",
+    "number",
+    "text",
+    "word",
+)
+"""Of the columns of the table of limits."""
+_SOURCE: Final = 5
 MOST_REASONS, LONGEST_REASON = 3, 150
 """Why a limit is not judged: so many are said, in no more letters each."""
 
@@ -44,32 +56,34 @@ class Front:
 
 def front_of(gathered: Certified, laboratory: LaboratoryWords) -> Front:
     """Page one."""
-    values = value_grid(gathered)
+    words = laboratory.words
+    values = value_grid(gathered, words)
     verdict = gathered.verdict.verdict
-    because = tuple(_because(gathered.verdict.lines))
+    because = tuple(_because(gathered.verdict.lines, words))
     above = len(values.rows) + 2 * len(because) + 2 * bool(gathered.missing)
     return Front(
         facts=_facts(gathered, laboratory),
-        verdict=verdict,
+        verdict=words.coded(words.VERDICTS, verdict),
         tone=tone_of(verdict) or "muted",
-        sentence=sentence_of(gathered),
-        incomplete=words.INCOMPLETE.format(missing=", ".join(gathered.missing))
+        sentence=sentence_of(gathered, words),
+        incomplete=words.INCOMPLETE.format(missing=", ".join(map(words.name, gathered.missing)))
         if gathered.missing
         else "",
         because=because,
         values=values,
-        pictures=pictures_of(gathered, above),
+        pictures=pictures_of(gathered, above, words),
     )
 
 
 def _facts(gathered: Certified, laboratory: LaboratoryWords) -> tuple[tuple[str, str], ...]:
-    said = (laboratory.customer, laboratory.order, item_of(gathered))
+    words = laboratory.words
+    said = (laboratory.customer, laboratory.order, item_of(gathered, words))
     return tuple(
         (name, text or words.NOT_STATED) for name, text in zip(words.FACTS, said, strict=True)
     )
 
 
-def item_of(gathered: Certified) -> str:
+def item_of(gathered: Certified, words: Words = ENGLISH) -> str:
     """What was tested, in one line."""
     mounted = [fit for fit in gathered.fits if fit.recording.metadata.gear_mounted]
     fit = (mounted or gathered.fits)[0]
@@ -77,12 +91,14 @@ def item_of(gathered: Certified) -> str:
     return words.ITEM.format(
         name=fit.gear.name if fit.gear_known else words.UNKNOWN_GEAR,
         serial=gathered.serial,
-        ratio=number(metadata.ratio) if math.isfinite(metadata.ratio) else words.NOT_STATED,
-        mounting=metadata.mounting.replace("-", " ") or words.NOT_STATED,
+        ratio=words.numbers(number(metadata.ratio))
+        if math.isfinite(metadata.ratio)
+        else words.NOT_STATED,
+        mounting=words.name(metadata.mounting.replace("-", " ")) or words.NOT_STATED,
     )
 
 
-def sentence_of(gathered: Certified) -> str:
+def sentence_of(gathered: Certified, words: Words = ENGLISH) -> str:
     """The verdict in one plain sentence."""
     verdict, acceptance = gathered.verdict, gathered.acceptance
     if verdict.verdict == "NOT JUDGED" or acceptance is None:
@@ -95,7 +111,7 @@ def sentence_of(gathered: Certified) -> str:
     return words.VERDICT.format(serial=gathered.serial, words=said)
 
 
-def _because(lines: Sequence[Verdict]) -> Iterator[str]:
+def _because(lines: Sequence[Verdict], words: Words) -> Iterator[str]:
     """Why limits are not judged; values that break a limit stand in the table, and nowhere else."""
     reasons = list(dict.fromkeys(f"{one.name}: {one.because}" for one in lines if one.because))
     # The first of them is the sentence of the verdict.
@@ -108,7 +124,7 @@ def _cut(text: str) -> str:
     return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 1]}…"
 
 
-def value_grid(gathered: Certified) -> Grid:
+def value_grid(gathered: Certified, words: Words = ENGLISH) -> Grid:
     """Quantity, value ± U, k, degrees of freedom, limit, its source and the verdict; what is nearest to its limit
     comes first. Of a gear without a limit its key quantities.
     """
@@ -116,28 +132,21 @@ def value_grid(gathered: Certified) -> Grid:
     shown, others = lines[:MOST_LIMITS], lines[MOST_LIMITS:]
     sources = list(dict.fromkeys(whose_limit(line) for line in shown))
     marks = {source: str(place) for place, source in enumerate(sources, 1)}
-    rows = [_judged_row(line, marks[whose_limit(line)]) for line in shown]
-    rows = rows or list(_unjudged_rows(gathered.fits))
-    heads = columns(
-        ("quantity", "quantity"),
-        ("value ± U (95 %)", "number"),
-        ("k", "number"),
-        ("ν", "number"),
-        ("limit", "number"),
-        "source",
-        ("verdict", "word"),
-    )
+    rows = [_judged_row(line, marks[whose_limit(line)], words) for line in shown]
+    rows = rows or list(_unjudged_rows(gathered.fits, words))
+    heads = columns(*zip(words.HEADS_VALUES, _KINDS, strict=True))
     notes = [words.OF_VALUES]
     said = words.SOURCE if len(marks) > 1 else words.ONE_SOURCE
     notes += [said.format(mark=mark, source=_cut(one)) for one, mark in marks.items()]
     if others:
         counted = Counter(line.outcome for line in others)
-        outcomes = ", ".join(f"{counted[one]} {one}" for one in WORST_FIRST if counted[one])
-        notes.append(
-            words.MORE_LIMITS.format(count=len(others), outcomes=outcomes, record="the record")
+        outcomes = ", ".join(
+            f"{counted[one]} {words.VERDICTS.get(one, one)}" for one in WORST_FIRST if counted[one]
         )
+        told = {"count": len(others), "outcomes": outcomes, "record": words.THE_RECORD}
+        notes.append(words.MORE_LIMITS.format(**told))
     grid = Grid("", heads, rows, " ".join(notes))
-    return grid if len(marks) > 1 else grid.without("source")
+    return grid if len(marks) > 1 else grid.without(heads[_SOURCE].heading)
 
 
 def _nearness(line: Verdict) -> tuple[bool, float]:
@@ -149,20 +158,21 @@ def _nearness(line: Verdict) -> tuple[bool, float]:
     return True, left / max(estimate.expanded_uncertainty, 1e-300)
 
 
-def _judged_row(line: Verdict, mark: str) -> tuple[str, ...]:
+def _judged_row(line: Verdict, mark: str, words: Words) -> tuple[str, ...]:
     value, limit = held_against(line)
-    title = line.quantity.headed(line.estimate.name)
-    return (title, value, *coverage(line.estimate), limit, mark, line.outcome)
+    title = words.named(line.quantity.headed(line.estimate.name))
+    numbers = map(words.numbers, (value, *coverage(line.estimate), limit))
+    return (title, *numbers, mark, words.coded(words.VERDICTS, line.outcome))
 
 
-def _unjudged_rows(fits: Sequence[Fit]) -> Iterator[tuple[str, ...]]:
+def _unjudged_rows(fits: Sequence[Fit], words: Words) -> Iterator[tuple[str, ...]]:
     for place, (fit, estimate) in enumerate(_key_quantities(fits)):
         if place >= VALUES:
             return
         quantity = fit.result.quantity(estimate.name)
         value = show(estimate, quantity).with_uncertainty
-        title = quantity.headed(estimate.name)
-        yield (title, value, *coverage(estimate), "–", "–", words.NOT_LISTED)
+        title = words.named(quantity.headed(estimate.name))
+        yield (title, *map(words.numbers, (value, *coverage(estimate))), "–", "–", words.NOT_LISTED)
 
 
 def _key_quantities(fits: Sequence[Fit]) -> Iterator[tuple[Fit, Estimate]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rig.bench.config.load import load_laboratory
 from rig.errors import ConfigurationError
+from rig.present.certificate.words import ENGLISH, Words, words_of
 
 _LARGEST_LOGO = 500_000
 """Bytes."""
@@ -40,12 +41,14 @@ class LaboratoryWords:
     place: str = ""
     received: str = ""
     logo: Logo | None = None
+    words: Words = ENGLISH
+    """The language in which it is said."""
 
 
 def laboratory_of(path: Path) -> LaboratoryWords:
     """The `[laboratory]` of a rig's description with its logo read; empty where there is none.
 
-    Raises `ConfigurationError` for a file or a logo that cannot be read.
+    Raises `ConfigurationError` for a file, a logo or a language that cannot be read.
     """
     told = load_laboratory(path)
     if told is None:
@@ -60,6 +63,7 @@ def laboratory_of(path: Path) -> LaboratoryWords:
         place=told.place,
         received=str(told.received or ""),
         logo=_logo(path, told.logo) if told.logo else None,
+        words=words_of(told.language, path.parent),
     )
 
 

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Verdict
 from rig.analysis.fit import Fit
-from rig.present.certificate import words
 from rig.present.certificate.gather import Certified
+from rig.present.certificate.words import Words
 from rig.present.decimate import peak_rows
 from rig.present.figure import drawn_by
 
@@ -49,14 +49,14 @@ class Picture:
     title: str
 
 
-def pictures_of(gathered: Certified, lines: int) -> tuple[Picture, ...]:
+def pictures_of(gathered: Certified, lines: int, words: Words) -> tuple[Picture, ...]:
     """The pictures that there are runs for, under so many lines of limits and reasons."""
     size = (WIDTH, HEIGHT - LINE * lines)
-    both = (_error(gathered, size), _torque(gathered, size))
+    both = (_error(gathered, size, words), _torque(gathered, size, words))
     return tuple(picture for picture in both if picture is not None)
 
 
-def _error(gathered: Certified, size: tuple[float, float]) -> Picture | None:
+def _error(gathered: Certified, size: tuple[float, float], words: Words) -> Picture | None:
     plot = _plot(gathered.fit_of("kinematic-error"), "transmission-accuracy")
     if plot is None:
         return None
@@ -69,7 +69,7 @@ def _error(gathered: Certified, size: tuple[float, float]) -> Picture | None:
             axes.plot(x[rows], y[rows], color=ACCENT, linewidth=0.5)
             axes.set_xlim(0.0, 360.0)
             axes.set_xticks([0, 90, 180, 270, 360])
-            axes.set_title(series.label, fontsize=_LETTERS, loc="left", pad=3.0)
+            axes.set_title(words.named(series.label), fontsize=_LETTERS, loc="left", pad=3.0)
             axes.set_xlabel(words.ANGLE_AXIS)
             axes.margins(y=0.1)
             _bracket(axes, float(y.min()), float(y.max()))
@@ -83,7 +83,7 @@ def _error(gathered: Certified, size: tuple[float, float]) -> Picture | None:
             wspace=0.12,
         )
 
-    return _picture("error", words.ERROR_TITLE, size, draw)
+    return _picture("error", words.ERROR_TITLE, size, draw, words)
 
 
 def _bracket(axes: Axes, low: float, high: float) -> None:
@@ -101,26 +101,26 @@ def _bracket(axes: Axes, low: float, high: float) -> None:
     )
 
 
-def _torque(gathered: Certified, size: tuple[float, float]) -> Picture | None:
+def _torque(gathered: Certified, size: tuple[float, float], words: Words) -> Picture | None:
     fit = gathered.fit_of("friction")
     plot = _plot(fit, "friction-directions")
     if fit is None or plot is None:
         return None
-    limits = tuple(_limits(gathered.verdict.lines))
+    limits = tuple(_limits(gathered.verdict.lines, words))
     subject = str(fit.result.options.get("torque_is_of", "")) or "gear"
 
     def draw(figure: Figure) -> None:
         axes = figure.add_subplot()
         axes.set_xscale("log")
-        _points(axes, plot)
+        _points(axes, plot, words)
         reach = 10.0 ** np.array([-0.06, 0.06])
         for number, (speed, torque, label) in enumerate(limits):
             told = label if label not in [one[2] for one in limits[:number]] else "_"
             axes.plot(speed * reach, [torque, torque], color=DARK, linewidth=2.4, label=told)
         axes.margins(x=0.03, y=0.08)
-        axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.xaxis.set_major_formatter(lambda value, _: words.numbers(f"{value:g}"))
         axes.set_xlabel(words.SPEED_AXIS)
-        axes.set_ylabel(words.TORQUE_AXIS.format(subject=subject), y=0.45)
+        axes.set_ylabel(words.TORQUE_AXIS.format(subject=words.name(subject)), y=0.45)
         axes.legend(
             loc="lower left",
             bbox_to_anchor=(-0.01, 0.98),
@@ -138,7 +138,7 @@ def _torque(gathered: Certified, size: tuple[float, float]) -> Picture | None:
         )
 
     tare = words.TORQUE_TARE if subject == "gear" else ""
-    return _picture("torque", words.TORQUE_TITLE.format(tare=tare), size, draw)
+    return _picture("torque", words.TORQUE_TITLE.format(tare=tare), size, draw, words)
 
 
 def measured_points(plot: Plot) -> Iterator[tuple[str, NDArray[np.float64], NDArray[np.float64]]]:
@@ -146,14 +146,15 @@ def measured_points(plot: Plot) -> Iterator[tuple[str, NDArray[np.float64], NDAr
     for series in plot.of_panel(0):
         if series.style == "points" and series.role == "data":
             x, y = np.asarray(series.x, dtype=float), np.asarray(series.y, dtype=float)
-            way = words.REVERSE if x.size and x.mean() < 0 else words.FORWARD
+            way = "reverse" if x.size and x.mean() < 0 else "forward"
             yield way, np.abs(x), np.where(x < 0, -y, y)
 
 
-def _points(axes: Axes, plot: Plot) -> None:
+def _points(axes: Axes, plot: Plot, words: Words) -> None:
     """The points of both directions: full, and open around them."""
     for way, speed, torque in measured_points(plot):
-        full = way == words.FORWARD
+        full = way == "forward"
+        called = words.FORWARD if full else words.REVERSE
         axes.plot(
             speed,
             torque,
@@ -163,11 +164,11 @@ def _points(axes: Axes, plot: Plot) -> None:
             color=ACCENT if full else DARK,
             markerfacecolor=ACCENT if full else "none",
             markeredgewidth=0.7,
-            label=f"measured, {way}",
+            label=words.MEASURED.format(way=called),
         )
 
 
-def _limits(lines: Sequence[Verdict]) -> Iterator[tuple[float, float, str]]:
+def _limits(lines: Sequence[Verdict], words: Words) -> Iterator[tuple[float, float, str]]:
     """Limits of the running torque: speed [r/min], torque [mN m], and what it is called."""
     for line in lines:
         head, _, rest = line.estimate.name.partition("running_torque_")
@@ -183,7 +184,42 @@ def _plot(fit: Fit | None, name: str) -> Plot | None:
 
 
 def _picture(
-    name: str, title: str, size: tuple[float, float], draw: Callable[[Figure], None]
+    name: str,
+    title: str,
+    size: tuple[float, float],
+    draw: Callable[[Figure], None],
+    words: Words,
 ) -> Picture:
-    svg = drawn_by(draw, f"front-{name}", title, size, _STYLE)
+    def draw_it(figure: Figure) -> None:
+        draw(figure)
+        if words.decimal != ".":
+            for axes in figure.axes:
+                axes.yaxis.set_major_formatter(_numbers_as(words))
+
+    style = dict(_STYLE)
+    if words.fonts:
+        register(words)
+        style["font.sans-serif"] = ["DejaVu Sans", *words.fonts]
+    svg = drawn_by(draw_it, f"front-{name}", title, size, style)
     return Picture(svg=svg.replace("'DejaVu Sans'", TYPEFACE), title=title)
+
+
+def _numbers_as(words: Words) -> Any:
+    """The usual numbers of an axis with the decimal mark of a language."""
+    from matplotlib.ticker import ScalarFormatter
+
+    class Marked(ScalarFormatter):
+        def __call__(self, x: float, pos: int | None = None) -> str:
+            return words.numbers(super().__call__(x, pos))
+
+    return Marked()
+
+
+def register(words: Words) -> None:
+    """Let matplotlib measure the letters of a language."""
+    from matplotlib import font_manager
+
+    known = {font.fname for font in font_manager.fontManager.ttflist}
+    for file in words.font_files():
+        if str(file) not in known:
+            font_manager.fontManager.addfont(str(file))

@@ -26,6 +26,7 @@ from rig.present.certificate.gather import Certified, acceptance_sha256
 from rig.present.certificate.rests_on import programs_of
 from rig.present.certificate.sheets import Sheets, texts_of
 from rig.present.certificate.traceability import instruments_of
+from rig.present.certificate.words import ENGLISH
 from rig.program import this_program
 from rig.runfile.manifest import SUFFIX, Manifest
 
@@ -59,9 +60,10 @@ def record_of(
     content = {
         "format": FORMAT,
         "certificate": sheets.number,
-        "title": sheets.title.word,
+        "title": ENGLISH.TITLES[sheets.title.kind],
         "untraceable": sheets.title.untraceable,
         "serial": gathered.serial,
+        "language": sheets.words.language,
         "created": created,
         **this_program().as_json(),
         "programs_of_the_analyses": [one.as_json() for one in programs_of(gathered)],
@@ -69,7 +71,7 @@ def record_of(
         "runs_folder": _from(place.parent, gathered.folder),
         "manifest": {"file": manifest_path(place).name, "sha256": manifest.sha256},
         "missing": list(gathered.missing),
-        "sentence": sentence_of(gathered),
+        "sentence": sentence_of(gathered, sheets.words),
         **gathered.verdict.as_json(),
         "acceptance_file": _acceptance(gathered),
         "page_one": _page_one(sheets),

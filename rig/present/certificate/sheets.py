@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -12,12 +11,12 @@ from typing import Any, Literal
 
 from rig.content.page import Signature
 from rig.content.wording import days_text
-from rig.present.certificate import words
 from rig.present.certificate.back import Back, back_of
 from rig.present.certificate.front import Front, front_of
 from rig.present.certificate.gather import Certified
 from rig.present.certificate.laboratory import LaboratoryWords, Logo
 from rig.present.certificate.traceability import Title, instruments_of, title_of
+from rig.present.certificate.words import ENGLISH, SHIPPED, Words
 from rig.present.page import environment
 from rig.present.paper import fonts, plain
 from rig.present.report import marks_of, program_version
@@ -27,6 +26,7 @@ from rig.runfile.manifest import Manifest
 Paper = Literal["a4", "letter"]
 PAPERS: dict[Paper, str] = {"a4": "a4", "letter": "us-letter"}
 """Sizes of paper by what typst calls them."""
+TYPEFACES = ("Libertinus Serif", "DejaVu Sans")
 TEMPLATE, SCREEN, STYLE = "certificate.typ", "certificate.html", "certificate.css"
 _MEDIA = {"png": "image/png", "jpg": "image/jpeg", "svg": "image/svg+xml"}
 
@@ -47,6 +47,7 @@ class Sheets:
     program: str
     front: Front
     back: Back
+    words: Words = ENGLISH
 
     @property
     def signature(self) -> Signature:
@@ -64,8 +65,9 @@ def sheets_of(
     manifest_file: str,
 ) -> Sheets:
     """The two pages. `created` is the calendar time of issue, `manifest_file` the name of the manifest beside them."""
+    words = laboratory.words
     instruments = instruments_of(gathered)
-    title = title_of(gathered, instruments)
+    title = title_of(gathered, instruments, words)
     marks = marks_of(fit.recording.metadata.origin for fit in gathered.fits)
     days = days_text(fit.recording.metadata.start_time for fit in gathered.fits)
     foot = (
@@ -81,7 +83,7 @@ def sheets_of(
         address=laboratory.address,
         logo=laboratory.logo,
         foot=tuple((name, text or words.NOT_STATED) for name, text in foot),
-        mark=", ".join(word for word, _ in marks),
+        mark=", ".join(words.coded(words.MARKS, word) for word, _ in marks),
         program=words.MADE_BY.format(program=program_version()),
         front=front_of(gathered, laboratory),
         back=back_of(
@@ -91,6 +93,7 @@ def sheets_of(
             instruments,
             (words.KINDS[title.kind], manifest_file),
         ),
+        words=words,
     )
 
 
@@ -133,13 +136,23 @@ def rendered(sheets: Sheets, path: Path, paper: Paper = "a4") -> bytes:
 def typeset(sheets: Sheets, paper: Paper = "a4", **output: Any) -> list[bytes]:
     """What typst makes of it, in the format that `output` names. Raises `RigError`."""
     content = {**plain(sheets), **_title(sheets), "logo": None, "paper": PAPERS[paper]}
+    del content["words"]
     if sheets.logo is not None:
         content["logo"] = {"bytes": list(sheets.logo.content), "format": sheets.logo.format}
-    content["signed"] = list(_signed())
+    words = sheets.words
+    content["signed"] = list(words.SIGNED)
     content["pages"] = [words.PAGE.format(page=page) for page in (1, 2)]
+    content["lang"] = _tongue(words)
+    content["typefaces"] = [*TYPEFACES, *words.fonts]
     source = resources.files("rig.present").joinpath(TEMPLATE).read_text(encoding="utf-8")
     order = json.dumps(content, ensure_ascii=False, allow_nan=False)
-    return set_pages(Document(source, order, fonts()), output)
+    folders = dict.fromkeys(str(file.parent) for file in words.font_files())
+    return set_pages(Document(source, order, (fonts(), *folders)), output)
+
+
+def _tongue(words: Words) -> str:
+    """The language of a page by its code; of a table of somebody's own nobody knows it."""
+    return words.language if words.language in SHIPPED else SHIPPED[0]
 
 
 def render_screen(sheets: Sheets, paper: Paper = "a4") -> str:
@@ -152,19 +165,16 @@ def render_screen(sheets: Sheets, paper: Paper = "a4") -> str:
     if sheets.logo is not None:
         coded = base64.b64encode(sheets.logo.content).decode()
         logo = f"data:{_MEDIA[sheets.logo.format]};base64,{coded}"
-    told = {"style": style, "sheets": sheets, "words": words, "logo": logo, "signed": [*_signed()]}
+    words = sheets.words
+    told = {"style": style, "sheets": sheets, "words": words, "logo": logo, "signed": words.SIGNED}
+    told["lang"] = _tongue(words)
     return jinja.get_template(SCREEN).render(**told)
 
 
 def _title(sheets: Sheets) -> dict[str, Any]:
-    return {"title": sheets.title.word, "untraceable": sheets.title.untraceable, "said": _said()}
+    said = {name.lower(): getattr(sheets.words, name) for name in _HEADINGS}
+    return {"title": sheets.title.word, "untraceable": sheets.title.untraceable, "said": said}
 
 
-def _said() -> dict[str, str]:
-    """Headings that the templates set."""
-    names = ("CONDITIONS", "INSTRUMENTS", "REMARKS", "RESTS_ON", "REPORT", "SIGNATURE")
-    return {name.lower(): getattr(words, name) for name in names}
-
-
-def _signed() -> Iterator[str]:
-    yield from words.SIGNED
+_HEADINGS = ("CONDITIONS", "INSTRUMENTS", "REMARKS", "RESTS_ON", "REPORT", "SIGNATURE")
+"""What the templates set by themselves."""

@@ -19,8 +19,8 @@ from model.channel import Channel
 from rig.analysis.fit import Fit
 from rig.content.grid import capital
 from rig.content.wording import named
-from rig.present.certificate import words
 from rig.present.certificate.gather import Certified
+from rig.present.certificate.words import ENGLISH, Words
 from rig.runfile.prevailing import CALIBRATED
 from rig.runfile.read import close_recording, open_run
 
@@ -53,6 +53,10 @@ class Instrument:
 
     @property
     def doubt(self) -> str:
+        """Why it is not traceable, in English; "" where it is."""
+        return self.doubt_in(ENGLISH)
+
+    def doubt_in(self, words: Words) -> str:
         """Why it is not traceable; "" where it is."""
         if not self.certificate or self.certificate.lower().startswith(NONE):
             return words.NO_CERTIFICATE
@@ -67,23 +71,31 @@ class Title:
 
     kind: TitleKind
     untraceable: str = ""
+    words: Words = ENGLISH
 
     @property
     def word(self) -> str:
         """As it stands on the page."""
-        return words.TITLES[self.kind]
+        return self.words.TITLES[self.kind]
 
 
-def title_of(gathered: Certified, instruments: tuple[Instrument, ...]) -> Title:
+def title_of(
+    gathered: Certified, instruments: tuple[Instrument, ...], words: Words = ENGLISH
+) -> Title:
     """The title that these instruments allow."""
     origins = dict.fromkeys(fit.recording.metadata.origin for fit in gathered.fits)
     if "simulated" in origins:
-        return Title("simulation")
+        return Title("simulation", words=words)
     reasons = [words.ANOTHER_ORIGIN[one] for one in origins if one in words.ANOTHER_ORIGIN]
-    reasons += [f"{named(one.channel)[0]} ({one.doubt})" for one in instruments if one.doubt]
+    reasons += [
+        f"{words.name(named(one.channel)[0])} ({doubt})"
+        for one in instruments
+        if (doubt := one.doubt_in(words))
+    ]
     if not reasons:
-        return Title("certificate")
-    return Title("report", words.UNTRACEABLE.format(reasons=", ".join(dict.fromkeys(reasons))))
+        return Title("certificate", words=words)
+    told = words.UNTRACEABLE.format(reasons=", ".join(dict.fromkeys(reasons)))
+    return Title("report", told, words)
 
 
 def instruments_of(gathered: Certified) -> tuple[Instrument, ...]:

@@ -35,6 +35,7 @@ from rig.present.certificate.record import (
     values_with_uncertainty,
 )
 from rig.present.certificate.rests_on import PROGRAM
+from rig.present.certificate.words import SHIPPED
 from rig.program import this_program
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.manifest import Manifest, manifest_from
@@ -309,7 +310,8 @@ def _printed(found: _Certificate) -> Iterator[Finding]:
 def _on_page_one(found: _Certificate) -> Iterator[str]:
     record = found.record
     yield str(record["certificate"])
-    yield f"serial number {record['serial']}"
+    is_english = record.get("language", SHIPPED[0]) == SHIPPED[0]
+    yield f"serial number {record['serial']}" if is_english else str(record["serial"])
     yield str(record["verdict"])
     yield str(record["sentence"])
     if record["format"] == FORMAT_1:

@@ -1,100 +1,199 @@
-"""Every sentence of a certificate in one place, in English: what stands on its two pages and is not a name or a number.
+"""The sentences of a certificate in the language of its reader, from a table a language (`languages/*.toml`).
 
-A certificate of another language has another table like this one, and nothing else.
+A laboratory names one in `[laboratory] language`: one that ships (`en`, `de`, `ja`), or a file of its own beside the
+description. What a table lacks falls back to English. The code of a verdict and of an origin (PASS, SIMULATED ...)
+stands behind its word wherever that is another: no table can make a FAIL read as something else.
 """
 
 from __future__ import annotations
 
-from typing import Final
+import functools
+import re
+import string
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Final
 
-TITLES: Final = {
-    "certificate": "CERTIFICATE",
-    "report": "TEST REPORT",
-    "simulation": "SIMULATION",
-}
-UNTRACEABLE: Final = "not traceable: {reasons}"
-NO_CERTIFICATE: Final = "no certificate"
-OVERDUE: Final = "was due {due}"
-ANOTHER_ORIGIN: Final = {
-    "replay": "a recorded run played back",
-    "imported": "a recording of another rig",
-}
-NOT_STATED: Final = "not stated"
-NOT_LISTED: Final = "not listed"
-"""What stands in the place of a verdict where the acceptance file says nothing of a quantity."""
-COUNTED: Final = {
-    "PASS": "keeps all {all} limits of the acceptance file {name}",
-    "MARGINAL": "breaks none of the {all} limits of the acceptance file {name} for certain, "
-    "but does not keep {bad} of them for certain",
-    "FAIL": "breaks {bad} of the {all} limits of the acceptance file {name}",
-}
-VERDICT: Final = "The gear {serial} {words}."
-NOT_JUDGED: Final = "The gear {serial} is not judged: {because}."
-NOTHING_HELD: Final = "nothing was held against a limit"
-INCOMPLETE: Final = "INCOMPLETE: no analysed run of {missing}."
-MORE_LIMITS: Final = "{count} more limits ({outcomes}) stand in {record}."
-MORE_REASONS: Final = "{count} more stand in the report."
-OF_VALUES: Final = "U (95 %) = k u; ν: degrees of freedom."
-SOURCE: Final = "Source {mark}: {source}."
-ONE_SOURCE: Final = "Limits: {source}."
-ITEM: Final = "Harmonic drive {name}, serial number {serial}, ratio {ratio}, {mounting}"
-UNKNOWN_GEAR: Final = "of a type that nobody stated"
+from rig.errors import ConfigurationError
+from rig.extras import require
 
-ERROR_TITLE: Final = (
-    "Error over one output turn, fitted; brackets: peak to peak, encoders included."
-)
-ERROR_AXIS: Final = "error [arcmin]"
-ANGLE_AXIS: Final = "output angle [°]"
-TORQUE_TITLE: Final = "No-load running torque over speed, points as measured{tare}."
-TORQUE_TARE: Final = ", motor tare subtracted"
-TORQUE_AXIS: Final = "torque of {subject} [mN m]"
-SPEED_AXIS: Final = "input speed [r/min]"
-PEAK_TO_PEAK: Final = "peak to peak"
-LIMIT: Final = "limit"
-LIMIT_AT_REFERENCE: Final = "limit at 20 °C"
-FORWARD: Final = "forward"
-REVERSE: Final = "reverse"
+SHIPPED: Final = ("en", "de", "ja")
+"""Languages that come with the program; the first is the one to which the others fall back."""
+FONT_PACKAGE: Final = "matplotlib_fontja"
+"""The package with the typeface of the Japanese table (IPAexGothic)."""
+_OWN: Final = frozenset({"decimal", "fonts", "font_folder", "names"})
+"""What a table says beside sentences: the decimal mark, its typefaces, and what else stands on the pages."""
+_POINT: Final = re.compile(r"(?<=\d)\.(?=\d)")
 
-FACTS: Final = ("Customer", "Order", "Item")
-LUBRICANT: Final = "Lubricant"
-HOURS: Final = "Hours before the test"
-WARM_UP: Final = "Warm-up"
-NO_WARM_UP: Final = "none recorded"
-AMBIENT: Final = "Ambient"
-METHOD: Final = "Method"
-PROTOCOLS: Final = "protocols of the program: {protocols}"
-DEVIATIONS: Final = "Deviations from it"
-NO_DEVIATIONS: Final = "none stated"
-RULE_NAME: Final = "Decision rule"
-RULE: Final = (
-    "guarded acceptance, guard band U (JCGM 106:2012). PASS: the whole of value ± U keeps the limit. FAIL: the whole "
-    "of it breaks the limit. MARGINAL: the limit lies inside. Risk at the limit: a value that is just accepted, or "
-    "just rejected, lies on the other side of its limit with a probability of at most 2.5 %."
-)
-COVERAGE_NAME: Final = "Uncertainty"
-COVERAGE: Final = (
-    "U is the expanded uncertainty: the interval value ± U is taken to contain the true value with a probability of "
-    "about 95 %. U is the standard uncertainty times the k that stands beside it; k follows from the degrees of "
-    "freedom (JCGM 100:2008)."
-)
-HOLDS_AT: Final = "Every value holds at the temperature of its test; one that is named at 20 °C was brought to it."
-CONDITIONS: Final = "Conditions"
-INSTRUMENTS: Final = "Instruments"
-REMARKS: Final = "Remarks"
-RESTS_ON: Final = "Rests on"
-HASH: Final = "the files listed in {manifest}, SHA-256 of that list:"
-REPORT: Final = "All else is the report (rig report)."
-SCOPE: Final = "This {kind} relates to this item only and may be copied only whole."
-KINDS: Final = {
-    "certificate": "certificate",
-    "report": "test report",
-    "simulation": "simulation",
-}
-SIGNED: Final = ("Tested", "Checked", "Approved")
-SIGNATURE: Final = "name, date, signature"
-PLACE: Final = "Place"
-RECEIVED: Final = "Received"
-TESTED: Final = "Tested"
-ISSUED: Final = "Issued"
-PAGE: Final = "page {page} of 2"
-MADE_BY: Final = "Made by {program}."
+
+@dataclass(frozen=True)
+class Words:
+    """One language: `words.RULE` is a sentence of its table, in English where the table has none.
+
+    `names` says what else stands on the pages (quantities, tests, instruments) in this language; `missing` are the
+    sentences that fell back.
+    """
+
+    language: str
+    said: Mapping[str, Any] = field(repr=False)
+    names: Mapping[str, str] = field(default_factory=dict, repr=False)
+    decimal: str = "."
+    fonts: tuple[str, ...] = ()
+    """Typefaces beside those of the page, for letters that it has not."""
+    font_folder: Path | None = field(default=None, repr=False)
+    missing: tuple[str, ...] = field(default=(), repr=False)
+
+    def __getattr__(self, name: str) -> Any:
+        if not name.isupper():
+            raise AttributeError(name)
+        return self.said[name.lower()]
+
+    def name(self, text: str) -> str:
+        """What is called so in English; itself where this language has no word for it."""
+        return self.names.get(text, text)
+
+    def named(self, text: str) -> str:
+        """A text whose parts, by commas, semicolons and brackets, are called as this language calls them; its numbers
+        with the decimal mark.
+        """
+        whole = self.names.get(text)
+        if whole is not None:
+            return self.numbers(whole)
+        for english in sorted(self.names, key=len, reverse=True):
+            if english in text:
+                own = self.names[english]
+                text = re.sub(rf"(?<!\w){re.escape(english)}(?!\w)", lambda _, own=own: own, text)
+        return self.numbers(text)
+
+    def numbers(self, text: str) -> str:
+        """A text of numbers with the decimal mark of this language."""
+        return _POINT.sub(self.decimal, text) if self.decimal != "." else text
+
+    def font_files(self) -> tuple[Path, ...]:
+        """The files of its typefaces. Raises `RigError` where there are none."""
+        if not self.fonts:
+            return ()
+        if self.language in SHIPPED:
+            require(f"a certificate in the language {self.language}", self.language, FONT_PACKAGE)
+        found = () if self.font_folder is None else tuple(sorted(self.font_folder.glob("*.[ot]tf")))
+        if not found:
+            raise ConfigurationError(
+                "the typefaces of this language are not there",
+                where="laboratory.language",
+                value=f"{', '.join(self.fonts)} in {self.font_folder}",
+                limit="one .ttf or .otf file at least",
+                remedy="Put them into that folder, and name it `font_folder` in the file of sentences.",
+            )
+        return found
+
+    def coded(self, table: Mapping[str, str], code: str) -> str:
+        """The word for a code with the code behind it, where it is another."""
+        word = table.get(code, code)
+        return word if word == code else f"{word} ({code})"
+
+
+@functools.cache
+def _table(language: str) -> Mapping[str, Any]:
+    name = f"languages/{language}.toml"
+    text = resources.files("rig.present.certificate").joinpath(name).read_text(encoding="utf-8")
+    return tomllib.loads(text)
+
+
+def words_of(language: str = "en", folder: Path | None = None) -> Words:
+    """The words of a language that ships, or of a file beside the description in `folder`.
+
+    Raises `ConfigurationError` for a language that there is not, a file that cannot be read, and a sentence that is
+    none of ours or lacks what must stand in it.
+    """
+    if language in SHIPPED:
+        spec = find_spec(FONT_PACKAGE)
+        place = None if spec is None or spec.origin is None else Path(spec.origin).parent / "fonts"
+        return _words(language, _table(language), place)
+    path = (folder or Path()) / language
+    try:
+        told = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigurationError(
+            "no such language",
+            where="laboratory.language",
+            value=f"{language!r}: {error}",
+            limit=f"{', '.join(SHIPPED)}, or a file of sentences (TOML) beside the description",
+        ) from None
+    _refuse_wrong(told, str(path))
+    return _words(language, told, path.parent / str(told.get("font_folder", "")))
+
+
+def _words(language: str, told: Mapping[str, Any], font_folder: Path | None) -> Words:
+    english = _table(SHIPPED[0])
+    said: dict[str, Any] = {}
+    missing: list[str] = []
+    for name, usual in english.items():
+        if name in _OWN:
+            continue
+        own = told.get(name)
+        if isinstance(usual, dict):
+            lacking = [f"{name}.{key}" for key in usual if key not in (own or {})]
+            said[name] = {**usual, **(own or {})}
+        else:
+            lacking = [name] if own is None else []
+            said[name] = usual if own is None else own
+        missing += lacking
+    return Words(
+        language=language,
+        said=said,
+        names=dict(told.get("names", {})),
+        decimal=str(told.get("decimal", ".")),
+        fonts=tuple(told.get("fonts", ())),
+        font_folder=font_folder,
+        missing=tuple(missing),
+    )
+
+
+def _refuse_wrong(told: Mapping[str, Any], where: str) -> None:
+    """Refuse a table with sentences that are none of ours, or that lack what must stand in them."""
+    english = _table(SHIPPED[0])
+    for name, own in told.items():
+        if name in _OWN:
+            continue
+        usual = english.get(name)
+        if usual is None or type(own) is not type(usual):
+            raise _wrong("is no sentence of a certificate", f"{where}: {name}", ", ".join(english))
+        if isinstance(usual, list):
+            if len(own) != len(usual):
+                raise _wrong("has another number of words", f"{where}: {name}", str(len(usual)))
+            continue
+        pairs = [(own, usual, name)]
+        if isinstance(usual, dict):
+            unknown = sorted(set(own) - set(usual))
+            if unknown:
+                raise _wrong(
+                    "is no word of this table", f"{where}: {name}.{unknown[0]}", ", ".join(usual)
+                )
+            pairs = [(own[key], usual[key], f"{name}.{key}") for key in own]
+        for text, model, key in pairs:
+            if not str(text).strip() or fields_of(str(text)) != fields_of(model):
+                limit = (
+                    " ".join(f"{{{one}}}" for one in sorted(fields_of(model))) or "text without {}"
+                )
+                raise _wrong("must say what the English sentence says", f"{where}: {key}", limit)
+
+
+def _wrong(what: str, where: str, limit: str) -> ConfigurationError:
+    return ConfigurationError(what, where=where, limit=limit)
+
+
+def fields_of(sentence: str) -> frozenset[str]:
+    """What stands in braces in a sentence; a broken brace is a field of its own, which no sentence has."""
+    try:
+        return frozenset(
+            name for _, name, _, _ in string.Formatter().parse(sentence) if name is not None
+        )
+    except ValueError:
+        return frozenset({"{"})
+
+
+ENGLISH: Final = words_of()

@@ -18,6 +18,7 @@ from rig.present.certificate.laboratory import LaboratoryWords
 from rig.present.certificate.record import certificate_files, manifest_path, record_of, record_path
 from rig.present.certificate.rests_on import manifest_of
 from rig.present.certificate.sheets import Paper, rendered, sheets_of
+from rig.present.certificate.words import ENGLISH
 from rig.runfile.seal import forget_hashes
 from rig.runfile.sealed import replace_sealed
 
@@ -101,7 +102,7 @@ def write_certificate(
         _write_sealed({**pages, manifest_file: manifest.as_bytes(), record_file: record})
         return Certificate(
             number=sheets.number,
-            title=sheets.title.word,
+            title=ENGLISH.TITLES[sheets.title.kind],
             untraceable=sheets.title.untraceable,
             serial=serial,
             paths=tuple(outputs),
@@ -109,7 +110,7 @@ def write_certificate(
             manifest=manifest_file,
             manifest_sha256=manifest.sha256,
             verdict=gathered.verdict,
-            sentence=sentence_of(gathered),
+            sentence=sentence_of(gathered, told.words),
             missing=gathered.missing,
             runs={fit.result.kind: fit.result.run for fit in gathered.fits},
         )

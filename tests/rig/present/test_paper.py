@@ -247,9 +247,9 @@ def test_nothing_stands_in_the_margins() -> None:
 def test_a_document_that_cannot_be_set_is_refused_with_the_reason() -> None:
     """By what typst says of it, and where its process dies of it by that."""
     with pytest.raises(RigError, match=r"cannot be set on paper.*unknown variable: nowhere"):
-        set_pages(Document("#nowhere", "{}", ""), {"format": "pdf"})
+        set_pages(Document("#nowhere", "{}", ()), {"format": "pdf"})
     with pytest.raises(RigError, match=r"cannot be set on paper: its process ended with 1"):
-        set_pages(Document("", "{}", ""), {"no such option": 1})
+        set_pages(Document("", "{}", ()), {"no such option": 1})
 
 
 def test_the_document_is_set_in_a_process_that_ends_with_it() -> None:
@@ -257,7 +257,7 @@ def test_the_document_is_set_in_a_process_that_ends_with_it() -> None:
     asked = """
 import sys
 from rig.present.typesetting import Document, set_pages
-(made,) = set_pages(Document("Hello", "{}", ""), {"format": "pdf"})
+(made,) = set_pages(Document("Hello", "{}", ()), {"format": "pdf"})
 print(made[:4], "typst" in sys.modules)
 """
     done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)

@@ -135,9 +135,9 @@ def sheets_made(gathered: Certified, laboratory: LaboratoryWords = LABORATORY) -
     return sheets_of(gathered, laboratory, manifest_of(gathered), **told)
 
 
-def sheets_in(folder: Path, **more: Any) -> Sheets:
+def sheets_in(folder: Path, laboratory: LaboratoryWords = LABORATORY, **more: Any) -> Sheets:
     with certified(folder, "A1", **{"acceptance": accepted(folder), **more}) as gathered:
-        return sheets_made(gathered)
+        return sheets_made(gathered, laboratory)
 
 
 def printed(sheets: Sheets, paper: Paper = "a4") -> list[str]:

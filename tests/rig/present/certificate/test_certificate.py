@@ -22,13 +22,14 @@ from rig.analysis.store import FORMAT_2
 from rig.errors import ConfigurationError, RigError
 from rig.gears.acceptance import Acceptance
 from rig.main import app
-from rig.present.certificate import gather, words
+from rig.present.certificate import gather
 from rig.present.certificate.front import MOST_LIMITS, value_grid
 from rig.present.certificate.gather import Certified, certified
 from rig.present.certificate.laboratory import LaboratoryWords, laboratory_of
 from rig.present.certificate.pictures import measured_points
 from rig.present.certificate.sheets import Paper, Sheets, render_screen, typeset
 from rig.present.certificate.traceability import Instrument, instruments_of, title_of
+from rig.present.certificate.words import ENGLISH as words
 from rig.present.certificate.write import number_of
 from rig.present.limits import with_limits
 from tests.rig.handmade import save_acceptance
