@@ -451,6 +451,7 @@ def load_card(path: Path) -> GearCard:
 def save_card(folder: str | Path, card: GearCard) -> Path:
     """Write a card: whole or not at all. Raises `ConfigurationError` where that is not possible."""
     path = card_path(folder, card.serial)
+    _refuse_same_letters(path)
     fresh = path.with_name(f"{path.name}.{os.getpid()}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -467,6 +468,21 @@ def save_card(folder: str | Path, card: GearCard) -> Path:
             remedy="Name a folder that can be written.",
         ) from error
     return path
+
+
+def _refuse_same_letters(path: Path) -> None:
+    """Refuse a serial that differs from another's in capitals alone: on Windows and macOS their cards are one file."""
+    if not path.parent.is_dir():
+        return
+    for other in path.parent.iterdir():
+        if other.name != path.name and other.name.casefold() == path.name.casefold():
+            raise ConfigurationError(
+                "another gear has a card whose serial number differs in capitals alone",
+                where=str(other),
+                value=path.name.removesuffix(".toml"),
+                limit="serial numbers that differ in more: on some systems both cards are one file",
+                remedy="Write the serial as on that card, if it is the same gear.",
+            )
 
 
 def card_text(card: GearCard) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rig.errors import RunFileError
+from rig.runfile.file_names import too_long
 
 NUMBERS_FOLDER = ".run-numbers"
 """One empty file per number that was ever given out in a folder; taking a number is creating its file."""
@@ -45,6 +46,14 @@ class RunPlace:
 def claim_run(folder: str | Path, protocol: str, serial: str) -> RunPlace:
     """Take the next run number of a folder, made if need be; safe against other processes that do the same."""
     folder = Path(folder)
+    named = f"{_in_name(protocol, 'run')}-{_in_name(serial, 'unknown')}.h5"
+    if why := too_long(folder / f"00000-{named}"):
+        # Before anything turns: the system would refuse it in words that name no length.
+        raise RunFileError(
+            f"no run can be recorded here: {why}",
+            where=str(folder),
+            remedy="Name a folder nearer to the root with --runs.",
+        )
     try:
         (folder / NUMBERS_FOLDER).mkdir(parents=True, exist_ok=True)
         number = _highest_number(folder) + 1
@@ -60,10 +69,7 @@ def claim_run(folder: str | Path, protocol: str, serial: str) -> RunPlace:
             where=str(folder),
             remedy="Name a folder that can be written.",
         ) from error
-    return RunPlace(
-        number,
-        folder / f"{number:05d}-{_in_name(protocol, 'run')}-{_in_name(serial, 'unknown')}.h5",
-    )
+    return RunPlace(number, folder / f"{number:05d}-{named}")
 
 
 def run_files(folder: str | Path) -> tuple[Path, ...]:

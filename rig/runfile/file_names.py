@@ -6,12 +6,30 @@ the end. They are refused, or written otherwise, on every system: a folder of ru
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
-from pathlib import PurePath
+from pathlib import Path, PurePath
+from typing import Final
 
 _DEVICES = frozenset(
     {"CON", "PRN", "AUX", "NUL", *(f"{port}{n}" for port in ("COM", "LPT") for n in range(1, 10))}
 )
+
+
+LONGEST_ON_WINDOWS: Final = 259
+"""Letters of a whole path, where long ones are not switched on."""
+_BESIDE: Final = 40
+"""Letters that names beside a file have more than its own: analyses, notes, frames, exports."""
+
+
+def too_long(path: Path) -> str:
+    """Why a file, and what comes to lie beside it, cannot be had on this system for its length; "" where it can."""
+    if os.name != "nt":
+        return ""
+    letters = len(os.path.abspath(path)) + _BESIDE
+    if letters <= LONGEST_ON_WINDOWS:
+        return ""
+    return f"its path, and what lies beside it, would have {letters} letters, allowed {LONGEST_ON_WINDOWS}"
 
 
 def is_device(name: str) -> bool:

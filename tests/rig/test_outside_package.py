@@ -21,10 +21,13 @@ from rig.bench.backends.sources import Shafts, extensions_of, sources_of
 from rig.bench.config.load import load_configuration
 from rig.errors import ConfigurationError
 from rig.program import files_sha256
+from rig.run.start import run_order
 from rig.testing.protocol import check_protocol
 from rig.testing.source import check_source
 from tests import outside_package
 from tests.outside_package import found_in, installed_into
+from tests.rig.bench.test_hardware import RATE, armed_request, planned_drill
+from tests.rig.served_rig import served_rig
 
 
 @pytest.fixture(scope="module")
@@ -205,6 +208,19 @@ def test_a_description_names_its_source(tmp_path: Path) -> None:
         "ambient_temperature_taken",
     ]
     assert [one.package for one in extensions_of(configuration)] == ["lab-noise"]
+
+
+@pytest.mark.realtime
+def test_a_run_over_the_hub_reads_its_source_and_says_whose_it_is(tmp_path: Path) -> None:
+    with served_rig(RATE) as served:
+        config = served.configuration(tmp_path)
+        config.write_text(config.read_text("utf-8") + DESCRIBED, "utf-8")
+        report = run_order(armed_request(tmp_path, config), planned_drill(), confirmation="SN-1")
+    assert report.safe, report.message
+    with h5py.File(report.path) as file:
+        assert "ambient_temperature" in file["entry/data"]
+        (whose,) = json.loads(file["entry/process/details"][()])["extensions"]
+    assert (whose["group"], whose["package"]) == ("sources", "lab-noise")
 
 
 def test_what_a_description_says_wrongly_of_it_is_refused_by_name(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from rig.bench.state import VARIABLE
 from rig.errors import ConfigurationError
 from rig.exits import ERROR, explain
 from rig.run.arming import RULES, WITHOUT_GEAR, Arming, guard_check, refuse_unarmed
+from rig.run.commissioned import SENTENCE
 from rig.run.dry_run import PlannedRun, plan_run
 from rig.run.start import arming_of, plan_order, run_order
 from rig.run.stop import StopRequest
@@ -141,6 +142,33 @@ def test_a_run_over_the_hub_is_complete_safe_and_marked_simulated(
         # Devices that call themselves simulated make it a simulated run, whatever the bus.
         assert recording.metadata.origin == "simulated"
         assert recording.metadata.time_base == "host"
+
+
+@pytest.mark.realtime
+def test_a_bench_that_nobody_commissioned_turns_no_faster_than_30_rpm(
+    served: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Simulated devices need no commissioning: here they are asked for it all the same.
+    monkeypatch.setattr("rig.run.commissioned.is_exempt", lambda rig: False)
+    request = armed_request(tmp_path, served.configuration(tmp_path))
+    refused = run_order(request, planned_drill(), confirmation="SN-1")
+    assert (refused.outcome, refused.safe) == ("ERROR", True)
+    assert "listen (never done)" in refused.message
+    assert "allowed 30 r/min" in refused.message
+    with opened(refused.path) as recording:
+        angle = recording.si("input_angle")
+        assert float(angle.max() - angle.min()) < 1e-2
+    # What was typed, for one run; and it stands in it.
+    events = []
+    report = run_order(
+        request,
+        planned_drill(),
+        confirmation="SN-1",
+        uncommissioned=SENTENCE,
+        on_event=events.append,
+    )
+    assert report.outcome == "COMPLETED" or was_too_slow(report), report.message
+    assert any(SENTENCE in event.text for event in events)
 
 
 @pytest.mark.realtime
