@@ -18,6 +18,7 @@ from rig.window.shell.stack import (
     in_column,
     in_row,
     push_button,
+    restyled,
     set_tip,
     text_label,
 )
@@ -197,12 +198,16 @@ class StopButtons(QWidget):
         # At the press, not at the release: a finger that slips off has still stopped the rig.
         self.stop.pressed.connect(self.stop_pressed)
         self.abort.pressed.connect(self.abort_pressed)
-        self.set_active(False)
+        self.is_live = True
+        self.set_live(False)
 
-    def set_active(self, active: bool) -> None:
-        """Whether there is something to stop."""
-        self.stop.setEnabled(active)
-        self.abort.setEnabled(active)
+    def set_live(self, live: bool) -> None:
+        """Whether there is something to stop: then they are red. They can be pressed all the same."""
+        if live == self.is_live:
+            return
+        self.is_live = live
+        for button, part in ((self.stop, "stop"), (self.abort, "abort")):
+            restyled(button, part if live else f"{part}-idle")
 
 
 def _short(text: str, longest: int) -> str:

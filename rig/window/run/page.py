@@ -148,7 +148,7 @@ class RunPage(QWidget):
         self._begin(self._start_process(arguments), None, None)
 
     def stop(self) -> None:
-        """STOP: controlled ramp."""
+        """STOP: controlled ramp. Sent whatever the state is, as long as there is a process to hear it."""
         if self.process is not None and self.is_active:
             self.process.stop()
             self._change(self.state.pressed("STOP"))
@@ -341,7 +341,7 @@ class RunPage(QWidget):
 
     def _show(self) -> None:
         self.banner.show_state(self.state, self._title)
-        self.buttons.set_active(self.is_active)
+        self.buttons.set_live(self.state.may_turn)
         self.events.set_active(self.is_active)
         # Afterwards the outcome stands in their place.
         self.plots.numbers.setVisible(self.is_active)

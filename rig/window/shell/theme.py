@@ -92,9 +92,10 @@ def _style_sheet(p: Palette) -> str:
     QPushButton[part="stop"] {{ background: {p.stop}; color: {p.stop_text}; font-size: 26pt; font-weight: 800;
                                 border: 3px solid {p.stop}; border-radius: 10px; letter-spacing: 3px; padding: 0px; }}
     QPushButton[part="stop"]:hover, QPushButton[part="stop"]:focus {{ border-color: {p.text}; padding: 0px; }}
-    QPushButton[part="stop"]:disabled {{ background: {p.raised}; color: {p.muted}; border-color: {p.line}; }}
+    QPushButton[part="stop-idle"] {{ background: {p.raised}; color: {p.muted}; font-size: 26pt; font-weight: 800;
+                                     border: 3px solid {p.line}; border-radius: 10px; letter-spacing: 3px; padding: 0px; }}
     QPushButton[part="abort"] {{ color: {p.bad}; border: 2px solid {p.bad}; font-weight: 700; }}
-    QPushButton[part="abort"]:disabled {{ color: {p.muted}; border-color: {p.line}; }}
+    QPushButton[part="abort-idle"] {{ color: {p.muted}; border: 2px solid {p.line}; font-weight: 700; }}
     QPushButton#small-stop {{ background: {p.stop}; color: {p.stop_text}; font-weight: 800; padding: 5px 26px;
                              margin: 3px 16px; border: none; letter-spacing: 2px; }}
     QPushButton[part="nav"] {{ background: transparent; border: none; border-radius: 0px; padding: 8px 18px;

@@ -72,11 +72,12 @@ def test_a_full_friction_run(window: MainWindow, prepared: MakePrepared, qtbot: 
     window.run.state_changed.connect(states.append)
     window.start(prepared("friction", SHORT, *FLAGS))
     assert window.run.banner.word == "ARMED"
-    assert window.run.buttons.stop.isEnabled()
+    assert window.run.buttons.is_live
     wait_for_end(window, qtbot)
     page = window.run
     assert page.banner.word == "COMPLETED: NOT JUDGED"
-    assert not page.buttons.stop.isEnabled()
+    assert not page.buttons.is_live
+    assert page.buttons.stop.isEnabled(), "it can be pressed in every state"
     # Whether the short making safe is seen depends on the beat of the progress.
     assert [word for word in dict.fromkeys(states) if word != "stopping"] == [
         "armed",
@@ -191,7 +192,8 @@ def test_a_crash_of_the_acquisition_is_told_loudly(
     assert page.state.safe is None
     assert LOST in page.outcome.text.text()
     assert "rig recover" in page.outcome.text.text()
-    assert not page.buttons.stop.isEnabled()
+    assert not page.buttons.is_live
+    assert page.buttons.stop.isEnabled(), "it can be pressed in every state"
     # What was drawn is in the file, and the file can be recovered.
     part = next(window.session.folder.glob("*.part"))
     drawn = page.plots.rows_read
