@@ -50,6 +50,8 @@ class GearSection(QWidget):
     """What is mounted. `changed` tells that the facts, or what is stored of them, are others."""
 
     changed = Signal()
+    wanted = Signal(object)
+    """What a refusal waits for: a field of this card; None: the operator's name."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -77,6 +79,8 @@ class GearSection(QWidget):
         self.details_button.setCheckable(True)
         self.details_button.toggled.connect(self._show_details)
         self.confirm_button = push_button("&Confirm this card", act=self.confirm)
+        self.refused = text_label("", "bad", wraps=True)
+        self.refused.hide()
         self.revert_button = push_button(
             "&Undo changes", act=lambda: self.choose(self._stored.serial if self._stored else "")
         )
@@ -102,7 +106,7 @@ class GearSection(QWidget):
         head = in_row((self.status, 1), self.new_button)
         buttons = in_row(self.confirm_button, self.revert_button, (None, 1))
         self.card_part = room_for(
-            in_column(head, self.digest, self.form, buttons, margins=(0, 0, 0, 0))
+            in_column(head, self.digest, self.form, buttons, self.refused, margins=(0, 0, 0, 0))
         )
         self.setLayout(in_column(row, self.new, self.card_part, margins=(0, 0, 0, 0)))
 
@@ -204,8 +208,9 @@ class GearSection(QWidget):
 
     def confirm(self) -> None:
         """Store what the form shows, and that the operator confirms it."""
-        if not self.form.check():
-            self._session.message.emit("The gear card has fields that are refused.")
+        self.form.check()
+        if why := self._why_not(self.facts):
+            self._refuse(why, self._first_refused())
             return
         try:
             values: dict[str, Any] = self.form.values()
@@ -225,15 +230,28 @@ class GearSection(QWidget):
             write_card(folder, self._stored)
         except PlanError as error:
             self.form.mark(error.where, error.what)
-            self._session.message.emit(str(error))
+            self._refuse(str(error), self._first_refused())
             return
         except RigError as error:
-            restyled(self.status, "bad")
-            self.status.setText(f"✗ {error}")
+            self._refuse(str(error), self.confirm_button)
             return
+        self.refused.hide()
         self._session.remember("gear", self._stored.serial)
         self.refresh_choice()
         self.choose(self._stored.serial)
+
+    def _refuse(self, text: str, field: QWidget | None) -> None:
+        """Say at the button why not, and bring what it waits for into view."""
+        self.refused.setText(f"✗ {text}")
+        self.refused.show()
+        self.wanted.emit(field)
+
+    def _first_refused(self) -> QWidget | None:
+        """The field that the confirmation waits for; None: it waits for the operator's name."""
+        rows = self.form.rows
+        marked = next((row.editor for row in rows.values() if row.problem), None)
+        missing = None if self.facts is not None and self.facts.serial else rows["serial"].editor
+        return marked or missing
 
     def _show_details(self, shown: bool) -> None:
         self.form.setVisible(shown)
@@ -241,6 +259,7 @@ class GearSection(QWidget):
         self.digest.setVisible(not shown)
         for button in (self.confirm_button, self.revert_button):
             button.setVisible(shown)
+        self.refused.hide()
 
     def _why_not(self, shown: GearFacts | None) -> str:
         """What the confirmation waits for; "" when it may be given."""
@@ -258,8 +277,9 @@ class GearSection(QWidget):
             f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
         )
         self.confirm_button.setText(who)
-        self.confirm_button.setEnabled(bool(self._operator) and shown is not None)
         set_tip(self.confirm_button, self._why_not(shown))
+        if not self._why_not(shown):
+            self.refused.hide()
         last = stored.confirmation if stored is not None else None
         if edited:
             text, part = (

@@ -74,6 +74,8 @@ class NewGearForm(QWidget):
 
     made = Signal(str)
     given_up = Signal()
+    wanted = Signal(object)
+    """What a refusal waits for: a field of this form; None: the operator's name."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
@@ -87,6 +89,8 @@ class NewGearForm(QWidget):
         self.nameplate = {path: NewGearField("") for path in NAMEPLATE}
         self.says = text_label("", "muted", wraps=True)
         self.make_button = push_button("&Make this gear", "primary", act=self.make)
+        self.refused = text_label("", "bad", wraps=True)
+        self.refused.hide()
         self.cancel_button = push_button("Do not make it", act=self.given_up)
         self._pause = single_shot(self, TYPING_PAUSE, self.look_up)
         completer = QCompleter([str(product) for product in products()])
@@ -111,7 +115,7 @@ class NewGearForm(QWidget):
             grid.addWidget(field.note, 2 * place + 1, 0, 1, 2)
             field.note.setContentsMargins(0, 0, 0, 6)
         buttons = in_row(self.make_button, self.cancel_button, (None, 1))
-        self.setLayout(in_column(self.says, grid, buttons, margins=(0, 0, 0, 0)))
+        self.setLayout(in_column(self.says, grid, buttons, self.refused, margins=(0, 0, 0, 0)))
 
     def set_operator(self, name: str) -> None:
         """Who would make it."""
@@ -140,24 +144,38 @@ class NewGearForm(QWidget):
         """Write parameter set and card; what is refused is said at its field."""
         self.look_up()
         stated = self._stated()
-        if self.gear is None or stated is None or not self._operator:
+        if self.gear is None or stated is None or self._waits_for():
+            self._refuse(self._waits_for() or "A value of the nameplate is refused.")
             return
+        self.refused.hide()
         by, at = self._operator, now_text()
         try:
             gear = made_gear(read_product(self.product.text), stated, by, at)
         except ParameterError as error:
             self.nameplate.get(error.where, self.product).refuse(error)
+            self._refuse(error.what)
             return
         try:
             made = write_new_gear(self._session.folder, gear, {"serial": self.serial.text}, by, at)
         except (PlanError, RigError) as error:
             self.serial.refuse(error)
+            self._refuse(error.what)
             return
         count = len(made.open_questions)
         left = f"; {count} values of its nameplate are only assumed" if count else ""
         self._session.message.emit(f"Gear {made.card.serial}, {gear.name}, is made{left}.")
         self.clear()
         self.made.emit(made.card.serial)
+
+    def _refuse(self, text: str) -> None:
+        """Say at the button why not, and bring the field into view that it waits for."""
+        self.refused.setText(f"✗ {text}")
+        self.refused.show()
+        fields = (self.product, self.serial, *self.nameplate.values())
+        marked = (one for one in fields if one.editor.property("invalid") == "true")
+        empty = (one for one in (self.product, self.serial) if not one.text)
+        field = next(marked, None) or next(empty, None)
+        self.wanted.emit(None if field is None else field.editor)
 
     def clear(self) -> None:
         """Nothing is stated."""
@@ -210,8 +228,9 @@ class NewGearForm(QWidget):
     def _show_state(self) -> None:
         """What it waits for, and what is still assumed."""
         waits = self._waits_for()
-        self.make_button.setEnabled(not waits)
         set_tip(self.make_button, waits)
+        if not waits:
+            self.refused.hide()
         if self.gear is None:
             self.says.setText(f"! {waits}")
             return

@@ -192,6 +192,8 @@ class PreparePage(QWidget):
 
     def _connect(self) -> None:
         self.operator.textChanged.connect(self.gear.set_operator)
+        self.gear.wanted.connect(self._show_wanted)
+        self.gear.new.wanted.connect(self._show_wanted)
         for signal in (
             self.operator.textChanged,
             self.confirmation.textChanged,
@@ -270,6 +272,12 @@ class PreparePage(QWidget):
         self.confirmation.clear()
         self.doctor_checks = ()
         self.start_requested.emit(prepared)
+
+    def _show_wanted(self, field: QWidget | None) -> None:
+        """Bring the field into view that a refusal waits for, and let it be typed into."""
+        widget = self.operator if field is None else field
+        self.scroll_to(widget)
+        widget.setFocus()
 
     def scroll_to(self, widget: QWidget) -> None:
         """Bring something of the left side into view."""

@@ -128,7 +128,9 @@ def test_a_gear_is_told_confirmed_and_remembered(
 ) -> None:
     assert page.gear.facts is None
     assert not page.start_button.isEnabled()
-    assert not page.gear.confirm_button.isEnabled()
+    click(qtbot, page.gear.confirm_button)
+    assert "serial number is missing" in page.gear.refused.text()
+    assert page.gear.form.rows["serial"].editor.hasFocus()
     type_into(qtbot, page.operator, "A. Example")
     for name, text in CARD.items():
         type_into(qtbot, page.gear.form.rows[name].editor, text)

@@ -5,13 +5,20 @@ drills that are searched.
 from __future__ import annotations
 
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtWidgets import QScrollArea
 from pytestqt.qtbot import QtBot
 
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
-from rig.gears.card import GearFacts, now_text, save_card, with_changes, with_confirmation
+from rig.gears.card import (
+    GearFacts,
+    card_for,
+    now_text,
+    save_card,
+    with_changes,
+    with_confirmation,
+)
 from rig.window.prepare.form import ParameterForm, printed
 from rig.window.prepare.gear import GearSection
 from rig.window.prepare.page import PreparePage
@@ -77,10 +84,48 @@ def test_a_gear_card_says_what_its_confirmation_waits_for(
     gear.form.rows["serial"].editor.setText("SN-1")  # type: ignore[union-attr]
     assert "The operator has to be named first." in gear.status.text()
     gear.set_operator("A. Example")
-    assert gear.confirm_button.isEnabled()
     gear.form.rows["hours"].editor.setText("many")  # type: ignore[union-attr]
     assert "A field is refused" in gear.status.text()
-    assert not gear.confirm_button.isEnabled()
+
+
+@pytest.mark.parametrize(
+    ("serial", "hours", "operator", "says", "field"),
+    [
+        ("", "", "A. Example", "The serial number is missing.", "serial"),
+        ("SN-1", "many", "A. Example", "A field is refused", "hours"),
+        ("SN-1", "", "", "The operator has to be named first.", None),
+    ],
+)
+def test_a_refused_confirmation_says_why_at_the_button_and_shows_the_field(
+    serial: str,
+    hours: str,
+    operator: str,
+    says: str,
+    field: str | None,
+    session: WindowSession,
+    qtbot: QtBot,
+) -> None:
+    gear = GearSection(session)
+    qtbot.addWidget(gear)
+    gear.show()
+    gear.set_operator(operator)
+    for name, text in (("serial", serial), ("hours", hours)):
+        gear.form.rows[name].editor.setText(text)  # type: ignore[union-attr]
+    with qtbot.waitSignal(gear.wanted) as asked:
+        qtbot.mouseClick(gear.confirm_button, Qt.MouseButton.LeftButton)
+    assert says in gear.refused.text()
+    assert gear.refused.isVisible()
+    below = gear.refused.mapTo(gear, QPoint()).y() - gear.confirm_button.mapTo(gear, QPoint()).y()
+    assert 0 < below < 100, "it stands at the button"
+    assert asked.args == [None if field is None else gear.form.rows[field].editor]
+    # Once it is put right, the refusal is gone.
+    gear.set_operator("A. Example")
+    gear.form.rows["serial"].editor.setText("SN-1")  # type: ignore[union-attr]
+    gear.form.rows["hours"].editor.setText("")  # type: ignore[union-attr]
+    assert gear.refused.isHidden()
+    qtbot.mouseClick(gear.confirm_button, Qt.MouseButton.LeftButton)
+    assert gear.refused.isHidden()
+    assert card_for(session.folder, "SN-1") is not None
 
 
 @pytest.fixture
