@@ -233,7 +233,10 @@ class GearSection(QWidget):
             self._refuse(str(error), self._first_refused())
             return
         except RigError as error:
-            self._refuse(str(error), self.confirm_button)
+            missing = [name for name in str(error.value).split(", ") if name in self.form.rows]
+            for name in missing:
+                self.form.mark(name, "has to be known before the card is confirmed")
+            self._refuse(str(error), self._first_refused() if missing else self.confirm_button)
             return
         self.refused.hide()
         self._session.remember("gear", self._stored.serial)

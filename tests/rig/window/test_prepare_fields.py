@@ -124,7 +124,14 @@ def test_a_refused_confirmation_says_why_at_the_button_and_shows_the_field(
     gear.form.rows["hours"].editor.setText("")  # type: ignore[union-attr]
     assert gear.refused.isHidden()
     qtbot.mouseClick(gear.confirm_button, Qt.MouseButton.LeftButton)
-    assert gear.refused.isHidden()
+    assert "value part, mounting" in gear.refused.text()
+    assert gear.form.rows["part"].problem
+    assert gear.form.rows["mounting"].problem
+    for name, text in (("part", "csf-25-120"), ("mounting", "circular-spline-fixed")):
+        gear.form.rows[name].set_value(text)
+    qtbot.mouseClick(gear.confirm_button, Qt.MouseButton.LeftButton)
+    assert gear.refused.isHidden(), gear.refused.text()
+    assert gear.is_confirmed
     assert card_for(session.folder, "SN-1") is not None
 
 
