@@ -73,7 +73,7 @@ def sheets_of(
     foot = (
         (words.PLACE, laboratory.place or laboratory.address),
         (words.RECEIVED, laboratory.received),
-        (words.TESTED, days),
+        (words.TESTED, words.named(days)),
         (words.ISSUED, created[:10]),
     )
     return Sheets(
