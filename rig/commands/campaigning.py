@@ -160,12 +160,12 @@ def _warn_of_what_was_never_tried(pattern: Order) -> None:
     """Which stages of its commissioning a bench of hardware lacks; each run asks again, and asks the devices."""
     from rig.bench.backends.registry import HARDWARE
     from rig.commands.terminal import echo
-    from rig.run.commissioned import missing_on
+    from rig.run.commissioned import standing_of
     from rig.run.start import bench_for
 
     if pattern.backend != HARDWARE:
         return
-    missing = missing_on(bench_for(pattern), pattern)
+    missing = standing_of(bench_for(pattern), pattern).missing()
     if missing:
         text = f"warning: never commissioned: {', '.join(map(str, missing))}; simulated devices need none"
         echo(text, errors=True)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
 from experiments.finding import Finding, Severity
 from model.units import REVOLUTION
-from rig.bench.commissioning import Asked, Device, Missing, beyond, missing_stages, read_record
+from rig.bench.commissioning import (
+    Asked,
+    Device,
+    Missing,
+    StageDone,
+    beyond,
+    missing_stages,
+    read_record,
+)
 from rig.bench.config.described import description_hash
 from rig.bench.config.load import load_configuration
 from rig.bench.config.place import DEFAULT_PATH
@@ -37,12 +46,25 @@ def refuse_sentence(typed: str) -> None:
         )
 
 
-def missing_on(
-    bench: Bench, order: Order, devices: dict[str, Device] | None = None
-) -> tuple[Missing, ...]:
-    """The stages that the bench of an order lacks. Raises `RigError` where its record or description cannot be read."""
+@dataclass(frozen=True)
+class Standing:
+    """What a bench was commissioned for: its record, and the hash of the description that is in force."""
+
+    record: tuple[StageDone, ...]
+    description: str
+
+    def missing(self, devices: Mapping[str, Device] | None = None) -> tuple[Missing, ...]:
+        """The stages that it lacks; `devices` None: nobody has asked who is on the bus."""
+        return missing_stages(self.record, self.description, devices)
+
+
+def standing_of(bench: Bench, order: Order) -> Standing:
+    """Read before the rig is opened: an open drive counts the ms without a heartbeat.
+
+    Raises `RigError` where record or description cannot be read.
+    """
     configuration = load_configuration(order.config or DEFAULT_PATH)
-    return missing_stages(read_record(bench.state), description_hash(configuration), devices)
+    return Standing(read_record(bench.state), description_hash(configuration))
 
 
 def devices_of(rig: AssembledRig) -> dict[str, Device]:
@@ -65,7 +87,7 @@ def is_exempt(rig: AssembledRig) -> bool:
 def commissioned_check(
     rig: AssembledRig,
     order: Order,
-    bench: Bench,
+    standing: Standing,
     planned: PlannedRun | None = None,
     typed: str = "",
 ) -> Finding:
@@ -76,7 +98,7 @@ def commissioned_check(
         return Finding(
             _WHAT, Severity.PASSED, "the devices call themselves simulated: none is asked for"
         )
-    missing = missing_on(bench, order, devices_of(rig))
+    missing = standing.missing(devices_of(rig))
     if not missing:
         text = "every stage was done, with this description and these devices"
         return Finding(_WHAT, Severity.PASSED, text)

@@ -30,7 +30,7 @@ from rig.library.folder import RunPlace, claim_run
 from rig.program import this_program
 from rig.run.arming import Arming, guard_check, handle_check, loss_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
-from rig.run.commissioned import commissioned_check, refuse_sentence
+from rig.run.commissioned import commissioned_check, refuse_sentence, standing_of
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
@@ -196,10 +196,13 @@ def run_on(
         cycles = block_cycles(order.sample_rate, cycles, rig.reaction)
     handle = handle_of(rig)
 
+    asked = order.backend == HARDWARE and uncommissioned is not None
+    standing = standing_of(bench, order) if asked else None
+
     def commissioned() -> tuple[Finding, ...]:
-        if order.backend != HARDWARE or uncommissioned is None:
+        if standing is None:
             return ()
-        return (commissioned_check(rig, order, bench, planned, uncommissioned),)
+        return (commissioned_check(rig, order, standing, planned, uncommissioned or ""),)
 
     parts = SessionParts(
         order=order,

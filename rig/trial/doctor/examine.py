@@ -25,7 +25,7 @@ from rig.bench.backends.registry import HARDWARE
 from rig.bench.config.load import load_configuration
 from rig.errors import RigError
 from rig.run.arming import guard_check, handle_check, loss_check
-from rig.run.commissioned import commissioned_check
+from rig.run.commissioned import Standing, commissioned_check, standing_of
 from rig.run.dry_run import PlannedRun
 from rig.run.parts import RunReport
 from rig.run.start import bench_for, handle_of, plan_order, run_on
@@ -154,6 +154,7 @@ class Looked:
     rig: AssembledRig
     planned: PlannedRun
     order: Order
+    standing: Standing | None = None
     stand: Stand | None = None
     heard: Mapping[int, Sequence[int]] = field(default_factory=dict)
 
@@ -265,10 +266,10 @@ def _abilities(looked: Looked) -> Iterable[Finding]:
 
 
 def _commissioned(looked: Looked) -> Iterable[Finding]:
-    order = looked.order
-    if order.backend != HARDWARE:
+    if looked.standing is None:
         return ()
-    return (replace(commissioned_check(looked.rig, order, bench_for(order)), where="bench"),)
+    found = commissioned_check(looked.rig, looked.order, looked.standing)
+    return (replace(found, where="bench"),)
 
 
 PARTS: tuple[Part, ...] = (
@@ -289,6 +290,11 @@ def examine_standing(rig: AssembledRig, planned: PlannedRun, order: Order) -> li
     """Everything that can be seen with the servo off."""
     port, looked = rig.port, Looked(rig, planned, order)
     findings: list[Finding] = []
+    if order.backend == HARDWARE:
+        try:
+            looked.standing = standing_of(bench_for(order), order)
+        except RigError as error:
+            findings.append(Finding("commissioning", Severity.BLOCKS, str(error), where="bench"))
     try:
         description = port.open()
         findings.append(

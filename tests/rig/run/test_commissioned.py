@@ -21,7 +21,13 @@ from rig.bench.config.described import description_hash
 from rig.bench.config.load import load_configuration
 from rig.bench.identity import Bench
 from rig.errors import ConfigurationError
-from rig.run.commissioned import SENTENCE, commissioned_check, devices_of, refuse_sentence
+from rig.run.commissioned import (
+    SENTENCE,
+    commissioned_check,
+    devices_of,
+    refuse_sentence,
+    standing_of,
+)
 from rig.run.start import plan_order
 from rig.trial.commission.motion import UNCOUPLED
 from tests.rig.trial.commission.benches import right_text
@@ -70,7 +76,9 @@ def commissioned(bench: Bench, order: Order, names: tuple[str, ...] = NAMES) -> 
 
 
 def test_what_goes_too_far_is_refused_and_names_what_is_missing(order: Order, bench: Bench) -> None:
-    found = commissioned_check(rig_of(IDENTITY), order, bench, plan_order(order))
+    found = commissioned_check(
+        rig_of(IDENTITY), order, standing_of(bench, order), plan_order(order)
+    )
     assert found.severity is Severity.BLOCKS
     assert all(name in found.found for name in NAMES)
     assert "r/min, allowed 30 r/min" in found.found
@@ -78,29 +86,40 @@ def test_what_goes_too_far_is_refused_and_names_what_is_missing(order: Order, be
 
 
 def test_the_typed_sentence_lets_it_go_and_stays_in_the_run(order: Order, bench: Bench) -> None:
-    found = commissioned_check(rig_of(IDENTITY), order, bench, plan_order(order), SENTENCE)
+    found = commissioned_check(
+        rig_of(IDENTITY), order, standing_of(bench, order), plan_order(order), SENTENCE
+    )
     assert found.severity is Severity.WARNS
     assert f"A. Example typed: {SENTENCE}" in found.sentence
 
 
 def test_a_slow_short_plan_is_told_and_goes_on(order: Order, bench: Bench) -> None:
-    found = commissioned_check(rig_of(IDENTITY), order, bench, plan_order(order, UNCOUPLED))
+    found = commissioned_check(
+        rig_of(IDENTITY), order, standing_of(bench, order), plan_order(order, UNCOUPLED)
+    )
     assert (found.severity, "missing" in found.found) == (Severity.WARNS, True)
-    assert commissioned_check(rig_of(IDENTITY), order, bench).severity is Severity.WARNS
+    assert (
+        commissioned_check(rig_of(IDENTITY), order, standing_of(bench, order)).severity
+        is Severity.WARNS
+    )
 
 
 def test_a_commissioned_bench_and_a_simulated_one_are_told_so(order: Order, bench: Bench) -> None:
     simulated = replace(IDENTITY, hardware_version="Simulated")
-    assert "simulated" in commissioned_check(rig_of(simulated), order, bench).found
+    assert (
+        "simulated" in commissioned_check(rig_of(simulated), order, standing_of(bench, order)).found
+    )
     commissioned(bench, order)
-    found = commissioned_check(rig_of(IDENTITY), order, bench, plan_order(order))
+    found = commissioned_check(
+        rig_of(IDENTITY), order, standing_of(bench, order), plan_order(order)
+    )
     assert (found.severity, "every stage was done" in found.found) == (Severity.PASSED, True)
 
 
 def test_another_device_takes_every_stage_away(order: Order, bench: Bench) -> None:
     commissioned(bench, order)
     other = rig_of(replace(IDENTITY, serial_number=78))
-    found = commissioned_check(other, order, bench, plan_order(order))
+    found = commissioned_check(other, order, standing_of(bench, order), plan_order(order))
     assert found.severity is Severity.BLOCKS
     assert found.found.count("another node 1 since 2026-11-27") == len(NAMES)
 

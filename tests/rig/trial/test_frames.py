@@ -60,10 +60,10 @@ def test_a_run_that_trips_keeps_its_frames_and_another_does_not(tmp_path: Path) 
 def test_a_disk_that_takes_no_frames_costs_a_sentence(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def full(*words: object) -> None:
+    def full(*words: object, **more: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("drivers.bus.frame_log.can.Logger", full)
+    monkeypatch.setattr("drivers.bus.frame_log.gzip.open", full)
     report = run(tmp_path, "open-guard")
     assert (report.outcome, report.readable) == ("TRIPPED", True)
     assert "No space left" in report.warnings[-1]
