@@ -1,7 +1,7 @@
 """A simulated rig as a process of its own, for tests: prints its port, serves until it is terminated.
 
-By set speed, by target position (`wire-csp`) or by analog reference (`wire-analog`). Where it is wanted it logs
-how fast the plant turns, on the computer's monotonic clock, which all processes share.
+By set speed, without a gear (`wire-bare`), by target position (`wire-csp`) or by analog reference (`wire-analog`).
+Where it is wanted it logs how fast the plant turns, on the computer's monotonic clock, which all processes share.
 """
 
 from __future__ import annotations
@@ -113,6 +113,7 @@ def bench_of(carrier: str, rate: float, clock: Clock) -> WireBench:
         cycle_ns=round(1e9 / rate),
         clock=clock,
         silence_cycles=1,
+        gear_mounted=carrier != "wire-bare",
         reference=reference,
     )
 
