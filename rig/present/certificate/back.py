@@ -109,7 +109,7 @@ def _tests(gathered: Certified, prevailed: _Prevailed, words: Words) -> Grid:
         facts = prevailed[fit.result.kind]
         speeds = next((facts[one] for one in _PLACES if facts.get(one)), "–")
         day = fit.recording.metadata.start_time[:10] or words.NOT_STATED
-        housing = facts.get(_HOUSING, words.NOT_STATED)
+        housing = str(facts.get(_HOUSING) or words.NOT_STATED)
         tare = provenance.tare_of(fit)
         subject = words.name(str(fit.result.options.get("torque_is_of", ""))) or "–"
         if tare != "none":
