@@ -21,19 +21,20 @@ from drivers.clock import WallClock
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.registry import HARDWARE, make_port
-from rig.bench.commissioning import STAGES
-from rig.bench.config.apply import configured_limits
-from rig.bench.config.load import load_configuration
 from rig.bench.state import VARIABLE
-from rig.run.start import bench_for
-from rig.run.stop import StopRequest
-from rig.trial.commission.conduct import do_stage
-from rig.trial.commission.work import Work
 from sim_backend.wire.bench import WireBench
 from sim_backend.wire.person import Person
 from sim_backend.wire.serve import Addresses, serve
 from sim_backend.world import World
-from tests.rig.trial.commission.benches import GEAR, MOTOR, RATE, right_text
+from tests.rig.trial.commission.benches import (
+    GEAR,
+    MOTOR,
+    RATE,
+    first_failure,
+    order_for,
+    right_text,
+    watch,
+)
 from tests.rig.trial.commission.test_wrong_descriptions import BEFORE, ROWS, Wrong
 
 
@@ -56,7 +57,7 @@ def served(*, coupled: bool) -> tuple[WireBench, int]:
     return bench, told.get(timeout=30.0).port
 
 
-def first_failure(row: Wrong, folder: Path) -> tuple[str, str, float]:
+def found_by(row: Wrong, folder: Path) -> tuple[str, str, float]:
     """The stage that finds what is wrong, its sentence, and how fast the coupled motor was ever driven [rad/s]."""
     benches = {coupled: served(coupled=coupled) for coupled in (True, False)}
     paths: dict[bool, Path] = {}
@@ -64,48 +65,17 @@ def first_failure(row: Wrong, folder: Path) -> tuple[str, str, float]:
         paths[coupled] = folder / f"{coupled}.toml"
         text = row.edit(right_text()).replace("port = 29536", f"port = {port}")
         paths[coupled].write_text(text, encoding="utf-8")
-    configuration = load_configuration(paths[True])
-    order = Order(
-        protocol="commission",
-        backend=HARDWARE,
-        operator="A. Example",
-        serial="SN-1",
-        folder=folder,
-        sample_rate=configuration.rig.sample_rate_hz,
-        limits=configured_limits(configuration),
-        mounting=row.mounting,  # type: ignore[arg-type]
-        config=paths[True],
-    )
-    fastest = [0.0]
-    demand = benches[True][0].drive.demand
-
-    def watched() -> tuple[object, float]:
-        mode, target = demand()
-        fastest[0] = max(fastest[0], abs(target))
-        return mode, target
-
-    benches[True][0].drive.demand = watched  # type: ignore[method-assign, assignment]
+    order = order_for(paths[True], backend=HARDWARE, mounting=row.mounting, config=paths[True])
+    driven = [0.0]
+    watch(benches[True][0], driven.append)
 
     def make(order: Order, setup: Setup) -> AssembledRig:
         rig = make_port(replace(order, config=paths[setup.gear_mounted]), setup)
         return replace(rig, person=Person(benches[setup.gear_mounted][0]).act)
 
-    for stage in STAGES:
-        if stage.name not in ("listen", *BEFORE):
-            continue
-        work = Work(
-            order=order,
-            bench=bench_for(order),
-            ask=lambda prompt: None,
-            stop=StopRequest(),
-            now=lambda: "2026-11-27T08:00:00+00:00",
-            make=make,
-        )
-        seen = do_stage(stage, work, "described")
-        if not seen.is_fine:
-            failed = next(one for one in seen.findings if one.severity == "blocks")
-            return stage.name, failed.sentence, fastest[0]
-    return "", "", fastest[0]
+    stage, seen = first_failure(order, make, ("listen", *BEFORE))
+    blocking = [one.sentence for one in seen.findings if one.severity == "blocks"] if seen else [""]
+    return stage, blocking[0], max(driven)
 
 
 def main() -> None:
@@ -117,7 +87,7 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             os.environ[VARIABLE] = str(Path(folder, "state"))
             began = time.monotonic()
-            stage, sentence, fastest = first_failure(row, Path(folder))
+            stage, sentence, fastest = found_by(row, Path(folder))
             right = "as on the wire" if stage == row.stage else f"ANOTHER STAGE THAN {row.stage}"
             print(
                 f"{row.name:36} {stage or 'none':10} {right:16} coupled {fastest:g} rad/s "

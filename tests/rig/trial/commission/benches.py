@@ -60,17 +60,7 @@ class Described:
 
     @property
     def order(self) -> Order:
-        configuration = load_configuration(self.path)
-        return Order(
-            protocol="commission",
-            backend="wire",
-            operator="A. Example",
-            serial="SN-1",
-            folder=self.path.parent,
-            sample_rate=configuration.rig.sample_rate_hz,
-            limits=configured_limits(configuration),
-            mounting=self.mounting,  # type: ignore[arg-type]
-        )
+        return order_for(self.path, mounting=self.mounting)
 
     def make(self, order: Order, setup: Setup) -> AssembledRig:
         """The bench as it is, and the drivers as they were told."""
@@ -99,18 +89,39 @@ class Described:
             config, clock, bench.bus, pump=bench.pump, time_base="hardware", origin="simulated"
         )
         if setup.gear_mounted:
-            self._watch(bench)
+            watch(bench, self._moves)
         return AssembledRig(name="wire", port=port, clock=clock, **of_bus(bench, port))
 
-    def _watch(self, bench: WireBench) -> None:
-        demand = bench.drive.demand
+    def _moves(self, speed: float) -> None:
+        self.moved = max(self.moved, speed)
 
-        def watched() -> tuple[object, float]:
-            mode, target = demand()
-            self.moved = max(self.moved, abs(target))
-            return mode, target
 
-        bench.drive.demand = watched  # type: ignore[method-assign, assignment]
+def order_for(path: Path, *, backend: str = "wire", mounting: str, **more: object) -> Order:
+    """What a commissioning with this description asks for; its records go beside it."""
+    configuration = load_configuration(path)
+    return Order(
+        protocol="commission",
+        backend=backend,
+        operator="A. Example",
+        serial="SN-1",
+        folder=path.parent,
+        sample_rate=configuration.rig.sample_rate_hz,
+        limits=configured_limits(configuration),
+        mounting=mounting,  # type: ignore[arg-type]
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def watch(bench: WireBench, tell: Callable[[float], None]) -> None:
+    """Tell how fast [rad/s] the drive of a bench is driven, whenever it is."""
+    demand = bench.drive.demand
+
+    def watched() -> tuple[object, float]:
+        mode, target = demand()
+        tell(abs(target))
+        return mode, target
+
+    bench.drive.demand = watched  # type: ignore[method-assign, assignment]
 
 
 def described(
@@ -121,9 +132,10 @@ def described(
     return Described(path, **more)  # type: ignore[arg-type]
 
 
-def first_failure(bench: Described, names: Sequence[str]) -> tuple[str, Seen | None]:
+def first_failure(
+    order: Order, make: Callable[[Order, Setup], AssembledRig], names: Sequence[str]
+) -> tuple[str, Seen | None]:
     """The first of these stages that fails, and what was seen in it; "" where none does."""
-    order = bench.order
     for stage in STAGES:
         if stage.name not in names:
             continue
@@ -133,7 +145,7 @@ def first_failure(bench: Described, names: Sequence[str]) -> tuple[str, Seen | N
             ask=lambda prompt: None,
             stop=StopRequest(),
             now=lambda: "2026-11-27T08:00:00+00:00",
-            make=bench.make,
+            make=make,
         )
         seen = do_stage(stage, work, "described")
         if not seen.is_fine:

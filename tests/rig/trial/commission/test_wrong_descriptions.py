@@ -140,7 +140,7 @@ def test_a_wrong_description_is_found_before_anything_coupled_is_driven(
     row: Wrong, tmp_path: Path
 ) -> None:
     bench = described(tmp_path, row.edit, mounting=row.mounting, analog_scale=row.analog_scale)
-    stage, seen = first_failure(bench, BEFORE)
+    stage, seen = first_failure(bench.order, bench.make, BEFORE)
     assert seen is not None, "nobody found it"
     failed = [finding for finding in seen.findings if finding.severity is Severity.BLOCKS]
     assert (stage, bench.moved) == (row.stage, 0.0), [finding.sentence for finding in failed]
@@ -149,4 +149,5 @@ def test_a_wrong_description_is_found_before_anything_coupled_is_driven(
 
 
 def test_the_right_description_passes(tmp_path: Path) -> None:
-    assert first_failure(described(tmp_path), ("listen", *BEFORE)) == ("", None)
+    bench = described(tmp_path)
+    assert first_failure(bench.order, bench.make, ("listen", *BEFORE)) == ("", None)
