@@ -21,6 +21,8 @@ from model.units import RPM
 from rig.runfile.chained_lines import Chain
 
 JOURNAL_NAME = "commissioning.jsonl"
+SEALED_PREFIX = "commissioning-"
+"""How the names of sealed records begin; they end in .json and lie beside the runs."""
 FIRST_SPEED = 30.0 * RPM
 """Input speed [rad/s] that a bench may turn at whose uncoupled stages are not done."""
 FIRST_TURNS = 1.0
@@ -172,6 +174,11 @@ def read_record(state: Path) -> tuple[StageDone, ...]:
 def _line(row: Mapping[str, Any]) -> StageDone:
     known: dict[str, Any] = {k: v for k, v in row.items() if k in StageDone.__dataclass_fields__}
     return StageDone(**{**known, "findings": tuple(row.get("findings", ()))})
+
+
+def is_sealed_record(path: Path) -> bool:
+    """Whether a file is named as the sealed record of a commissioning."""
+    return path.name.startswith(SEALED_PREFIX) and path.suffix == ".json"
 
 
 def keep(state: Path, done: StageDone) -> None:

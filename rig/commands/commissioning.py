@@ -14,6 +14,8 @@ from rig.commands.running import Events, StdinControl
 from rig.commands.terminal import console, echo, outliving_the_terminal, painted, print_json
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rig.bench.backends.order import Order
     from rig.bench.commissioning import Missing, Stage, StageDone
     from rig.bench.identity import Bench
@@ -70,6 +72,7 @@ def commission(
     from rig.commands.ordering import order_of
     from rig.run.start import bench_for
     from rig.trial.commission.conduct import missing_of, stages_to_do
+    from rig.trial.commission.record import seal_record
 
     order = order_of("commission", {}, {"backend": HARDWARE, **said}, no_card=no_card)
     _refuse_without_a_bus(order.backend)
@@ -84,9 +87,11 @@ def commission(
         _arm(order, confirm, asks=not (json or by_a_program))
     crew = _Program(order, to_do, listens=stdin_control) if by_a_program else _Terminal(quiet=json)
     done, stopped = _conducted(to_do, order, bench, description, crew)
-    crew.over(done, missing_of(bench, description))
+    missing = missing_of(bench, description)
+    record = seal_record(bench, order.folder, description, _now()) if done else None
+    crew.over(done, missing, record)
     if json and not by_a_program:
-        print_json(_as_json(done, missing_of(bench, description)))
+        print_json(_as_json(done, missing, record))
     if stopped:
         raise typer.Exit(exits.ABORTED)
     if not all(seen.is_fine for seen in done.values()):
@@ -158,9 +163,11 @@ class _Terminal:
         if not self._quiet:
             print_findings({stage.name: seen.findings})
 
-    def over(self, done: Mapping[str, Seen], missing: Sequence[Missing]) -> None:
+    def over(
+        self, done: Mapping[str, Seen], missing: Sequence[Missing], record: Path | None
+    ) -> None:
         if not self._quiet:
-            echo("\n".join(_lines(done, missing)))
+            echo("\n".join(_lines(done, missing, record)))
 
 
 class _Program:
@@ -216,16 +223,18 @@ class _Program:
             "stage", {**told, "outcome": outcome, "message": failed, "report": report}
         )
 
-    def over(self, done: Mapping[str, Seen], missing: Sequence[Missing]) -> None:
+    def over(
+        self, done: Mapping[str, Seen], missing: Sequence[Missing], record: Path | None
+    ) -> None:
         fine = all(seen.is_fine for seen in done.values())
         self._remote.report(
             {
                 **self._named(),
-                **_as_json(done, missing),
+                **_as_json(done, missing, record),
                 "complete": fine,
                 "outcome": "COMPLETED" if fine else "ERROR",
                 "verdict": "stages are missing" if missing else "every stage is done",
-                "lines": _lines(done, missing),
+                "lines": _lines(done, missing, record),
             }
         )
 
@@ -294,16 +303,19 @@ def _by(done: StageDone) -> str:
     return f"{done.at[:10]}, {done.operator or 'nobody'}"
 
 
-def _lines(done: Mapping[str, Seen], missing: Sequence[Missing]) -> list[str]:
+def _lines(done: Mapping[str, Seen], missing: Sequence[Missing], record: Path | None) -> list[str]:
     """How it stands, in lines."""
     if not done:
         return ["Nothing is missing: every stage was done with this description."]
     left = f"still missing: {', '.join(map(str, missing))}" if missing else "every stage is done"
     failed = [f"{name} failed" for name, seen in done.items() if not seen.is_fine]
-    return ["; ".join([f"{len(done)} stages", *failed, left])]
+    sealed = [f"record  {record}"] if record is not None else []
+    return ["; ".join([f"{len(done)} stages", *failed, left]), *sealed]
 
 
-def _as_json(done: Mapping[str, Seen], missing: Sequence[Missing]) -> dict[str, Any]:
+def _as_json(
+    done: Mapping[str, Seen], missing: Sequence[Missing], record: Path | None
+) -> dict[str, Any]:
     return {
         "ok": all(seen.is_fine for seen in done.values()),
         "stages": {
@@ -316,4 +328,5 @@ def _as_json(done: Mapping[str, Seen], missing: Sequence[Missing]) -> dict[str, 
             for name, seen in done.items()
         },
         "missing": [vars(one) for one in missing],
+        "record": None if record is None else str(record),
     }

@@ -9,14 +9,17 @@ from typing import Any
 
 from experiments.finding import Severity
 from rig.analysis.chain import Link, broken, links_of_run
+from rig.bench.commissioning import is_sealed_record
 from rig.errors import RigError
 from rig.gears import card as cards
 from rig.gears.acceptance import shipped_acceptance
 from rig.library.folder import ANALYSES_SUFFIX, RUN_SUFFIXES, run_files
+from rig.run.frames import SUFFIX as FRAMES_SUFFIX
 from rig.runfile.layout import HASH_SUFFIX
 from rig.runfile.seal import check_seal, file_sha256
 from rig.runfile.sealed import read_sealed
 from rig.trial.campaign import journal as journals
+from rig.trial.commission.record import links_of_record
 
 _OTHER_RUN_SUFFIXES = (".hdf5", ".nxs")
 """How files of other programs end that are opened as runs."""
@@ -46,8 +49,10 @@ def links_of(path: Path) -> Iterator[Link]:
         yield from _links_of_campaign(path)
     elif path.suffix == ".toml":
         yield _card(path)
+    elif is_sealed_record(path):
+        yield from links_of_record(path)
     elif not runs_in(path):
-        yield _sealed_link("certificate", path)
+        yield _sealed_link(_kind(path), path)
 
 
 def _links_of_campaign(path: Path) -> Iterator[Link]:
@@ -156,6 +161,11 @@ def _sealed_link(kind: str, path: Path) -> Link:
     return Link(kind, Severity.PASSED, "ok", where=str(path), sha256=seal.sha256)
 
 
+def _kind(path: Path) -> str:
+    """What a sealed file is that is neither run nor record."""
+    return "frames" if path.name.endswith(FRAMES_SUFFIX) else "certificate"
+
+
 def _card(path: Path) -> Link:
     try:
         card = cards.load_card(path)
@@ -174,8 +184,10 @@ def _links_of_folder(folder: Path) -> Iterator[Link]:
                 yield Link(
                     "run", Severity.WARNS, "is not there, though its note is", where=str(path)
                 )
+        elif is_sealed_record(path):
+            yield from links_of_record(path)
         else:
-            yield _sealed_link("certificate", path)
+            yield _sealed_link(_kind(path), path)
     for path in sorted((folder / journals.FOLDER).glob("*.jsonl")):
         yield from _links_of_campaign(path)
     for path in sorted(cards.cards_folder(folder).glob("*.toml")):

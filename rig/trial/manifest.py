@@ -16,6 +16,7 @@ from typing import Any
 from model.errors import WordedError
 from rig.analysis.store import analysis_folder
 from rig.analysis.tare import tare_kind
+from rig.bench.commissioning import is_sealed_record
 from rig.errors import ChangedRunError, RigError
 from rig.gears import card as cards
 from rig.gears import card_places
@@ -205,7 +206,10 @@ def _beside(folder: Path, serial: str) -> Iterator[Found]:
             yield from _journals(paths, serial)
         elif not here.name.startswith("."):
             for path in paths:
-                if path.suffix == ".json":
+                if is_sealed_record(path):
+                    # It is of the bench, and so of every gear on it.
+                    yield path, "commissioning"
+                elif path.suffix == ".json":
                     yield from ((one, "certificate") for one in certificate_files(path, serial))
 
 

@@ -21,6 +21,7 @@ from model.errors import WordedError
 from rig.analysis.judging import GearVerdict, StoredResult, judge
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import json_text
+from rig.bench.commissioning import is_sealed_record
 from rig.errors import RigError
 from rig.floors import DISTRIBUTION
 from rig.gears.acceptance import acceptance_named
@@ -73,7 +74,7 @@ def certificates_in(place: Path) -> list[Path]:
     and the folders in it that has a record, or a page that is sealed and has lost its record.
     """
     if not place.is_dir():
-        is_one = place.suffix.lower() in (*PAGES, ".json")
+        is_one = place.suffix.lower() in (*PAGES, ".json") and not is_sealed_record(place)
         return [place] if is_one and not place.parent.name.endswith(ANALYSES_SUFFIX) else []
     found: dict[Path, Path] = {}
     for folder, inside, names in os.walk(place):

@@ -15,7 +15,8 @@ from drivers.bus.listening import ListeningBus
 from experiments.steps.note import Prompt
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.order import Order, Setup
-from rig.bench.commissioning import NAMES, STAGES, read_record
+from rig.bench.commissioning import JOURNAL_NAME, NAMES, STAGES, read_record
+from rig.bench.identity import bench_of
 from rig.errors import ConfigurationError
 from rig.main import app
 from rig.run.start import bench_for
@@ -44,6 +45,16 @@ def test_a_simulated_bench_is_taken_through_every_stage(tmp_path: Path) -> None:
     assert len(runs) == 17
     assert all(file_sha256(tmp_path / name) == sha256 for name, sha256 in runs.items())
     assert {done.operator for done in record} == {"A. Example"}
+    sealed = json.loads(Path(found["record"]).read_bytes())
+    assert (sealed["bench"], sealed["complete"]) == (bench_of("wire", tmp_path).id, True)
+    assert [one["stage"] for one in sealed["stages"]] == list(NAMES)
+    assert sealed["devices"]["node 1"]["vendor_id"]
+    assert sealed["journal_sha256"] == file_sha256(tmp_path / JOURNAL_NAME)
+    verified = CliRunner().invoke(app, ["verify", found["record"]])
+    assert verified.exit_code == 0, verified.stdout
+    (tmp_path / next(iter(runs))).write_bytes(b"another")
+    verified = CliRunner().invoke(app, ["verify", found["record"]])
+    assert verified.exit_code == 6
     _, listed = commission("--runs", str(tmp_path), "--list")
     assert [one["stage"] for one in listed["stages"]] == list(NAMES)
     assert not any(one["missing"] for one in listed["stages"])
