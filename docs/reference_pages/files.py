@@ -118,6 +118,7 @@ def acceptance_file() -> Iterable[str]:
     yield "| `name` | text: what the file is called |"
     yield "| `source` | text: the document it was taken from |"
     yield f"| `use` | {kind_text(acceptance.Use)}: which runs it may judge |"
+    yield "| `parts`, `ratios` | lists of names and of numbers: the gears that it is for, all without either |"
     yield "\n## limits[]\n"
     yield plain(inspect.cleandoc(acceptance.Limit.__doc__ or ""))
     yield "\n| word | kind | needed |\n|---|---|---|"

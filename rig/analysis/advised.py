@@ -15,7 +15,7 @@ from rig.analysis.judging import GearVerdict, judge_newest, judge_run, stored_re
 from rig.analysis.next_run import Advice, Of, advice, wanted_by
 from rig.analysis.passport.gather import runs_of
 from rig.errors import ConfigurationError, RunFileError
-from rig.gears.acceptance import Acceptance, acceptance_for
+from rig.gears.acceptance import Acceptance, Part, acceptance_for
 from rig.library.folder import run_named
 from rig.runfile.read import close_recording, glance, open_run
 
@@ -83,7 +83,9 @@ def advised(
             raise RunFileError(
                 "has no analysis to advise from", where=str(path), remedy=f"rig fit {path}"
             )
-        stored = stored_result(found, metadata.origin, metadata.outcome, serial)
+        stored = stored_result(
+            found, metadata.origin, metadata.outcome, serial, part=Part.of(metadata)
+        )
         verdict = judge_run(stored, acceptance or acceptance_for(path.parent, serial))
         analysed = [_analysed(path, found)]
     made = [*_by_limits(verdict, analysed), *(_by_target(one, analysed) for one in targets)]

@@ -20,6 +20,7 @@ from rig.analysis.in_force import InForce, in_force
 from rig.analysis.store import Analysis, Basis, append_analysis, unsealed_words
 from rig.analysis.tare import FoundTare, check_tare, takes_tare, tare_kind
 from rig.errors import RigError
+from rig.gears.acceptance import Part
 from rig.runfile import read
 from rig.runfile.seal import Seal
 
@@ -91,6 +92,11 @@ class Fit:
     def serial(self) -> str:
         """Serial number of the gear."""
         return self.recording.metadata.gear_serial
+
+    @property
+    def part(self) -> Part:
+        """Which part the gear is, as its recording says."""
+        return Part.of(self.recording.metadata)
 
     @property
     def leans_on_gear(self) -> bool:

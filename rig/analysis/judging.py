@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
@@ -32,7 +32,7 @@ from rig.analysis.in_force import InForce, Newest, in_force
 from rig.analysis.next_run import next_step_of
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
-from rig.gears.acceptance import Acceptance, Limit, Subject, acceptance_for
+from rig.gears.acceptance import Acceptance, Limit, Part, Subject, acceptance_for
 from rig.library.listed import IndexedRun
 
 if TYPE_CHECKING:
@@ -58,6 +58,7 @@ class StoredResult:
     origin: str
     outcome: str
     serial: str = ""
+    part: Part = field(default_factory=Part)
     stale: tuple[str, ...] = ()
     renewed_by: str = ""
     not_in_force: str = ""
@@ -69,12 +70,18 @@ if TYPE_CHECKING:
 
 
 def stored_result(
-    found: InForce, origin: str, outcome: str, serial: str = "", *, other: Analysis | None = None
+    found: InForce,
+    origin: str,
+    outcome: str,
+    serial: str = "",
+    *,
+    part: Part | None = None,
+    other: Analysis | None = None,
 ) -> StoredResult:
     """The analysis in force of a run, ready to be judged; or another one of its analyses, which is told to be aside."""
     analysis = other or found.analysis
     assert analysis is not None
-    stored = StoredResult(analysis.result, origin, outcome, serial)
+    stored = StoredResult(analysis.result, origin, outcome, serial, part or Part())
     if analysis.number != found.number:
         return replace(stored, not_in_force=found.words_for_another(analysis.number))
     return replace(stored, stale=found.stale, renewed_by=found.renewed_by)
@@ -94,6 +101,8 @@ class GearVerdict:
     source: str = ""
     stale: tuple[str, ...] = ()
     acceptance_sha256: str = ""
+    remark: str = ""
+    """What to know of the acceptance file, whatever the verdict: that it names no part."""
 
     @property
     def next_steps(self) -> tuple[str, ...]:
@@ -112,6 +121,7 @@ class GearVerdict:
             "stale": list(self.stale),
             "acceptance": self.source,
             "acceptance_sha256": self.acceptance_sha256,
+            "remark": self.remark,
             "decision_rule": DECISION_RULE,
             "limits": [{**line.as_json(), "next_step": next_step_of(line)} for line in self.lines],
         }
@@ -163,11 +173,12 @@ def judge_stored(
     outcome: str,
     serial: str,
     *,
+    part: Part,
     accepted: Accepted = acceptance_for,
 ) -> JudgedRun:
     """The analysis of a run that counts, and the verdict by it; NOT JUDGED, and why, where nothing can be read.
 
-    `origin`, `outcome` and `serial` are those of the run file; `accepted` says what the gear must show.
+    `origin`, `outcome`, `serial` and `part` are those of the run file; `accepted` says what the gear must show.
     """
     found = InForce(kind=kind)
     try:
@@ -177,7 +188,7 @@ def judge_stored(
         elif found.analysis is None or not found.of_this_run:
             because = f"the run is not analysed: rig fit {run}"
         else:
-            stored = stored_result(found, origin, outcome, serial)
+            stored = stored_result(found, origin, outcome, serial, part=part)
             return JudgedRun(found, judge_run(stored, accepted(run.parent, serial)))
     except (WordedError, KeyError, TypeError, ValueError) as error:
         because = f"analysis or acceptance file cannot be read: {error}"
@@ -189,7 +200,13 @@ def judge_listed(listed: Sequence[IndexedRun]) -> dict[Path, JudgedRun]:
     accepted = functools.cache(acceptance_for)
     return {
         run.path: judge_stored(
-            run.path, run.protocol, run.origin, run.outcome, run.gear_serial, accepted=accepted
+            run.path,
+            run.protocol,
+            run.origin,
+            run.outcome,
+            run.gear_serial,
+            part=Part(run.gear, run.ratio),
+            accepted=accepted,
         )
         for run in listed
         if run.state == "sealed"
@@ -201,13 +218,19 @@ def judge_file(run: Path, metadata: RunMetadata) -> GearVerdict | None:
     if run.name.endswith(".part"):
         return None
     of = (metadata.experiment, metadata.origin, metadata.outcome, metadata.gear_serial)
-    return judge_stored(run, *of).verdict
+    return judge_stored(run, *of, part=Part.of(metadata)).verdict
 
 
 def judge_newest(newest: Newest, acceptance: Acceptance | None) -> GearVerdict:
     """The verdict on the gear whose newest analysed runs these are."""
     found = [
-        stored_result(analysis, run.origin, run.outcome, run.gear_serial)
+        stored_result(
+            analysis,
+            run.origin,
+            run.outcome,
+            run.gear_serial,
+            part=Part(run.gear, run.ratio),
+        )
         for run, analysis in newest.runs
     ]
     return judge(found, acceptance)
@@ -278,6 +301,7 @@ def _worst(
         source=acceptance.path,
         acceptance_sha256=acceptance.sha256,
         stale=_stale(found),
+        remark=acceptance.remark,
     )
 
 
@@ -317,7 +341,7 @@ def _lines(limit: Limit, found: Sequence[Analysed], acceptance: Acceptance) -> I
         (one, name) for one in found if one.result.kind == limit.kind for name in _named(limit, one)
     ]
     for one, name in measured:
-        doubt = acceptance.doubt(limit, is_simulated=one.origin == "simulated")
+        doubt = acceptance.doubt(limit, one.part, is_simulated=one.origin == "simulated")
         estimate, quantity = one.result.estimates[name], one.result.quantity(name)
         because = doubt or _lacks(one, limit, estimate, quantity)
         yield from _sides(limit, quantity, estimate, because, one.result)

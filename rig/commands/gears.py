@@ -199,9 +199,11 @@ def _answer(card: GearCard, json: bool) -> None:
 def _print(card: GearCard) -> None:
     import dataclasses
 
+    from experiments.finding import Severity
     from experiments.parameters import parameter_fields
     from rig.content.wording import named
     from rig.gears.card import GearFacts, stated_facts
+    from rig.run.gear import acceptance_checks_of_card
 
     out = console()
     facts = stated_facts(card.facts)
@@ -224,6 +226,9 @@ def _print(card: GearCard) -> None:
         out.print(f"confirmed by {last.by}, {last.at}", style="green")
     else:
         out.print(f"warning: {card.warning}", style="yellow", soft_wrap=True)
+    for check in acceptance_checks_of_card(card):
+        if check.severity is not Severity.PASSED:
+            out.print(f"warning: {check.found}", style="yellow", soft_wrap=True)
 
 
 def _print_flags() -> None:

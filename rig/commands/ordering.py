@@ -147,7 +147,22 @@ def order_of(
     refuse_unknown_acceptance(order.acceptance)
     if serial and not no_card:
         _require_card(order, serial, warn)
+    _warn_of_acceptance(order, warn)
     return order
+
+
+def _warn_of_acceptance(order: Order, warn: Callable[[str], None]) -> None:
+    """Before anything turns: a file that is for another part judges nothing."""
+    from experiments.finding import Severity
+    from rig.gears.acceptance import Part
+    from rig.gears.card import card_for
+    from rig.run.gear import acceptance_checks
+
+    card = card_for(order.folder, order.serial) if order.serial else None
+    named = order.acceptance or (card.facts.acceptance if card is not None else "")
+    for check in acceptance_checks(named, Part(order.gear.name, order.gear.ratio)):
+        if check.severity is Severity.WARNS:
+            warn(f"{check.found}. {check.remedy}")
 
 
 def _refuse_path(serial: str) -> None:

@@ -73,7 +73,8 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
     for words in _not_yet_told(verdict):
         out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)
     if verdict.source:
-        out.print(Text(f"    by {verdict.source}", style="dim"), soft_wrap=True)
+        remark = f", {verdict.remark}" if verdict.remark else ""
+        out.print(Text(f"    by {verdict.source}{remark}", style="dim"), soft_wrap=True)
 
 
 def _not_yet_told(verdict: GearVerdict) -> list[str]:

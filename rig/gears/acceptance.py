@@ -1,11 +1,12 @@
 """Acceptance files: what a gear must show to be accepted, limit by limit, each with its source and who confirmed it.
 
-A file is TOML (`format = "acceptance-1"`): `name`, `source` (the document), `use`, and a list
-`[[limits]]`. A limit names one quantity of one protocol ("kinematic-error.transmission_accuracy"),
-its largest and smallest allowed value in a unit that stands beside it, the condition under which the
-document states it, and whose limit it is. It counts as verified once a named person has confirmed
-it against the document; no rank of a source replaces that. A file of `use = "simulated"` judges
-runs of the simulated rig and nothing else; only in it may limits of standing "demonstration" stand.
+A file is TOML (`format = "acceptance-1"`): `name`, `source` (the document), `use`, the `parts` and
+`ratios` that it is for (any where it names none), and a list `[[limits]]`. A limit names one quantity
+of one protocol ("kinematic-error.transmission_accuracy"), its largest and smallest allowed value in a
+unit that stands beside it, the condition under which the document states it, and whose limit it is.
+It counts as verified once a named person has confirmed it against the document; no rank of a source
+replaces that. A file of `use = "simulated"` judges runs of the simulated rig and nothing else; only
+in it may limits of standing "demonstration" stand.
 
 Inside, limits are SI; the file keeps the unit in which they were stated.
 """
@@ -14,13 +15,14 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import date
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from experiments import catalogue
 from experiments.quantity import Quantity, quantity_of
@@ -30,6 +32,9 @@ from model.unit_text import read
 from rig.errors import ConfigurationError
 from rig.gears.card import card_for
 
+if TYPE_CHECKING:
+    from experiments.recording import RunMetadata
+
 FORMAT = "acceptance-1"
 """The value of `format` in the files that this program reads and writes."""
 
@@ -38,10 +43,25 @@ Standing = Literal["customer", "catalogue", "statistics", "demonstration"]
 _Trust = Literal["A", "B", "C", "derived", ""]
 Subject = Literal["gear", "motor + gear"]
 
-_TOP = ("format", "name", "source", "use", "limits")
+_TOP = ("format", "name", "source", "use", "parts", "ratios", "limits")
 _WORDS: Mapping[str, tuple[str, ...]] = {"standing": get_args(Standing), "trust": get_args(_Trust)}
 _LEFT_AWAY: Mapping[str, str] = {"subject": "gear"}
 """What is meant where a line says nothing, and is not written into a file."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Which part a gear is, by the name of its parameter set, and its ratio as it was mounted (N, or N + 1); "" and
+    NaN where nobody has said so.
+    """
+
+    name: str = ""
+    ratio: float = math.nan
+
+    @classmethod
+    def of(cls, run: RunMetadata) -> Part:
+        """The part that a recording says was turned."""
+        return cls(run.gear.name if run.gear is not None else "", run.ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +132,8 @@ class Acceptance:
     """What a gear must show: the limits of one acceptance file, in their order.
 
     `path` is the file, or the name of one that comes with the program; `sha256` that of the bytes that
-    were read, "" for one that was not read from a file.
+    were read, "" for one that was not read from a file. `parts` and `ratios` are those of the gears that it is for,
+    all where it names none.
     """
 
     name: str
@@ -121,9 +142,39 @@ class Acceptance:
     limits: tuple[Limit, ...]
     path: str
     sha256: str = field(default="", compare=False)
+    parts: tuple[str, ...] = ()
+    ratios: tuple[float, ...] = ()
 
-    def doubt(self, limit: Limit, *, is_simulated: bool) -> str:
-        """Why this limit cannot judge a run, of the simulated rig or not; "" where it can."""
+    @property
+    def remark(self) -> str:
+        """What whoever judges by it should know; "" for nothing."""
+        return "" if self.parts or self.ratios else f"{self.name} names no part that it is for"
+
+    @property
+    def whom(self) -> str:
+        """The gears that it is for, in words."""
+        ratios = [f"ratio {ratio:g}" for ratio in self.ratios]
+        return " or ".join(self.parts) + (f" ({' or '.join(ratios)})" if ratios else "")
+
+    def foreign(self, part: Part) -> str:
+        """Why its limits say nothing of a gear: it is another part, or nobody knows which; "" where they do."""
+        # CSF-25-120 is every CSF-25-120-2UH as well: the longer name is that part in a housing, or with other bores.
+        name = f"{part.name.casefold()}-"
+        is_named = any(name.startswith(f"{one.casefold()}-") for one in self.parts)
+        if self.parts and not is_named:
+            return (
+                f"{self.name} is for {self.whom}, not for {part.name or 'a part that nobody named'}"
+            )
+        mounted = {one + step for one in self.ratios for step in (0.0, 1.0)}
+        if self.ratios and not any(math.isclose(part.ratio, one) for one in mounted):
+            ratio = "a ratio that nobody named" if math.isnan(part.ratio) else f"{part.ratio:g}"
+            return f"{self.name} is for {self.whom or 'any part'}, not for {ratio}"
+        return ""
+
+    def doubt(self, limit: Limit, part: Part, *, is_simulated: bool) -> str:
+        """Why this limit cannot judge a run of a gear, of the simulated rig or not; "" where it can."""
+        if foreign := self.foreign(part):
+            return foreign
         if self.use == "simulated" and not is_simulated:
             return f"{self.name} is for simulated rigs only"
         if limit.is_verified or limit.standing == "demonstration":
@@ -202,6 +253,10 @@ def acceptance_text(acceptance: Acceptance) -> str:
         f"source = {quote(acceptance.source)}",
         f"use = {quote(acceptance.use)}",
     ]
+    if acceptance.parts:
+        lines.append(f"parts = [{', '.join(map(quote, acceptance.parts))}]")
+    if acceptance.ratios:
+        lines.append(f"ratios = [{', '.join(f'{ratio:g}' for ratio in acceptance.ratios)}]")
     for limit in acceptance.limits:
         si = limit.declared().unit
         lines += ["", "[[limits]]"]
@@ -260,7 +315,34 @@ def _acceptance(content: Mapping[str, Any], path: str) -> Acceptance:
                 limit="each quantity once",
                 remedy="Keep one of the two; it may have an upper and a lower value.",
             )
-    return Acceptance(**words, use=use, limits=limits, path=path)
+    parts = _list(content, "parts", str, path, '["CSF-25-120"]')
+    ratios = _list(content, "ratios", (int, float), path, "[120]")
+    return Acceptance(
+        **words,
+        use=use,
+        limits=limits,
+        path=path,
+        parts=tuple(name.strip() for name in parts),
+        ratios=tuple(map(float, ratios)),
+    )
+
+
+def _list(
+    content: Mapping[str, Any], key: str, kind: Any, path: str, example: str
+) -> tuple[Any, ...]:
+    """A list of the file with nothing empty in it; () where it has none."""
+    found = content.get(key, [])
+    is_one = isinstance(found, list) and all(
+        isinstance(one, kind) and not isinstance(one, bool) and one for one in found
+    )
+    if not is_one or (key in content and not found):
+        raise ConfigurationError(
+            "is no list of the gears that the file is for",
+            where=f"{path}: {key}",
+            value=quantities.shorten(found),
+            remedy=f"Write {key} = {example}, or leave it away where the limits hold for any.",
+        )
+    return tuple(found)
 
 
 def _limit(row: object, path: str, table: str, use: str) -> Limit:

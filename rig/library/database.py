@@ -8,11 +8,11 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-SCHEMA = 4
+SCHEMA = 5
 """The version of the tables; another one is rebuilt."""
 WAITING_TIME = 2.0
 """s that one process waits for another one's write."""
-_NUMERIC = {"number": "INTEGER", "rows": "INTEGER", "duration": "REAL"}
+_NUMERIC = {"number": "INTEGER", "rows": "INTEGER", "duration": "REAL", "ratio": "REAL"}
 Answer = TypeVar("Answer")
 Row = tuple[Any, ...]
 """What one file says of itself, in the order of the columns; a duration that is not known is None."""

@@ -27,6 +27,8 @@ from rig.library.search import Day, bound_of, fits, within
 
 WRITTEN_AT_ONCE = 250
 """Files that are read between two writes to the database: other processes find what is there already."""
+_NUMBERS = ("duration", "ratio")
+"""What is NaN where it is not known."""
 _COLUMNS = tuple(f.name for f in fields(IndexedRun) if f.name not in ("path", "state"))
 
 
@@ -202,21 +204,24 @@ class LibraryIndex:
 def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
     """What a file says of itself, by column."""
     file = name.rpartition("/")[2]
-    row: dict[str, Any] = dict.fromkeys(_COLUMNS, "") | {"rows": 0, "duration": math.nan} | said
+    row: dict[str, Any] = (
+        dict.fromkeys(_COLUMNS, "") | {"rows": 0, **dict.fromkeys(_NUMBERS, math.nan)} | said
+    )
     row |= {
         "run_id": row["run_id"] or file.split(".h5")[0],
         "number": run_number(file),
         "problem": problem,
     }
-    if math.isnan(row["duration"]):
-        row["duration"] = None
+    for name in _NUMBERS:
+        # A database knows no NaN.
+        row[name] = None if math.isnan(row[name]) else row[name]
     return tuple(row[column] for column in _COLUMNS)
 
 
 def _run_of(path: Path, row: Row) -> IndexedRun:
     values = dict(zip(_COLUMNS, row, strict=True))
-    if values["duration"] is None:
-        values["duration"] = math.nan
+    for name in _NUMBERS:
+        values[name] = math.nan if values[name] is None else values[name]
     return IndexedRun(path=path, state=_state_of(path, values["problem"]), **values)
 
 

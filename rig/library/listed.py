@@ -16,8 +16,8 @@ class IndexedRun:
     """One run as the index knows it.
 
     `state`: sealed; being written by a living process; left behind by a dead one (see `rig
-    recover`); or unreadable, with the reason in `problem`. `duration` in s, NaN where it is not
-    known; `notes` are the operator's, in one text.
+    recover`); or unreadable, with the reason in `problem`. `duration` in s and `ratio`, that of the part, are NaN where
+    they are not known; `notes` are the operator's, in one text.
     """
 
     path: Path
@@ -27,6 +27,7 @@ class IndexedRun:
     protocol: str
     gear_serial: str
     gear: str
+    ratio: float
     operator: str
     start: str
     duration: float

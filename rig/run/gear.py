@@ -5,8 +5,11 @@ from __future__ import annotations
 import dataclasses
 
 from experiments.finding import Finding, Severity
+from model.errors import WordedError
+from model.gear_file import shipped_gear
 from rig.bench.backends.order import Order
 from rig.content.wording import named
+from rig.gears.acceptance import Part, acceptance_named
 from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, stated_facts
 
 
@@ -57,3 +60,35 @@ def card_checks(card: GearCard | None, serial: str) -> tuple[Finding, ...]:
             )
         )
     return tuple(checks)
+
+
+def acceptance_checks(named: str, part: Part) -> tuple[Finding, ...]:
+    """A preflight's view of what judges a gear: whether the acceptance file, where one is named, is for such a part.
+
+    Raises `ConfigurationError` for a file that cannot be read.
+    """
+    if not named:
+        return ()
+    acceptance = acceptance_named(named)
+    if foreign := acceptance.foreign(part):
+        text, remedy = (
+            f"{foreign}: the verdict will be NOT JUDGED",
+            "Name the file of this part: rig gear set SERIAL --acceptance FILE",
+        )
+        return (Finding("acceptance", Severity.WARNS, text, remedy),)
+    if acceptance.remark:
+        remedy = 'Write parts = ["..."] into it, as its document says.'
+        return (Finding("acceptance", Severity.WARNS, acceptance.remark, remedy),)
+    return (Finding("acceptance", Severity.PASSED, f"{acceptance.name}, for {acceptance.whom}"),)
+
+
+def acceptance_checks_of_card(card: GearCard | None) -> tuple[Finding, ...]:
+    """The same of the file that a card names, for the part that it names; of one that cannot be read, that."""
+    if card is None:
+        return ()
+    try:
+        gear = gear_of(card.facts, shipped_gear()) if card.facts.part else None
+        part = Part() if gear is None else Part(gear.name, gear.ratio)
+        return acceptance_checks(card.facts.acceptance, part)
+    except WordedError as error:
+        return (Finding("acceptance", Severity.BLOCKS, str(error)),)

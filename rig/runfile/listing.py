@@ -29,10 +29,11 @@ from rig.runfile.opening import require_hdf5
 from rig.runfile.read import glance
 from rig.runfile.structure import examined_members
 
+RATIO = f"{layout.SAMPLE}/ratio"
 _READ = {
     layout.ENTRY: ("run_id", "start_time", "end_time", "outcome", "status", "events"),
     layout.USER: ("name",),
-    layout.SAMPLE: ("name", "serial_number", "mounting"),
+    layout.SAMPLE: ("name", "serial_number", "mounting", "ratio"),
     layout.PROCESS: ("experiment", "origin", "details", ACQUISITION, Path(CHECKSUM).name),
     layout.DATA: (layout.TIME,),
 }
@@ -41,7 +42,8 @@ _TEXTS = tuple(
     path
     for group, names in _READ.items()
     for name in names
-    if (path := f"{group}/{name}") not in (CHECKSUM, layout.EVENTS, f"{layout.DATA}/{layout.TIME}")
+    if (path := f"{group}/{name}")
+    not in (CHECKSUM, RATIO, layout.EVENTS, f"{layout.DATA}/{layout.TIME}")
 )
 
 
@@ -55,6 +57,7 @@ class Listing:
     protocol: str
     gear_serial: str
     gear: str
+    ratio: float
     operator: str
     start: str
     duration: float
@@ -90,6 +93,7 @@ def _carefully(path: Path) -> Listing:
         protocol=m.experiment,
         gear_serial=m.gear_serial,
         gear=m.gear.name if m.gear is not None else "",
+        ratio=m.ratio,
         operator=m.operator,
         start=m.start_time,
         duration=seen.duration,
@@ -119,6 +123,7 @@ def _quickly(file: h5py.File) -> Listing | None:
         *(texts[f"{layout.ENTRY}/{name}"] for name in ("end_time", "outcome", "status")),
         acquisition=texts[f"{layout.PROCESS}/{ACQUISITION}"],
     )
+    ratio = _number(found[RATIO])
     checksum = _rows(found[CHECKSUM], np.dtype("<i8"))
     if (
         origin not in get_args(Origin)
@@ -134,6 +139,7 @@ def _quickly(file: h5py.File) -> Listing | None:
         protocol=texts[f"{layout.PROCESS}/experiment"],
         gear_serial=texts[f"{layout.SAMPLE}/serial_number"],
         gear=texts[f"{layout.SAMPLE}/name"],
+        ratio=ratio,
         operator=texts[f"{layout.USER}/name"],
         start=texts[f"{layout.ENTRY}/start_time"],
         duration=duration,
@@ -157,6 +163,15 @@ def _text(dataset: Any) -> str:
         raise TypeError("no single text")
     dataset.read(h5s.ALL, h5s.ALL, value, kind)
     return bytes(value.item()).decode()
+
+
+def _number(dataset: Any) -> float:
+    """A number. Raises `TypeError` for what is none."""
+    if dataset.dtype != np.dtype("<f8") or dataset.shape not in ((), (1,)):
+        raise TypeError("no number")
+    value = np.empty(dataset.shape)
+    dataset.read(h5s.ALL, h5s.ALL, value, dataset.get_type())
+    return float(value.item())
 
 
 def _rows(dataset: Any, dtype: np.dtype[Any]) -> Any:

@@ -24,7 +24,7 @@ from rig.analysis.store import json_text
 from rig.bench.commissioning import is_sealed_record
 from rig.errors import RigError
 from rig.floors import DISTRIBUTION
-from rig.gears.acceptance import acceptance_named
+from rig.gears.acceptance import Part, acceptance_named
 from rig.library.folder import ANALYSES_SUFFIX
 from rig.present.certificate.record import (
     FORMAT_1,
@@ -270,7 +270,13 @@ def _judged(found: _Certificate) -> GearVerdict:
         metadata = glance(found.runs / one["run_file"]).metadata
         result = result_from_mapping(content["result"], content.get("tables", ()))
         results.append(
-            StoredResult(result, metadata.origin, metadata.outcome, metadata.gear_serial)
+            StoredResult(
+                result,
+                metadata.origin,
+                metadata.outcome,
+                metadata.gear_serial,
+                Part.of(metadata),
+            )
         )
     return judge(results, acceptance)
 

@@ -272,6 +272,7 @@ def _concluded(
 def _found(journal: Journal, order: CampaignOrder) -> Iterator[StoredResult]:
     """The analyses in force of the runs that count."""
     from rig.analysis.in_force import in_force
+    from rig.gears.acceptance import Part
     from rig.runfile.read import read_run_header
 
     for index in range(len(order.walk.stages)):
@@ -282,4 +283,10 @@ def _found(journal: Journal, order: CampaignOrder) -> Iterator[StoredResult]:
         found = in_force(path, done.protocol)
         if found.analysis is not None:
             metadata = read_run_header(path).metadata
-            yield stored_result(found, metadata.origin, metadata.outcome, metadata.gear_serial)
+            yield stored_result(
+                found,
+                metadata.origin,
+                metadata.outcome,
+                metadata.gear_serial,
+                part=Part.of(metadata),
+            )

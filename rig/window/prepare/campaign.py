@@ -16,7 +16,7 @@ from model.errors import ModelError
 from rig.bench.backends.order import Order, arguments_of
 from rig.errors import RigError
 from rig.present.preview.plan import preview_plan
-from rig.run.gear import card_checks
+from rig.run.gear import acceptance_checks_of_card, card_checks
 from rig.run.preflight import static_checks
 from rig.run.progress import in_words
 from rig.trial.campaign import journal as journals
@@ -64,7 +64,10 @@ def look_ahead_campaign(intent: Intent) -> Outlook:
     except (RigError, ExperimentError, ModelError) as error:
         problem = error
     serial = intent.facts.serial if intent.facts is not None else ""
-    checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
+    checks[:0] = [
+        *(for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)),
+        *acceptance_checks_of_card(intent.card),
+    ]
     checks += latch_checks(intent.rig)
     return Outlook(
         intent, order=order, checks=tuple(checks), problem=problem, walk=walked, done=done

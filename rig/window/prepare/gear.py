@@ -12,6 +12,7 @@ from PySide6.QtCore import Signal
 from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 
 from experiments.errors import PlanError
+from experiments.finding import Severity
 from experiments.parameters import parameter_fields
 from rig.errors import RigError
 from rig.gears.acceptance import shipped_names
@@ -29,6 +30,7 @@ from rig.gears.card import (
     with_confirmation,
 )
 from rig.gears.making import write_card
+from rig.run.gear import acceptance_checks_of_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.new_gear import NewGearForm
 from rig.window.prepare.preview_plot import short_name
@@ -297,7 +299,13 @@ class GearSection(QWidget):
             text, part = f"✓ Confirmed by {last.by}, {_day(last.at)}", "good"
         else:
             text, part = f"Not confirmed: {stored.warning if stored else ''}.", "warning"
-        self.digest.setText(_digest_of(stored.facts) if stored is not None else "")
+        doubts = [
+            f"! {check.found}"
+            for check in acceptance_checks_of_card(stored)
+            if check.severity is not Severity.PASSED
+        ]
+        digest = [_digest_of(stored.facts)] if stored is not None else []
+        self.digest.setText("\n".join((*digest, *doubts)))
         self.status.setText(text if part == "good" else f"! {text}")
         restyled(self.status, part)
 

@@ -30,7 +30,7 @@ from rig.gears.card import (
 from rig.present.preview.plan import PlanPreview, preview_plan
 from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
 from rig.run.dry_run import PlannedRun
-from rig.run.gear import card_checks
+from rig.run.gear import acceptance_checks_of_card, card_checks
 from rig.run.latch import TripLatch, latch_of
 from rig.run.ordering import configuration_of, described
 from rig.run.preflight import static_checks
@@ -154,7 +154,10 @@ def look_ahead(intent: Intent) -> Outlook:
         checks += static_checks(planned, intent.rig.folder)
     if catalogue.load(intent.protocol).gear_mounted:
         serial = intent.facts.serial if intent.facts is not None else ""
-        checks[:0] = [for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)]
+        checks[:0] = [
+            *(for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)),
+            *acceptance_checks_of_card(intent.card),
+        ]
     checks += latch_checks(intent.rig)
     return Outlook(intent, order, planned, preview, tuple(checks), problem)
 

@@ -29,7 +29,7 @@ from rig.analysis.judging import (
 )
 from rig.analysis.result_data import quantities_for
 from rig.analysis.store import Basis, append_analysis
-from rig.gears.acceptance import Acceptance, Limit
+from rig.gears.acceptance import Acceptance, Limit, Part
 from tests.rig import handmade
 
 NAMES = {
@@ -323,19 +323,37 @@ def test_a_fit_and_its_stored_analysis_have_one_verdict(tmp_path: Path) -> None:
         return acceptance
 
     because = judge_stored(
-        run, "friction", "simulated", "COMPLETED", "SN", accepted=named
+        run, "friction", "simulated", "COMPLETED", "SN", part=Part(), accepted=named
     ).verdict.because
     assert because == (f"the run is not analysed: rig fit {run}",)
     version = catalogue.load("friction").version
     basis = Basis("ab" * 32, "2026-11-01T00:00:00+00:00", analysis_version=version)
     append_analysis(run, fit.result, basis)
     listed = judge_stored(
-        run, "friction", fit.origin, fit.outcome, fit.serial, accepted=named
+        run, "friction", fit.origin, fit.outcome, fit.serial, part=Part(), accepted=named
     ).verdict
     read = stored_result(in_force(run, "friction"), fit.origin, fit.outcome, fit.serial)
     verdicts = [judge_run(fit, acceptance), judge_run(read, acceptance), listed]
     assert {v.verdict for v in verdicts} == {"PASS"}
     assert len({v.because for v in verdicts}) == 1
     assert len({tuple(held_against(line) for line in v.lines) for v in verdicts}) == 1
-    aborted = judge_stored(run, "friction", "simulated", "ABORTED", "SN", accepted=named).verdict
+    aborted = judge_stored(
+        run, "friction", "simulated", "ABORTED", "SN", part=Part(), accepted=named
+    ).verdict
     assert aborted.because == ("the run ended as ABORTED",)
+
+
+def test_limits_of_another_part_judge_nothing_and_say_why() -> None:
+    for_another = replace(asked(limit("friction", 0.5)), parts=("SHG-32-100",))
+    one = replace(found("friction"), part=Part("CSF-25-120", 120.0))
+    assert judge_run(one, replace(for_another, parts=("CSF-25-120",))).verdict == "FAIL"
+    verdict = judge_run(one, for_another)
+    assert verdict.verdict == "NOT JUDGED"
+    assert "is for SHG-32-100, not for CSF-25-120" in verdict.because[0]
+    assert judge([one], for_another).verdict == "NOT JUDGED"
+
+
+def test_a_file_that_names_no_part_says_so_with_its_verdict() -> None:
+    judged = judge_run(found("friction"), asked(limit("friction", 3.0)))
+    assert (judged.verdict, judged.remark) == ("PASS", "spec names no part that it is for")
+    assert judged.as_json()["remark"] == judged.remark

@@ -14,6 +14,7 @@ from rig.errors import ConfigurationError
 from rig.gears.acceptance import (
     Acceptance,
     Limit,
+    Part,
     acceptance_for,
     acceptance_text,
     load_acceptance,
@@ -23,6 +24,7 @@ from rig.gears.acceptance import (
 from rig.gears.card import save_card, with_changes
 from tests.rig.handmade import save_acceptance
 
+PART = Part("CSF-25-120", 120.0)
 TEXT = """
 format = "acceptance-1"
 name = "Specification 4711"
@@ -153,8 +155,8 @@ def test_a_limit_judges_only_when_somebody_confirmed_it() -> None:
     for bare in (proposal, dataclasses.replace(proposal, trust="derived"), customers):
         told = dataclasses.replace(bare, confirmed_by="A. Example", confirmed_on="2026-11-20")
         file = Acceptance(name="N", source="S", use="any", limits=(bare, told), path="")
-        assert "not confirmed" in file.doubt(bare, is_simulated=True)
-        assert not file.doubt(told, is_simulated=False)
+        assert "not confirmed" in file.doubt(bare, PART, is_simulated=True)
+        assert not file.doubt(told, PART, is_simulated=False)
 
 
 def test_a_demonstration_never_judges_hardware() -> None:
@@ -164,8 +166,8 @@ def test_a_demonstration_never_judges_hardware() -> None:
     for limit in acceptance.limits:
         assert limit.standing == "demonstration"
         assert not limit.is_verified
-        assert not acceptance.doubt(limit, is_simulated=True)
-        assert "simulated rigs only" in acceptance.doubt(limit, is_simulated=False)
+        assert not acceptance.doubt(limit, PART, is_simulated=True)
+        assert "simulated rigs only" in acceptance.doubt(limit, PART, is_simulated=False)
 
 
 def test_every_shipped_file_is_read_and_an_unknown_one_names_them() -> None:
@@ -196,3 +198,62 @@ def test_a_limit_is_on_the_gear_unless_it_says_another_subject(tmp_path: Path) -
     assert load_acceptance(tmp_path / "again.toml").limits == acceptance.limits
     with pytest.raises(ConfigurationError, match=r"limits\[1\]\.subject.*gear, motor \+ gear"):
         load_acceptance(written(tmp_path, both.replace("motor + gear", "motor")))
+
+
+FOR_PARTS = TEXT.replace(
+    'use = "any"', 'use = "any"\nparts = ["CSF-25-120", "SHG-25-120"]\nratios = [120]'
+)
+
+
+@pytest.mark.parametrize(
+    ("part", "foreign"),
+    [
+        (Part("CSF-25-120", 120.0), ""),
+        (Part("csf-25-120", 121.0), ""),
+        (Part("CSF-25-120-2UH", 120.0), ""),
+        (Part("CSF-25-1200", 120.0), "not for CSF-25-1200"),
+        (Part("CSF-25", 120.0), "not for CSF-25"),
+        (Part("SHG-32-100", 100.0), "not for SHG-32-100"),
+        (Part("SHG-25-120", 100.0), "not for 100"),
+        (Part("SHG-25-120"), "not for a ratio that nobody named"),
+        (Part(), "not for a part that nobody named"),
+    ],
+)
+def test_limits_of_one_part_judge_no_other(part: Part, foreign: str, tmp_path: Path) -> None:
+    acceptance = load_acceptance(written(tmp_path, FOR_PARTS))
+    said = acceptance.foreign(part)
+    assert foreign in said
+    assert bool(foreign) == bool(said)
+    assert foreign in acceptance.doubt(acceptance.limits[0], part, is_simulated=False)
+    assert not acceptance.remark
+
+
+def test_a_file_for_some_parts_is_written_and_read_alike(tmp_path: Path) -> None:
+    acceptance = load_acceptance(written(tmp_path, FOR_PARTS))
+    assert acceptance.parts == ("CSF-25-120", "SHG-25-120")
+    assert acceptance.whom == "CSF-25-120 or SHG-25-120 (ratio 120)"
+    again = load_acceptance(written(tmp_path, acceptance_text(acceptance)))
+    assert (again.parts, again.ratios) == (acceptance.parts, acceptance.ratios)
+
+
+def test_a_file_that_names_no_part_judges_any_and_says_so(tmp_path: Path) -> None:
+    acceptance = load_acceptance(written(tmp_path, TEXT))
+    assert not acceptance.foreign(Part())
+    assert "names no part" in acceptance.remark
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "parts = []",
+        'parts = "CSF"',
+        "parts = [3]",
+        'parts = [""]',
+        'ratios = ["120"]',
+        "ratios = [true]",
+    ],
+)
+def test_what_is_no_list_of_parts_is_named(line: str, tmp_path: Path) -> None:
+    text = TEXT.replace('use = "any"', f'use = "any"\n{line}')
+    with pytest.raises(ConfigurationError, match="no list of the gears"):
+        load_acceptance(written(tmp_path, text))

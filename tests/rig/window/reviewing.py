@@ -36,6 +36,7 @@ def indexed(number: int, **changes: object) -> IndexedRun:
         protocol="friction",
         gear_serial=f"SN-{number % 7}",
         gear="CSF-25-120",
+        ratio=120.0,
         operator="A. Example",
         start=f"2025-11-{1 + number % 28:02d}T10:00:00+00:00",
         duration=61.0,

@@ -20,7 +20,7 @@ from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_resu
 from rig.analysis.store import Analysis, read_analyses
 from rig.analysis.tare import takes_tare
 from rig.errors import RigError
-from rig.gears.acceptance import acceptance_for
+from rig.gears.acceptance import Part, acceptance_for
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.read import follow, open_run
@@ -359,7 +359,9 @@ class RunDetails(QWidget):
         except WordedError as error:
             return not_judged(f"the acceptance file cannot be read: {error}")
         found = in_force(self.path, analysis.kind)
-        stored = stored_result(found, m.origin, m.outcome, m.gear_serial, other=analysis)
+        stored = stored_result(
+            found, m.origin, m.outcome, m.gear_serial, part=Part.of(m), other=analysis
+        )
         return judge_run(stored, acceptance)
 
     def _tare_words(self, tare: str, kind: str) -> str:
