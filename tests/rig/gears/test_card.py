@@ -35,7 +35,7 @@ from rig.gears.card import (
 )
 from rig.gears.card_history import CardEvent
 from rig.main import run as main
-from rig.run.gear import card_checks, with_card
+from rig.run.gear import acceptance_checks_of_card, card_checks, with_card
 from rig.run.start import run_order
 
 FACTS = {
@@ -119,6 +119,56 @@ def test_a_change_of_the_mounting_takes_the_confirmation_away(name: str) -> None
     assert "C. Third" in changed.warning
     assert card_checks(changed, changed.serial)[0].severity is Severity.BLOCKS
     assert with_confirmation(changed, "C. Third", "2026-02-05").is_confirmed
+
+
+@pytest.mark.parametrize(
+    ("facts", "severity", "words"),
+    [
+        ({"acceptance": "demonstration"}, "passed", "demonstration, for CSF-25-120"),
+        (
+            {"acceptance": "demonstration", "part": "shg-32-100"},
+            "warns",
+            "not for SHG-32-100-2UH: the verdict will be NOT JUDGED",
+        ),
+        ({"acceptance": "gone.toml"}, "blocks", "gone.toml"),
+    ],
+)
+def test_limits_of_another_part_are_told_before_anything_turns(
+    facts: dict[str, str],
+    severity: str,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if facts.get("part") == "shg-32-100":
+        assert (
+            rig(
+                "gear",
+                "new",
+                "SHG-32-100-2UH",
+                "--serial",
+                "S",
+                "--runs",
+                str(tmp_path),
+                "--by",
+                "A",
+            )
+            == 0
+        )
+        made = card_for(tmp_path, "S")
+        assert made is not None
+        facts = {**facts, "part": made.facts.part}
+    card = confirmed_card(**facts)
+    (check,) = acceptance_checks_of_card(card)
+    assert check.severity == severity
+    assert words in check.found
+    if severity != "blocks":
+        save_card(tmp_path, card)
+        capsys.readouterr()
+        assert rig("gear", "show", card.serial, "--runs", str(tmp_path)) == 0
+        assert (words in " ".join(capsys.readouterr().out.split())) is (severity == "warns")
+        assert rig("plan", "home", "--gear", card.serial, "--runs", str(tmp_path)) == 0
+        assert (words in capsys.readouterr().err) is (severity == "warns")
 
 
 def test_hours_grow_without_a_new_confirmation_and_nothing_new_leaves_no_trace() -> None:
