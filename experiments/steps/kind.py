@@ -171,12 +171,12 @@ class StepForecast:
     what: str
     nominal: float
     longest: float
-    net: float = 0.0
-    turned: float = 0.0
-    travel: tuple[float, float] = (0.0, 0.0)
-    begin: float = 0.0
-    end: float = 0.0
-    speed: float = 0.0
+    net: float
+    turned: float
+    travel: tuple[float, float]
+    begin: float
+    end: float
+    speed: float
     acceleration: float = 0.0
     torque: float = 0.0
     at_drive_ramp: bool = False

@@ -58,6 +58,10 @@ class Physics:
     torque_extra: float = 0.0
     blocked: bool = False
     runaway: float = 0.0
+    short_of: float = 0.0
+    """rad/s by which the drive keeps below its set-point."""
+    port_offset: float = 0.0
+    """N m that the port shows and the drive does not."""
     ignore_quick_stop: bool = False
     ignore_off: bool = False
     ignore_ramp: bool = False
@@ -182,7 +186,8 @@ class FakeRig:
             p.speed += p.runaway * dt
         elif enabled and mode is Mode.SPEED and not (p.ignore_ramp and target == 0.0):
             limit = self.limits.acceleration * dt if self.limits else math.inf
-            p.speed += max(-limit, min(limit, 0.5 * (target - p.speed)))
+            wanted = target - p.short_of if target else 0.0
+            p.speed += max(-limit, min(limit, 0.5 * (wanted - p.speed)))
             if target == 0.0 and abs(p.speed) < 1e-3:
                 p.speed = 0.0
         elif enabled and mode is Mode.TORQUE:
@@ -231,7 +236,7 @@ class FakeRig:
         return [
             math.floor(p.angle / REVOLUTION * 32768),
             math.floor(output / REVOLUTION * 72000),
-            round(torque / 1e-4) + p.port_tremble * (p.cycle % 2),
+            round((torque + p.port_offset) / 1e-4) + p.port_tremble * (p.cycle % 2),
             round(p.drive_torque_gain * torque / 6.37e-4),
             round(target * 1e4) if mode is Mode.SPEED else 0,
             STATUSWORD_OF[p.state],

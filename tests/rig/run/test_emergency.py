@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from drivers.port import Mode
+from drivers.event import Event
+from drivers.port import Abilities, Mode
 from drivers.samples import SampleBlock
 from experiments.steps.vocabulary import HoldTime, Ramp
 from rig.run.make_safe import MakeSafe
@@ -140,3 +141,21 @@ def test_a_file_that_cannot_be_closed_hides_nothing(monkeypatch: pytest.MonkeyPa
 def _defect(rig: FakeRig) -> None:
     rig.script.clear()
     raise ZeroDivisionError("a defect")
+
+
+def test_what_the_devices_told_before_the_exception_is_in_the_file() -> None:
+    events = iter([[Event(1, "warning", "emcy", "drive", "code 0x8611")]])
+    run = ListRun()
+    rig = FakeRig(
+        abilities=Abilities(events=lambda: next(events, []) if rig.physics.cycle > AT else [])
+    )
+
+    def fail(_: FakeRig) -> None:
+        rig.script.clear()
+        rig.physics.cycle += 1
+        raise ZeroDivisionError("a defect")
+
+    rig.script[AT] = fail
+    with pytest.raises(ZeroDivisionError):
+        execute(parts_of(planned_of(*SHORT), rig, Path(), 20), lambda *_: run)
+    assert [event.text for event in run.events if event.code == "emcy"] == ["code 0x8611"]

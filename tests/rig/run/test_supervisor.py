@@ -130,6 +130,33 @@ def test_every_trip_is_found_named_and_made_safe(cause: str, rig: FakeRig, withi
     assert run.outcome == "TRIPPED"
 
 
+@pytest.mark.parametrize(
+    ("change", "most", "cause"),
+    [
+        # 1.5 rad/s and a quarter of the set-point of 40 rad/s; 0.02 N m and 15 % of the drive's 0.08 N m.
+        ("short_of", 11.5, trips.FOLLOWING_ERROR),
+        ("port_offset", 0.032, trips.TORQUE_ZERO),
+    ],
+)
+def test_what_the_run_allows_unless_it_is_told_otherwise(
+    change: str, most: float, cause: str
+) -> None:
+    _, within = run_with(at(AT, physics(**{change: 0.99 * most, "port_tremble": 1})))
+    assert within.outcome == "COMPLETED", within.message
+    _, beyond = run_with(at(AT, physics(**{change: 1.01 * most, "port_tremble": 1})))
+    assert beyond.trip is not None
+    assert (beyond.outcome, beyond.trip.cause) == ("TRIPPED", cause)
+
+
+def test_a_block_without_rows_changes_nothing() -> None:
+    rig = FakeRig()
+    supervisor = _supervisor(rig)
+    rig.empty = True
+    nothing = rig.exchange(Command(Mode.OFF), 5, Guard())
+    state = replace(supervisor.state, notes=(("torque-disagreement", "kept"),))
+    assert supervisor.reviewed(state, nothing, _turn()) is state
+
+
 def test_what_recovers_by_itself_is_safe_in_the_end() -> None:
     lasting = {STALE_DATA}
     for cause, _, _ in CASES:

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.bus.analog.amplifier import ReferenceAmplifier
 from drivers.bus.analog.config import ReferenceConfig
 from drivers.bus.cia301 import I16, U8, U16, ObjectRef
 from drivers.bus.cia401 import AnalogModuleConfig, torque_input
@@ -129,6 +130,21 @@ def test_a_reference_beyond_its_range_is_refused_and_not_sent() -> None:
     assert "52.3" in str(refused.value.limit)
     assert not made.is_powered
     assert amplifier(made).dictionary.value(0x6411, 1) == 0
+
+
+def test_a_state_is_waited_for_as_long_as_was_said_and_no_longer() -> None:
+    made = bench()
+    port = port_of(made, state_timeout_ms=200)
+    port.open()
+    drive = port.nodes.drive
+    assert isinstance(drive, ReferenceAmplifier)
+    began = drive.bus.clock.monotonic_ns()
+    with pytest.raises(DriverError, match="waited in vain for a miracle") as refused:
+        drive._await(lambda state: False, "a miracle")
+    waited = (drive.bus.clock.monotonic_ns() - began) * 1e-6
+    assert 200.0 <= waited < 220.0
+    assert refused.value.limit == "200 ms"
+    port.close()
 
 
 def test_torque_is_refused() -> None:
