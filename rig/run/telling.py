@@ -22,16 +22,13 @@ class ProgressTeller:
     ) -> None:
         self._planned, self._engine, self._machine = planned, engine, machine
         self._supervisor, self._file = supervisor, file
-        self._step_index, self._step_rows = -1, 0
 
     def progress(self, events: int, *, engine_leads: bool) -> Progress:
         """Where the run is, after so many warnings; `engine_leads`: its plan leads it, not make-safe."""
         engine, planned, machine = self._engine, self._planned, self._machine
-        if engine.index != self._step_index:
-            self._step_index, self._step_rows = engine.index, machine.rows
         left = 0.0
-        if engine_leads and engine.index < len(planned.steps):
-            in_step = (machine.rows - self._step_rows) * machine.period
+        if engine_leads and engine.begun and engine.index < len(planned.steps):
+            in_step = (machine.rows - engine.begun[-1]) * machine.period
             left = planned.remaining(engine.index) + max(
                 planned.steps[engine.index].nominal - in_step, 0.0
             )

@@ -302,6 +302,10 @@ def test_progress_and_events_are_told() -> None:
     left = [progress.left for progress in seen]
     assert all(later <= earlier + 1e-9 for earlier, later in itertools.pairwise(left))
     assert seen[-1].what == "making safe"
+    # Within the time that a step was to take, what is left goes down as the clock goes on: from its own begin on.
+    holds = [progress for progress in seen if progress.what.startswith("hold")]
+    assert len(holds) > 3
+    assert holds[0].left - holds[-1].left == pytest.approx(holds[-1].elapsed - holds[0].elapsed)
     assert any(
         progress.what.startswith("hold") and progress.speed == pytest.approx(20.0, rel=0.1)
         for progress in seen
