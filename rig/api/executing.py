@@ -41,6 +41,7 @@ def execute(
     config: str | Path | None = None,
     mounting: str | None = None,
     sample_rate: float | None = None,
+    status: str | Path | None = None,
     confirm: str = "",
     ask: Callable[[Prompt], str | None] | None = None,
     **parameters: Any,
@@ -51,7 +52,7 @@ def execute(
     the gear, `folder` where the run file goes ("runs", or that of the configuration). `parameters` are the protocol's
     own, as `rig run PROTOCOL --help` lists them, with underscores: `points=10`, `speeds_rpm=(60.0, 600.0)`.
     `seed` and `world` (gear_seed, bench_seed, mount, mount_turn_deg, hours, day, day_correlation, number, population,
-    start_state) choose a simulated world.
+    start_state) choose a simulated world. `status` is where a page of how the run stands is kept while it goes on.
     A rig of hardware is described by `config` and armed by `confirm`, the serial number once more; prompts are put
     on the terminal, unless `ask` answers them. In the main thread Ctrl-C is a STOP, a second one an ABORT. In another
     thread nobody hears Ctrl-C; the end of the main thread is a STOP. What `ask` raises is a STOP too, and is raised
@@ -70,6 +71,7 @@ def execute(
         "config": None if config is None else Path(config),
         "mounting": mounting,
         "sample_rate": sample_rate,
+        "status": None if status is None else Path(status),
     }
     order = order_of(protocol, parameters, {k: v for k, v in said.items() if v is not None})
     planned = plan_order(order)

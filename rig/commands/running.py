@@ -49,6 +49,7 @@ ORDERED = (
     "config",
     "block_cycles",
     "acceptance",
+    "status",
 )
 """The fields of an order that `rig run` takes, in the order of its help."""
 Help = Annotated[
@@ -172,6 +173,7 @@ _REPEATABLE = (
     "config",
     "block_cycles",
     "acceptance",
+    "status",
     "require_verdict",
     "everything",
     "json",

@@ -30,6 +30,7 @@ from rig.library.folder import RunPlace, claim_run
 from rig.program import this_program
 from rig.run.arming import Arming, guard_check, handle_check, loss_check, refuse_unarmed
 from rig.run.bench_lock import bench_lock
+from rig.run.bystander import standing_by
 from rig.run.commissioned import commissioned_check, refuse_sentence, standing_of
 from rig.run.computer import claim_real_time
 from rig.run.dry_run import PlannedRun, plan_run, vars_of
@@ -221,15 +222,15 @@ def run_on(
     run, begin = (
         (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)
     )
+    stop = stop or StopRequest()
     try:
-        report = run(
-            parts,
-            begin,
-            stop=stop,
-            ask=ask,
-            on_progress=on_progress,
-            on_event=on_event,
-        )
+        with standing_by(order, stop.problem) as bystander:
+            hears = {"ask": ask, "on_progress": on_progress, "on_event": on_event}
+            if bystander is not None:
+                hears = bystander.hears(ask, on_progress, on_event)
+            report = run(parts, begin, stop=stop, **hears)
+            if bystander is not None:
+                bystander.reported(report)
     finally:
         marker.let_go()
     if report.outcome in _FRAMES_OF or uncommissioned is None:

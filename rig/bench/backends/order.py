@@ -417,6 +417,16 @@ class Order:
             metavar="FILE",
         ),
     )
+    status: Path | None = field(
+        default=None,
+        metadata=spoken(
+            "Keeps a page (HTML) of how the run stands, for a phone or a wall: written every 2 s beside the run.",
+            "folder",
+            kind=Path,
+            option="--status",
+            metavar="FILE",
+        ),
+    )
     motor: ServoMotor = field(default_factory=_shipped_motor)
     limits: Mapping[str, float] = field(default_factory=dict)
     """Limits of the rig by quantity (SI)."""

@@ -18,7 +18,8 @@ _TABLES = (
     "limits",
     "ratings",
 )
-"""What a stage shows to be right. Who tests for whom, where runs go and when alarms are raised is not among it."""
+"""What a stage shows to be right. Who tests for whom, where runs go, who is told and when alarms are raised
+is not among it."""
 _NOT_SHOWN = frozenset({"calibration", "model", "title"})
 """Words in these tables that a stage says nothing of: a certificate that is renewed changes no wire."""
 

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 
 from experiments.finding import Finding, Severity
 from rig.bench.config.parts import FOLDER
-from rig.bench.config.schema import FORMAT, Alarms, Laboratory, RigConfiguration
+from rig.bench.config.schema import FORMAT, Alarms, Laboratory, Notify, RigConfiguration
 from rig.errors import ConfigurationError
 
 _Table = TypeVar("_Table", bound=BaseModel)
@@ -82,6 +82,11 @@ def load_laboratory(path: str | Path) -> Laboratory | None:
 def load_alarms(path: str | Path) -> Alarms | None:
     """The `[alarms]` of a rig's description, read as `load_laboratory` reads."""
     return _table(Path(path), "alarms", Alarms)
+
+
+def load_notify(path: str | Path) -> Notify | None:
+    """The `[notify]` of a rig's description, read as `load_laboratory` reads."""
+    return _table(Path(path), "notify", Notify)
 
 
 def _table(path: Path, name: str, model: type[_Table]) -> _Table | None:

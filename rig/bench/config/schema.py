@@ -325,6 +325,14 @@ class Alarms(Part):
     golden_gear: str = ""
 
 
+class Notify(Part):
+    """The `command` that is called when a run waits for somebody, has ended or has tripped: its words, then the state
+    and the run file. It is called from the folder of this file, by a process beside the run, and ended after 5 s.
+    """
+
+    command: tuple[str, ...] = Field(min_length=1)
+
+
 class RigConfiguration(Part):
     """A rig of hardware, as its `rig.toml` describes it."""
 
@@ -345,6 +353,7 @@ class RigConfiguration(Part):
     real_time: RealTime = RealTime()
     laboratory: Laboratory | None = None
     alarms: Alarms = Alarms()
+    notify: Notify | None = None
 
     @model_validator(mode="after")
     def _consistent(self) -> RigConfiguration:

@@ -40,7 +40,7 @@ Moment = Literal[
 """When it happens: in the middle of a segment of the drill's protocol, or between them; "start":
 before the rig is opened.
 """
-Recording = Literal["", "disk full", "disk nearly full", "writer stalled"]
+Recording = Literal["", "disk full", "disk nearly full", "writer stalled", "no status page"]
 Readout = Literal["", "garbage", "half lines", "silent", "encoder fault"]
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import threading
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from drivers.port import RigDescription
 from drivers.samples import SampleBlock
@@ -72,6 +73,12 @@ class FailingDisk:
     writer: _FullDiskWriter | StalledWriter | None = None
     small: int = 0
     """How often too little space was said to be free."""
+    complaints: list[str] = field(default_factory=list[str])
+    """What the process beside the run said that it could not do."""
+
+    def status(self, folder: Path) -> Path | None:
+        """Where the status page of the run is to lie: in a folder that is not there; None for every other disk."""
+        return folder / "gone" / "status.html" if self.how == "no status page" else None
 
     def evidence(self) -> str:
         """What shows that the disk failed; empty where nothing does."""
@@ -80,7 +87,8 @@ class FailingDisk:
             (refused, "blocks that the disk did not take"),
             (self.small, f"looks that found {_SMALL_SPACE} bytes free"),
         )
-        return ", ".join(f"{what}: {count}" for count, what in counted if count)
+        words = [f"{what}: {count}" for count, what in counted if count]
+        return ", ".join(words + self.complaints)
 
     def begin(
         self, parts: SessionParts, description: RigDescription, epoch_ns: int, start_time: str

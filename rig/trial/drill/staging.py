@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -16,6 +16,7 @@ from drivers.readout.nd287 import Readout, ReadoutConfig
 from experiments.recording import Event
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.order import Order
+from rig.run.bystander import standing_by
 from rig.run.dry_run import PlannedRun
 from rig.run.make_safe import Patience
 from rig.run.parts import RunReport, SessionParts
@@ -31,6 +32,8 @@ from rig.trial.drill.rigs import Carrier, DrilledRig, Happening, drilled_rig
 
 BLOCK_CYCLES = 20
 """Cycles per exchange of a drill: what a rig in real time at 1 kHz would use."""
+_AFTERWARDS = 10.0
+"""s of the computer's own time for the process beside a run to say what it has to."""
 _AFTERMATH = 1.0
 """s of rig time that pass, where standstill was not verified, before the truth is looked at: the
 drive stops by itself.
@@ -218,12 +221,7 @@ class Staged:
         )
         report, message = None, ""
         try:
-            report = execute(
-                parts,
-                disk.begin,
-                stop=stop,
-                on_event=lambda event: self._take(event, rig, disk),
-            )
+            report = self._executed(parts, rig, disk, stop)
         except Exception as error:  # noqa: BLE001  whatever comes out of a run, its row says so and fails
             message = f"{type(error).__name__}: {error}"
         finally:
@@ -246,6 +244,22 @@ class Staged:
                 rightly_denied=self.rightly_denied,
             )
         return self._ending(report, rig, happenings, safe, tuple(facts), reading)
+
+    def _executed(
+        self, parts: SessionParts, rig: DrilledRig, disk: FailingDisk, stop: StopRequest
+    ) -> RunReport:
+        """The run, with the process beside it where the drill has a status page."""
+        order = replace(parts.order, status=disk.status(self.folder))
+        with standing_by(order, disk.complaints.append) as bystander:
+            hears: dict[str, Any] = {"on_event": lambda event: self._take(event, rig, disk)}
+            if bystander is not None:
+                hears = bystander.hears(lambda prompt: "", None, hears["on_event"])
+            report = execute(parts, disk.begin, stop=stop, **hears)
+            if bystander is not None:
+                bystander.reported(report)
+        if bystander is not None:
+            bystander.process.is_gone(_AFTERWARDS)
+        return report
 
     def _ending(
         self,

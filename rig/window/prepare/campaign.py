@@ -23,7 +23,7 @@ from rig.trial.campaign import journal as journals
 from rig.trial.campaign.plan import CampaignPlan, load_plan, shipped_names, shipped_plan
 from rig.trial.campaign.walk import Walk, walk
 from rig.window.prepare.request import (
-    SAID_TO_A_CHILD,
+    SAID_OF_A_RUN,
     Intent,
     Outlook,
     for_this_rig,
@@ -128,6 +128,6 @@ def campaign_arguments(
     """What follows `python -m rig` to start a campaign as a child that is spoken to in lines."""
     words = ["campaign"]
     words.append(campaign if campaign in shipped_names() else f"--plan={campaign}")
-    words += arguments_of(order, SAID_TO_A_CHILD, parameters)
+    words += arguments_of(order, SAID_OF_A_RUN, parameters)
     words += ["--anew"] if anew else []
     return [*words, "--events", "--stdin-control"]

@@ -48,6 +48,7 @@ from rig.window.prepare.request import (
     to_be_typed,
     write_parameters,
 )
+from rig.window.prepare.status_page import StatusPageChoice
 from rig.window.prepare.walk_table import WalkTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -111,6 +112,7 @@ class PreparePage(QWidget):
             tip="Take a new bench through its first hour, stage by stage (rig commission)",
             act=self.commission_bench,
         )
+        self.status_page = StatusPageChoice(session)
         self.training_button = push_button("&Training …", act=self.open_training)
         self.acknowledge_button = push_button("Ac&knowledge the trip …", act=self.acknowledge_trip)
         self.waiting = text_label(wraps=True)
@@ -140,7 +142,9 @@ class PreparePage(QWidget):
 
     def _lay_out(self) -> None:
         label = text_label("&Name", buddy=self.operator)
-        holder = room_for(in_row(label, (self.operator, 1), margins=(0, 0, 0, 0)))
+        holder = room_for(
+            in_row(label, (self.operator, 1), self.status_page.button, margins=(0, 0, 0, 0))
+        )
         self.gear_card = _card("2  Gear", self.gear)
         inner = room_for(
             in_column(
@@ -201,6 +205,7 @@ class PreparePage(QWidget):
             self.protocol.changed,
         ):
             signal.connect(lambda *_: self._ask_for_outlook())
+        self.status_page.button.clicked.connect(lambda *_: self._ask_for_outlook())
         self.protocol.changed.connect(self._show_for_protocol)
         self.checklist.changed.connect(self._show_readiness)
         self.acknowledge_button.hide()
@@ -210,7 +215,9 @@ class PreparePage(QWidget):
     @property
     def intent(self) -> Intent:
         """What the page says now."""
-        rig = RigChoice(self._session.backend, self._session.folder, self._session.configuration)
+        shared = self._session
+        kept = self.status_page.kept
+        rig = RigChoice(shared.backend, shared.folder, shared.configuration, kept)
         mounted = self.protocol.gear_mounted
         return Intent(
             rig=rig,

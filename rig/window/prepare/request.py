@@ -54,6 +54,8 @@ SAID_TO_A_CHILD = (
     "world",
 )
 """The fields of an order that a window decides, as the command line of its child has them."""
+SAID_OF_A_RUN = (*SAID_TO_A_CHILD, "status")
+"""Those of a run, or of a campaign's runs."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,8 @@ class RigChoice:
     backend: str
     folder: Path
     configuration: Path | None = None
+    status: Path | None = None
+    """The page that is kept of how a run stands."""
 
     @property
     def is_hardware(self) -> bool:
@@ -126,6 +130,7 @@ def order_for(intent: Intent) -> Order:
     if intent.card is not None and mounted:
         known["conditions"] = conditions_of(intent.card)
     known |= {"gear": gear, "folder": rig.folder, "operator": intent.operator.strip()}
+    known |= {"status": rig.status}
     return Order(protocol=intent.protocol, values=dict(intent.values), backend=rig.backend, **known)
 
 
@@ -296,7 +301,7 @@ def arguments_for(
 
     `parameters` is the parameter file of the gear, `confirmation` what was typed to arm this one run.
     """
-    words = ["run", order.protocol, *arguments_of(order, SAID_TO_A_CHILD, parameters)]
+    words = ["run", order.protocol, *arguments_of(order, SAID_OF_A_RUN, parameters)]
     if confirmation:
         words.append(f"--confirm={confirmation}")
     words += [

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from rig.window.run.state import RunState, State
+from rig.run.state import RunState, State
 from rig.window.shell.stack import (
     in_column,
     in_row,

@@ -22,9 +22,9 @@ from experiments.result import Result
 from rig.analysis.tare import takes_tare
 from rig.bench.identity import option_of
 from rig.content.wording import show
+from rig.run.state import RunState, State
 from rig.run.trips import rule_of
 from rig.runfile.layout import PART_SUFFIX
-from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask

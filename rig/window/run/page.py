@@ -24,6 +24,7 @@ from rig.present.preview.plan import PlanPreview, preview_plan
 from rig.run.dry_run import PlannedRun
 from rig.run.parts import Progress
 from rig.run.progress import in_words
+from rig.run.state import MAKING_SAFE, RunState, State
 from rig.trial.campaign.walk import Walk
 from rig.window.run.banner import Banner, StopButtons, look_of
 from rig.window.run.close_question import CloseQuestion
@@ -33,7 +34,6 @@ from rig.window.run.margins_view import MarginBars
 from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
 from rig.window.run.stages_view import StageRow, StagesView
-from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,

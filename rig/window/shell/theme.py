@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QGuiApplication, QPalette, QPixmapCache
 from PySide6.QtWidgets import QApplication
 
+from rig.window.shell.marks import mark
 from rig.window.shell.palette import Palette, palette_of
 
 THEMES = ("system", "light", "dark")
@@ -108,12 +109,17 @@ def _style_sheet(p: Palette) -> str:
         selection-color: {p.accent_text}; }}
     QCheckBox::indicator, QListView::indicator {{ width: 13px; height: 13px; border: 1px solid {p.muted}; border-radius: 3px;
         background: {p.surface}; }}
-    QCheckBox::indicator:checked, QListView::indicator:checked {{ background: {p.accent}; border-color: {p.accent}; }}
+    QCheckBox::indicator:checked, QListView::indicator:checked {{ background: {p.accent}; border-color: {p.accent};
+        image: url({mark("tick", p.accent_text)}); }}
     QCheckBox::indicator:disabled {{ border-color: {p.line}; background: {p.raised}; }}
+    QCheckBox::indicator:checked:disabled {{ image: url({mark("tick", p.muted)}); }}
+    QSpinBox::up-button, QDoubleSpinBox::up-button, QSpinBox::down-button, QDoubleSpinBox::down-button {{ border: none;
+        background: transparent; width: 18px; }}
+    QSpinBox::up-arrow, QDoubleSpinBox::up-arrow {{ image: url({mark("up", p.muted)}); width: 11px; height: 11px; }}
+    QSpinBox::down-arrow, QDoubleSpinBox::down-arrow {{ image: url({mark("down", p.muted)}); width: 11px; height: 11px; }}
     QCheckBox::indicator:focus {{ border: 2px solid {p.accent}; }}
     QComboBox::drop-down {{ border: none; width: 20px; }}
-    QComboBox::down-arrow {{ width: 0px; height: 0px; border-left: 4px solid {p.surface}; border-right: 4px solid {p.surface};
-        border-top: 5px solid {p.muted}; }}
+    QComboBox::down-arrow {{ image: url({mark("down", p.muted)}); width: 12px; height: 12px; }}
     QLineEdit:focus, QPlainTextEdit:focus, QComboBox:focus, QSpinBox:focus, QDoubleSpinBox:focus {{
         border-color: {p.accent}; }}
     QLineEdit[invalid="true"] {{ border: 2px solid {p.bad}; }}

@@ -17,6 +17,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
 from rig.bench.backends.order import Order
+from rig.run.state import STOOD, RunState, State
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.journal import DoneStage
 from rig.trial.campaign.plan import load_plan, shipped_plan
@@ -27,7 +28,6 @@ from rig.window.prepare.page import PreparePage
 from rig.window.prepare.protocol import CAMPAIGN, PLAN_FILE
 from rig.window.run.live_numbers import NOTHING, LiveNumbers
 from rig.window.run.outcome_view import campaign_lines
-from rig.window.run.state import STOOD, RunState, State
 from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block
 from rig.window.work.prepared import PreparedCampaign

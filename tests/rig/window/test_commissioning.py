@@ -7,9 +7,9 @@ from PySide6.QtCore import Qt
 from pytestqt.qtbot import QtBot
 
 from rig.bench.commissioning import read_record
+from rig.run.state import State
 from rig.window.main import MainWindow
 from rig.window.prepare.page import PreparePage
-from rig.window.run.state import State
 from rig.window.shell.session import WindowSession
 from rig.window.work.child import RunProcess
 from rig.window.work.prepared import PreparedCommission

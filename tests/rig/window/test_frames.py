@@ -20,13 +20,13 @@ from model.channel import Channel
 from model.gear_file import shipped_gear
 from model.units import ARCMIN, REVOLUTION, RPM
 from rig.errors import RunFileError
+from rig.run.state import RunState
 from rig.window.plot.plots import LabPlot
 from rig.window.run.banner import Banner
 from rig.window.run.kinematic_view import WAVE_BINS, OutputView, Revolutions, WaveView
 from rig.window.run.live_axes import RECENT, TimeAxis, ValueAxis
 from rig.window.run.live_view import LiveContext, LiveView, SpeedView, torque_view
 from rig.window.run.pacing import LONGEST, MOST, Pacer
-from rig.window.run.state import RunState
 from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block
 from rig.window.work.segment_work import MOST_WAITING, SegmentWork

@@ -15,11 +15,11 @@ from model.motor import shipped_motor
 from rig.analysis.digest import digest
 from rig.bench.backends.order import Order
 from rig.run.start import run_order
+from rig.run.state import RunState, State
 from rig.window.prepare.protocol import ProtocolSection
 from rig.window.review.marks import segment_words
 from rig.window.run.live_plots import LivePlots
 from rig.window.run.outcome_view import OutcomeView
-from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
 from tests.rig import toy_protocol
 from tests.rig.window.conftest import LONGEST

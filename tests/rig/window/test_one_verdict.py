@@ -13,9 +13,9 @@ from pytestqt.qtbot import QtBot
 from rig.analysis.in_force import in_force
 from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_result
 from rig.gears.acceptance import acceptance_for
+from rig.run.state import RunState, State
 from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
-from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
 from tests.rig.library.stored import write
 from tests.rig.test_one_verdict import random_store

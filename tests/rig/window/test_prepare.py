@@ -15,6 +15,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import (
     QApplication,
     QComboBox,
+    QFileDialog,
     QLabel,
     QLineEdit,
     QPushButton,
@@ -243,13 +244,16 @@ def test_refusals_of_the_whole_plan_name_step_value_and_limit(
 
 
 def test_start_hands_over_a_run_whose_arguments_the_command_understands(
-    session: WindowSession, qtbot: QtBot, settle: Settle
+    session: WindowSession, qtbot: QtBot, settle: Settle, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     stored_card(session.folder)
     session.remember("gear", "SN-0815")
     page = shown(session, qtbot, settle)
     type_into(qtbot, page.operator, "--A. Example")
     page.protocol.choose("velocity-steps")
+    status = session.folder / "status.html"
+    monkeypatch.setattr(QFileDialog, "getSaveFileName", lambda *words: (str(status), ""))
+    click(qtbot, page.status_page.button)
     type_into(qtbot, page.protocol.form.rows["speeds_rpm"].editor, "300 900")
     type_into(qtbot, page.protocol.form.rows["repeats"].editor, "1")
     settle(page)
@@ -269,6 +273,9 @@ def test_start_hands_over_a_run_whose_arguments_the_command_understands(
     assert options["serial"] == "SN-0815"
     assert options["folder"] == session.folder
     assert options["events"]
+    assert options["status"] == status
+    click(qtbot, page.status_page.button)
+    assert page.status_page.kept is None
     # What the child will plan is what was shown.
     child = plan_order(
         order_of(protocol, values, {k: options[k] for k in WORDS if options.get(k) is not None})

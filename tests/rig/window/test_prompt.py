@@ -24,11 +24,11 @@ from rig.bench.backends.order import Order
 from rig.present.preview.plan import preview_plan
 from rig.run.parts import Progress
 from rig.run.start import plan_order
+from rig.run.state import MAKING_SAFE, RunState, State
 from rig.window.main import MainWindow
 from rig.window.run.banner import LOOKS
 from rig.window.run.live_view import LiveContext, PredictedTorque, since_begun, torque_view
 from rig.window.run.prompt_view import UNARMED_NS
-from rig.window.run.state import MAKING_SAFE, RunState, State
 from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import BANNER_CAPITAL
 from tests.rig.window.conftest import SilentRun, silent_run

@@ -13,13 +13,13 @@ from pytestqt.qtbot import QtBot
 from rig.analysis.in_force import in_force
 from rig.analysis.store import read_analyses
 from rig.gears.card import card_for, now_text, save_card, with_changes
+from rig.run.state import RunState, State
 from rig.runfile.write import RunWriter
 from rig.window.main import MainWindow
 from rig.window.review.fit import renewal_of
 from rig.window.review.page import ReviewPage
 from rig.window.review.passport import lacking_runs
 from rig.window.run.outcome_view import OutcomeView
-from rig.window.run.state import RunState, State
 from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import block, header
 from tests.rig.window.reviewing import LONGEST, indexed

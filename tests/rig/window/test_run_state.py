@@ -8,7 +8,7 @@ import pytest
 
 from experiments.recording import Event
 from rig.run.parts import Progress
-from rig.window.run.state import CHANGES, OVER, RunState, State
+from rig.run.state import CHANGES, OVER, RunState, State
 
 LENGTH = 6
 SAFE, UNSAFE = {"make_safe": {"safe": True}}, {"make_safe": {"safe": False}}

@@ -18,11 +18,11 @@ from pytestqt.qtbot import QtBot
 from experiments.recording import Recording
 from rig.run.latch import LATCH_NAME
 from rig.run.parts import Progress
+from rig.run.state import LOST, State
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.window.main import MainWindow
 from rig.window.run.points_view import StartingPoints, TorquePoints
-from rig.window.run.state import LOST, State
 from rig.window.shell.session import WindowSession
 from rig.window.work.child import RunProcess
 from tests.rig.window.conftest import LONGEST, MakePrepared, child

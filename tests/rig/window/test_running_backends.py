@@ -15,8 +15,8 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.order import Order
 from rig.run.start import plan_order
+from rig.run.state import State
 from rig.window.main import MainWindow
-from rig.window.run.state import State
 from rig.window.shell.session import WindowSession
 from rig.window.work.prepared import PreparedRun
 from tests.rig.served_rig import served_rig

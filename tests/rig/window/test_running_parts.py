@@ -22,6 +22,7 @@ from model.units import ARCMIN, REVOLUTION
 from rig.analysis.result_data import result_from_mapping
 from rig.run.margins import number, worded
 from rig.run.parts import Progress
+from rig.run.state import LOST, STOOD, RunState, State
 from rig.run.trips import SESSION_ERRORS, TRIPS
 from rig.runfile.header import RunHeader
 from rig.runfile.layout import Column
@@ -30,7 +31,6 @@ from rig.window.run.banner import LOOKS, look_of
 from rig.window.run.kinematic_view import WAVE_BINS, WIND_UP, Revolutions, SteadyRows, WaveView
 from rig.window.run.live_plots import VIEWS, LivePlots
 from rig.window.run.outcome_view import result_lines
-from rig.window.run.state import LOST, STOOD, RunState, State
 from rig.window.shell.palette import DARK, LIGHT, Palette
 from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block, Envelope, LiveFile, RollingEnvelope, SlidingSpeed

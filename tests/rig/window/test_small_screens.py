@@ -11,8 +11,8 @@ from pytestqt.qtbot import QtBot
 
 from experiments.steps.note import Prompt
 from rig.run.parts import Progress
+from rig.run.state import RunState
 from rig.window.main import SMALLEST, MainWindow
-from rig.window.run.state import RunState
 from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import apply_theme
 from tests.rig.window.conftest import silent_run

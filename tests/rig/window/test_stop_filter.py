@@ -25,10 +25,10 @@ from PySide6.QtWidgets import (
 )
 from pytestqt.qtbot import QtBot
 
+from rig.run.state import RunState
 from rig.window.main import MainWindow
 from rig.window.plot.plots import LabPlot
 from rig.window.prepare.training import TrainingDialog
-from rig.window.run.state import RunState
 from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import apply_theme
 from rig.window.work.child import Ending
