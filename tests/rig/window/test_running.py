@@ -58,8 +58,8 @@ def outcome_in(path: Path) -> str:
 
 
 def start_long_run(window: MainWindow, prepared: MakePrepared, qtbot: QtBot) -> None:
-    """A friction run of many minutes of rig time, and the wait until it turns."""
-    window.start(prepared("friction"))
+    """A friction run of hours of rig time, which no window is too slow to stop, and the wait until it turns."""
+    window.start(prepared("friction", {"measure_time": 300.0}, "--measure-time", "300"))
     qtbot.waitUntil(lambda: window.run.state.state is State.RUNNING, timeout=LONGEST)
 
 
@@ -254,12 +254,12 @@ def test_a_sealed_run_beside_the_growing_one_reads_the_same(
     held: list[Recording] = []
 
     def hold(progress: Progress) -> None:
-        if not held and progress.file:
+        if not held and progress.file and progress.elapsed > 30.0:
             held.append(open_run(progress.file, digest=False))
+            run.stop()
 
-    run = RunProcess(
-        ["run", "home", "--output", str(session.folder), "--events", "--stdin-control"]
-    )
+    words = ["run", "friction", "--measure-time", "300", "--output", str(session.folder)]
+    run = RunProcess([*words, "--events", "--stdin-control"])
     run.progress.connect(hold)
     with qtbot.waitSignal(run.finished, timeout=LONGEST):
         run.start()
