@@ -12,11 +12,12 @@ import contextlib
 import json
 import os
 import queue
+import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TextIO
@@ -166,13 +167,11 @@ def _spoken(stream: TextIO) -> Callable[[str], None]:
     return complain
 
 
-@contextlib.contextmanager
-def _unmoved_by_signals() -> Iterator[None]:
-    """Ctrl-C goes to all processes of a terminal: it is the run's, which tells what comes of it."""
-    import signal
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    yield
+def _leave_signals_to_the_run() -> None:
+    """Ctrl-C and a closed terminal reach all its processes: they are the run's, which tells what comes of them."""
+    for name in ("SIGINT", "SIGHUP"):
+        if number := getattr(signal, name, None):
+            signal.signal(number, signal.SIG_IGN)
 
 
 def main() -> None:
@@ -180,11 +179,9 @@ def main() -> None:
     asked = json.loads(sys.argv[1])
     status = Path(asked["status"]) if asked["status"] else None
     lines: queue.Queue[str | None] = queue.Queue()
-    with _unmoved_by_signals():
-        threading.Thread(target=_read, args=(sys.stdin, lines), daemon=True).start()
-        stand_by(
-            Bystander(status, tuple(asked["command"]), asked["title"], _spoken(sys.stdout)), lines
-        )
+    _leave_signals_to_the_run()
+    threading.Thread(target=_read, args=(sys.stdin, lines), daemon=True).start()
+    stand_by(Bystander(status, tuple(asked["command"]), asked["title"], _spoken(sys.stdout)), lines)
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ import pytest
 
 from rig.bench.backends.order import Order
 from rig.errors import ConfigurationError
-from rig.present.bystander import PATIENCE, Bystander, stand_by
-from rig.present.status_page import EVERY, painted
+from rig.present.bystander import CALLED_AT, LOST, PATIENCE, Bystander, stand_by
+from rig.present.status_page import COLOURS, EVERY, painted
 from rig.run.bystander import standing_by
 from rig.run.parts import Progress
 from rig.run.start import run_order
@@ -139,6 +139,30 @@ def test_a_run_that_is_refused_says_so_on_its_page(tmp_path: Path) -> None:
     assert bystander is not None
     assert bystander.process.is_gone(LONGEST)
     assert word_of(page) == State.REFUSED.value
+
+
+def test_its_words_are_those_of_the_table_of_states() -> None:
+    words = {state.value for state in State}
+    assert {*CALLED_AT, *COLOURS, LOST["state"]} <= words
+
+
+def test_a_closed_terminal_and_ctrl_c_are_left_to_the_run(tmp_path: Path) -> None:
+    page = tmp_path / "status.html"
+    asked = json.dumps({"status": str(page), "command": [], "title": "friction SN-1"})
+    words = [sys.executable, "-m", "rig.present.bystander", asked]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(words, stdin=pipe, stdout=pipe, text=True) as process:
+        assert process.stdin is not None
+        process.stdin.write('{"state": "running"}\n')
+        process.stdin.flush()
+        while not page.exists():
+            pass
+        for number in (signal.SIGINT, signal.SIGHUP):
+            process.send_signal(number)
+        process.stdin.write('{"state": "finished", "over": true}\n')
+        process.stdin.close()
+        assert process.wait(LONGEST) == 0
+    assert word_of(page) == "finished"
 
 
 def test_when_the_process_that_turns_is_killed_the_page_says_so(tmp_path: Path) -> None:
