@@ -315,6 +315,13 @@ def _reason(line: Verdict) -> str:
     return f"{line.name}{run}: {line.outcome}, {value}, limit {limit} ({whose_limit(line)}){unsaid}"
 
 
+def room_left(
+    value: float, limit: float, expanded_uncertainty: float, *, is_upper: bool = True
+) -> float:
+    """What a value leaves of its limit, in U: below 1 its interval reaches the limit, below 0 the value breaks it."""
+    return (limit - value) * (1.0 if is_upper else -1.0) / max(expanded_uncertainty, 1e-300)
+
+
 def held_against(line: Verdict) -> tuple[str, str]:
     """Value ± U and limit of a line in words, both in the unit of its quantity."""
     from rig.content.wording import laboratory_unit, number, show

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from rig.run.parts import RunReport
     from rig.run.remote import RemoteOperator
     from rig.run.stop import StopRequest
+    from rig.trial.campaign.analyst import Analysing
     from rig.trial.campaign.conduct import Crew
     from rig.trial.campaign.journal import DoneStage
     from rig.trial.campaign.walk import Walk, WalkedStage
@@ -41,6 +43,10 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
         if not quiet:
             echo(f"      {done.outcome}  {done.run}  {done.message}".rstrip(), errors=True)
 
+    def analysing(one: Analysing) -> None:
+        if not quiet:
+            echo(f"      {analysing_in_words(one)}", errors=True)
+
     def confirm(order: Order, planned: PlannedRun) -> str:
         return confirmed(order, planned, "", not quiet)
 
@@ -54,6 +60,7 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
             confirm=confirm,
             begun=begun,
             ended=ended,
+            analysing=analysing,
             on_progress=progress,
         )
 
@@ -79,6 +86,11 @@ def program_crew(
 
     def standing(done: DoneStage) -> None:
         remote.tell("stage", {**_told(done), "state": "counts"})
+
+    def analysing(one: Analysing) -> None:
+        left = one.left if math.isfinite(one.left) else None
+        words = analysing_in_words(one)
+        remote.tell("analysing", {"what": words, "waiting": one.waiting, "left": left})
 
     remote.tell(
         "campaign",
@@ -106,9 +118,16 @@ def program_crew(
             begun=begun,
             ended=ended,
             standing=standing,
+            analysing=analysing,
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )
+
+
+def analysing_in_words(one: Analysing) -> str:
+    """Which run is being analysed, and how many wait behind it."""
+    behind = f", {one.waiting} behind it" if one.waiting else ""
+    return f"analysing {one.run.stem}{behind}"
 
 
 def typed_by(remote: RemoteOperator, stop: StopRequest, order: Order, planned: PlannedRun) -> str:

@@ -83,6 +83,7 @@ class MainWindow(QMainWindow):
         self.fleet.run_chosen.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
         self.prepare.asking_changed.connect(self._watch)
+        self.run.next_gear_requested.connect(self.prepare_next_gear)
         self.run.closed_safely.connect(self.close)
         # Stopping works from everywhere: whoever looks at something else must not look for the button first.
         buttons = self.run.buttons
@@ -182,6 +183,11 @@ class MainWindow(QMainWindow):
         self.prepare.gear.choose(serial)
         self.prepare.protocol.choose(protocol)
         self.show_page("prepare")
+
+    def prepare_next_gear(self) -> None:
+        """Bring up the page Prepare for another gear of the same part."""
+        self.show_page("prepare")
+        self.prepare.gear.begin_next()
 
     def show_review(self, path: Path) -> None:
         """Open a run on the Review page."""

@@ -12,7 +12,7 @@ from experiments.quantity import key_names
 from experiments.result import WORST_FIRST, Verdict
 from model.identify.estimate import Estimate
 from rig.analysis.fit import Fit
-from rig.analysis.judging import held_against, whose_limit
+from rig.analysis.judging import held_against, room_left, whose_limit
 from rig.analysis.rows import coverage
 from rig.content.grid import Grid, Kind, Tone, columns, tone_of
 from rig.content.wording import number, show
@@ -154,8 +154,8 @@ def _nearness(line: Verdict) -> tuple[bool, float]:
     estimate = line.estimate
     if line.outcome == "NOT JUDGED" or not math.isfinite(estimate.value):
         return False, 0.0
-    left = (line.limit - estimate.value) * (1.0 if line.is_upper else -1.0)
-    return True, left / max(estimate.expanded_uncertainty, 1e-300)
+    u = estimate.expanded_uncertainty
+    return True, room_left(estimate.value, line.limit, u, is_upper=line.is_upper)
 
 
 def _judged_row(line: Verdict, mark: str, words: Words) -> tuple[str, ...]:

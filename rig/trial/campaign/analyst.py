@@ -7,10 +7,12 @@ On a simulated rig the next protocol runs while the last one is fitted.
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
 import signal
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,29 +34,76 @@ class Analysed:
     refused: str = ""
     crashed: str = ""
     without_tare: tuple[str, ...] = ()
+    took: float = 0.0
+    """How long the analysis took [s], 0 where nobody knows."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Analysing:
+    """What is being analysed, how many runs wait behind it, and how long all of them take [s]; NaN where no run was
+    analysed before by which that could be told.
+    """
+
+    run: Path
+    waiting: int
+    left: float
 
 
 class Analyst:
-    """Analyses runs in the order in which they come; each analysis bears the time `now` at which its run was taken."""
+    """Analyses runs in the order in which they come; each analysis bears the time `now` at which its run was taken.
 
-    def __init__(self, now: Callable[[], str], pool: ProcessPoolExecutor | None) -> None:
-        self._now = now
+    `told` hears of every analysis that is waited for.
+    """
+
+    def __init__(
+        self,
+        now: Callable[[], str],
+        pool: ProcessPoolExecutor | None,
+        told: Callable[[Analysing], None] = lambda one: None,
+    ) -> None:
+        self._now, self._told = now, told
         self._pool = pool
         self._waiting: list[tuple[Path, Future[Analysed]]] = []
         self._done: list[Analysed] = []
+        self._bytes, self._seconds = 0, 0.0
 
     def take(self, run: Path) -> None:
         """Analyse a run: now, or as soon as the process beside is free."""
         if self._pool is None:
-            self._done.append(analyse(run, self._now()))
+            self._tell((run,))
+            self._keep(analyse(run, self._now()))
         else:
             self._waiting.append((run, self._pool.submit(analyse, run, self._now())))
 
     def all(self) -> tuple[Analysed, ...]:
         """What came of every run that was taken since the last call, once it is there."""
-        waiting, self._waiting = self._waiting, []
+        while self._waiting:
+            run, future = self._waiting[0]
+            if not future.done():
+                self._tell([path for path, _ in self._waiting])
+            self._waiting.pop(0)
+            self._keep(_awaited(run, future))
         done, self._done = self._done, []
-        return (*done, *(_awaited(run, future) for run, future in waiting))
+        return tuple(done)
+
+    def _keep(self, one: Analysed) -> None:
+        self._done.append(one)
+        if one.took > 0.0:
+            self._bytes, self._seconds = self._bytes + _size(one.run), self._seconds + one.took
+
+    def _tell(self, runs: Sequence[Path]) -> None:
+        """Which run is being analysed, and how long these take if they take as long per byte as those before."""
+        pace = self._seconds / self._bytes if self._bytes else math.nan
+        left = pace * sum(map(_size, runs))
+        self._told(Analysing(run=runs[0], waiting=len(runs) - 1, left=left))
+
+
+def _size(run: Path) -> int:
+    """Bytes of a run, 0 of one that is gone."""
+    try:
+        return run.stat().st_size
+    except OSError:
+        return 0
 
 
 def _awaited(run: Path, future: Future[Analysed]) -> Analysed:
@@ -66,10 +115,15 @@ def _awaited(run: Path, future: Future[Analysed]) -> Analysed:
 
 
 @contextlib.contextmanager
-def analyst(now: Callable[[], str], *, beside: bool) -> Iterator[Analyst]:
+def analyst(
+    now: Callable[[], str],
+    *,
+    beside: bool,
+    told: Callable[[Analysing], None] = lambda one: None,
+) -> Iterator[Analyst]:
     """An analyst, whose process (where it has one) ends with it."""
     if not beside:
-        yield Analyst(now, None)
+        yield Analyst(now, None, told)
         return
     context = multiprocessing.get_context("spawn")
     with (
@@ -78,7 +132,7 @@ def analyst(now: Callable[[], str], *, beside: bool) -> Iterator[Analyst]:
     ):
         # While the first run compiles what leads a rig, this one compiles what fits.
         pool.submit(_compile_ahead)
-        yield Analyst(now, pool)
+        yield Analyst(now, pool, told)
 
 
 def analyse(run: Path, created: str) -> Analysed:
@@ -86,6 +140,7 @@ def analyse(run: Path, created: str) -> Analysed:
     from rig.analysis.fit import store
     from rig.analysis.fit_run import fit_run
 
+    began = time.monotonic()
     try:
         fit = fit_run(run)
         store(fit, created)
@@ -97,7 +152,9 @@ def analyse(run: Path, created: str) -> Analysed:
         return Analysed(run=run, crashed=defect_in_words(error))
     lacks = fit.found_tare is not None and fit.found_tare.path is None
     return Analysed(
-        run=run, without_tare=fit.found_tare.because if fit.found_tare and lacks else ()
+        run=run,
+        without_tare=fit.found_tare.because if fit.found_tare and lacks else (),
+        took=time.monotonic() - began,
     )
 
 

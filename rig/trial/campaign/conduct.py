@@ -16,7 +16,7 @@ from rig.analysis.judging import GearVerdict, StoredResult, judge, stored_result
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.runfile.seal import sealed_sha256
 from rig.trial.campaign import journal as journals
-from rig.trial.campaign.analyst import Analysed, Analyst, analyst
+from rig.trial.campaign.analyst import Analysed, Analysing, Analyst, analyst
 from rig.trial.campaign.journal import DoneStage, Journal
 from rig.trial.campaign.standing import facts_of, outdated, refuse_another
 from rig.trial.campaign.walk import Walk, WalkedStage
@@ -63,7 +63,8 @@ class Crew:
     """Who has a say while a campaign goes on: STOP, prompts, the arming of each run, and what is shown.
 
     `confirm` asks for what arms a run on hardware, once for each run and kept nowhere; `begun` hears of a stage that
-    begins, `ended` of one that was run, `standing` of one that was run before and still counts.
+    begins, `ended` of one that was run, `standing` of one that was run before and still counts, `analysing` of each
+    analysis that is waited for.
     """
 
     stop: StopRequest
@@ -72,6 +73,7 @@ class Crew:
     begun: Callable[[int, WalkedStage], None] = lambda index, stage: None
     ended: Callable[[DoneStage, RunReport], None] = lambda done, report: None
     standing: Callable[[DoneStage], None] = lambda done: None
+    analysing: Callable[[Analysing], None] = lambda one: None
     on_progress: Callable[[Progress], None] | None = None
     on_event: Callable[[Event], None] | None = None
 
@@ -140,7 +142,7 @@ def conduct(order: CampaignOrder, crew: Crew) -> CampaignReport:
     """Run what is not done yet, analyse it, and judge the gear. Raises only before anything moves."""
     journal, resumed = _opened(order)
     analysed: list[Analysed] = []
-    with analyst(order.now, beside=order.beside) as analyses:
+    with analyst(order.now, beside=order.beside, told=crew.analysing) as analyses:
         # What a campaign of an earlier day left unanalysed is analysed first.
         for path in _unanalysed(journal, order.folder):
             analyses.take(path)

@@ -14,6 +14,8 @@ from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 from experiments.errors import PlanError
 from experiments.finding import Severity
 from experiments.parameters import parameter_fields
+from model.errors import ParameterError
+from model.gear_file import load_gear
 from rig.errors import RigError
 from rig.gears.acceptance import shipped_names
 from rig.gears.card import (
@@ -119,6 +121,15 @@ class GearSection(QWidget):
         self.details_button.setEnabled(not shown)
         if shown:
             self.new.product.editor.setFocus()
+
+    def begin_next(self) -> None:
+        """The form for the next gear, of the part that was tested last: its serial number is all that is missing."""
+        part = "" if self._stored is None else _product_of(self._stored)
+        self.show_new(True)
+        if part and not self.new.product.text:
+            self.new.product.editor.setText(part)
+            self.new.look_up()
+            self.new.serial.editor.setFocus()
 
     def _take_new(self, serial: str) -> None:
         self.show_new(False)
@@ -328,6 +339,14 @@ def _digest_of(facts: GearFacts) -> str:
             + " kg m²"
         )
     return " · ".join(words)
+
+
+def _product_of(card: GearCard) -> str:
+    """The part number of a gear, as its parameter set has it; "" where that cannot be read."""
+    try:
+        return load_gear(card.facts.part).name
+    except ParameterError:
+        return ""
 
 
 def _file_words(told: object) -> str:

@@ -25,6 +25,7 @@ from rig.content.wording import show
 from rig.run.state import RunState, State
 from rig.run.trips import rule_of
 from rig.runfile.layout import PART_SUFFIX
+from rig.window.run.campaign_end import reasons_of, remarks_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, in_row, push_button, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask
@@ -34,8 +35,6 @@ from rig.window.work.verdicts import ReadRun, read_run
 READING = "Reading the results …"
 MOST_LINES = 6
 """Results that are named here; all of them stand in review and report."""
-_MOST_REASONS = 4
-"""Reasons of a campaign's verdict that are named here."""
 _OBSERVERS = {
     "statusword": "the drive",
     "input_angle": "the input encoder",
@@ -129,7 +128,7 @@ class OutcomeView(QFrame):
     def show_campaign(
         self, state: RunState, report: dict[str, Any], run: dict[str, Any], path: Path | None
     ) -> None:
-        """The end of a campaign; `run` is how its latest run ended, `path` the file of it."""
+        """A campaign that was stopped, or a commissioning; `run` is how its latest run ended, `path` the file of it."""
         self._path = path
         self.review.setText("Review the last run")
         self.headline.setText(
@@ -260,18 +259,7 @@ def campaign_lines(report: dict[str, Any]) -> list[str]:
         return []
     if "lines" in report:
         return [str(line) for line in report["lines"]]
-    reasons = [str(why) for why in report.get("because", ())]
-    more = len(reasons) - _MOST_REASONS
-    if more > 0:
-        reasons = [*reasons[:_MOST_REASONS], f"{more} more: see the certificate"]
-    lines = [
-        verdict_line(str(report["verdict"]), reasons),
-        *report.get("resumed", ()),
-    ]
-    lines += [f"Analysis: {problem}" for problem in report.get("problems", ())]
-    if untold := report.get("alarms_untold"):
-        lines.append(f"Whether the gear has changed cannot be told: {untold}")
-    lines += [f"CHANGED: {one['sentence']}. {one['decides']}" for one in report.get("alarms", ())]
+    lines = [verdict_line(str(report["verdict"]), reasons_of(report)), *remarks_of(report)]
     if not report.get("complete"):
         lines.append("Start the same campaign again: it goes on from here.")
     return lines

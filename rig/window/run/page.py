@@ -27,6 +27,7 @@ from rig.run.progress import in_words
 from rig.run.state import MAKING_SAFE, RunState, State
 from rig.trial.campaign.walk import Walk
 from rig.window.run.banner import Banner, StopButtons, look_of
+from rig.window.run.campaign_end import CampaignEnd
 from rig.window.run.close_question import CloseQuestion
 from rig.window.run.events_view import EventsView
 from rig.window.run.live_plots import LivePlots
@@ -57,6 +58,8 @@ class RunPage(QWidget):
     """Watches one run at a time, from its start to its verdict."""
 
     review_requested = Signal(Path)
+    next_gear_requested = Signal()
+    """The campaign of a gear is over, and the next one waits to be mounted."""
     state_changed = Signal(str)
     """The word of the state, for whoever shows it elsewhere."""
     closed_safely = Signal()
@@ -81,6 +84,7 @@ class RunPage(QWidget):
         self._closing = False
         self.banner, self.buttons = Banner(), StopButtons()
         self.prompt, self.outcome = PromptView(session, clock), OutcomeView(session)
+        self.campaign_end = CampaignEnd(session)
         self.plots, self.margins, self.events = (
             LivePlots(session),
             MarginBars(session),
@@ -163,6 +167,7 @@ class RunPage(QWidget):
         """Whether the window may be closed now; during a run it asks on the page, and closes later if it is told to."""
         if not self.is_active:
             self.outcome.clear()
+            self.campaign_end.hide()
             self.plots.close_file()
             return True
         self.close_question.setVisible(not self._closing)
@@ -185,9 +190,11 @@ class RunPage(QWidget):
         process.progress.connect(self._on_progress)
         process.prompt.connect(self._on_prompt)
         process.stage.connect(self._on_stage)
+        process.analysing.connect(self._on_analysing)
         process.report.connect(self._on_report)
         process.finished.connect(self._on_finished)
         self.outcome.clear()
+        self._show_campaign_end(False)
         self.stages.clear_stages()
         self._expect(planned, prediction)
         self._change(RunState().armed())
@@ -264,6 +271,19 @@ class RunPage(QWidget):
             self._change(self.state.stage_ended(self.run_report, what))
             self._session.runs_changed.emit()
 
+    def _on_analysing(self, told: dict[str, Any]) -> None:
+        """The campaign waits for an analysis: which one, and how long all that are left take."""
+        self._step.setText(str(told["what"]))
+        left = told["left"]
+        self._times.setText("" if left is None else f"about {in_words(left)} left")
+        # How far one analysis has come is not known: a bar that moves says that it goes on.
+        self.bar.setRange(0, 0)
+
+    def _show_campaign_end(self, shown: bool) -> None:
+        """The end of a campaign in the place of what is watched while it goes on, or that again."""
+        self.campaign_end.setVisible(shown)
+        self.watched.setVisible(not shown)
+
     def _on_report(self, report: dict[str, Any]) -> None:
         self.report = report
         if self.stages.is_campaign:
@@ -295,12 +315,23 @@ class RunPage(QWidget):
         if self.stages.is_campaign:
             self._title = self._campaign_title
             self._show()
-            self.outcome.show_campaign(self.state, self.report, run, path)
+            self._show_end_of_campaign(run, path)
         else:
             self.outcome.show_end(self.state, run, path)
+            self.outcome.review.setFocus()
         self._session.runs_changed.emit()
-        self.outcome.review.setFocus()
         self._close_if_waiting()
+
+    def _show_end_of_campaign(self, run: dict[str, Any], path: Path | None) -> None:
+        """A page of its own for a gear that was judged; what stopped a campaign stands beside what was seen of it."""
+        report = self.report
+        whole = report.get("complete") and "lines" not in report and self.state.safe is not False
+        if whole:
+            self._show_campaign_end(True)
+            self.campaign_end.show_end(report, path)
+        else:
+            self.outcome.show_campaign(self.state, report, run, path)
+            self.outcome.review.setFocus()
 
     def _take_origin(self) -> None:
         live = self.plots.live
@@ -357,13 +388,14 @@ class RunPage(QWidget):
         strip = in_row(self._step, (self.bar, 1), self._times, self.fold, spacing=12)
         body = split((self.plots, 1), self.side, sizes=[10_000, _SIDE_WIDTH])
         # What must be seen and reached stands still; what is only looked at is scrolled where the screen is small.
-        rest = scrolled(
+        self.watched = scrolled(
             room_for(
                 in_column(self.plots.numbers, strip, (body, 1), margins=(0, 0, 0, 0), spacing=8)
             )
         )
         shown = (self.close_question, self.prompt, self.stages, self.outcome)
-        self.setLayout(in_column(top, *shown, (rest, 1), margins=(10, 8, 10, 6), spacing=8))
+        parts = (*shown, (self.campaign_end, 1), (self.watched, 1))
+        self.setLayout(in_column(top, *parts, margins=(10, 8, 10, 6), spacing=8))
 
     def _side(self) -> QWidget:
         """Margins over events, each with room of its own."""
@@ -383,6 +415,8 @@ class RunPage(QWidget):
             lambda text: self.process.note(text) if self.process is not None else None
         )
         self.outcome.review_requested.connect(self.review_requested)
+        self.campaign_end.review_requested.connect(self.review_requested)
+        self.campaign_end.next_requested.connect(self.next_gear_requested)
         self.outcome.judged.connect(lambda verdict: self._change(self.state.judged(verdict)))
         # A field that is written in keeps the space bar; everywhere else on the page it is STOP.
         self._key(Qt.Key.Key_Space, self.stop)

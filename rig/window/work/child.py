@@ -67,6 +67,8 @@ class RunProcess(QObject):
     """What a campaign is going to do: its stages."""
     stage = Signal(dict)
     """A stage of a campaign has begun, has ended, or counts from before."""
+    analysing = Signal(dict)
+    """A run of a campaign is being analysed, and the campaign waits for it."""
     report = Signal(dict)
     """The object that `rig run --json`, or `rig campaign --json`, prints; the last line."""
     failed = Signal(str)
@@ -201,6 +203,8 @@ class RunProcess(QObject):
             self.campaign.emit(message)
         elif kind == "stage":
             self.stage.emit(message)
+        elif kind == "analysing":
+            self.analysing.emit(message)
         elif kind == "report":
             self._reported = True
             self.report.emit(message)

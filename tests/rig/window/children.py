@@ -15,6 +15,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+LIMIT = {
+    "name": "starting torque",
+    "quantity": "starting-torque.starting_torque",
+    "unit": "N m",
+    "expanded_uncertainty": 0.0023,
+    "limit": 0.070,
+    "limit_is": "upper",
+    "because": "",
+}
 NOW = 1_800_000_000_000_000_000
 
 
@@ -112,7 +121,11 @@ def campaign() -> None:
         outcome="COMPLETED",
         complete=True,
         verdict="MARGINAL",
-        because=["starting torque: MARGINAL"],
+        because=["starting torque: MARGINAL", "the tare is of another day"],
+        limits=[
+            {**LIMIT, "value": 0.0619, "outcome": "PASS"},
+            {**LIMIT, "value": 0.0690, "outcome": "MARGINAL"},
+        ],
         problems=[],
         resumed=[],
         runs=[],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,6 +18,7 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import RPM
 from rig.bench.backends.order import Order
+from rig.run.progress import in_words
 from rig.run.state import STOOD, RunState, State
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.journal import DoneStage
@@ -26,6 +28,7 @@ from rig.window.main import MainWindow
 from rig.window.prepare.campaign import campaign_arguments, joined
 from rig.window.prepare.page import PreparePage
 from rig.window.prepare.protocol import CAMPAIGN, PLAN_FILE
+from rig.window.run.campaign_end import limit_lines
 from rig.window.run.live_numbers import NOTHING, LiveNumbers
 from rig.window.run.outcome_view import campaign_lines
 from rig.window.shell.session import WindowSession
@@ -173,8 +176,7 @@ def test_a_campaign_is_watched_run_by_run_to_its_certificate(
     page = window.run
     page._start_process = lambda _: child("campaign")
     opened: list[Path] = []
-    page.outcome.open_report = True
-    page.outcome._open = opened.append  # type: ignore[method-assign]
+    page.campaign_end.open_paper = lambda path: bool(opened.append(path)) or True
     window.start(prepared)
     assert page.stages.words == ["○ home", "○ friction"]
     for words in (["▶ home", "○ friction"], ["✓ home", "▶ friction"]):
@@ -186,11 +188,79 @@ def test_a_campaign_is_watched_run_by_run_to_its_certificate(
         page.process.note("go on")
     qtbot.waitUntil(lambda: page.state.ended, timeout=LONGEST)
     assert page.banner.word == "COMPLETED: MARGINAL"
-    assert page.outcome.headline.text() == "Campaign short, gear SN: COMPLETED, MARGINAL"
-    assert "starting torque: MARGINAL" in page.outcome.results.text()
-    qtbot.mouseClick(page.outcome.certificate, Qt.MouseButton.LeftButton)
-    qtbot.mouseClick(page.outcome.certificate_pdf, Qt.MouseButton.LeftButton)
+    end = page.campaign_end
+    assert (end.isVisible(), page.watched.isVisible(), page.outcome.isVisible()) == (
+        True,
+        False,
+        False,
+    )
+    assert end.gear.text() == "SN: 1 of 2 limits kept"
+    assert end.reasons.text() == "the tare is of another day", "the picture says the rest"
+    assert [line.outcome for line in end.picture.lines] == ["MARGINAL", "PASS"]
+    qtbot.mouseClick(end.open_button, Qt.MouseButton.LeftButton)
+    qtbot.mouseClick(end.print_button, Qt.MouseButton.LeftButton)
     assert [path.suffix for path in opened] == [".html", ".pdf"]
+    # The next gear is one more of the same part; its run finds the page as every run does.
+    asked: list[str] = []
+    window.prepare.gear = SimpleNamespace(begin_next=lambda: asked.append("next"))  # type: ignore[assignment]
+    qtbot.mouseClick(end.next_button, Qt.MouseButton.LeftButton)
+    assert (window.stack.currentWidget(), asked) == (window.prepare, ["next"])
+    page._start_process = lambda _: SilentRun()
+    window.start(prepared)
+    assert (end.isVisible(), page.watched.isVisible()) == (False, True)
+
+
+def test_an_analysis_that_is_waited_for_is_named_with_the_time_left(
+    window: MainWindow, prepared: PreparedCampaign
+) -> None:
+    page, run = window.run, SilentRun()
+    page._start_process = lambda _: run
+    window.start(prepared)
+    run.analysing.emit(
+        {"what": "analysing 00002-friction-SN, 1 behind it", "waiting": 1, "left": 41.0}
+    )
+    assert page._step.text() == "analysing 00002-friction-SN, 1 behind it"
+    assert page._times.text() == f"about {in_words(41.0)} left"
+    run.analysing.emit({"what": "analysing 00003-home-SN", "waiting": 0, "left": None})
+    assert page._times.text() == ""
+
+
+LIMIT = {
+    "name": "starting torque",
+    "quantity": "starting-torque.starting_torque",
+    "value": 0.0619,
+    "unit": "N m",
+    "expanded_uncertainty": 0.0023,
+    "limit": 0.070,
+    "limit_is": "upper",
+    "outcome": "PASS",
+    "because": "",
+}
+
+
+def test_a_limit_is_drawn_by_its_share_and_told_in_its_unit(window: MainWindow) -> None:
+    told = [
+        {**LIMIT, "name": "kept"},
+        {**LIMIT, "name": "broken", "value": 0.09, "outcome": "FAIL"},
+        {**LIMIT, "name": "lower", "limit": 0.05, "limit_is": "lower"},
+        {**LIMIT, "name": "unknown", "value": None, "outcome": "NOT JUDGED"},
+    ]
+    lines = limit_lines({"limits": told})
+    assert [line.name for line in lines] == ["unknown", "broken", "kept", "lower"]
+    kept = lines[2]
+    assert (kept.value_text, kept.limit_text) == ("61.9 ± 2.3 mN m", "≤ 70 mN m")
+    assert kept.share == pytest.approx(0.0619 / 0.070)
+    assert kept.room == pytest.approx((0.070 - 0.0619) / 0.0023)
+    assert (lines[0].value_text, lines[3].limit_text) == ("–", "≥ 50 mN m")
+    picture = window.run.campaign_end.picture
+    picture.show_lines(lines)
+    assert picture.end == pytest.approx(1.05 * (0.0900 + 0.0023) / 0.070)
+    picture.show_lines([replace(kept, share=9.0)])
+    assert picture.end == 2.0
+    # In every theme, with an arrow for what lies beyond the end, and without any limit.
+    for these in ([replace(kept, share=9.0)], lines, []):
+        picture.show_lines(these)
+        assert not picture.grab().isNull()
 
 
 def test_stop_in_a_campaign_is_sent_and_not_forgotten_by_the_next_run(

@@ -55,6 +55,21 @@ def test_a_part_number_makes_a_set_and_a_card(section: GearSection, session: Win
     assert not section.is_confirmed, "the card is looked at and confirmed as every other"
 
 
+def test_the_next_gear_is_one_more_of_the_same_part(section: GearSection) -> None:
+    form = section.new
+    form.product.editor.setText(PRODUCT)
+    form.serial.editor.setText("SN-7")
+    form.make()
+    section.begin_next()
+    assert form.isVisible()
+    assert (form.product.text, form.serial.text) == (PRODUCT, "")
+    assert form.gear is not None
+    form.serial.editor.setText("SN-8")
+    form.make()
+    assert section.facts is not None
+    assert section.facts.serial == "SN-8"
+
+
 def test_what_is_refused_is_said_at_its_field(section: GearSection, session: WindowSession) -> None:
     form = section.new
     form.product.editor.setText("no gear")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, cast
 from xml.etree import ElementTree
 
 import pytest
@@ -24,6 +27,7 @@ from rig.run.parts import RunReport
 from rig.run.start import bench_for
 from rig.run.stop import StopRequest
 from rig.trial.campaign import journal as journals
+from rig.trial.campaign.analyst import Analysed, Analysing, Analyst
 from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew, conduct
 from rig.trial.campaign.junit import write_junit
 from rig.trial.campaign.plan import CampaignPlan, Stage
@@ -66,6 +70,7 @@ class Ran:
     protocols: list[str] = field(default_factory=list)
     confirmed: list[str] = field(default_factory=list)
     stop: StopRequest = field(default_factory=StopRequest)
+    analysing: list[Analysing] = field(default_factory=list)
 
     def crew(self) -> Crew:
         def begun(index: int, stage: object) -> None:
@@ -83,6 +88,7 @@ class Ran:
             ask=lambda prompt: prompt.consent or "done",
             confirm=confirm,
             begun=begun,
+            analysing=self.analysing.append,
         )
 
 
@@ -93,6 +99,10 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, CampaignRepor
     report = conduct(order(folder), ran.crew())
     assert ran.protocols == ["motor-tare", "home"]
     assert ran.confirmed == ran.protocols
+    # The first analysis has nothing by which its time could be told; the next takes as long per byte as those before.
+    assert [one.run.name for one in ran.analysing] == [run.run for run in report.runs]
+    assert [math.isfinite(one.left) for one in ran.analysing] == [False, True]
+    assert [one.waiting for one in ran.analysing] == [0, 0]
     return folder, report
 
 
@@ -309,3 +319,32 @@ def test_each_analysis_bears_the_time_at_which_it_was_made(tmp_path: Path) -> No
     assert len(made) >= 2
     assert made == sorted(set(made))
     assert made[0] > FIRST_DAY
+
+
+def test_who_waits_for_several_analyses_hears_of_each_and_how_long_the_rest_takes(
+    tmp_path: Path,
+) -> None:
+    runs = [tmp_path / f"{number}.h5" for number in range(3)]
+    for path in runs:
+        path.write_bytes(bytes(1000))
+    told: list[Analysing] = []
+    futures: list[Future[Analysed]] = []
+
+    class Beside:
+        """A process beside that has done nothing yet."""
+
+        def submit(self, *_: object) -> Future[Analysed]:
+            futures.append(Future())
+            return futures[-1]
+
+    def hear(one: Analysing) -> None:
+        told.append(one)
+        futures[len(told) - 1].set_result(Analysed(run=one.run, took=2.0))
+
+    analyses = Analyst(lambda: FIRST_DAY, cast(Any, Beside()), hear)
+    for path in runs:
+        analyses.take(path)
+    assert [one.run for one in analyses.all()] == runs
+    assert [one.waiting for one in told] == [2, 1, 0]
+    assert [one.left for one in told[1:]] == pytest.approx([4.0, 2.0])
+    assert analyses.all() == ()
