@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from experiments import extensions
 from experiments.errors import ExtensionError, PlanError
 from experiments.extensions import Extension
+from experiments.quantity import Quantity, quantity_of
 
 if TYPE_CHECKING:
     from experiments.contract import Evidence, Experiment
@@ -197,6 +198,12 @@ def declared(name: str) -> Experiment | None:
     except ExtensionError:
         # It is named among those that were left out (`experiments.extensions.left_out`).
         return None
+
+
+def declared_quantity(kind: str, name: str) -> Quantity | None:
+    """What a protocol declares of a quantity; None of one that it does not declare, or that nobody knows any more."""
+    experiment = declared(kind)
+    return None if experiment is None else quantity_of(experiment.quantities, name)
 
 
 def load(name: str) -> Experiment:

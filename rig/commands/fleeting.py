@@ -9,6 +9,7 @@ import typer
 
 from rig.commands.analysis import Json, NoTare, Settings, settings_of
 from rig.commands.fleet_report import report
+from rig.commands.fleet_rr import rr
 from rig.commands.judgement import AcceptanceFile
 from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import echo, print_json
@@ -152,6 +153,16 @@ def simulate(
     per_day: Annotated[
         int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")
     ] = 20,
+    crossed: Annotated[
+        bool,
+        typer.Option("--crossed", help="A study of the gauge: every gear goes to every bench."),
+    ] = False,
+    mountings: Annotated[
+        int, typer.Option(min=1, help="How often each gear is mounted on its bench.")
+    ] = 1,
+    repeats: Annotated[
+        int, typer.Option(min=1, help="How often it is measured in each mounting.")
+    ] = 1,
     short: Annotated[
         bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
     ] = False,
@@ -190,6 +201,9 @@ def simulate(
         benches=benches,
         protocols=tuple(name.strip() for name in protocols.split(",") if name.strip()),
         per_day=per_day,
+        crossed=crossed,
+        mountings=mountings,
+        repeats=repeats,
         short=short,
         values=_by_protocol(setting),
         **asked,
@@ -219,6 +233,7 @@ def _by_protocol(pairs: list[str] | None) -> dict[str, dict[str, Any]]:
 
 
 fleet.command("report")(report)
+fleet.command("rr")(rr)
 
 
 @fleet.command("query")

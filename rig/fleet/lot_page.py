@@ -11,6 +11,7 @@ from rig.content.grid import Grid, capital, columns
 from rig.content.page import Page, Section, Signature, State, annexes_of
 from rig.content.wording import days_text, decimals_of, fixed, number
 from rig.fleet.dataset import DataSet
+from rig.fleet.gauge.page import gauge_sections
 from rig.fleet.lot import Lot, why_of
 from rig.fleet.lot_benches import BenchValues, by_bench
 from rig.fleet.lot_figures import distribution, over_time
@@ -38,6 +39,7 @@ def lot_page(lot: Lot, created: str) -> Page:
     drawn_ones = [one for one in lot.quantities if one.measured][:_MOST_DRAWN]
     sections = (
         *_parts(lot, drawn_ones),
+        *gauge_sections(lot.data.folder, lot.data.origin),
         Section(title="Provenance", anchor="provenance", grids=(_files(lot),)),
         *definitions.sections((), _terms(drawn_ones)),
     )

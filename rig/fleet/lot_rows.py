@@ -10,10 +10,10 @@ from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from experiments import catalogue
-from experiments.quantity import Quantity, quantity_of
+from experiments.quantity import Quantity
 from rig.analysis.alarm.laboratory import watching_in_force
 from rig.errors import ConfigurationError
 from rig.fleet.questions import connected
@@ -21,6 +21,30 @@ from rig.library.listed import COUNTED_OUTCOMES
 
 NO_SERIAL = ("", "unknown")
 """What stands for a gear that nobody named: of several such runs nobody knows whether they are of one gear."""
+
+
+class QuantityRow(Protocol):
+    """A row that says which quantity it is of."""
+
+    @property
+    def kind(self) -> str:
+        """The kind of analysis."""
+        ...
+
+    @property
+    def quantity(self) -> str:
+        """Its name within the kind."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """What people called it when the row was written."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """SI unit."""
+        ...
 
 
 class LotRow(NamedTuple):
@@ -99,7 +123,7 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
             part,
         )
         gears_by_origin = {str(word or ""): int(count) for word, count in counted}
-        chosen = origin or _counted(gears_by_origin)
+        chosen = origin or origin_of(gears_by_origin)
         connection.execute(
             f"CREATE TABLE here AS SELECT * FROM results WHERE coalesce(origin, '') = ? AND {where}"
             f" AND kind IN (SELECT unnest(?))",
@@ -129,7 +153,7 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
         histories: dict[str, list[str]] = defaultdict(list)
         for gear, file in rows_of(_history_sql(named), watching_in_force().promise.baseline):
             histories[gear].append(file)
-        rows = rows_of(_newest_sql(named), list(COUNTED_OUTCOMES), *_key_families())
+        rows = rows_of(_newest_sql(named), list(COUNTED_OUTCOMES), *key_families())
     return LotData(
         folder=folder,
         origin=chosen,
@@ -178,7 +202,7 @@ def _kinds_of_gears() -> tuple[str, ...]:
     return tuple(one.name for one in catalogue.every() if one.has_plan and one.gear_mounted)
 
 
-def _key_families() -> tuple[list[str], list[str]]:
+def key_families() -> tuple[list[str], list[str]]:
     """Kind and name of every quantity that a reader looks for first."""
     pairs = [
         (kind, quantity.name)
@@ -189,14 +213,13 @@ def _key_families() -> tuple[list[str], list[str]]:
     return [kind for kind, _ in pairs], [family for _, family in pairs]
 
 
-def declared_quantity(row: LotRow) -> Quantity:
+def declared_quantity(row: QuantityRow) -> Quantity:
     """What its protocol declares of the quantity of a row; what stands in the row of one that it no longer declares."""
-    experiment = catalogue.declared(row.kind)
-    found = quantity_of(experiment.quantities, row.quantity) if experiment is not None else None
+    found = catalogue.declared_quantity(row.kind, row.quantity)
     return found or Quantity(name=row.quantity, title=row.title or row.quantity, unit=row.unit)
 
 
-def _counted(gears_by_origin: dict[str, int]) -> str:
+def origin_of(gears_by_origin: dict[str, int]) -> str:
     """Hardware alone where there is any; otherwise the origin of most gears."""
     if "hardware" in gears_by_origin or not gears_by_origin:
         return "hardware"

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any, Literal
 if TYPE_CHECKING:
     import pyarrow
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Goes up when a column changes its meaning, its type or its name, or where rows without a new column would mislead.
 
-2: both sides of a limit (`lower_limit`, `upper_limit`) beside the one that decides.
+2: both sides of a limit (`lower_limit`, `upper_limit`) beside the one that decides. 3: `mounted`, without which every
+run of a gear on a bench would be taken for one mounting.
 """
 SCHEMA_KEY = "harmonic-rig-fleet-schema"
 """The key of the version in the metadata of every Parquet file."""
@@ -42,6 +43,11 @@ COLUMNS: tuple[Column, ...] = (
     Column("part", "text", "part: the name of the gear's parameter set"),
     Column("bench", "text", "identity of the bench on which the run was made"),
     Column("mounting", "text", "circular-spline-fixed or flexspline-fixed"),
+    Column(
+        "mounted",
+        "text",
+        "which mounting of the gear: since when, or its number in a simulated world",
+    ),
     Column("started", "time", "when the run started, UTC"),
     Column("day", "day", "the date on which the run started, by the clock of its bench"),
     Column("operator", "text", "who ran it"),

@@ -13,6 +13,7 @@ from experiments import catalogue
 from experiments.result import WORST_FIRST
 from model.errors import without_traceback
 from rig.analysis.judging import GearVerdict, whose_limit
+from rig.analysis.passport.gather import which_mounting
 from rig.analysis.store import json_ready
 from rig.fleet.results import NAMES, Row
 from rig.program import version as program_version
@@ -43,6 +44,7 @@ def _run_part(recording: Recording) -> Row:
         "part": metadata.gear.name if metadata.gear is not None else "",
         "bench": str(metadata.process.get("bench", "")),
         "mounting": metadata.mounting,
+        "mounted": which_mounting(metadata),
         "started": started,
         "day": day,
         "operator": metadata.operator,

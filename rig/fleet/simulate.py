@@ -5,7 +5,8 @@
     DIR/truth.parquet                                      what each rig was made of, a row per run and number
 
 One day of one bench is one piece of work and has its name once it is whole. What is made is not made again: a day that
-was cut off goes on behind its last run. Gears go to the benches in turn. Everything follows from the seed and the
+was cut off goes on behind its last run. Gears go to the benches in turn; in a study of the gauge each goes to each of
+them, is mounted anew there, and measured several times on different days. Everything follows from the seed and the
 calendar of the order: the same order makes the same runs, whoever makes them and in which order.
 """
 
@@ -19,7 +20,7 @@ from datetime import UTC, date, datetime, timedelta
 from datetime import time as clock_time
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from experiments import catalogue
 from model.errors import WordedError
@@ -55,7 +56,8 @@ _SEEDS_PER_ORDER = 1_000_000
 class Production:
     """What is asked for: so many gears on so many benches, by these protocols, `per_day` gears a day on each bench.
 
-    `values` are parameters by protocol, beside those of its protocol's short form where it is `short`.
+    `values` are parameters by protocol, beside those of its protocol's short form where it is `short`. `crossed`: every
+    gear goes to every bench, in `mountings` of its own, in each of which it is measured `repeats` times.
     """
 
     folder: Path
@@ -65,13 +67,16 @@ class Production:
     population: str = "narrow"
     seed: int = 0
     per_day: int = 20
+    crossed: bool = False
+    mountings: int = 1
+    repeats: int = 1
     first_day: date = date(2026, 1, 5)
     sample_rate: float = 250.0
     short: bool = False
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        for name in ("gears", "benches", "per_day"):
+        for name in ("gears", "benches", "per_day", "mountings", "repeats"):
             value = getattr(self, name)
             if not 1 <= value < _SEEDS_PER_ORDER:
                 raise ConfigurationError(
@@ -92,13 +97,20 @@ class Production:
         return {**short, **self.values.get(protocol, {})}
 
 
+class _Mounted(NamedTuple):
+    """A gear as it is mounted when it is measured."""
+
+    gear: int
+    mount: int = 1
+
+
 @dataclass(frozen=True)
 class _BenchDay:
-    """One day of one bench: which gears it measures."""
+    """One day of one bench: which gears it measures, in which of their mountings."""
 
     bench: int
     day: int
-    gears: tuple[int, ...]
+    gears: tuple[_Mounted, ...]
     kind: str = "day"
 
     @property
@@ -143,13 +155,22 @@ class _ProductionReport:
 
 
 def days_of(production: Production) -> list[_BenchDay]:
-    """The days of all benches: gear 1 to bench 1, gear 2 to bench 2, and so on in turn."""
+    """The days of all benches: gear 1 to bench 1, gear 2 to bench 2, and so on in turn; crossed, all to each."""
     days = []
     for bench in range(1, production.benches + 1):
-        gears = range(bench, production.gears + 1, production.benches)
-        for day, first in enumerate(range(0, len(gears), production.per_day), 1):
-            days.append(_BenchDay(bench, day, tuple(gears[first : first + production.per_day])))
+        measured = list(_measured_on(production, bench))
+        for day, first in enumerate(range(0, len(measured), production.per_day), 1):
+            days.append(_BenchDay(bench, day, tuple(measured[first : first + production.per_day])))
     return sorted(days, key=lambda one: (one.day, one.bench))
+
+
+def _measured_on(production: Production, bench: int) -> Iterator[_Mounted]:
+    """What a bench measures, in its order: all gears in their first mounting, again as often, then in the next."""
+    step = 1 if production.crossed else production.benches
+    gears = range(1 if production.crossed else bench, production.gears + 1, step)
+    for mount in range(1, production.mountings + 1):
+        for _ in range(production.repeats):
+            yield from (_Mounted(gear, mount) for gear in gears)
 
 
 def simulate_fleet(
@@ -221,13 +242,13 @@ def _lost(day: _BenchDay, reason: str) -> Made:
     return Made(failed=((day.name, reason),))
 
 
-def _runs_of(production: Production, day: _BenchDay) -> Iterator[tuple[str, str, int]]:
+def _runs_of(production: Production, day: _BenchDay) -> Iterator[tuple[str, str, _Mounted]]:
     """Protocol, serial number and gear of every run of a day, in its order."""
     if tare_kind() not in production.protocols and any(map(takes_tare, production.protocols)):
-        yield tare_kind(), f"bench-{day.bench:02d}", 0
-    for gear in day.gears:
+        yield tare_kind(), f"bench-{day.bench:02d}", _Mounted(0)
+    for one in day.gears:
         for protocol in production.protocols:
-            yield protocol, f"G-{gear:05d}", gear
+            yield protocol, f"G-{one.gear:05d}", one
 
 
 def _make_day(production: Production, day: _BenchDay) -> Made:
@@ -302,13 +323,14 @@ def _request(
     *,
     making: Path,
     moment: datetime,
-    turned: tuple[str, str, int],
+    turned: tuple[str, str, _Mounted],
 ) -> Order:
-    protocol, serial, gear = turned
+    protocol, serial, one = turned
     first = production.seed * _SEEDS_PER_ORDER
     world: dict[str, Any] = {
-        "gear_seed": first + gear,
+        "gear_seed": first + one.gear,
         "bench_seed": first + day.bench,
+        "mount": one.mount,
         "day": day.day,
         "population": production.population,
     }

@@ -15,6 +15,7 @@ NEEDS = {
     "test_fleet_parts.py": FLEET,
     "test_fleet_simulate.py": FLEET,
     "test_lot.py": FLEET,
+    "test_gauge.py": FLEET,
     "test_capability.py": FLEET,
     "test_measurement_files.py": ("pyarrow", "nptdms", "asammdf"),
     "test_export_to_mujoco.py": ("mujoco",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +24,7 @@ from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
 from tests.rig.commands.calling import Rig
 
+MOMENT = datetime(2026, 1, 6, 8, tzinfo=UTC)
 SHORTEST = {
     "zero_time": 0.5,
     "points": 2,
@@ -63,12 +65,30 @@ def files(folder: Path) -> dict[str, tuple[str, ...]]:
 
 def test_gears_go_to_the_benches_in_turn_day_by_day(tmp_path: Path) -> None:
     days = days_of(production(tmp_path, gears=7, per_day=2))
-    assert [(day.name, day.gears) for day in days] == [
+    assert [(day.name, tuple(one.gear for one in day.gears)) for day in days] == [
         ("bench-01/day-001", (1, 3)),
         ("bench-02/day-001", (2, 4)),
         ("bench-01/day-002", (5, 7)),
         ("bench-02/day-002", (6,)),
     ]
+
+
+def test_in_a_study_of_the_gauge_every_gear_goes_to_every_bench(tmp_path: Path) -> None:
+    asked = production(tmp_path, gears=2, crossed=True, mountings=2, repeats=2, per_day=4)
+    days = days_of(asked)
+    assert [(day.name, [tuple(one) for one in day.gears]) for day in days] == [
+        ("bench-01/day-001", [(1, 1), (2, 1), (1, 1), (2, 1)]),
+        ("bench-02/day-001", [(1, 1), (2, 1), (1, 1), (2, 1)]),
+        ("bench-01/day-002", [(1, 2), (2, 2), (1, 2), (2, 2)]),
+        ("bench-02/day-002", [(1, 2), (2, 2), (1, 2), (2, 2)]),
+    ]
+    # Another mounting, the same gear: what a run is made in says so.
+    order = simulate._request(
+        asked, days[2], making=tmp_path, moment=MOMENT, turned=("home", "G-00001", days[2].gears[0])
+    )
+    assert (order.world.mount, order.world.gear_seed, order.world.bench_seed) == (2, 1, 1)
+    with pytest.raises(ConfigurationError, match="--mountings"):
+        production(tmp_path, mountings=0)
 
 
 def test_the_same_order_makes_the_same_runs_and_none_twice(tmp_path: Path) -> None:

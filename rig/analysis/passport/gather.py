@@ -214,7 +214,7 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
     grounds = grounds_of(recording, analysis)
     changing = {
         LUBRICANT: str(m.conditions.get("lubricant", "")),
-        MOUNTED: _mounted(m),
+        MOUNTED: which_mounting(m),
         "torque calibration": grounds[Ground.TORQUE_CHANNEL],
         BENCH: simulated_bench(m) or run.bench,
         "program version of the analysis": str(analysis.content.get("program_version", "")),
@@ -240,7 +240,7 @@ def _world(metadata: RunMetadata) -> Mapping[str, Any]:
     return world if isinstance(world, Mapping) else {}
 
 
-def _mounted(metadata: RunMetadata) -> str:
+def which_mounting(metadata: RunMetadata) -> str:
     """Since when a gear is mounted as it is; in a simulated world which of its mountings it is."""
     mount = _world(metadata).get("mount")
     told = (metadata.conditions.get("mounted_on", ""), "" if mount is None else f"mounting {mount}")

@@ -13,7 +13,6 @@ from PySide6.QtGui import QColor, QDesktopServices, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QFrame, QSizePolicy, QWidget
 
 from experiments import catalogue
-from experiments.quantity import Quantity, quantity_of
 from rig.analysis.judging import room_left
 from rig.content.wording import laboratory_unit, number, value_text
 from rig.window.shell.session import WindowSession
@@ -61,7 +60,9 @@ class LimitLine:
     def of(cls, told: Mapping[str, Any]) -> Self:
         """Of an entry of `limits`, as `rig campaign --json` has it."""
         value, limit, unit = _number(told["value"]), _number(told["limit"]), str(told["unit"])
-        expanded, quantity = _number(told["expanded_uncertainty"]), _quantity(str(told["quantity"]))
+        expanded = _number(told["expanded_uncertainty"])
+        kind, _, name = str(told["quantity"]).partition(".")
+        quantity = catalogue.declared_quantity(kind, name)
         is_upper, measured = told["limit_is"] == "upper", math.isfinite(value)
         shown = "" if quantity is None else quantity.shown
         factor, word = laboratory_unit(unit, value if measured else limit, shown)
@@ -81,13 +82,6 @@ class LimitLine:
 def _number(told: Any) -> float:
     """A number of a JSON object, in which one that is not known is null."""
     return math.nan if told is None else float(told)
-
-
-def _quantity(path: str) -> Quantity | None:
-    """What the protocol "kind.name" declares of a quantity; None of one that is not in the catalogue."""
-    kind, _, name = path.partition(".")
-    experiment = catalogue.declared(kind)
-    return None if experiment is None else quantity_of(experiment.quantities, name)
 
 
 def limit_lines(report: Mapping[str, Any]) -> list[LimitLine]:
