@@ -27,6 +27,8 @@ _LARGEST_GAP = REVOLUTION / (2 * len(CERTIFIED_ORDERS) + 1)
 LARGEST_ERROR = 1.0 * DEGREE
 """rad; an encoder that is further out has another unit, or another table."""
 _COVERAGE_FACTORS = (1.0, 4.0)
+_POINTS, COVERAGE_FACTOR = 36, 2.0
+"""Points and coverage factor of a curve that is given by its orders."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,3 +159,16 @@ def _check_round(angles: FloatArray) -> None:
             limit=f"{_LARGEST_GAP / DEGREE:.4g} deg",
             remedy="Take a certificate with at least 18 points a revolution.",
         )
+
+
+def curve_of(waves: FloatArray, expanded_uncertainty: float) -> AngleCertificate:
+    """The points of orders 1 to 8 given as cosines and sines (8, 2) [rad]."""
+    angle = np.arange(_POINTS) * (REVOLUTION / _POINTS)
+    phase = np.outer(angle, np.array(CERTIFIED_ORDERS))
+    error = np.cos(phase) @ waves[:, 0] + np.sin(phase) @ waves[:, 1]
+    return AngleCertificate(
+        angles=tuple(angle.tolist()),
+        errors=tuple(error.tolist()),
+        expanded_uncertainties=(expanded_uncertainty,) * _POINTS,
+        coverage_factor=COVERAGE_FACTOR,
+    )

@@ -50,20 +50,28 @@ def certified_angle(recording: Recording, channel: str) -> tuple[CertifiedAngle 
     certificate = signal.calibration.curve
     if certificate is None:
         return None, ""
-    encoder, index, bit = _ENDS[channel]
-    refused = f"The certificate of the {encoder} is not used: "
+    mark, why = index_mark(recording, channel)
+    if mark is None:
+        return None, f"The certificate of the {_ENDS[channel][0]} is not used: {why}"
+    return CertifiedAngle(certificate=certificate, mark=mark, direction=signal.direction), ""
+
+
+def index_mark(recording: Recording, channel: str) -> tuple[float | None, str]:
+    """Where the index mark of "input_angle" or "output_angle" stands in the channel's own angle [rad]; else why nobody
+    knows.
+    """
+    _, index, bit = _ENDS[channel]
     marks = _marks(recording, index, bit)
     if not len(marks):
-        return None, f"{refused}the run saw no index mark of it, so that its curve has no zero."
+        return None, "the run saw no index mark of it, so that its curve has no zero."
     away = np.remainder(marks - marks[0] + 0.5 * REVOLUTION, REVOLUTION) - 0.5 * REVOLUTION
     apart = float(np.ptp(away))
     if apart > _MARKS_AGREE:
         return None, (
-            f"{refused}its index marks stand {apart / DEGREE:.3g} degrees beside whole revolutions "
+            f"its index marks stand {apart / DEGREE:.3g} degrees beside whole revolutions "
             f"(limit {_MARKS_AGREE / DEGREE:g}): counts were lost."
         )
-    mark = float(marks[0] + np.median(away))
-    return CertifiedAngle(certificate=certificate, mark=mark, direction=signal.direction), ""
+    return float(marks[0] + np.median(away)), ""
 
 
 def certified_angles(recording: Recording) -> tuple[dict[str, CertifiedAngle], list[str]]:

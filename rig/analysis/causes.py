@@ -101,6 +101,14 @@ def simulated_bench(metadata: RunMetadata) -> str:
     )
 
 
+def which_mounting(metadata: RunMetadata) -> str:
+    """Since when a gear is mounted as it is; in a simulated world which of its mountings it is."""
+    world = metadata.process.get("world")
+    mount = world.get("mount") if isinstance(world, Mapping) else None
+    told = (metadata.conditions.get("mounted_on", ""), "" if mount is None else f"mounting {mount}")
+    return ", ".join(str(one) for one in told if one)
+
+
 def common_grounds(first: Grounds, second: Grounds) -> frozenset[Ground]:
     """What both rest on."""
     return frozenset(ground for ground, what in first.items() if what and second[ground] == what)

@@ -27,6 +27,7 @@ from rig.analysis.fit import (
 )
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
+from rig.analysis.learnt_encoder import with_learnt_curve
 from rig.analysis.tare import (
     FoundTare,
     find_tare,
@@ -159,7 +160,7 @@ def footing_of(
     Raises the errors of the file, of the card and of a tare given by hand.
     """
     choices, surroundings = choices or Choices(), surroundings or Surroundings()
-    recording = read.open_run(path)
+    recording = with_learnt_curve(read.open_run(path), path.parent)
     kind = kind_of(recording, kind)
     tared = _tare_for(recording, path, kind, choices, surroundings)
     gear, source = _gear_for(recording, path, kind, choices.gear, surroundings)

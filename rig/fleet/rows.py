@@ -12,8 +12,8 @@ import numpy as np
 from experiments import catalogue
 from experiments.result import WORST_FIRST
 from model.errors import without_traceback
+from rig.analysis.causes import which_mounting
 from rig.analysis.judging import GearVerdict, whose_limit
-from rig.analysis.passport.gather import which_mounting
 from rig.analysis.store import json_ready
 from rig.fleet.results import NAMES, Row
 from rig.program import version as program_version

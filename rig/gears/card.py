@@ -85,6 +85,13 @@ class GearFacts:
     input_radial_runout_um: _RunOut = None
     input_axial_runout_um: _RunOut = None
     mounted_on: Annotated[str, Help("day since which it is mounted as it is, YYYY-MM-DD")] = ""
+    mounted_at_deg: Annotated[
+        float | None,
+        Ge(-360.0),
+        Le(360.0),
+        Unit("deg"),
+        Help("angle at which it stands on the output flange, as the output encoder counts up"),
+    ] = None
     mounting_notes: Annotated[
         str, Help("shims, screws and torques, coupling, whatever is unusual")
     ] = ""

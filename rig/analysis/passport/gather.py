@@ -17,7 +17,7 @@ from drivers.channel import HOUSING_TEMPERATURE
 from experiments.recording import Origin, Recording, RunMetadata
 from model.identify.estimate import Estimate, Ground
 from rig.analysis.alarm.noted import NotedRun
-from rig.analysis.causes import Grounds, grounds_of, simulated_bench
+from rig.analysis.causes import Grounds, grounds_of, simulated_bench, which_mounting
 from rig.analysis.fit import NOT_SEALED
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.passport.content import Missing
@@ -238,13 +238,6 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
 def _world(metadata: RunMetadata) -> Mapping[str, Any]:
     world = metadata.process.get("world")
     return world if isinstance(world, Mapping) else {}
-
-
-def which_mounting(metadata: RunMetadata) -> str:
-    """Since when a gear is mounted as it is; in a simulated world which of its mountings it is."""
-    mount = _world(metadata).get("mount")
-    told = (metadata.conditions.get("mounted_on", ""), "" if mount is None else f"mounting {mount}")
-    return ", ".join(str(one) for one in told if one)
 
 
 def _housing_temperature(recording: Recording, metrics: Mapping[str, float]) -> float | None:

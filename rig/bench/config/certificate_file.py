@@ -19,13 +19,14 @@ from __future__ import annotations
 import datetime
 import math
 import tomllib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from model.angle_certificate import AngleCertificate
+from model.angle_certificate import CERTIFIED_ORDERS, AngleCertificate, curve_of
 from model.errors import ParameterError
 from model.unit_text import scale_in, understood
 from model.units import ARCSEC, DEGREE, REVOLUTION
@@ -50,6 +51,24 @@ class Header(BaseModel):
     zero: Literal["index mark"]
     sense: Literal["counting up", "counting down"]
     error: Literal["shown minus true", "true minus shown"]
+    learnt: Literal["", "circle closure", "population mean", "encoder and what the gears share"] = (
+        ""
+    )
+    """How it was learnt from gears; "" of a laboratory's."""
+    bench: str = ""
+    """The bench whose encoder it is, where it was learnt there."""
+    runs: tuple[str, ...] = ()
+    """Runs from which it was learnt, each with its SHA-256."""
+    without: dict[str, tuple[float, ...]] = Field(default_factory=dict)
+    """For a gear that taught it, what the others teach: U (k = 2), then cosine and sine of orders 1 to 8 [arcsec]."""
+
+    def curve_without(self, gear: str) -> AngleCertificate | None:
+        """The curve for a run of a gear that taught it: by the others; None where they do not tell it."""
+        told = self.without.get(gear, ())
+        if len(told) != 1 + 2 * len(CERTIFIED_ORDERS):
+            return None
+        numbers = np.array(told) * ARCSEC
+        return curve_of(numbers[1:].reshape(-1, 2), float(numbers[0]))
 
 
 @dataclass(frozen=True)
@@ -70,6 +89,11 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
         raw = path.read_bytes()
     except OSError as error:
         raise ValueError(f"{path} cannot be read: {error.strerror or error}") from error
+    return replace(certificate_from(str(path), raw), path=name)
+
+
+def certificate_from(path: str, raw: bytes) -> CertificateFile:
+    """The certificate of the bytes of a file. Raises `ValueError` that names file, line, column and value."""
     if len(raw) > LARGEST_FILE:
         raise ValueError(f"{path} has {len(raw)} bytes; a certificate has at most {LARGEST_FILE}")
     try:
@@ -77,7 +101,7 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
     except UnicodeDecodeError as error:
         raise ValueError(f"{path} is not text in UTF-8 at byte {error.start}") from error
     try:
-        return CertificateFile(name, *_read(text), content=raw)
+        return CertificateFile(path, *_read(text), content=raw)
     except ParameterError as error:
         raise ValueError(f"{path}: {error}") from error
     except ValueError as error:
@@ -88,7 +112,12 @@ def certificate_text(header: Header, curve: AngleCertificate) -> str:
     """The file of a certificate whose curve counts up and is shown minus true."""
     values = header.model_dump(exclude_none=True)
     values |= {"sense": "counting up", "error": "shown minus true"}
-    lines = [f"# {name} = {_toml(value)}" for name, value in values.items() if value != ""]
+    without = values.pop("without")
+    lines = [
+        f"# {name} = {_toml(value)}" for name, value in values.items() if value not in ("", ())
+    ]
+    lines += ["# [without]"] if without else []
+    lines += [f"# {_toml(gear)} = {_toml(numbers)}" for gear, numbers in without.items()]
     lines.append(f"{COLUMNS[0]} [deg],{COLUMNS[1]} [arcsec],{COLUMNS[2]} [arcsec]")
     for angle, error, u in zip(
         curve.angles, curve.errors, curve.expanded_uncertainties, strict=True
@@ -101,7 +130,9 @@ def _toml(value: object) -> str:
     if isinstance(value, str):
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return f'"{escaped}"'
-    return str(value)
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(_toml, value))}]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _read(text: str) -> tuple[Header, AngleCertificate]:

@@ -1,0 +1,310 @@
+"""The output encoder of a bench, learnt from the gears that passed over it: from runs to a sealed certificate and back.
+
+What a run shows at orders k/N is brought over the encoder's own angle from its index mark, by the analysis in force of
+its kinematic error. The file lies beside the runs and is a certificate as a laboratory's (`rig.bench.config`); every
+later analysis of a run of that bench and encoder takes it where the run has no curve of its own. A run of a gear that
+taught it is corrected by what the other gears teach.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+
+from experiments.angle.certified import certified_angle, index_mark
+from experiments.recording import Recording, RunMetadata
+from experiments.result import Result
+from model.angle_certificate import CERTIFIED_ORDERS, COVERAGE_FACTOR
+from model.identify.encoder_curve import (
+    ComplexArray,
+    LearntCurve,
+    Mounted,
+    learnt_curve,
+    left_out,
+)
+from model.units import ARCSEC, DEGREE
+from rig.analysis.causes import simulated_bench, which_mounting
+from rig.analysis.in_force import in_force
+from rig.bench.config.certificate_file import (
+    FORMAT,
+    CertificateFile,
+    Header,
+    certificate_from,
+    certificate_text,
+)
+from rig.errors import ConfigurationError, RunFileError
+from rig.runfile.read import close_recording, open_run
+from rig.runfile.seal import sealed_sha256
+from rig.runfile.sealed import read_sealed, write_sealed
+
+KIND, CHANNEL = "kinematic-error", "output_angle"
+PREFIX = "learnt-output-encoder"
+NOT_TRACEABLE = "none: learnt on this bench"
+"""How the certificate of a learnt curve begins: no laboratory vouches for it."""
+_FARTHEST_ROWS = 1 << 18
+
+
+@dataclass(frozen=True, kw_only=True)
+class Observation:
+    """What one run says of the encoder of its bench. `skipped` says why it says nothing."""
+
+    run: Path
+    bench: str = ""
+    encoder: str = ""
+    gear: str = ""
+    mounting: str = ""
+    sha256: str = ""
+    origin: str = ""
+    mounted: Mounted | None = None
+    skipped: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Learnt:
+    """What the runs of a bench teach of its output encoder."""
+
+    bench: str
+    encoder: str
+    origin: str
+    curve: LearntCurve
+    mounted: tuple[Mounted, ...]
+    taught: tuple[Observation, ...]
+    skipped: tuple[Observation, ...]
+
+    def certificate(self, today: date, due: date | None) -> str:
+        """The text of its file."""
+        gears, curve = self.curve.gears, self.curve
+        count = f"{len(gears)} gears" if len(gears) > 1 else f"gear {next(iter(gears))}"
+        header = Header(
+            format=FORMAT,
+            certificate=f"{NOT_TRACEABLE} from {count}: {curve.basis}, not traceable",
+            date=today,
+            due=due,
+            serial_number=self.encoder,
+            coverage_factor=COVERAGE_FACTOR,
+            zero="index mark",
+            sense="counting up",
+            error="shown minus true",
+            learnt=curve.basis,
+            bench=self.bench,
+            runs=tuple(f"{one.run.name} {one.sha256}" for one in self.taught),
+            without={gear: self._without(gear) for gear in gears},
+        )
+        return certificate_text(header, curve.certificate())
+
+    def _without(self, gear: str) -> tuple[float, ...]:
+        """What the other gears teach; nothing where they are too few."""
+        found = left_out(self.mounted, gear)
+        if isinstance(found, str):
+            return ()
+        numbers = (found.expanded_uncertainty, *found.waves.ravel().tolist())
+        return tuple(float(one) / ARCSEC for one in numbers)
+
+
+def bench_of(metadata: RunMetadata) -> str:
+    """The bench on which a run was made."""
+    return simulated_bench(metadata) or str(metadata.process.get("bench", ""))
+
+
+def stated_angle(metadata: RunMetadata) -> float | None:
+    """The angle of the gear on the output flange [rad] as card or simulated world state it; None where nobody did."""
+    world = metadata.process.get("world")
+    turn = world.get("mount_turn") if isinstance(world, Mapping) else None
+    if turn is not None:
+        return float(turn)
+    told = metadata.conditions.get("mounted_at_deg")
+    return None if told in (None, "") else float(str(told)) * DEGREE
+
+
+def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
+    """The output encoder of a bench by these runs. Raises `ConfigurationError` where they do not tell it."""
+    seen = [observed(run) for run in runs]
+    taught = [one for one in seen if one.mounted is not None and bench in ("", one.bench)]
+    kinds = sorted({(one.origin, one.bench, one.encoder) for one in taught})
+    only = kinds[0] if len(kinds) == 1 else None
+    if only is None:
+        told = "; ".join(f"bench {b}, encoder {e or 'without serial number'}" for _, b, e in kinds)
+        raise ConfigurationError(
+            "are runs of several benches or encoders"
+            if kinds
+            else "hold no run that tells of an encoder",
+            where="rig bench learn",
+            value=told or "; ".join(sorted({one.skipped for one in seen}))[:300] or None,
+            limit="kinematic-error runs of one bench and one encoder, analysed, with index marks",
+            remedy="Name the bench: --bench ID." if kinds else "Analyse them first: rig fit RUN.",
+        )
+    mounted = tuple(_by_mounting(taught))
+    curve = learnt_curve(mounted)
+    if isinstance(curve, str):
+        raise ConfigurationError(
+            "do not tell the encoder from the gears", where="these runs", value=curve
+        )
+    origin, found, encoder = only
+    return Learnt(
+        bench=found,
+        encoder=encoder,
+        origin=origin,
+        curve=curve,
+        mounted=mounted,
+        taught=tuple(taught),
+        skipped=tuple(one for one in seen if one.mounted is None),
+    )
+
+
+def _by_mounting(taught: Sequence[Observation]) -> Iterator[Mounted]:
+    """The runs of one mounting are one witness: their mean."""
+    groups: dict[tuple[str, str, float | None], list[Mounted]] = defaultdict(list)
+    for one in taught:
+        assert one.mounted is not None
+        groups[one.gear, one.mounting, one.mounted.angle].append(one.mounted)
+    for several in groups.values():
+        waves = np.mean([one.waves for one in several], axis=0)
+        yield replace(several[0], waves=waves)
+
+
+def observed(run: Path) -> Observation:
+    """What one run shows at the orders of the output encoder, over the encoder's own angle; or why nothing."""
+    found = in_force(run, KIND)
+    if found.analysis is None:
+        return Observation(run=run, skipped="no kinematic error of it is analysed")
+    result = found.analysis.whole_result()
+    recording = open_run(run)
+    try:
+        return _observed(run, recording, result)
+    finally:
+        close_recording(recording)
+
+
+def _observed(run: Path, recording: Recording, result: Result) -> Observation:
+    metadata = recording.metadata
+    if not metadata.gear_serial or metadata.gear_serial == "unknown":
+        return Observation(run=run, skipped="it names no gear")
+    if result.options.get("phases_count_from") != "index marks":
+        return Observation(run=run, skipped="it saw no index mark of both encoders")
+    seen = _waves(recording, result)
+    if seen is None:
+        return Observation(run=run, skipped="its output index marks do not stand whole turns apart")
+    angle = stated_angle(metadata)
+    return Observation(
+        run=run,
+        bench=bench_of(metadata),
+        encoder=recording.signals[CHANNEL].serial_number,
+        gear=metadata.gear_serial,
+        mounting=which_mounting(metadata),
+        sha256=sealed_sha256(run),
+        origin=metadata.origin,
+        mounted=Mounted(
+            gear=metadata.gear_serial, angle=angle, waves=seen[0], unseen=tuple(seen[1])
+        ),
+    )
+
+
+def _waves(recording: Recording, result: Result) -> tuple[ComplexArray, list[float]] | None:
+    """Complex orders 1 to 8 of what the encoder shows too much, Re(Z e^(-i k phi)) over its own angle phi [rad], and
+    how large those may be that do not stand out of the noise.
+
+    The kinematic error is A cos(k (theta_i - theta_ref)/N - p), theta_ref the input angle from which phases count; the
+    encoder's own angle turns with it or against it.
+    """
+    ratio, reference = (
+        float(result.options["ratio"]),
+        float(result.options["phase_reference_angle"]),
+    )
+    channel = recording.signals[CHANNEL]
+    mark, _ = index_mark(recording, CHANNEL)
+    if mark is None:
+        return None
+    sense, apart = _course(recording, ratio)
+    own = channel.direction * (sense * (reference / ratio + apart) - mark)
+    turn = sense * channel.direction
+    waves = np.zeros(len(CERTIFIED_ORDERS), dtype=np.complex128)
+    unseen = [0.0] * len(CERTIFIED_ORDERS)
+    for place, order in enumerate(CERTIFIED_ORDERS):
+        amplitude = result.estimates.get(f"amplitude_{order}/N")
+        phase = result.estimates.get(f"phase_{order}/N")
+        if amplitude is not None and phase is None:
+            unseen[place] = amplitude.high
+        elif amplitude is not None and phase is not None:
+            size = turn * amplitude.value
+            waves[place] = size * cmath.exp(1j * (order * own + turn * phase.value))
+    if "output_angle" in str(result.options.get("corrected_by_certificate", "")):
+        used, _ = certified_angle(recording, CHANNEL)
+        # What was taken off before is the encoder's too.
+        if used is not None:
+            waves += used.certificate.waves[:, 0] + 1j * used.certificate.waves[:, 1]
+    return waves, unseen
+
+
+def _course(recording: Recording, ratio: float) -> tuple[float, float]:
+    """Whether the output angle grows with the input angle (+1) or against it (-1), and their distance on the output."""
+    step = max(recording.rows // _FARTHEST_ROWS, 1)
+    rows = slice(0, recording.rows)
+    input_angle = recording.si("input_angle", rows)[::step]
+    output_angle = recording.si(CHANNEL, rows)[::step]
+    slope = float(np.polyfit(input_angle - input_angle.mean(), output_angle, 1)[0])
+    sense = math.copysign(1.0, slope)
+    return sense, float(np.median(sense * output_angle - input_angle / ratio))
+
+
+def write_learnt(learnt: Learnt, path: Path, today: date, due: date | None) -> Path:
+    """Write and seal the file; a name that is taken is left alone. Raises `ConfigurationError`."""
+    try:
+        write_sealed(path, learnt.certificate(today, due).encode())
+    except FileExistsError as error:
+        raise ConfigurationError(
+            "exists already and is left alone", where=str(path), remedy="Name another file."
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(
+            "cannot be written", where=str(path), value=error.strerror or str(error)
+        ) from error
+    return path
+
+
+def learnt_files(folder: Path) -> list[CertificateFile]:
+    """The learnt curves beside the runs of a folder, the newest first; one that was altered is refused by name."""
+    found = []
+    for path in sorted(folder.glob(f"{PREFIX}*.csv")):
+        data, _ = read_sealed(path)
+        try:
+            found.append(certificate_from(path.name, data))
+        except ValueError as error:
+            raise RunFileError("is no certificate", where=str(path), value=str(error)) from error
+    return sorted(found, key=lambda one: one.header.date, reverse=True)
+
+
+def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
+    """The recording with the curve of its output encoder that was learnt on its bench, where it has none of its own.
+
+    A run of a gear that taught the curve gets what the others teach, or nothing.
+    """
+    channel = recording.signals.get(CHANNEL)
+    if channel is None or channel.calibration.curve is not None:
+        return recording
+    metadata = recording.metadata
+    for file in learnt_files(folder):
+        header = file.header
+        due = header.due is not None and metadata.start_time[:10] > header.due.isoformat()
+        if (
+            header.bench != bench_of(metadata)
+            or header.serial_number != channel.serial_number
+            or due
+        ):
+            continue
+        if metadata.gear_serial in header.without:
+            curve = header.curve_without(metadata.gear_serial)
+        else:
+            curve = file.curve
+        if curve is None:
+            return recording
+        calibration = replace(channel.calibration, curve=curve, certificate=header.certificate)
+        signal = replace(channel, calibration=calibration)
+        return replace(recording, signals={**recording.signals, CHANNEL: signal})
+    return recording
