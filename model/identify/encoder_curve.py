@@ -12,8 +12,8 @@ each the two variances are found by restricted maximum likelihood. The complex e
     U_k = sqrt(2 F_0.95(2, nu)) u_k        u_k: of one component; nu: degrees of freedom
 
 Where the angles turn an order into itself (45 degrees apart: order 8; 0 and 180 degrees: 2, 4, ...) encoder and gear
-are one: then E is the mean, with a line for what gears share, as large as at the orders that are parted and no less than
-what they differ by.
+are one: then E is the mean, with a line for what gears share, as large as at the orders that are parted and no less
+than what they differ by.
 """
 
 from __future__ import annotations
