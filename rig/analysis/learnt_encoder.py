@@ -268,10 +268,17 @@ def write_learnt(learnt: Learnt, path: Path, today: date, due: date | None) -> P
     return path
 
 
+def learnt_paths(folder: Path) -> list[Path]:
+    """Where learnt curves lie: beside the runs, or one folder above where the days of a bench have folders of their
+    own.
+    """
+    return [path for one in (folder, folder.parent) for path in sorted(one.glob(f"{PREFIX}*.csv"))]
+
+
 def learnt_files(folder: Path) -> list[CertificateFile]:
-    """The learnt curves beside the runs of a folder, the newest first; one that was altered is refused by name."""
+    """The learnt curves for the runs of a folder, the newest first; one that was altered is refused by name."""
     found = []
-    for path in sorted(folder.glob(f"{PREFIX}*.csv")):
+    for path in learnt_paths(folder):
         data, _ = read_sealed(path)
         try:
             found.append(certificate_from(path.name, data))

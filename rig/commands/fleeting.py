@@ -163,6 +163,12 @@ def simulate(
     repeats: Annotated[
         int, typer.Option(min=1, help="How often it is measured in each mounting.")
     ] = 1,
+    spread: Annotated[
+        bool,
+        typer.Option(
+            "--spread", help="Each gear at a stated angle of its own, spread over the turn."
+        ),
+    ] = False,
     short: Annotated[
         bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
     ] = False,
@@ -204,6 +210,7 @@ def simulate(
         crossed=crossed,
         mountings=mountings,
         repeats=repeats,
+        spread=spread,
         short=short,
         values=_by_protocol(setting),
         **asked,

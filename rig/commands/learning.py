@@ -65,7 +65,8 @@ def learn(
     if not dry_run:
         today = datetime.now(UTC).date()
         until = date.fromisoformat(due) if due else today.replace(year=today.year + 1)
-        where = output or named[0].parent / f"{PREFIX}-{learnt.bench}-{today.isoformat()}.csv"
+        beside = named[0].parent if runs else folder
+        where = output or beside / f"{PREFIX}-{learnt.bench}-{today.isoformat()}.csv"
         path = write_learnt(learnt, where, today, until)
     if json:
         print_json(_as_json(learnt, path))
@@ -129,7 +130,8 @@ def _runs_of(folder: Path) -> list[Path]:
     from rig.analysis.learnt_encoder import KIND
     from rig.library.index import LibraryIndex
 
-    found = LibraryIndex(folder).search()
+    folders = (folder, *sorted(one for one in folder.glob("[!.]*") if one.is_dir()))
+    found = [run for one in folders for run in LibraryIndex(one).search()]
     return [run.path for run in found if run.protocol == KIND and run.is_complete]
 
 

@@ -26,6 +26,7 @@ from experiments import catalogue
 from model.errors import WordedError
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
+from model.units import REVOLUTION
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.bench.backends.order import Order, WorldChoice
 from rig.errors import ConfigurationError
@@ -57,7 +58,8 @@ class Production:
     """What is asked for: so many gears on so many benches, by these protocols, `per_day` gears a day on each bench.
 
     `values` are parameters by protocol, beside those of its protocol's short form where it is `short`. `crossed`: every
-    gear goes to every bench, in `mountings` of its own, in each of which it is measured `repeats` times.
+    gear goes to every bench, in `mountings` of its own, in each of which it is measured `repeats` times. `spread`: each
+    gear stands at a stated angle of its own, spread over the turn.
     """
 
     folder: Path
@@ -70,6 +72,7 @@ class Production:
     crossed: bool = False
     mountings: int = 1
     repeats: int = 1
+    spread: bool = False
     first_day: date = date(2026, 1, 5)
     sample_rate: float = 250.0
     short: bool = False
@@ -317,6 +320,13 @@ def _acknowledge(report: RunReport, folder: Path, moment: datetime) -> None:
         TripLatch(folder).acknowledge(OPERATOR, moment.isoformat(), "simulated production")
 
 
+def _turn_of(production: Production, one: _Mounted) -> float | None:
+    """The stated angle of a gear [rad]; None where nobody states one, and for a bare motor."""
+    if not production.spread or not one.gear:
+        return None
+    return REVOLUTION * (one.gear - 1) / production.gears
+
+
 def _request(
     production: Production,
     day: _BenchDay,
@@ -331,6 +341,7 @@ def _request(
         "gear_seed": first + one.gear,
         "bench_seed": first + day.bench,
         "mount": one.mount,
+        "mount_turn": _turn_of(production, one),
         "day": day.day,
         "population": production.population,
     }

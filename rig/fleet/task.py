@@ -194,8 +194,16 @@ class _Analysis:
             "tare": "" if tare is None else self._neighbours.tare_digest(tare),
             "tare_run": "" if tare is None else tare.recording.metadata.sha256,
             "acceptance": accepted,
+            "output_encoder": _output_curve(footing.recording),
             "other_tares": [dict(other.named) for other in footing.other_tares],
         }
         if source.builds_on and footing.gear is not None:
             content["built_on"] = set_sha256(footing.gear)
         return digest(content)[:_KEY_LENGTH]
+
+
+def _output_curve(recording: Recording) -> str:
+    """The curve that is taken off the output angle, learnt or certified; "" where there is none."""
+    signal = recording.signals.get("output_angle")
+    curve = None if signal is None else signal.calibration.curve
+    return "" if curve is None else digest([list(curve.errors), list(curve.expanded_uncertainties)])

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 from experiments import catalogue
 from model.errors import WordedError
+from rig.analysis.learnt_encoder import learnt_paths
 from rig.analysis.store import analysis_folder
 from rig.analysis.tare import takes_tare, tare_days_of, tare_kind
 from rig.errors import ConfigurationError, RunFileError
@@ -197,6 +198,7 @@ class _Place:
                 dict(job.settings),
                 job.no_tare,
                 _days_in(folder),
+                [f"{path}:{fingerprint_of(path)}" for path in learnt_paths(folder)],
                 [_traits(one) for one in listed if one.outcome == "TRIPPED"],
             ]
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
@@ -87,6 +88,10 @@ def test_in_a_study_of_the_gauge_every_gear_goes_to_every_bench(tmp_path: Path) 
         asked, days[2], making=tmp_path, moment=MOMENT, turned=("home", "G-00001", days[2].gears[0])
     )
     assert (order.world.mount, order.world.gear_seed, order.world.bench_seed) == (2, 1, 1)
+    assert order.world.mount_turn is None
+    spread = production(tmp_path, gears=4, spread=True)
+    turns = [simulate._turn_of(spread, simulate._Mounted(gear)) for gear in (0, 1, 2, 4)]
+    assert turns == [None, 0.0, pytest.approx(0.5 * math.pi), pytest.approx(1.5 * math.pi)]
     with pytest.raises(ConfigurationError, match="--mountings"):
         production(tmp_path, mountings=0)
 
