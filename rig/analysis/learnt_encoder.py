@@ -14,6 +14,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -175,7 +176,7 @@ def observed(run: Path) -> Observation:
     if found.analysis is None:
         return Observation(run=run, skipped="no kinematic error of it is analysed")
     result = found.analysis.whole_result()
-    recording = open_run(run)
+    recording = with_learnt_curve(open_run(run), run.parent)
     try:
         return _observed(run, recording, result)
     finally:
@@ -188,6 +189,9 @@ def _observed(run: Path, recording: Recording, result: Result) -> Observation:
         return Observation(run=run, skipped="it names no gear")
     if result.options.get("phases_count_from") != "index marks":
         return Observation(run=run, skipped="it saw no index mark of both encoders")
+    taken = _taken_off(recording, result)
+    if taken is None:
+        return Observation(run=run, skipped="it is corrected by a curve that is gone: rig fit it")
     seen = _waves(recording, result)
     if seen is None:
         return Observation(run=run, skipped="its output index marks do not stand whole turns apart")
@@ -201,7 +205,7 @@ def _observed(run: Path, recording: Recording, result: Result) -> Observation:
         sha256=sealed_sha256(run),
         origin=metadata.origin,
         mounted=Mounted(
-            gear=metadata.gear_serial, angle=angle, waves=seen[0], unseen=tuple(seen[1])
+            gear=metadata.gear_serial, angle=angle, waves=seen[0] + taken, unseen=tuple(seen[1])
         ),
     )
 
@@ -234,12 +238,20 @@ def _waves(recording: Recording, result: Result) -> tuple[ComplexArray, list[flo
         elif amplitude is not None and phase is not None:
             size = turn * amplitude.value
             waves[place] = size * cmath.exp(1j * (order * own + turn * phase.value))
-    if "output_angle" in str(result.options.get("corrected_by_certificate", "")):
-        used, _ = certified_angle(recording, CHANNEL)
-        # What was taken off before is the encoder's too.
-        if used is not None:
-            waves += used.certificate.waves[:, 0] + 1j * used.certificate.waves[:, 1]
     return waves, unseen
+
+
+def _taken_off(recording: Recording, result: Result) -> ComplexArray | None:
+    """The orders of the curve that the analysis took off before (8,), which are the encoder's too; None where that
+    curve is not the one that is there now.
+    """
+    if CHANNEL not in str(result.options.get("corrected_by_certificate", "")):
+        return np.zeros(len(CERTIFIED_ORDERS), dtype=np.complex128)
+    used, _ = certified_angle(recording, CHANNEL)
+    named = recording.signals[CHANNEL].calibration.certificate
+    if used is None or named not in str(result.options.get("certificates", "")):
+        return None
+    return np.asarray(used.certificate.waves @ np.array([1.0, 1.0j]), dtype=np.complex128)
 
 
 def _course(recording: Recording, ratio: float) -> tuple[float, float]:
@@ -311,7 +323,9 @@ def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
             curve = file.curve
         if curve is None:
             return recording
-        calibration = replace(channel.calibration, curve=curve, certificate=header.certificate)
+        # Which file it was stands in whatever rests on it.
+        named = f"{header.certificate}; {file.path}, SHA-256 {sha256(file.content).hexdigest()}"
+        calibration = replace(channel.calibration, curve=curve, certificate=named)
         signal = replace(channel, calibration=calibration)
         return replace(recording, signals={**recording.signals, CHANNEL: signal})
     return recording

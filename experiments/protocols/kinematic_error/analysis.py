@@ -448,7 +448,10 @@ def _options(context: _Context) -> dict[str, object]:
     metadata = context.recording.metadata
     corrected: dict[str, object] = {}
     if context.certified:
-        corrected["corrected_by_certificate"] = ", ".join(sorted(context.certified))
+        names = sorted(context.certified)
+        corrected["corrected_by_certificate"] = ", ".join(names)
+        told = [context.recording.signals[name].calibration.certificate for name in names]
+        corrected["certificates"] = "; ".join(told)
     return corrected | {
         "mounting": metadata.mounting,
         "ratio": context.ratio,

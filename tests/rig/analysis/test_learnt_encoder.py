@@ -29,6 +29,7 @@ from rig.errors import ChangedRunError, ConfigurationError
 from rig.gears.card import now_text
 from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
+from rig.runfile.seal import file_sha256
 from sim_backend.drawing import bench_encoder
 from tests.rig.commands.calling import Rig
 
@@ -107,6 +108,7 @@ def test_every_later_analysis_takes_it_and_one_that_taught_takes_the_others(
         for path, u in before.items():
             fit = fit_run(path)
             assert fit.result.options["corrected_by_certificate"] == "output_angle"
+            assert file_sha256(file) in str(fit.result.options["certificates"])
             assert accuracy(fit) < 0.75 * u
         (read,) = learnt_files(folder)
         own = curve_in(runs[0], folder)
@@ -144,6 +146,31 @@ def curve_in(run: Path, folder: Path) -> list[list[float]]:
     close_recording(recording)
     assert curve is not None
     return curve.waves.tolist()  # type: ignore[no-any-return]
+
+
+def test_what_a_curve_took_off_is_the_encoders_too_when_it_is_learnt_again(
+    runs: list[Path], learnt: Learnt
+) -> None:
+    folder, run = runs[0].parent, runs[2]
+    before = observed(run).mounted
+    assert before is not None
+    try:
+        write_learnt(learnt, folder / "learnt-output-encoder-6.csv", TODAY, None)
+        fit = fit_run(run)
+        store(fit, now_text())
+        close_recording(fit.recording)
+        again = observed(run).mounted
+        assert again is not None
+        # Orders 1 to 4: finer ones may have left the noise, or gone under in it.
+        assert again.waves[:4] == pytest.approx(before.waves[:4], abs=0.05 * ARCSEC)
+    finally:
+        for one in folder.glob("learnt-output-encoder*"):
+            one.unlink()
+    assert "curve that is gone" in observed(run).skipped
+    fit = fit_run(run)
+    store(fit, now_text())
+    close_recording(fit.recording)
+    assert observed(run).skipped == ""
 
 
 def test_a_curve_that_is_due_is_not_taken(runs: list[Path], learnt: Learnt) -> None:
