@@ -36,6 +36,10 @@ ComplexArray = NDArray[np.complex128]
 SINGULAR = 0.9
 """Length of the mean of e^(i k alpha) from which on an order is not parted: its variance would be fivefold."""
 LEAST_VALUES, LEAST_GEARS = 3, 5
+MOUNTINGS_OF_A_SEAT = 6
+"""Mountings from which on their own scatter says how eccentric a seat is."""
+ASSUMED_FREEDOM = 1e6
+"""Degrees of freedom of what is assumed and not estimated."""
 _NORMAL_RADIUS = math.sqrt(-2.0 * math.log(0.05))
 """Radius of the 95 % circle of two normal components, in standard deviations of one."""
 Way = Literal["parted", "mean"]
@@ -111,8 +115,12 @@ class LearntCurve:
         return np.array([(one.wave.real, one.wave.imag) for one in self.orders])
 
 
-def learnt_curve(mounted: Sequence[Mounted]) -> LearntCurve | str:
-    """The encoder by these mountings, or in words why they do not tell it."""
+def learnt_curve(mounted: Sequence[Mounted], seat: float = 0.0) -> LearntCurve | str:
+    """The encoder by these mountings, or in words why they do not tell it.
+
+    `seat` [rad] is the assumed standard uncertainty that an eccentric seat gives a component of order 1: of one gear in
+    fewer than six mountings it stands where their own scatter is smaller.
+    """
     gears = tuple(dict.fromkeys(one.gear for one in mounted))
     stated = [one for one in mounted if one.angle is not None]
     if len(gears) == 1 and len(stated) < LEAST_VALUES:
@@ -124,7 +132,7 @@ def learnt_curve(mounted: Sequence[Mounted]) -> LearntCurve | str:
         return f"{len(gears)} gears; at least {LEAST_GEARS} are needed, eight are better, at spread stated angles"
     # Where some angles are not stated, only those that are part anything; with too few the mean of all is taken.
     used = stated if len(stated) >= max(LEAST_VALUES, len(mounted) // 2) else list(mounted)
-    orders = _orders(used)
+    orders = _orders(used, seat if len(gears) == 1 and len(used) < MOUNTINGS_OF_A_SEAT else 0.0)
     if len(gears) == 1 and not all(one.way == "parted" for one in orders[:4]):
         named = ", ".join(str(one.order) for one in orders if one.way == "mean")
         return f"one gear at these angles leaves the orders {named} singular; 0, 30 and 150 degrees part all of 1 to 8"
@@ -140,9 +148,9 @@ def _resultant(order: int, angles: Sequence[float]) -> float:
     return abs(sum(cmath.exp(1j * order * angle) for angle in angles)) / len(angles)
 
 
-def _orders(mounted: Sequence[Mounted]) -> tuple[LearntOrder, ...]:
+def _orders(mounted: Sequence[Mounted], seat: float) -> tuple[LearntOrder, ...]:
     """All orders, those that are not parted with a line for what gears share."""
-    found = [_order(k, mounted) for k in CERTIFIED_ORDERS]
+    found = [_order(k, mounted, seat if k == 1 else 0.0) for k in CERTIFIED_ORDERS]
     sizes = [abs(shared) for one, shared in found if one.way == "parted"]
     share = float(np.median(sizes)) / math.sqrt(2.0) if sizes else 0.0
     return tuple(
@@ -155,7 +163,7 @@ def _orders(mounted: Sequence[Mounted]) -> tuple[LearntOrder, ...]:
     )
 
 
-def _order(order: int, mounted: Sequence[Mounted]) -> tuple[LearntOrder, complex]:
+def _order(order: int, mounted: Sequence[Mounted], seat: float) -> tuple[LearntOrder, complex]:
     """One order, and what the gears share of it (of one gear: its own)."""
     values = np.array([one.waves[order - 1] for one in mounted])
     angles = [one.angle for one in mounted if one.angle is not None]
@@ -172,11 +180,14 @@ def _order(order: int, mounted: Sequence[Mounted]) -> tuple[LearntOrder, complex
     fit = _fitted(values, design.astype(np.complex128), kernel, gears)
     # What no run shows may be the encoder's in all of them: the mean does not make it smaller.
     unseen = 0.5 * sum(one.unseen[order - 1] for one in mounted) / len(mounted)
+    u, freedom = fit.standard_uncertainty, fit.freedom
+    if seat > fit.between:
+        u, freedom = seat * fit.share, ASSUMED_FREEDOM
     learnt = LearntOrder(
         order=order,
         wave=fit.value,
-        standard_uncertainty=math.hypot(fit.standard_uncertainty, unseen),
-        degrees_of_freedom=fit.freedom,
+        standard_uncertainty=math.hypot(u, unseen),
+        degrees_of_freedom=freedom,
         way="parted" if parted else "mean",
         gears=fit.between,
     )
@@ -202,7 +213,8 @@ def _same_gear(mounted: Sequence[Mounted], turned: NDArray[np.generic]) -> Compl
 @dataclass(frozen=True, kw_only=True)
 class _Fit:
     """The encoder's amplitude and what the gears share, the standard uncertainty of a component of the first, degrees
-    of freedom, and the deviation of one component between gears (of one gear: between its mountings).
+    of freedom, and the deviation of one component between gears (of one gear: between its mountings); `share` is what
+    the encoder has of the latter.
     """
 
     value: complex
@@ -210,6 +222,7 @@ class _Fit:
     standard_uncertainty: float
     freedom: float
     between: float
+    share: float = 1.0
 
 
 def _fitted(
@@ -228,6 +241,7 @@ def _fitted(
             standard_uncertainty=math.sqrt(variance * own),
             freedom=float(max(2 * (count - unknowns), 1)),
             between=math.sqrt(variance),
+            share=math.sqrt(own),
         )
 
     def criterion(logarithm: float) -> float:

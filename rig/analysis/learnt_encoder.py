@@ -142,7 +142,7 @@ def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
             remedy="Name the bench: --bench ID." if kinds else "Analyse them first: rig fit RUN.",
         )
     mounted = tuple(_by_mounting(taught))
-    curve = learnt_curve(mounted)
+    curve = learnt_curve(mounted, assumed_seat())
     if isinstance(curve, str):
         raise ConfigurationError(
             "do not tell the encoder from the gears", where="these runs", value=curve
@@ -157,6 +157,13 @@ def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
         taught=tuple(taught),
         skipped=tuple(one for one in seen if one.mounted is None),
     )
+
+
+def assumed_seat() -> float:
+    """What an eccentric seat is assumed to give a component of order 1/N [rad], as the kinematic error assumes it."""
+    from experiments.protocols.kinematic_error.analysis import OUTPUT_ECCENTRICITY
+
+    return OUTPUT_ECCENTRICITY * ARCSEC / math.sqrt(2.0)
 
 
 def _by_mounting(taught: Sequence[Observation]) -> Iterator[Mounted]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, date, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -42,8 +42,13 @@ def learn(
         ),
     ] = None,
     due: Annotated[
-        str, typer.Option(metavar="YYYY-MM-DD", help="Until when it is taken; a year without it.")
-    ] = "",
+        datetime | None,
+        typer.Option(
+            formats=["%Y-%m-%d"],
+            metavar="YYYY-MM-DD",
+            help="Until when it is taken; a year without it.",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Say what is learnt, write nothing.")
     ] = (False),
@@ -64,7 +69,7 @@ def learn(
     path = None
     if not dry_run:
         today = datetime.now(UTC).date()
-        until = date.fromisoformat(due) if due else today.replace(year=today.year + 1)
+        until = today + timedelta(days=365) if due is None else due.date()
         beside = named[0].parent if runs else folder
         where = output or beside / f"{PREFIX}-{learnt.bench}-{today.isoformat()}.csv"
         path = write_learnt(learnt, where, today, until)

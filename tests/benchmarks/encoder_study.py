@@ -31,7 +31,7 @@ from model.motor import shipped_motor
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 from rig.analysis.fit import store
 from rig.analysis.fit_run import fit_run
-from rig.analysis.learnt_encoder import PREFIX, learn, observed, write_learnt
+from rig.analysis.learnt_encoder import PREFIX, assumed_seat, learn, observed, write_learnt
 from rig.bench.backends.order import Order, Setup, WorldChoice
 from rig.bench.backends.simulated import parts_of
 from rig.gears.card import now_text
@@ -122,7 +122,8 @@ def bench_result(folder: Path, bench: int, population: str) -> dict[str, Any]:
         assert not isinstance(curve, str)
         shared[str(size)] = inside(curve, true)
     turned = learnt_curve(
-        [replace(m, gear="one") for m in (observed(run).mounted for run in alone) if m is not None]
+        [replace(m, gear="one") for m in (observed(run).mounted for run in alone) if m is not None],
+        assumed_seat(),
     )
     gears = _gears(folder / "several", several, learnt)
     return {

@@ -42,7 +42,13 @@ def _certificate(name: object, info: ValidationInfo) -> CertificateFile | None:
     if not isinstance(name, str):
         raise ValueError("is not the name of a file")
     folder = (info.context or {}).get(FOLDER, Path())
-    return read_certificate(folder, name) if name else None
+    found = read_certificate(folder, name) if name else None
+    if found is not None and found.header.learnt:
+        raise ValueError(
+            f"{name} was learnt from gears: it belongs beside their runs, where an analysis leaves out what a gear "
+            "taught of itself; name a laboratory's certificate here"
+        )
+    return found
 
 
 NodeId = Annotated[int, Field(strict=True, ge=1, le=127)]

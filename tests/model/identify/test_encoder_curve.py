@@ -77,6 +77,21 @@ def test_one_gear_at_three_angles_parts_the_encoder_from_itself() -> None:
         assert one.wave == pytest.approx(ARCSEC * made.encoder[one.order - 1], abs=1e-3 * ARCSEC)
 
 
+def test_the_seat_of_few_mountings_is_assumed_where_their_scatter_is_smaller() -> None:
+    mounted = list(World(2, seat=0.05).mounted([THREE]))
+    own, assumed = curve_of(mounted), learnt_curve(mounted, seat=1.0 * ARCSEC)
+    assert not isinstance(assumed, str)
+    first = assumed.orders[0]
+    # Of three values at 0, 30 and 150 degrees the encoder has 1/3 (1 - |(1 + i)/3|^2)^-1 of the variance.
+    assert first.standard_uncertainty == pytest.approx(ARCSEC * math.sqrt(1 / 3 / (1 - 2 / 9)))
+    assert first.radius == pytest.approx(2.448 * first.standard_uncertainty, rel=1e-3)
+    assert assumed.orders[1:] == own.orders[1:]
+    scattered = list(World(2, seat=50.0).mounted([THREE]))
+    assert learnt_curve(scattered, seat=1.0 * ARCSEC) == curve_of(scattered)
+    six = list(World(2, seat=0.05).mounted([(*THREE, 1.0, 2.0, 3.0)]))
+    assert learnt_curve(six, seat=1.0 * ARCSEC) == curve_of(six)
+
+
 def test_both_together_are_better_than_either() -> None:
     angles = [[angle + turn for turn in THREE] for angle in EIGHT]
     assert 0.90 <= covered(angles, shared=1.0) <= 0.99

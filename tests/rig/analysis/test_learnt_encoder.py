@@ -217,6 +217,7 @@ def test_the_command_learns_shows_and_keeps_its_hands_off_with_dry_run(
     assert (told["basis"], told["bench"], told["file"]) == ("population mean", str(BENCH), None)
     assert rig("bench", "show", "--runs", folder) == 2
     assert "rig bench learn" in rig.err
+    assert rig("bench", "learn", *named, "--due", "soon") == 2
     try:
         assert rig("bench", "learn", *named) == 0
         assert "population mean" in rig.out

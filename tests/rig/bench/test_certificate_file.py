@@ -208,6 +208,16 @@ def test_a_rig_that_names_a_certificate_wrongly_is_refused(
     assert words in found[0].sentence
 
 
+def test_a_learnt_curve_belongs_beside_the_runs_and_not_into_the_description(
+    tmp_path: Path,
+) -> None:
+    learnt = HEADER.replace("angle [deg]", '# learnt = "population mean"\nangle [deg]')
+    stored(tmp_path, learnt + POINTS)
+    found = inspect_configuration(written(tmp_path, WITH_CURVE))
+    assert not isinstance(found, RigConfiguration)
+    assert "belongs beside their runs" in found[0].sentence
+
+
 def test_the_certificate_of_another_encoder_is_refused(tmp_path: Path) -> None:
     stored(tmp_path, '# serial_number = "123 456"\n' + HEADER + POINTS)
     found = inspect_configuration(written(tmp_path, WITH_CURVE))
