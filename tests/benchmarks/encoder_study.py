@@ -7,7 +7,7 @@ over all benches: the error of the complex orders 1 to 4 against the gears' own 
 how many of the orders 1 to 8 lie inside U, as they are and with a part that all gears share (0 to 3 arcsec, added to what
 the runs show, turned with each gear); on how many benches nothing stated is no certificate; and the transmission accuracy
 of every gear before and after, each corrected by what the others teach: U, and how often it holds the truth, also by
-bench. One gear of each bench is mounted twice more, at 30 and 150 degrees: the route of one gear. What is made is not
+bench. One gear more is mounted at 0, 30 and 150 degrees: the route of one gear, by `--one-gear` alone. What is made is not
 made again.
 """  # noqa: E501
 
@@ -45,13 +45,17 @@ TURNS = (0.0, 30.0, 150.0)
 
 def made(folder: Path, bench: int, population: str) -> tuple[list[Path], list[Path]]:
     """The runs of the eight gears of a bench, and those of one gear at three angles."""
-    first = 100 * bench
-    several = [(first + n, 2, 45.0 * n) for n in range(GEARS)]
-    alone = [(first + GEARS, 2 + n, turn) for n, turn in enumerate(TURNS)]
+    several = [(100 * bench + n, 2, 45.0 * n) for n in range(GEARS)]
     return (
         [_run(folder / "several", bench, *one, population) for one in several],
-        [_run(folder / "alone", bench, *one, population) for one in alone],
+        made_alone(folder, bench, population),
     )
+
+
+def made_alone(folder: Path, bench: int, population: str) -> list[Path]:
+    """The runs of one gear at three angles."""
+    turned = [(100 * bench + GEARS, 2 + n, turn) for n, turn in enumerate(TURNS)]
+    return [_run(folder / "alone", bench, *one, population) for one in turned]
 
 
 def _run(folder: Path, bench: int, gear: int, mount: int, turn: float, population: str) -> Path:
@@ -121,10 +125,6 @@ def bench_result(folder: Path, bench: int, population: str) -> dict[str, Any]:
         curve = learnt_curve(list(with_shared(learnt.mounted, size, bench)))
         assert not isinstance(curve, str)
         shared[str(size)] = inside(curve, true)
-    turned = learnt_curve(
-        [replace(m, gear="one") for m in (observed(run).mounted for run in alone) if m is not None],
-        assumed_seat(),
-    )
     gears = _gears(folder / "several", several, learnt)
     return {
         "bench": bench,
@@ -134,14 +134,21 @@ def bench_result(folder: Path, bench: int, population: str) -> dict[str, Any]:
         "inside": inside(learnt.curve, true),
         "shared": shared,
         "unstated": unstated if isinstance(unstated, str) else unstated.basis,
-        "one_gear": turned
-        if isinstance(turned, str)
-        else {
-            "error": [abs(one.wave - true[one.order - 1]) / ARCSEC for one in turned.orders],
-            "radius": [one.radius / ARCSEC for one in turned.orders],
-            "inside": inside(turned, true),
-        },
+        "one_gear": by_one_gear(alone, true),
         "accuracy": gears,
+    }
+
+
+def by_one_gear(runs: Sequence[Path], true: np.ndarray) -> dict[str, Any] | str:
+    """Error, U and whether it holds, of every order by one gear; why there is none."""
+    seen = (observed(run).mounted for run in runs)
+    turned = learnt_curve([replace(m, gear="one") for m in seen if m is not None], assumed_seat())
+    if isinstance(turned, str):
+        return turned
+    return {
+        "error": [abs(one.wave - true[one.order - 1]) / ARCSEC for one in turned.orders],
+        "radius": [one.radius / ARCSEC for one in turned.orders],
+        "inside": inside(turned, true),
     }
 
 
@@ -188,15 +195,7 @@ def told(results: Sequence[dict[str, Any]]) -> str:
         lines.append(f"  gears share {size:g} arcsec: {np.sum(these)} of {np.size(these)}")
     none = sum(one["unstated"] == "encoder and what the gears share" for one in results)
     lines.append(f"no stated angles, no certificate: {none} of {len(results)}")
-    alone = [one["one_gear"] for one in results if isinstance(one["one_gear"], dict)]
-    if alone:
-        errors = np.array([one["error"] for one in alone])
-        rms = np.sqrt((errors**2).mean(axis=0))
-        lines.append(
-            f"one gear, three angles: r.m.s. error {', '.join(f'{v:.2f}' for v in rms)} arcsec; "
-            f"inside U {np.sum([one['inside'] for one in alone])} of {errors.size}; "
-            f"U of 1/N {np.median([one['radius'][0] for one in alone]):.1f} arcsec"
-        )
+    lines.append(told_of_one([one["one_gear"] for one in results]))
     rows = [one for result in results for one in result["accuracy"]]
     for after in ("", "_after"):
         hits = sum(abs(r[f"value{after}"] - r["truth"]) <= r[f"U{after}"] for r in rows)
@@ -220,6 +219,19 @@ def told(results: Sequence[dict[str, Any]]) -> str:
     return "\n".join(lines)
 
 
+def told_of_one(results: Sequence[dict[str, Any] | str]) -> str:
+    """What all benches say by one gear each."""
+    alone = [one for one in results if isinstance(one, dict)]
+    errors = np.array([one["error"] for one in alone])
+    kept = np.array([one["inside"] for one in alone])
+    rms = np.sqrt((errors**2).mean(axis=0))
+    return (
+        f"one gear, three angles: r.m.s. error {', '.join(f'{v:.2f}' for v in rms)} arcsec; inside U {kept.sum()} of "
+        f"{kept.size}, of 1/N {kept[:, 0].sum()} of {len(kept)}, whose U is "
+        f"{np.median([one['radius'][0] for one in alone]):.1f} arcsec"
+    )
+
+
 def main() -> None:
     """Make what is missing, and tell."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -227,9 +239,16 @@ def main() -> None:
     parser.add_argument("--benches", type=int, default=20)
     parser.add_argument("--first", type=int, default=83000)
     parser.add_argument("--population", default="narrow")
+    parser.add_argument("--one-gear", action="store_true", help="the route of one gear alone")
     asked = parser.parse_args()
+    benches = range(asked.first, asked.first + asked.benches)
+    if asked.one_gear:
+        seen = [made_alone(asked.folder / f"bench-{n}", n, asked.population) for n in benches]
+        truths = [truth_of_encoder(n, asked.population) for n in benches]
+        print(told_of_one([by_one_gear(*one) for one in zip(seen, truths, strict=True)]))
+        return
     results = []
-    for bench in range(asked.first, asked.first + asked.benches):
+    for bench in benches:
         kept = asked.folder / f"bench-{bench}.json"
         if not kept.is_file():
             folder = asked.folder / f"bench-{bench}"
