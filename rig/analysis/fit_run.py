@@ -27,7 +27,7 @@ from rig.analysis.fit import (
 )
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt_encoder import with_learnt_curve
+from rig.analysis.learnt_curve import with_learnt_curve
 from rig.analysis.tare import (
     FoundTare,
     find_tare,

@@ -20,6 +20,7 @@ from experiments import catalogue
 from model.errors import WordedError
 from rig.analysis import format_1
 from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
+from rig.analysis.learnt_curve import learnt_name, learnt_paths
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_days_of, tare_kind
 from rig.errors import ChangedRunError, ConfigurationError, RunFileError, UnsealedError
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 
 KEPT_NAME = "kept.json"
 _UNSEALED = "not sealed"
+_LEARNS_FROM = "kinematic-error"
+"""The kind of analysis that takes a learnt curve off the output encoder, and says which."""
 """Stands for the hash of a run whose note is missing."""
 _KEPT_FORMAT = "harmonic-rig-kept-2"
 """Sealed from birth, as analyses are."""
@@ -268,6 +271,7 @@ class _Things:
             yield self._of_another_run
         yield from self._tare_changed(analysis)
         yield from self._gear_changed(analysis)
+        yield from self._encoder_learnt(analysis)
         yield from _version_changed(analysis)
 
     def tare_path(self, analysis: Analysis) -> Path:
@@ -335,6 +339,16 @@ class _Things:
         own = self._own_set()
         used = mapping_sha256(analysis.content.get("gear") or {})
         return used if own is not None and set_sha256(own) == used else ""
+
+    def _encoder_learnt(self, analysis: Analysis) -> Iterator[str]:
+        """Whether the output encoder has been learnt since, or learnt anew."""
+        if analysis.kind != _LEARNS_FROM or not learnt_paths(self._run.parent):
+            return
+        now = learnt_name(self._run) if self._run.exists() else ""
+        options = (analysis.content.get("result") or {}).get("options") or {}
+        before = str(options.get("certificates", ""))
+        if now and now not in before:
+            yield "the output encoder has been learnt since, or learnt anew"
 
     def _built_on_another(self, built_on: Mapping[str, Any]) -> Iterator[str]:
         if not built_on:

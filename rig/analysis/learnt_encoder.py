@@ -1,9 +1,7 @@
 """The output encoder of a bench, learnt from the gears that passed over it: from runs to a sealed certificate and back.
 
 What a run shows at orders k/N is brought over the encoder's own angle from its index mark, by the analysis in force of
-its kinematic error. The file lies beside the runs and is a certificate as a laboratory's (`rig.bench.config`); every
-later analysis of a run of that bench and encoder takes it where the run has no curve of its own. A run of a gear that
-taught it is corrected by what the other gears teach.
+its kinematic error. What becomes of the file stands in `learnt_curve`.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
-from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -31,22 +28,20 @@ from model.identify.encoder_curve import (
     left_out,
 )
 from model.units import ARCSEC, DEGREE
-from rig.analysis.causes import simulated_bench, which_mounting
+from rig.analysis.causes import which_mounting
 from rig.analysis.in_force import in_force
+from rig.analysis.learnt_curve import CHANNEL, bench_of, with_learnt_curve
 from rig.bench.config.certificate_file import (
     FORMAT,
-    CertificateFile,
     Header,
-    certificate_from,
     certificate_text,
 )
-from rig.errors import ConfigurationError, RunFileError
+from rig.errors import ConfigurationError
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import sealed_sha256
-from rig.runfile.sealed import read_sealed, write_sealed
+from rig.runfile.sealed import write_sealed
 
-KIND, CHANNEL = "kinematic-error", "output_angle"
-PREFIX = "learnt-output-encoder"
+KIND = "kinematic-error"
 NOT_TRACEABLE = "none: learnt on this bench"
 """How the certificate of a learnt curve begins: no laboratory vouches for it."""
 _FARTHEST_ROWS = 1 << 18
@@ -107,11 +102,6 @@ class Learnt:
             return ()
         numbers = (found.expanded_uncertainty, *found.waves.ravel().tolist())
         return tuple(float(one) / ARCSEC for one in numbers)
-
-
-def bench_of(metadata: RunMetadata) -> str:
-    """The bench on which a run was made."""
-    return simulated_bench(metadata) or str(metadata.process.get("bench", ""))
 
 
 def stated_angle(metadata: RunMetadata) -> float | None:
@@ -285,54 +275,3 @@ def write_learnt(learnt: Learnt, path: Path, today: date, due: date | None) -> P
             "cannot be written", where=str(path), value=error.strerror or str(error)
         ) from error
     return path
-
-
-def learnt_paths(folder: Path) -> list[Path]:
-    """Where learnt curves lie: beside the runs, or one folder above where the days of a bench have folders of their
-    own.
-    """
-    return [path for one in (folder, folder.parent) for path in sorted(one.glob(f"{PREFIX}*.csv"))]
-
-
-def learnt_files(folder: Path) -> list[CertificateFile]:
-    """The learnt curves for the runs of a folder, the newest first; one that was altered is refused by name."""
-    found = []
-    for path in learnt_paths(folder):
-        data, _ = read_sealed(path)
-        try:
-            found.append(certificate_from(path.name, data))
-        except ValueError as error:
-            raise RunFileError("is no certificate", where=str(path), value=str(error)) from error
-    return sorted(found, key=lambda one: one.header.date, reverse=True)
-
-
-def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
-    """The recording with the curve of its output encoder that was learnt on its bench, where it has none of its own.
-
-    A run of a gear that taught the curve gets what the others teach, or nothing.
-    """
-    channel = recording.signals.get(CHANNEL)
-    if channel is None or channel.calibration.curve is not None:
-        return recording
-    metadata = recording.metadata
-    for file in learnt_files(folder):
-        header = file.header
-        due = header.due is not None and metadata.start_time[:10] > header.due.isoformat()
-        if (
-            header.bench != bench_of(metadata)
-            or header.serial_number != channel.serial_number
-            or due
-        ):
-            continue
-        if metadata.gear_serial in header.without:
-            curve = header.curve_without(metadata.gear_serial)
-        else:
-            curve = file.curve
-        if curve is None:
-            return recording
-        # Which file it was stands in whatever rests on it.
-        named = f"{header.certificate}; {file.path}, SHA-256 {sha256(file.content).hexdigest()}"
-        calibration = replace(channel.calibration, curve=curve, certificate=named)
-        signal = replace(channel, calibration=calibration)
-        return replace(recording, signals={**recording.signals, CHANNEL: signal})
-    return recording

@@ -61,8 +61,9 @@ def learn(
     analysis of a run of this bench takes the curve; a run of a gear that taught it gets what the others teach.
     Without stated angles the encoder holds what all gears share, which is said, with a line for it.
     """
-    from rig.analysis.learnt_encoder import PREFIX, write_learnt
+    from rig.analysis.learnt_curve import PREFIX
     from rig.analysis.learnt_encoder import learn as learn_from
+    from rig.analysis.learnt_encoder import write_learnt
 
     named = list(runs or ()) or _runs_of(folder)
     learnt = learn_from(named, bench_id)
@@ -86,7 +87,7 @@ def show(
 ) -> None:
     """Show what was learnt of the benches whose runs lie in a folder, what it rests on, and until when it holds."""
     from model.units import ARCSEC
-    from rig.analysis.learnt_encoder import learnt_files
+    from rig.analysis.learnt_curve import learnt_files
     from rig.content.grid import Grid, columns
     from rig.content.wording import number
     from rig.errors import ConfigurationError

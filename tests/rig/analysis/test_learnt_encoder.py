@@ -14,13 +14,13 @@ from model.motor import shipped_motor
 from model.units import ARCSEC, DEGREE
 from rig.analysis.fit import Fit, store
 from rig.analysis.fit_run import fit_run
+from rig.analysis.in_force import in_force
+from rig.analysis.learnt_curve import learnt_files, with_learnt_curve
 from rig.analysis.learnt_encoder import (
     Learnt,
     learn,
-    learnt_files,
     observed,
     stated_angle,
-    with_learnt_curve,
     write_learnt,
 )
 from rig.bench.backends.order import Order, Setup, WorldChoice
@@ -155,9 +155,13 @@ def test_what_a_curve_took_off_is_the_encoders_too_when_it_is_learnt_again(
     before = observed(run).mounted
     assert before is not None
     try:
+        assert in_force(run, "kinematic-error").stale == ()
         write_learnt(learnt, folder / "learnt-output-encoder-6.csv", TODAY, None)
+        (stale,) = in_force(run, "kinematic-error").stale
+        assert stale == "the output encoder has been learnt since, or learnt anew"
         fit = fit_run(run)
         store(fit, now_text())
+        assert in_force(run, "kinematic-error").stale == ()
         close_recording(fit.recording)
         again = observed(run).mounted
         assert again is not None
