@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
-from PySide6.QtCore import QSignalBlocker, Signal
-from PySide6.QtGui import QShowEvent
+from PySide6.QtCore import QSignalBlocker, QUrl, Signal
+from PySide6.QtGui import QDesktopServices, QShowEvent
 from PySide6.QtWidgets import QComboBox, QFileDialog, QGridLayout, QSizePolicy, QWidget
 
 from rig.content.grid import Grid, columns
@@ -33,11 +34,12 @@ from rig.window.shell.stack import (
     split,
     text_label,
 )
-from rig.window.work.background import LatestTask
+from rig.window.work.background import BackgroundCommand, LatestTask, in_words, json_object
 
-NOTHING = (
-    "No results of many runs here yet. `rig fleet fit DIR` makes them of a folder of runs; "
-    "Open … takes those of another folder."
+NOTHING = "No results of many runs here yet."
+WHAT_TO_DO = (
+    "Fit a folder analyses every run below it, each with its tare, and keeps the numbers as one table. "
+    "Open … shows a table that is there already."
 )
 _MOST_LISTED = 2000
 """Gears of the list; the filter finds the others."""
@@ -49,7 +51,7 @@ _ChooseFolder = Callable[[QWidget], str]
 
 def _ask_for_folder(parent: QWidget) -> str:
     """The folder that somebody chooses; "" where nobody does."""
-    return QFileDialog.getExistingDirectory(parent, "Folder of results")
+    return QFileDialog.getExistingDirectory(parent, "Folder of runs, or of results")
 
 
 class FleetPage(QWidget):
@@ -66,6 +68,10 @@ class FleetPage(QWidget):
         self.lot: Lot | None = None
         self._shown: tuple[LotGear, ...] = ()
         self._task = LatestTask(self, self._take, self._refuse)
+        self.command: BackgroundCommand | None = None
+        """What is at work: a fit of many runs, or a report."""
+        self.open_paper = lambda path: QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
+        """Opens a file with what the desktop has for it; whether there was anything."""
         self.where = text_label("", "muted")
         self.where.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         self.text = line_field("Search gears", "Search gears, benches, reasons …")
@@ -88,9 +94,18 @@ class FleetPage(QWidget):
         self._show_lot()
 
     def _lay_out(self) -> None:
+        fit = push_button("&Fit a folder …", tip="Analyse every run of a folder", act=self._fit)
         choose = push_button("Open …", tip="Results in another folder", act=self._open_folder)
         again = push_button("Read again", tip="Read the results again", act=self.read)
-        head = in_row(text_label("Fleet", "title"), (self.where, 1), choose, again)
+        lot = push_button("Lot report", tip="Writes lot.html beside the results and opens it")
+        gauge = push_button("Gauge report", tip="How well benches tell gears apart: gauge.html")
+        lot.clicked.connect(lambda: self._write("report", "lot.html"))
+        gauge.clicked.connect(lambda: self._write("rr", "gauge.html"))
+        self.papers = (lot, gauge)
+        self.makers = (fit, *self.papers)
+        head = in_row(
+            text_label("Fleet", "title"), (self.where, 1), *self.papers, fit, choose, again
+        )
         filters = QGridLayout()
         filters.setSpacing(5)
         filters.addWidget(self.text, 0, 0, 1, 2)
@@ -112,8 +127,18 @@ class FleetPage(QWidget):
             chosen.addWidget(text_label(word), row, 0)
             chosen.addWidget(box, row, 1)
         right = in_column(chosen, self.says, (self.plots, 1), margins=(0, 0, 0, 0))
-        both = split(room_for(left), (room_for(right), 1), sizes=[480, 800])
-        self.setLayout(in_column(head, (both, 1), margins=(8, 8, 8, 6)))
+        self.both = split(room_for(left), (room_for(right), 1), sizes=[480, 800])
+        words = (text_label(NOTHING, "title"), text_label(WHAT_TO_DO, wraps=True))
+        ways = in_row(
+            push_button("Fit a folder …", "primary", act=self._fit),
+            push_button("Open …", act=self._open_folder),
+            (None, 1),
+        )
+        self.told = text_label("", "muted", wraps=True)
+        parts = ((None, 1), *words, ways, self.told, (None, 2))
+        self.empty = room_for(in_column(*parts, margins=(60, 0, 60, 0)))
+        body = ((self.both, 1), (self.empty, 1))
+        self.setLayout(in_column(head, *body, margins=(8, 8, 8, 6)))
 
     def _connect(self) -> None:
         self.text.textChanged.connect(lambda _: self._show_gears())
@@ -150,7 +175,7 @@ class FleetPage(QWidget):
     def read(self) -> None:
         """Read the results of the folder, beside the window."""
         folder = self.folder
-        self.count.setText("Reading the results …")
+        self._say("Reading the results …")
         self._task.start(lambda: _read(folder))
 
     def open_folder(self, folder: Path) -> None:
@@ -173,6 +198,63 @@ class FleetPage(QWidget):
             if chosen:
                 self.open_folder(Path(chosen))
 
+    def _fit(self) -> None:
+        """Analyse the runs of a folder that somebody chooses; what is done already is not done again."""
+        if self.command is None and self._session.free_for("Another folder"):
+            chosen = self._choose_folder(self)
+            if chosen:
+                self._run(
+                    ["fleet", "fit", chosen, "--json"],
+                    f"Fitting the runs of {chosen} …",
+                    lambda told: self.open_folder(Path(str(told.get("output", chosen)))),
+                )
+
+    def _write(self, word: str, file: str) -> None:
+        """Write a page of the results and open it."""
+        if self.command is None and self.lot is not None and self._session.free_for("A report"):
+            target = self.lot.data.folder / file
+            arguments = [
+                "fleet",
+                word,
+                str(self.lot.data.folder),
+                "--output",
+                str(target),
+                "--json",
+            ]
+            self._run(arguments, f"Writing {target} …", lambda _: self._opened(target))
+
+    def _opened(self, target: Path) -> None:
+        opened = self.open_paper(target)
+        self._session.message.emit(f"{'Opened' if opened else 'Written'}: {target}")
+        self._count()
+
+    def _run(
+        self, arguments: list[str], meanwhile: str, then: Callable[[dict[str, Any]], None]
+    ) -> None:
+        """Run a command beside the window; the buttons that begin one rest until it is done."""
+
+        def done(code: int, out: str, complaint: str) -> None:
+            self.command = None
+            for button in self.makers:
+                button.setEnabled(True)
+            told = json_object(out)
+            if told is None:
+                self._count()
+                self._say(in_words(complaint))
+            else:
+                then(told)
+            self._offer_papers()
+
+        self.command = BackgroundCommand(arguments, self, done)
+        for button in self.makers:
+            button.setEnabled(False)
+        self._say(meanwhile)
+        self.command.start()
+
+    def _offer_papers(self) -> None:
+        for button in self.papers:
+            button.setEnabled(self.lot is not None and self.command is None)
+
     def _take(self, lot: Lot | None) -> None:
         self.lot = lot
         self._show_lot()
@@ -180,10 +262,13 @@ class FleetPage(QWidget):
     def _refuse(self, why: str) -> None:
         self.lot = None
         self._show_lot()
-        self.count.setText(why)
+        self._say(why)
 
     def _show_lot(self) -> None:
         lot = self.lot
+        self.both.setVisible(lot is not None)
+        self.empty.setVisible(lot is None)
+        self._offer_papers()
         self.where.setText(str(lot.data.folder if lot else self.folder))
         set_tip(self.where, self.where.text())
         benches = (
@@ -214,17 +299,22 @@ class FleetPage(QWidget):
         self._select()
         self._draw()
 
+    def _say(self, text: str) -> None:
+        """How it stands, beside the gears and where there are none yet."""
+        self.count.setText(text)
+        self.told.setText(text)
+
     def _count(self) -> None:
         lot = self.lot
         if lot is None:
-            self.count.setText(NOTHING)
+            self._say("")
             return
         every, shown = len(lot.gears), len(self._shown)
         text = f"{every} gears" if shown == every else f"{shown} of {every} gears"
         text += ": " + ", ".join(f"{count} {word}" for word, count in lot.verdicts.items() if count)
         if shown > _MOST_LISTED:
             text += f" · the first {_MOST_LISTED} are listed"
-        self.count.setText(" · ".join((text, *lot.notes)))
+        self._say(" · ".join((text, *lot.notes)))
 
     def _select(self) -> None:
         gear = self.chosen

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from PySide6.QtCore import Qt
@@ -113,7 +115,9 @@ def test_without_results_and_without_the_extra_a_sentence_says_so(
 ) -> None:
     page = FleetPage(session, choose_folder=lambda _: str(results))
     page.show()
-    qtbot.waitUntil(lambda: page.count.text() == NOTHING, timeout=LONGEST)
+    qtbot.waitUntil(lambda: not page.is_reading, timeout=LONGEST)
+    assert (page.empty.isVisible(), page.both.isVisible()) == (True, False)
+    assert NOTHING in [one.text() for one in page.empty.findChildren(QLabel)]
     monkeypatch.setattr("rig.extras.find_spec", lambda _: None)
     page.read()
     qtbot.waitUntil(
@@ -126,7 +130,68 @@ def test_without_results_and_without_the_extra_a_sentence_says_so(
     session.run_exists = False
     page._open_folder()
     qtbot.waitUntil(lambda: page.lot is not None, timeout=LONGEST)
+    assert (page.empty.isVisible(), page.both.isVisible()) == (False, True)
     destroy(page)
+
+
+class Command:
+    """A command that ends when it is told to."""
+
+    begun: ClassVar[list[Command]] = []
+
+    def __init__(self, arguments: list[str], _: object, done: Callable[[int, str, str], None]):
+        self.arguments, self.done = arguments, done
+
+    def start(self) -> None:
+        self.begun.append(self)
+
+
+def test_a_folder_is_fitted_and_shown_and_one_at_a_time(
+    session: WindowSession, qtbot: QtBot, results: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet, "BackgroundCommand", Command)
+    page = FleetPage(session, choose_folder=lambda _: "/runs")
+    page.show()
+    qtbot.waitUntil(lambda: not page.is_reading, timeout=LONGEST)
+    assert [button.isEnabled() for button in page.papers] == [False, False]
+    session.run_exists = True
+    page._fit()
+    assert Command.begun == [], "nothing may stand before STOP, nor fit beside a run"
+    session.run_exists = False
+    page._fit()
+    page._fit()
+    (command,) = Command.begun
+    assert command.arguments == ["fleet", "fit", "/runs", "--json"]
+    assert page.count.text() == "Fitting the runs of /runs …"
+    assert not any(button.isEnabled() for button in page.makers)
+    command.done(0, json.dumps({"output": str(results)}), "")
+    qtbot.waitUntil(lambda: page.lot is not None, timeout=LONGEST)
+    assert all(button.isEnabled() for button in page.makers)
+    page._fit()
+    Command.begun[-1].done(6, "", "Error: /runs: there is no run here.")
+    assert page.count.text() == "Error: /runs: there is no run here."
+    Command.begun.clear()
+    destroy(page)
+
+
+def test_the_reports_are_written_beside_the_results_and_opened(
+    read: FleetPage, session: WindowSession, qtbot: QtBot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fleet, "BackgroundCommand", Command)
+    opened: list[Path] = []
+    read.open_paper = lambda path: bool(opened.append(path)) or True
+    for button, word, file in zip(
+        read.papers, ("report", "rr"), ("lot.html", "gauge.html"), strict=True
+    ):
+        qtbot.mouseClick(button, Qt.MouseButton.LeftButton)
+        command = Command.begun.pop()
+        target = read.folder / file
+        asked = ["fleet", word, str(read.folder), "--output", str(target), "--json"]
+        assert command.arguments == asked
+        with qtbot.waitSignal(session.message) as said:
+            command.done(0, "{}", "")
+        assert said.args == [f"Opened: {target}"]
+        assert opened.pop() == target
 
 
 @pytest.mark.parametrize("size", [(1366, 768), (1120, 640)])
@@ -135,6 +200,8 @@ def test_nothing_is_cut_off(read: FleetPage, size: tuple[int, int], qtbot: QtBot
     read.resize(size[0], size[1] - 70)
     assert read.minimumSizeHint().width() <= size[0]
     assert read.minimumSizeHint().height() <= size[1] - 70
+    # Words that wrap would make the page as high as the plots like to be, and scroll it.
+    assert not read.hasHeightForWidth()
     for box in (read.quantity, read.beside, read.bench, read.verdict):
         words = max((box.itemText(i) for i in range(box.count())), key=len)
         assert box.fontMetrics().horizontalAdvance(words) <= box.width() - 36, words
