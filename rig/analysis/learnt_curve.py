@@ -10,13 +10,16 @@ import functools
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from experiments.recording import Recording, RunMetadata
 from rig.analysis.causes import simulated_bench
-from rig.bench.config.certificate_file import CertificateFile, certificate_from
 from rig.errors import RunFileError
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.sealed import read_sealed
+
+if TYPE_CHECKING:
+    from rig.bench.config.certificate_file import CertificateFile
 
 CHANNEL, PREFIX = "output_angle", "learnt-output-encoder"
 
@@ -49,8 +52,14 @@ def _learnt_in(folder: Path, _changed_at: int) -> tuple[Path, ...]:
 
 def learnt_files(folder: Path) -> list[CertificateFile]:
     """The learnt curves for the runs of a folder, the newest first; one that was altered is refused by name."""
-    found = []
-    for path in learnt_paths(folder):
+    paths = learnt_paths(folder)
+    if not paths:
+        return []
+    # Few folders have any, and what reads a description takes as long as a list of runs.
+    from rig.bench.config.certificate_file import certificate_from
+
+    found: list[CertificateFile] = []
+    for path in paths:
         data, _ = read_sealed(path)
         try:
             found.append(certificate_from(path.name, data))
