@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments import catalogue
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import ARCSEC, DEGREE
@@ -49,6 +50,7 @@ def ordered(folder: Path, gear: int, **world: object) -> Order:
         operator="A",
         seed=BENCH,
         sample_rate=250.0,
+        values=dict(catalogue.load("kinematic-error").short),
         world=chosen,
     )
 
