@@ -300,4 +300,7 @@ def left_out(mounted: Sequence[Mounted], gear: str) -> LearntCurve | str:
     others = [one for one in mounted if one.gear != gear]
     if len({one.gear for one in others}) < LEAST_GEARS - 1:
         return "too few other gears taught it"
-    return learnt_curve(others)
+    found = learnt_curve(others)
+    if not isinstance(found, str) and not found.is_parted:
+        return "the angles of the other gears do not part it from what they share"
+    return found

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments.recording import Recording, RunMetadata
+from model.channel import Channel
 from rig.analysis.causes import simulated_bench
 from rig.errors import RunFileError
 from rig.runfile.read import close_recording, open_run
@@ -27,6 +28,15 @@ CHANNEL, PREFIX = "output_angle", "learnt-output-encoder"
 def bench_of(metadata: RunMetadata) -> str:
     """The bench on which a run was made."""
     return simulated_bench(metadata) or str(metadata.process.get("bench", ""))
+
+
+def is_known(metadata: RunMetadata, encoder: Channel) -> bool:
+    """Whether bench and encoder are known by name: one without a serial number may be exchanged, and nobody sees it. A
+    simulated bench has one encoder.
+    """
+    return bool(bench_of(metadata)) and (
+        metadata.origin == "simulated" or bool(encoder.serial_number)
+    )
 
 
 def learnt_paths(folder: Path) -> list[Path]:
@@ -77,6 +87,8 @@ def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
     if channel is None or channel.calibration.curve is not None:
         return recording
     metadata = recording.metadata
+    if not is_known(metadata, channel):
+        return recording
     for file in learnt_files(folder):
         header = file.header
         due = header.due is not None and metadata.start_time[:10] > header.due.isoformat()

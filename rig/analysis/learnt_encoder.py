@@ -30,7 +30,7 @@ from model.identify.encoder_curve import (
 from model.units import ARCSEC, DEGREE
 from rig.analysis.causes import which_mounting
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt_curve import CHANNEL, bench_of, with_learnt_curve
+from rig.analysis.learnt_curve import CHANNEL, bench_of, is_known, with_learnt_curve
 from rig.bench.config.certificate_file import (
     FORMAT,
     Header,
@@ -75,12 +75,20 @@ class Learnt:
     skipped: tuple[Observation, ...]
 
     def certificate(self, today: date, due: date | None) -> str:
-        """The text of its file."""
+        """The text of its file. Raises `ConfigurationError` where the encoder is not parted from the gears."""
         gears, curve = self.curve.gears, self.curve
+        basis = curve.basis
+        if basis == "encoder and what the gears share":
+            raise ConfigurationError(
+                "is no certificate: encoder and what the gears share are one, and nothing is written",
+                where=f"output encoder of bench {self.bench}",
+                limit="gears at stated angles that are spread over the turn",
+                remedy="Write each gear's angle on its card (mounted at deg), mount anew, and run again.",
+            )
         count = f"{len(gears)} gears" if len(gears) > 1 else f"gear {next(iter(gears))}"
         header = Header(
             format=FORMAT,
-            certificate=f"{NOT_TRACEABLE} from {count}: {curve.basis}, not traceable",
+            certificate=f"{NOT_TRACEABLE} from {count}: {basis}, not traceable",
             date=today,
             due=due,
             serial_number=self.encoder,
@@ -88,7 +96,7 @@ class Learnt:
             zero="index mark",
             sense="counting up",
             error="shown minus true",
-            learnt=curve.basis,
+            learnt=basis,
             bench=self.bench,
             runs=tuple(f"{one.run.name} {one.sha256}" for one in self.taught),
             without={gear: self._without(gear) for gear in gears},
@@ -186,6 +194,10 @@ def _observed(run: Path, recording: Recording, result: Result) -> Observation:
         return Observation(run=run, skipped="it names no gear")
     if result.options.get("phases_count_from") != "index marks":
         return Observation(run=run, skipped="it saw no index mark of both encoders")
+    if not is_known(metadata, recording.signals[CHANNEL]):
+        return Observation(
+            run=run, skipped="its bench, or the serial number of its output encoder, is not stated"
+        )
     taken = _taken_off(recording, result)
     if taken is None:
         return Observation(run=run, skipped="it is corrected by a curve that is gone: rig fit it")
@@ -263,7 +275,9 @@ def _course(recording: Recording, ratio: float) -> tuple[float, float]:
 
 
 def write_learnt(learnt: Learnt, path: Path, today: date, due: date | None) -> Path:
-    """Write and seal the file; a name that is taken is left alone. Raises `ConfigurationError`."""
+    """Write and seal the file; a name that is taken is left alone. Raises `ConfigurationError`, and for a curve that is
+    no certificate.
+    """
     try:
         write_sealed(path, learnt.certificate(today, due).encode())
     except FileExistsError as error:

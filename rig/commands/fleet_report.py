@@ -12,6 +12,17 @@ from rig.commands.terminal import echo, print_json
 if TYPE_CHECKING:
     from rig.fleet.lot import Lot
 
+Origin = Annotated[
+    str,
+    typer.Option(
+        metavar="WORD",
+        help="hardware, simulated, replay or imported; hardware alone where there is any.",
+    ),
+]
+PartName = Annotated[
+    str, typer.Option(metavar="NAME", help="Only gears of this part, letter for letter.")
+]
+
 
 def report(
     results: Annotated[
@@ -22,16 +33,8 @@ def report(
         Path,
         typer.Option("--output", "-o", metavar="FILE", help="What to write: .html or .pdf."),
     ] = Path("lot.html"),
-    origin: Annotated[
-        str,
-        typer.Option(
-            metavar="WORD",
-            help="hardware, simulated, replay or imported; hardware alone where there is any.",
-        ),
-    ] = "",
-    part: Annotated[
-        str, typer.Option(metavar="NAME", help="Only gears of this part, letter for letter.")
-    ] = "",
+    origin: Origin = "",
+    part: PartName = "",
     json: Annotated[
         bool, typer.Option("--json", help="Print one JSON object on standard output.")
     ] = False,

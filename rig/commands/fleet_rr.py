@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from rig.commands.fleet_report import Origin, PartName
 from rig.commands.terminal import console, echo, painted, print_json
 
 if TYPE_CHECKING:
@@ -31,16 +32,8 @@ def rr(
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="Write a page: .html or .pdf."),
     ] = None,
-    origin: Annotated[
-        str,
-        typer.Option(
-            metavar="WORD",
-            help="hardware, simulated, replay or imported; hardware alone where there is any.",
-        ),
-    ] = "",
-    part: Annotated[
-        str, typer.Option(metavar="NAME", help="Only gears of this part, letter for letter.")
-    ] = "",
+    origin: Origin = "",
+    part: PartName = "",
     plan: Annotated[
         bool,
         typer.Option("--plan", help="Propose a study instead; by the one that is named, if any."),

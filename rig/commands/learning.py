@@ -68,6 +68,9 @@ def learn(
     named = list(runs or ()) or _runs_of(folder)
     learnt = learn_from(named, bench_id)
     path = None
+    if not (dry_run or json or learnt.curve.is_parted):
+        # What it found is seen before it is refused as a certificate.
+        _print(learnt, None)
     if not dry_run:
         today = datetime.now(UTC).date()
         until = today + timedelta(days=365) if due is None else due.date()

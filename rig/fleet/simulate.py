@@ -295,6 +295,7 @@ def _order_of(production: Production, day: _BenchDay) -> str:
         [(name, production.parameters(name)) for name in production.protocols],
         production.parameters(tare_kind()),
         *(day.bench, day.day, day.gears),
+        [_turn_of(production, one) for one in day.gears],
         program_version(),
     ]
     return digest(asked)

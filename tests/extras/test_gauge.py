@@ -167,6 +167,22 @@ def test_what_nothing_tells_apart_stands_in_the_level_above() -> None:
             by_reml(values_of(drawn(shape, true, 9)))
 
 
+def test_a_lot_that_is_no_study_is_refused_and_not_guessed_at() -> None:
+    y = np.random.default_rng(1).normal(size=60)
+    gears = [f"G{n}" for n in range(60)]
+    once = Values(gear=gears, bench=["A", "B"] * 30, mounting=[""] * 60, value=y.tolist())
+    with pytest.raises(GaugeError, match="no gear was measured twice"):
+        gauges_of(once)
+    again = [f"G{n // 2}" for n in range(60)]
+    apart = Values(gear=again, bench=["A"] * 20 + ["B"] * 40, mounting=[""] * 60, value=y.tolist())
+    with pytest.raises(GaugeError, match="no gear was on two benches"):
+        gauges_of(apart)
+    many = [f"G{n % 300}" for n in range(601)]
+    large = np.random.default_rng(2).normal(size=601).tolist()
+    with pytest.raises(GaugeError, match="601 values with gaps"):
+        gauges_of(Values(gear=many, bench=["A"] * 601, mounting=[""] * 601, value=large))
+
+
 def test_a_plan_keeps_the_wished_interval_or_says_that_none_does() -> None:
     every = designs(variances_of(20.0), 12)
     assert [one.runs for one in every] == sorted(one.runs for one in every)

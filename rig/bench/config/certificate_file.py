@@ -51,9 +51,7 @@ class Header(BaseModel):
     zero: Literal["index mark"]
     sense: Literal["counting up", "counting down"]
     error: Literal["shown minus true", "true minus shown"]
-    learnt: Literal["", "circle closure", "population mean", "encoder and what the gears share"] = (
-        ""
-    )
+    learnt: Literal["", "circle closure", "population mean"] = ""
     """How it was learnt from gears; "" of a laboratory's."""
     bench: str = ""
     """The bench whose encoder it is, where it was learnt there."""

@@ -91,8 +91,8 @@ def _below(rows: Sequence[Row], term: Term) -> Row | None:
     chain = [row for row in rows if row.term not in ("gear", "bench")]
     if term in ("gear", "bench"):
         return chain[0] if chain else None
-    lower = [row for row in chain if chain.index(row) > [c.term for c in chain].index(term)]
-    return lower[0] if lower else None
+    below = [row.term for row in chain].index(term) + 1
+    return chain[below] if below < len(chain) else None
 
 
 def _tested(rows: Sequence[Row]) -> list[Row]:

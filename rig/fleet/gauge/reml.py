@@ -21,15 +21,15 @@ from rig.fleet.gauge.anova import DRAWS
 from rig.fleet.gauge.components import FloatArray, Gauge, GaugeError, Term, Values
 
 _SEED = 20_260_102
+MOST_VALUES = 400
+"""Values of a study with gaps: its matrices have so many rows and columns."""
 _NOTHING = 1e-8
 """Share of the whole variance below which a component is none."""
 
 
 def by_reml(values: Values) -> Gauge:
     """The gauge of a study with gaps. Raises `GaugeError` for values that tell no gauge."""
-    gears, _ = values.counted
-    if gears < 2:
-        raise GaugeError("a study has at least two gears")
+    _check(values)
     y = np.asarray(values.value, dtype=np.float64)
     scale = float(y.std())
     if not scale > 0.0:
@@ -48,6 +48,22 @@ def by_reml(values: Values) -> Gauge:
         draws=_draws(y, kernels, found, scale),
         negative=tuple(t for t, v in variances.items() if v <= _NOTHING * scale**2),
     )
+
+
+def _check(values: Values) -> None:
+    """Refuse what tells no gauge: a gauge is what one gear shows differently when it is measured again."""
+    gears, benches = values.counted
+    count = len(values.value)
+    if gears < 2:
+        raise GaugeError("a study has at least two gears")
+    if count == gears:
+        raise GaugeError("no gear was measured twice")
+    if benches > 1 and len(values.cells()) == gears:
+        raise GaugeError("no gear was on two benches, so that gears and benches are not told apart")
+    if count > MOST_VALUES:
+        raise GaugeError(
+            f"{count} values with gaps; at most {MOST_VALUES}, or a study without gaps"
+        )
 
 
 def _kernels(values: Values) -> dict[Term, FloatArray]:

@@ -11,12 +11,13 @@ import pytest
 
 from experiments import catalogue
 from model.gear_file import shipped_gear
+from model.identify.encoder_curve import learnt_curve
 from model.motor import shipped_motor
 from model.units import ARCSEC, DEGREE
 from rig.analysis.fit import Fit, store
 from rig.analysis.fit_run import fit_run
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt_curve import learnt_files, with_learnt_curve
+from rig.analysis.learnt_curve import is_known, learnt_files, with_learnt_curve
 from rig.analysis.learnt_encoder import (
     Learnt,
     learn,
@@ -191,6 +192,29 @@ def test_a_curve_that_is_due_is_not_taken(runs: list[Path], learnt: Learnt) -> N
     finally:
         for one in folder.glob("learnt-output-encoder*"):
             one.unlink()
+
+
+def test_what_is_not_parted_is_told_and_never_written(
+    runs: list[Path], learnt: Learnt, tmp_path: Path
+) -> None:
+    shared = learnt_curve([replace(one, angle=None) for one in learnt.mounted])
+    assert not isinstance(shared, str)
+    with pytest.raises(ConfigurationError, match="is no certificate"):
+        write_learnt(replace(learnt, curve=shared), tmp_path / "x.csv", TODAY, None)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_encoder_that_could_be_exchanged_unseen_neither_learns_nor_takes(
+    runs: list[Path], learnt: Learnt
+) -> None:
+    recording = open_run(runs[-1])
+    metadata, encoder = recording.metadata, recording.signals["output_angle"]
+    close_recording(recording)
+    real = replace(metadata, origin="hardware", process={"bench": "HB-1"})
+    assert is_known(metadata, encoder)
+    assert not is_known(real, replace(encoder, serial_number=""))
+    assert is_known(real, replace(encoder, serial_number="123"))
+    assert not is_known(replace(real, process={}), replace(encoder, serial_number="123"))
 
 
 def test_what_tells_nothing_is_said_by_its_reason(runs: list[Path], tmp_path: Path) -> None:
