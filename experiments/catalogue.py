@@ -63,6 +63,11 @@ ENTRIES: tuple[Entry, ...] = (
         "friction and cogging of the bare motor, gear removed",
     ),
     Entry(
+        "torque-scale",
+        "experiments.protocols.torque_scale.declaration",
+        "torque shown per torque that accelerates a known inertia, gear removed",
+    ),
+    Entry(
         "warm-up",
         "experiments.protocols.warm_up.declaration",
         "turn until the running torque is steady",

@@ -260,6 +260,14 @@ def _tare(result: Result, truth: _Truth) -> _Truths:
                 yield f"motor_{name}{suffix}", scale * own, own
 
 
+def _torque_scale(result: Result, truth: _Truth) -> _Truths:
+    """What the port shows of rotor and disc, as warm as the motor was on average, and its lag."""
+    shaft = float(truth.part("inertia").get("total_at_input", math.nan))
+    yield "shown_inertia", truth.scale() * shaft, truth.scale() * shaft
+    lag = float(truth.part("torque_port").get("lag", math.nan))
+    yield "torque_lag", lag, lag
+
+
 def _home(result: Result, truth: _Truth) -> _Truths:
     """The edge that the motor's forward turn meets, on a circle without errors; the counter shows its encoder's error
     there beside it.
@@ -396,6 +404,7 @@ def _steps(result: Result, truth: _Truth) -> _Truths:
 _MAKERS: Mapping[str, Callable[[Result, _Truth], _Truths]] = {
     "friction": _friction,
     "motor-tare": _tare,
+    "torque-scale": _torque_scale,
     "kinematic-error": _kinematic_error,
     "velocity-steps": _steps,
     "starting-torque": _starting_torque,

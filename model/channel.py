@@ -23,9 +23,10 @@ _Acquired = Literal["latched", "polled"]
 class Calibration:
     """Why a channel's scale can be believed. Uncertainties are standard uncertainties in the
     channel's unit or relative; `accuracy` is the half-width of an encoder's whole curve. None is not said, 0 is said to
-    be none. `curve` is what a certificate states of an encoder, point by point. `sensor` names what the reading comes
-    from, with the constant that makes it this quantity: channels of one sensor are one instrument. `laboratory` is who
-    calibrated it.
+    be none. `temperature` [degC] of its housing is where the scale of a motor's torque holds; None: 20. `lag` [s], with
+    its standard uncertainty, is how late the reading is. `curve` is what a certificate states of an encoder, point by
+    point. `sensor` names what the reading comes from, with the constant that makes it this quantity: channels of one
+    sensor are one instrument. `laboratory` is who calibrated it.
     """
 
     certificate: str = ""
@@ -36,6 +37,9 @@ class Calibration:
     scale_relative_uncertainty: float | None = None
     offset_uncertainty: float | None = None
     accuracy: float | None = None
+    temperature: float | None = None
+    lag: float | None = None
+    lag_uncertainty: float | None = None
     curve: AngleCertificate | None = None
 
 

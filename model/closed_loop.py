@@ -224,7 +224,9 @@ class ClosedLoop:
         servo, values = self.settings.servo, self._servo
         steps = max(1, round(servo.period / self.time_step))
         period = steps * self.time_step
-        values[kernel.GAIN] = self.inertia * 2.0 * math.pi * servo.speed_gain
+        # Tuned once, on the bare rotor or with its gear: nobody tunes it anew for a disc.
+        tuned = self.inertia - self.settings.disc_inertia
+        values[kernel.GAIN] = tuned * 2.0 * math.pi * servo.speed_gain
         values[kernel.INTEGRAL_STEP] = period / servo.integral_time
         values[kernel.FILTER_STEP] = (
             -math.expm1(-period / servo.torque_filter_time) if servo.torque_filter_time else 1.0

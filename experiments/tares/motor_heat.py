@@ -21,7 +21,7 @@ from model.identify.running_torque import Tare
 WARMTH = "warmth of the motor"
 """Its line in budgets."""
 REFERENCE = 20.0
-"""degC at which torque constants are stated."""
+"""degC at which torque constants are stated, where no bench has measured its own at another."""
 MAGNETS, MAGNETS_UNCERTAINTY = -1e-3, 0.3e-3
 """Relative change of the torque constant per kelvin, assumed of servo motors (half of it to one and a half times as
 much), and its standard uncertainty."""
@@ -35,12 +35,14 @@ WARMER = 1.5
 class MotorHeat:
     """Relative standard uncertainties of the torque shown (`constant`) and of a tare as a whole (`tare`).
 
-    `temperature` [degC] of the motor as far as it is known, NaN where it is not.
+    `temperature` [degC] of the motor as far as it is known, NaN where it is not; `reference` [degC], where the scale of
+    the torque holds.
     """
 
     constant: float
     tare: float
     temperature: float
+    reference: float = REFERENCE
 
     @property
     def kelvin(self) -> float:
@@ -55,7 +57,7 @@ class MotorHeat:
     @property
     def words(self) -> str:
         """What the correction rests on."""
-        return f"torque constant {100.0 * MAGNETS:g} % per kelvin from {REFERENCE:g} °C"
+        return f"torque constant {100.0 * MAGNETS:g} % per kelvin from {self.reference:.3g} °C"
 
     def line(self, value: float) -> BudgetLine:
         """What the motor's warmth leaves open of a torque, or of anything proportional to one."""
@@ -64,11 +66,11 @@ class MotorHeat:
         return BudgetLine(WARMTH, "B", self.constant * abs(value), self.words)
 
     def constant_factor(self) -> tuple[float, float]:
-        """The torque constant of the motor as warm as it was over that at 20 degC, and its relative standard
+        """The torque constant of the motor as warm as it was over that at `reference`, and its relative standard
         uncertainty."""
         if not math.isfinite(self.temperature):
             return 1.0, self.constant
-        warmer = self.temperature - REFERENCE
+        warmer = self.temperature - self.reference
         return 1.0 + MAGNETS * warmer, _relative(MAGNETS, MAGNETS_UNCERTAINTY, warmer)
 
     def friction_factor(self) -> tuple[float, float]:
@@ -97,12 +99,21 @@ def motor_heat(recording: Recording, housing: float) -> MotorHeat:
     """What the housing's mean temperature [degC] says of the motor; an import does not say whose torque it is."""
     known = recording.metadata.origin != "imported" and math.isfinite(housing)
     kelvin = WARMER if known else UNKNOWN.standard_uncertainty
-    away = math.hypot(kelvin, housing - REFERENCE) if known else kelvin
+    reference = _reference(recording)
+    away = math.hypot(kelvin, housing - reference) if known else kelvin
     return MotorHeat(
+        reference=reference,
         constant=abs(MAGNETS) * away,
         tare=abs(FRICTION) * kelvin,
         temperature=housing if known else math.nan,
     )
+
+
+def _reference(recording: Recording) -> float:
+    """degC at which the scale of the torque holds: 20, or as it was when the bench measured it."""
+    channel = recording.signals.get("torque")
+    measured = None if channel is None else channel.calibration.temperature
+    return REFERENCE if measured is None else measured
 
 
 def _relative(per_kelvin: float, uncertainty: float, warmer: float) -> float:

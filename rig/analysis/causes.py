@@ -50,7 +50,8 @@ def grounds_of(recording: Recording, analysis: Analysis) -> Grounds:
     mounted = f"{m.gear_serial}|{m.mounting}|{m.conditions.get('mounted_on', '')}"
     output, motor = _instrument(recording, "output_angle"), _instrument(recording, "input_angle")
     return {
-        Ground.TORQUE_CHANNEL: _instrument(recording, channel),
+        Ground.TORQUE_CHANNEL: _instrument(recording, channel)
+        + str(analysis.result.options.get("torque_scale", "")),
         Ground.TARE: str(analysis.content.get("tare", {}).get("sha256", "")),
         Ground.PARAMETER_SET: str(analysis.content.get("gear", "")),
         Ground.OUTPUT_ENCODER: output and f"{output}|{mounted}",
@@ -105,7 +106,12 @@ def which_mounting(metadata: RunMetadata) -> str:
     """Since when a gear is mounted as it is; in a simulated world which of its mountings it is."""
     world = metadata.process.get("world")
     mount = world.get("mount") if isinstance(world, Mapping) else None
-    told = (metadata.conditions.get("mounted_on", ""), "" if mount is None else f"mounting {mount}")
+    turned = metadata.parameters.get("mounted_at_deg")
+    told = (
+        metadata.conditions.get("mounted_on", ""),
+        "" if mount is None else f"mounting {mount}",
+        "" if turned is None else f"at {turned:g} degrees",
+    )
     return ", ".join(str(one) for one in told if one)
 
 

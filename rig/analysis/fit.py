@@ -215,6 +215,10 @@ def fit_recording(
     options = dict(result.options)
     if gear_known or experiment.has_plan:
         options.setdefault("parameter_set", parameters.name)
+    torque = recording.signals.get("torque")
+    if torque is not None and torque.calibration.temperature is not None:
+        # Only a scale that the bench learnt is stated at a temperature.
+        options["torque_scale"] = torque.calibration.certificate
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
     if largest_missed_share is not None:
         options["largest_missed_share"] = largest_missed_share

@@ -27,7 +27,7 @@ from rig.analysis.fit import (
 )
 from rig.analysis.gear_set import GearSource, SourceWord, card_set, set_sha256
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt_curve import with_learnt_curve
+from rig.analysis.learnt import with_learnt, with_learnt_scale
 from rig.analysis.tare import (
     FoundTare,
     find_tare,
@@ -160,7 +160,7 @@ def footing_of(
     Raises the errors of the file, of the card and of a tare given by hand.
     """
     choices, surroundings = choices or Choices(), surroundings or Surroundings()
-    recording = with_learnt_curve(read.open_run(path), path.parent)
+    recording = with_learnt(read.open_run(path), path.parent)
     kind = kind_of(recording, kind)
     tared = _tare_for(recording, path, kind, choices, surroundings)
     gear, source = _gear_for(recording, path, kind, choices.gear, surroundings)
@@ -341,7 +341,7 @@ def _other_tares(
 
 def _tare_fit(path: Path, choices: Choices) -> Fit:
     """The analysis of a tare: the one in force, and where there is none that may be used, one made now."""
-    recording = read.open_run(path)
+    recording = with_learnt_scale(read.open_run(path), path.parent)
     stored = in_force(path, tare_kind()) if choices.largest_missed_share is None else None
     usable = stored is not None and stored.analysis is not None and not stored.stale
     if not usable or recording.metadata.experiment != tare_kind():

@@ -20,7 +20,7 @@ from experiments import catalogue
 from model.errors import WordedError
 from rig.analysis import format_1
 from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sha256
-from rig.analysis.learnt_curve import learnt_name, learnt_paths
+from rig.analysis.learnt import learnt_name, learnt_paths
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_days_of, tare_kind
 from rig.errors import ChangedRunError, ConfigurationError, RunFileError, UnsealedError
@@ -41,9 +41,14 @@ if TYPE_CHECKING:
 
 KEPT_NAME = "kept.json"
 _UNSEALED = "not sealed"
-_LEARNS_FROM = "kinematic-error"
-"""The kind of analysis that takes a learnt curve off the output encoder, and says which."""
 """Stands for the hash of a run whose note is missing."""
+_LEARNT = (
+    (("kinematic-error",), "output_angle", "certificates", "output encoder"),
+    ((), "torque", "torque_scale", "torque scale"),
+)
+"""What a bench learns: the kinds of analysis that take it (none: all), the channel, the option in which they say which
+they took, and what it is called.
+"""
 _KEPT_FORMAT = "harmonic-rig-kept-2"
 """Sealed from birth, as analyses are."""
 _KEPT_FORMAT_1 = "harmonic-rig-kept-1"
@@ -271,7 +276,7 @@ class _Things:
             yield self._of_another_run
         yield from self._tare_changed(analysis)
         yield from self._gear_changed(analysis)
-        yield from self._encoder_learnt(analysis)
+        yield from self._bench_learnt(analysis)
         yield from _version_changed(analysis)
 
     def tare_path(self, analysis: Analysis) -> Path:
@@ -340,15 +345,18 @@ class _Things:
         used = mapping_sha256(analysis.content.get("gear") or {})
         return used if own is not None and set_sha256(own) == used else ""
 
-    def _encoder_learnt(self, analysis: Analysis) -> Iterator[str]:
-        """Whether the output encoder has been learnt since, or learnt anew."""
-        if analysis.kind != _LEARNS_FROM or not learnt_paths(self._run.parent):
+    def _bench_learnt(self, analysis: Analysis) -> Iterator[str]:
+        """Whether its bench has learnt something of its instruments since, or learnt it anew."""
+        if not learnt_paths(self._run.parent) or not self._run.exists():
             return
-        now = learnt_name(self._run) if self._run.exists() else ""
         options = (analysis.content.get("result") or {}).get("options") or {}
-        before = str(options.get("certificates", ""))
-        if now and now not in before:
-            yield "the output encoder has been learnt since, or learnt anew"
+        for kinds, channel, option, what in _LEARNT:
+            before = str(options.get(option, ""))
+            if kinds and analysis.kind not in kinds:
+                continue
+            now = learnt_name(self._run, channel)
+            if now and now not in before:
+                yield f"the {what} has been learnt since, or learnt anew"
 
     def _built_on_another(self, built_on: Mapping[str, Any]) -> Iterator[str]:
         if not built_on:

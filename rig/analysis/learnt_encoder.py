@@ -1,7 +1,7 @@
 """The output encoder of a bench, learnt from the gears that passed over it: from runs to a sealed certificate and back.
 
 What a run shows at orders k/N is brought over the encoder's own angle from its index mark, by the analysis in force of
-its kinematic error. What becomes of the file stands in `learnt_curve`.
+its kinematic error. What becomes of the file stands in `learnt`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from model.identify.encoder_curve import (
 from model.units import ARCSEC, DEGREE
 from rig.analysis.causes import which_mounting
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt_curve import CHANNEL, bench_of, is_known, with_learnt_curve
+from rig.analysis.learnt import CHANNEL, bench_of, is_known, with_learnt_curve
 from rig.bench.config.certificate_file import (
     FORMAT,
     Header,
@@ -39,7 +39,7 @@ from rig.bench.config.certificate_file import (
 from rig.errors import ConfigurationError
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import sealed_sha256
-from rig.runfile.sealed import write_sealed
+from rig.runfile.sealed import write_new_sealed
 
 KIND = "kinematic-error"
 NOT_TRACEABLE = "none: learnt on this bench"
@@ -109,16 +109,18 @@ class Learnt:
         if isinstance(found, str):
             return ()
         numbers = (found.expanded_uncertainty, *found.waves.ravel().tolist())
-        return tuple(float(one) / ARCSEC for one in numbers)
+        return tuple(float(f"{float(one) / ARCSEC:.6g}") for one in numbers)
 
 
 def stated_angle(metadata: RunMetadata) -> float | None:
-    """The angle of the gear on the output flange [rad] as card or simulated world state it; None where nobody did."""
+    """The angle of the gear on the output flange [rad] as world, run or card state it; None where nobody did."""
     world = metadata.process.get("world")
     turn = world.get("mount_turn") if isinstance(world, Mapping) else None
     if turn is not None:
         return float(turn)
-    told = metadata.conditions.get("mounted_at_deg")
+    told = metadata.parameters.get("mounted_at_deg")
+    if told is None:
+        told = metadata.conditions.get("mounted_at_deg")
     return None if told in (None, "") else float(str(told)) * DEGREE
 
 
@@ -278,14 +280,4 @@ def write_learnt(learnt: Learnt, path: Path, today: date, due: date | None) -> P
     """Write and seal the file; a name that is taken is left alone. Raises `ConfigurationError`, and for a curve that is
     no certificate.
     """
-    try:
-        write_sealed(path, learnt.certificate(today, due).encode())
-    except FileExistsError as error:
-        raise ConfigurationError(
-            "exists already and is left alone", where=str(path), remedy="Name another file."
-        ) from error
-    except OSError as error:
-        raise ConfigurationError(
-            "cannot be written", where=str(path), value=error.strerror or str(error)
-        ) from error
-    return path
+    return write_new_sealed(path, learnt.certificate(today, due).encode())

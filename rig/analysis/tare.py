@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 from experiments import catalogue
 from experiments.tares import same_rig
 from model.errors import WordedError
+from rig.analysis.learnt import with_learnt_scale
 from rig.errors import ChangedRunError, RigError
 
 if TYPE_CHECKING:
@@ -161,7 +162,7 @@ def _is_of_another_rig(run: Recording, path: Path) -> bool:
     from rig.runfile.read import close_recording, open_run
 
     try:
-        tare = open_run(path, rows=False)
+        tare = with_learnt_scale(open_run(path, rows=False), path.parent)
     except ChangedRunError:
         raise
     except WordedError:
@@ -241,7 +242,7 @@ def _rests_on_another_rig(run: Recording, path: Path) -> tuple[str, str]:
     from rig.runfile.read import close_recording, open_run
 
     try:
-        tare = open_run(path, rows=False)
+        tare = with_learnt_scale(open_run(path, rows=False), path.parent)
     except ChangedRunError:
         raise
     except WordedError as error:

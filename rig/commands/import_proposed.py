@@ -11,6 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rig.bench.config.toml_text import toml_value
 from rig.commands.terminal import console, echo, painted
 from rig.content.grid import Grid, columns
 from rig.errors import ConfigurationError
@@ -213,21 +214,16 @@ def map_text(options: ImportOptions) -> str:
     """The same as a channel map (TOML)."""
     lines = []
     for one in options.channels:
-        lines.append(f"[channels.{one.name}]\ncolumn = {_quoted(one.column)}")
-        lines += [f"unit = {_quoted(one.unit)}"] if one.unit else []
-        lines += [f"file = {_quoted(one.file)}"] if one.file else []
+        lines.append(f"[channels.{one.name}]\ncolumn = {toml_value(one.column)}")
+        lines += [f"unit = {toml_value(one.unit)}"] if one.unit else []
+        lines += [f"file = {toml_value(one.file)}"] if one.file else []
         lines += [f"scale = {one.scale!r}"] if one.scale is not None else []
         lines.append("")
     recording = [f"rate = {options.rate!r}"] if options.rate else []
     recording += ["no_time = true"] if options.no_time else []
-    recording += [f"protocol = {_quoted(options.experiment)}"] if options.experiment else []
+    recording += [f"protocol = {toml_value(options.experiment)}"] if options.experiment else []
     gear = [f"ratio = {options.ratio!r}"] if math.isfinite(options.ratio) else []
     gear += [f"output_sense = {options.output_sense}"] if options.output_sense else []
     for name, found in (("recording", recording), ("gear", gear)):
         lines += [f"[{name}]", *found, ""] if found else []
     return "\n".join(lines)
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'

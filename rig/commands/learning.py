@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
+import math
+from collections.abc import Callable, Iterator
+from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
@@ -15,21 +17,26 @@ if TYPE_CHECKING:
     from rig.analysis.learnt_encoder import Learnt
 
 bench = typer.Typer(
-    name="bench", no_args_is_help=True, help="What a bench knows of itself: its output encoder."
+    name="bench",
+    no_args_is_help=True,
+    help="What a bench knows of itself: its output encoder, its torque scale.",
 )
 _RUNS = typer.Option("--runs", metavar="DIR", help="Folder of the runs.")
 
 
 @bench.callback()
 def _group() -> None:
-    """What a bench knows of itself: its output encoder."""
+    """What a bench knows of itself: its output encoder, its torque scale."""
 
 
 @bench.command("learn")
 def learn(
     runs: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[RUN]...", help="Kinematic-error runs; all of the folder without."),
+        typer.Argument(
+            metavar="[RUN]...",
+            help="Runs of kinematic-error or torque-scale; all of the folder without.",
+        ),
     ] = None,
     folder: Annotated[Path, _RUNS] = Path("runs"),
     bench_id: Annotated[
@@ -54,33 +61,42 @@ def learn(
     ] = (False),
     json: Json = False,
 ) -> None:
-    """Learn the output encoder from gears that were mounted at stated angles, and write its certificate.
+    """Learn the output encoder from gears that were mounted at stated angles, and the torque scale from known inertias.
 
+    Runs of torque-scale with a disc on the bare motor and without one give the gain and the lag of the torque channels.
     Several gears (eight, at angles spread over the turn) or one gear at three angles (0, 30, 150 degrees) part what
     is the encoder's from what is the gears'. The angle stands on the gear's card (mounted at deg). Every later
     analysis of a run of this bench takes the curve; a run of a gear that taught it gets what the others teach.
     Without stated angles the encoder holds what all gears share, which is said, with a line for it.
     """
-    from rig.analysis.learnt_curve import PREFIX
-    from rig.analysis.learnt_encoder import learn as learn_from
-    from rig.analysis.learnt_encoder import write_learnt
+    from rig.errors import ConfigurationError
 
-    named = list(runs or ()) or _runs_of(folder)
-    learnt = learn_from(named, bench_id)
-    path = None
-    if not (dry_run or json or learnt.curve.is_parted):
-        # What it found is seen before it is refused as a certificate.
-        _print(learnt, None)
-    if not dry_run:
-        today = datetime.now(UTC).date()
-        until = today + timedelta(days=365) if due is None else due.date()
-        beside = named[0].parent if runs else folder
-        where = output or beside / f"{PREFIX}-{learnt.bench}-{today.isoformat()}.csv"
-        path = write_learnt(learnt, where, today, until)
+    groups = _by_kind(runs, folder)
+    if output is not None and len(groups) > 1:
+        raise ConfigurationError(
+            "is one file, and two things are learnt",
+            where="--output",
+            value=str(output),
+            remedy="Name the runs of one protocol: kinematic-error, or torque-scale.",
+        )
+    today = datetime.now(UTC).date()
+    until = today + timedelta(days=365) if due is None else due.date()
+    told: list[dict[str, object]] = []
+    for kind, named in groups.items():
+        lesson = _LESSONS[kind](named, bench_id)
+        if not (dry_run or json or lesson.is_certificate):
+            # What it found is seen before it is refused as a certificate.
+            lesson.show(None)
+        path = None
+        if not dry_run:
+            beside = named[0].parent if runs else folder
+            name = f"{lesson.prefix}-{lesson.bench}-{today.isoformat()}{lesson.suffix}"
+            path = lesson.write(output or beside / name, today, until)
+        told.append({**lesson.as_json(), "file": None if path is None else str(path)})
+        if not json:
+            lesson.show(path)
     if json:
-        print_json(_as_json(learnt, path))
-    else:
-        _print(learnt, path)
+        print_json({"learnt": told})
 
 
 @bench.command("show")
@@ -89,59 +105,257 @@ def show(
     json: Json = False,
 ) -> None:
     """Show what was learnt of the benches whose runs lie in a folder, what it rests on, and until when it holds."""
-    from model.units import ARCSEC
-    from rig.analysis.learnt_curve import learnt_files
     from rig.content.grid import Grid, columns
-    from rig.content.wording import number
     from rig.errors import ConfigurationError
 
-    found = learnt_files(folder)
+    found = [*_curves(folder), *_scales(folder)]
     if not found:
         raise ConfigurationError(
             "holds nothing that a bench learnt",
             where=str(folder),
-            remedy=f"Learn its encoder: rig bench learn --runs {folder}",
+            remedy=f"Learn its instruments: rig bench learn --runs {folder}",
         )
     if json:
-        rows = [
-            {
-                "file": one.path,
-                "bench": one.header.bench,
-                "encoder": one.header.serial_number,
-                "basis": one.header.learnt,
-                "date": one.header.date.isoformat(),
-                "due": None if one.header.due is None else one.header.due.isoformat(),
-                "gears": sorted(one.header.without),
-                "expanded_uncertainty": max(one.curve.expanded_uncertainties),
-            }
-            for one in found
-        ]
-        print_json({"learnt": rows})
+        print_json({"learnt": found})
         return
-    heads = columns("file", "bench", "rests on", "gears", "date", "due", ("U [arcsec]", "number"))
+    heads = columns("file", "bench", "what", "rests on", "date", "due", ("U", "number"))
     rows = [
-        (
-            one.path,
-            one.header.bench,
-            one.header.learnt,
-            str(len(one.header.without)),
-            one.header.date.isoformat(),
-            "" if one.header.due is None else one.header.due.isoformat(),
-            number(max(one.curve.expanded_uncertainties) / ARCSEC, 2),
-        )
+        tuple(str(one[key] or "") for key in ("file", "bench", "of", "basis", "date", "due", "u"))
         for one in found
     ]
-    console().print(painted(Grid("Output encoders that were learnt", heads, rows)))
+    console().print(painted(Grid("What the benches learnt of themselves", heads, rows)))
 
 
-def _runs_of(folder: Path) -> list[Path]:
-    """The complete kinematic-error runs of a folder."""
-    from rig.analysis.learnt_encoder import KIND
+@bench.command("check")
+def check(
+    folder: Annotated[Path, _RUNS] = Path("runs"),
+    gear: Annotated[
+        str,
+        typer.Option("--gear", metavar="SERIAL", help="The golden gear; rig.toml names it else."),
+    ] = "",
+    config: Annotated[
+        Path | None,
+        typer.Option("--config", metavar="FILE", help="The rig's description; rig.toml without."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="The chart as HTML or PDF."),
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Hold the golden gear against its first five runs: what changes with it is the bench.
+
+    The serial, and every how many days it is to be measured, stand in [alarms] of rig.toml (golden_gear, golden_days).
+    What all its runs share cancels in the difference; exit code 1 where a quantity has changed.
+    """
+    from rig.analysis.alarm.laboratory import watching_in_force
+    from rig.analysis.golden import golden_check
+    from rig.exits import FAIL
+    from rig.present.golden import checked_grid, write_golden_page
+
+    watching = watching_in_force(config)
+    now = datetime.now(UTC)
+    found = golden_check(folder, gear or watching.golden_gear, now)
+    if output is not None:
+        write_golden_page(found, output, now.astimezone().isoformat(timespec="seconds"))
+    if json:
+        print_json({**found.as_json(), "report": None if output is None else str(output)})
+    else:
+        console().print(painted(checked_grid(found)))
+        for one in found.quantities:
+            echo(f"{one.title}: {one.sentence}")
+        echo(f"newest run {found.newest}, {found.age_days:.1f} days old")
+        if output is not None:
+            echo(f"report in {output}")
+    if found.is_changed:
+        raise typer.Exit(FAIL)
+
+
+def _curves(folder: Path) -> Iterator[dict[str, object]]:
+    """The learnt curves of encoders."""
+    from model.units import ARCSEC
+    from rig.analysis.learnt import learnt_files
+    from rig.content.wording import number
+
+    for one in learnt_files(folder):
+        largest = max(one.curve.expanded_uncertainties)
+        yield {
+            "file": one.path,
+            "bench": one.header.bench,
+            "of": "output encoder",
+            "encoder": one.header.serial_number,
+            "basis": f"{one.header.learnt}, {len(one.header.without)} gears",
+            "date": one.header.date.isoformat(),
+            "due": None if one.header.due is None else one.header.due.isoformat(),
+            "gears": sorted(one.header.without),
+            "expanded_uncertainty": largest,
+            "u": f"{number(largest / ARCSEC, 2)} arcsec",
+        }
+
+
+def _scales(folder: Path) -> Iterator[dict[str, object]]:
+    """The learnt scales of torque channels."""
+    from rig.analysis.learnt import learnt_scales
+    from rig.content.wording import number
+
+    for file in learnt_scales(folder):
+        scale = file.scale
+        for one in scale.channel:
+            yield {
+                "file": file.path,
+                "bench": scale.bench,
+                "of": f"scale of {one.name}",
+                "basis": scale.certificate,
+                "date": scale.date.isoformat(),
+                "due": None if scale.due is None else scale.due.isoformat(),
+                "gain": one.gain,
+                "expanded_uncertainty": 2.0 * one.relative_uncertainty,
+                "u": f"{number(200.0 * one.relative_uncertainty, 2)} %",
+            }
+
+
+def _by_kind(runs: list[Path] | None, folder: Path) -> dict[str, list[Path]]:
+    """The complete runs that teach something, by their protocol: those that were named, or all of a folder."""
+    from rig.errors import ConfigurationError
     from rig.library.index import LibraryIndex
 
-    folders = (folder, *sorted(one for one in folder.glob("[!.]*") if one.is_dir()))
-    found = [run for one in folders for run in LibraryIndex(one).search()]
-    return [run.path for run in found if run.protocol == KIND and run.is_complete]
+    named = set(runs or ())
+    folders = {run.parent for run in named} or {
+        folder,
+        *(one for one in folder.glob("[!.]*") if one.is_dir()),
+    }
+    groups: dict[str, list[Path]] = {}
+    for one in sorted(folders):
+        for run in LibraryIndex(one).search():
+            is_wanted = run.is_complete and (not named or run.path in named)
+            if run.protocol in _LESSONS and is_wanted:
+                groups.setdefault(run.protocol, []).append(run.path)
+    if not groups:
+        raise ConfigurationError(
+            "hold no run that teaches anything of a bench",
+            where=", ".join(map(str, runs)) if runs else str(folder),
+            limit=f"complete runs of {', '.join(_LESSONS)}",
+        )
+    return groups
+
+
+class _Lesson(Protocol):
+    """What the runs of one protocol teach: to be shown, told to a script, and written."""
+
+    bench: str
+    prefix: str
+    suffix: str
+    is_certificate: bool
+
+    def show(self, path: Path | None) -> None: ...
+
+    def as_json(self) -> dict[str, object]: ...
+
+    def write(self, path: Path, today: date, due: date) -> Path: ...
+
+
+class _EncoderLesson:
+    """The output encoder, by kinematic-error runs."""
+
+    suffix = ".csv"
+
+    def __init__(self, runs: list[Path], bench_id: str) -> None:
+        from rig.analysis.learnt import PREFIX
+        from rig.analysis.learnt_encoder import learn as learn_from
+
+        self.prefix = PREFIX
+        self._learnt = learn_from(runs, bench_id)
+        self.bench, self.is_certificate = self._learnt.bench, self._learnt.curve.is_parted
+
+    def show(self, path: Path | None) -> None:
+        _print(self._learnt, path)
+
+    def as_json(self) -> dict[str, object]:
+        return _as_json(self._learnt)
+
+    def write(self, path: Path, today: date, due: date) -> Path:
+        from rig.analysis.learnt_encoder import write_learnt
+
+        return write_learnt(self._learnt, path, today, due)
+
+
+class _TorqueLesson:
+    """The scale of the torque channels, by torque-scale runs."""
+
+    suffix = ".toml"
+    is_certificate = True
+
+    def __init__(self, runs: list[Path], bench_id: str) -> None:
+        from rig.analysis.learnt import SCALE_PREFIX
+        from rig.analysis.learnt_torque import learn_torque
+
+        self.prefix = SCALE_PREFIX
+        self._learnt = learn_torque(runs, bench_id)
+        self.bench = self._learnt.bench
+
+    def show(self, path: Path | None) -> None:
+        from rig.content.grid import Grid, columns
+        from rig.content.wording import number
+
+        learnt = self._learnt
+        rows = [
+            (
+                name,
+                number(gain.value, 5),
+                number(100.0 * gain.expanded_uncertainty / gain.value, 2),
+                number(1e3 * learnt.lags[name][0], 2) if name in learnt.lags else "",
+                max(gain.budget, key=lambda line: line.standard_uncertainty).source,
+            )
+            for name, gain in learnt.gains.items()
+        ]
+        heads = columns(
+            "channel",
+            ("gain", "number"),
+            ("U [%]", "number"),
+            ("lag [ms]", "number"),
+            "largest part of U",
+        )
+        at = f" at {learnt.temperature:.1f} °C" if math.isfinite(learnt.temperature) else ""
+        grid = Grid(f"Torque scale of bench {learnt.bench}{at}", heads, rows)
+        console().print(painted(grid.without_empty()))
+        echo(
+            f"from {'; '.join(learnt.discs)}; the rotor has {number(1e4 * learnt.rotor_inertia, 4)} kg cm2"
+        )
+        for one in learnt.skipped:
+            echo(f"left out: {one.run.name}: {one.skipped}")
+        _say_written(path)
+
+    def as_json(self) -> dict[str, object]:
+        learnt = self._learnt
+        return {
+            "of": "torque scale",
+            "bench": learnt.bench,
+            "origin": learnt.origin,
+            "motor": learnt.motor,
+            "housing_temperature": learnt.temperature,
+            "rotor_inertia": learnt.rotor_inertia,
+            "gains": {name: gain.as_json() for name, gain in learnt.gains.items()},
+            "lags": {name: {"value": v, "u": u} for name, (v, u) in learnt.lags.items()},
+            "left_out": [{"run": one.run.name, "reason": one.skipped} for one in learnt.skipped],
+        }
+
+    def write(self, path: Path, today: date, due: date) -> Path:
+        from rig.analysis.learnt_torque import write_scale
+
+        return write_scale(self._learnt, path, today, due)
+
+
+_LESSONS: dict[str, Callable[[list[Path], str], _Lesson]] = {
+    "kinematic-error": _EncoderLesson,
+    "torque-scale": _TorqueLesson,
+}
+"""By the protocol whose runs teach it."""
+
+
+def _say_written(path: Path | None) -> None:
+    if path is not None:
+        echo(f"file         {path}")
+        echo(f"next         rig fit RUN of {path.parent}: every analysis takes it")
 
 
 def _print(learnt: Learnt, path: Path | None) -> None:
@@ -174,14 +388,13 @@ def _print(learnt: Learnt, path: Path | None) -> None:
     )
     for one in learnt.skipped:
         echo(f"left out: {one.run.name}: {one.skipped}")
-    if path is not None:
-        echo(f"certificate  {path}")
-        echo(f"next         rig fit RUN of {path.parent}: every analysis takes it")
+    _say_written(path)
 
 
-def _as_json(learnt: Learnt, path: Path | None) -> dict[str, object]:
+def _as_json(learnt: Learnt) -> dict[str, object]:
     curve = learnt.curve
     return {
+        "of": "output encoder",
         "bench": learnt.bench,
         "encoder": learnt.encoder,
         "origin": learnt.origin,
@@ -203,5 +416,4 @@ def _as_json(learnt: Learnt, path: Path | None) -> dict[str, object]:
             for one in curve.orders
         ],
         "left_out": [{"run": one.run.name, "reason": one.skipped} for one in learnt.skipped],
-        "file": None if path is None else str(path),
     }

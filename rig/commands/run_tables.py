@@ -62,6 +62,8 @@ def print_settings(context: typer.Context, words: Sequence[str]) -> None:
 
 def _default(field: ParameterField) -> str:
     value = field.default
+    if value is None:
+        return "-"
     if isinstance(value, tuple):
         return " ".join(f"{number:g}" for number in value) or "-"
     if isinstance(value, bool):

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from experiments import catalogue
 from model.errors import WordedError
-from rig.analysis.learnt_curve import learnt_paths
+from rig.analysis.learnt import learnt_paths
 from rig.analysis.store import analysis_folder
 from rig.analysis.tare import takes_tare, tare_days_of, tare_kind
 from rig.errors import ConfigurationError, RunFileError

@@ -18,7 +18,7 @@ import os
 import stat
 from pathlib import Path
 
-from rig.errors import RunFileError
+from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.layout import HASH_SUFFIX
 from rig.runfile.seal import (
     Seal,
@@ -45,6 +45,23 @@ def write_sealed(path: Path, data: bytes) -> str:
     _put(path, data, is_new=True)
     synchronise_folder(path.parent)
     return digest
+
+
+def write_new_sealed(path: Path, data: bytes) -> Path:
+    """Write a new file that a person named, with its note. Raises `ConfigurationError`; a name that is taken is left
+    alone.
+    """
+    try:
+        write_sealed(path, data)
+    except FileExistsError as error:
+        raise ConfigurationError(
+            "exists already and is left alone", where=str(path), remedy="Name another file."
+        ) from error
+    except OSError as error:
+        raise ConfigurationError(
+            "cannot be written", where=str(path), value=error.strerror or str(error)
+        ) from error
+    return path
 
 
 def replace_sealed(path: Path, data: bytes) -> str:

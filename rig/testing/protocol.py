@@ -61,9 +61,10 @@ def _check_parameters(experiment: Experiment) -> None:
         keep(field.help, f"{where} has no Help")
         keep(field.unit or field.kind is not float, f"{where} has no Unit")
         value = getattr(defaults, field.name)
-        text[field.name] = (
-            " ".join(repr(part) for part in value) if isinstance(value, tuple) else str(value)
-        )
+        if isinstance(value, tuple):
+            text[field.name] = " ".join(repr(part) for part in value)
+        else:
+            text[field.name] = "" if value is None else str(value)
     again = make_parameters(experiment.parameters, text, experiment.name)
     keep(again == defaults, f"{experiment.name}: its defaults are others after they were text")
 

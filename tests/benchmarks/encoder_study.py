@@ -31,7 +31,7 @@ from model.motor import shipped_motor
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
 from rig.analysis.fit import store
 from rig.analysis.fit_run import fit_run
-from rig.analysis.learnt_curve import PREFIX
+from rig.analysis.learnt import PREFIX
 from rig.analysis.learnt_encoder import assumed_seat, learn, observed, write_learnt
 from rig.bench.backends.order import Order, Setup, WorldChoice
 from rig.bench.backends.simulated import parts_of

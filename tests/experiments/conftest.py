@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 
 from experiments.contract import Evidence
@@ -14,7 +15,9 @@ from experiments.protocols.kinematic_error import plan as kinematic_error_plan
 from experiments.protocols.motor_tare import analysis as motor_tare
 from experiments.protocols.motor_tare import declaration as motor_tare_declaration
 from experiments.protocols.motor_tare import plan as motor_tare_plan
-from experiments.recording import Recording
+from experiments.protocols.torque_scale import declaration as torque_scale_declaration
+from experiments.protocols.torque_scale import plan as torque_scale_plan
+from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.gear import Harmonic, HarmonicDrive
 from model.gear_file import shipped_gear
@@ -77,6 +80,25 @@ def tare_run(bench: Bench, gear: HarmonicDrive) -> Recording:
     return record(
         motor_tare_plan.plan(parameters, gear), bare, "motor-tare", run_id="synthetic-tare"
     )
+
+
+@pytest.fixture(scope="session")
+def torque_scale_run(bench: Bench, gear: HarmonicDrive) -> Recording:
+    """A disc on the bare shaft: 1.05 of the torque that accelerates it is shown."""
+    parameters = torque_scale_declaration.Parameters(inertia=2e-4, repeats=2, dwell_time=0.3)
+    bare = dataclasses.replace(bench, mounted=False, seed=9)
+    given = dataclasses.asdict(parameters)
+    run = record(torque_scale_plan.plan(parameters, gear), bare, "torque-scale", parameters=given)
+    assert isinstance(run.source, ArraySource)
+    angle, time = run.si("input_angle"), run.time()
+    speed = np.gradient(angle, time)
+    smooth = np.convolve(speed, np.ones(9) / 9.0, "same")
+    pushed = 1.05 * 2.26e-4 * np.gradient(smooth, time) / run.signals["torque"].scale
+    arrays = {
+        **run.source.arrays,
+        "torque": run.source.arrays["torque"] + np.round(pushed).astype(int),
+    }
+    return dataclasses.replace(run, source=dataclasses.replace(run.source, arrays=arrays))
 
 
 @pytest.fixture(scope="session")

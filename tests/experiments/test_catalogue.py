@@ -21,6 +21,7 @@ PROTOCOLS = (
     "friction",
     "velocity-steps",
     "motor-tare",
+    "torque-scale",
     "warm-up",
     "starting-torque",
     "home",

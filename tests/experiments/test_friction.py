@@ -147,36 +147,6 @@ def test_the_tare_finds_motor_friction_and_cogging(tare: Result) -> None:
     assert spectrum.y[1] == pytest.approx(1.0, rel=0.1)
 
 
-def test_a_disc_of_known_inertia_gives_the_torque_scale(gear: HarmonicDrive, bench: Bench) -> None:
-    bare = dataclasses.replace(bench, mounted=False, cogging=())
-    parameters = motor_tare_declaration.Parameters(
-        speeds_rpm=(500.0, 1500.0, 2500.0), disc_inertia=2e-4, repeats=2
-    )
-    run = record(
-        motor_tare_plan.plan(parameters, gear),
-        bare,
-        "motor-tare",
-        parameters=dataclasses.asdict(parameters),
-    )
-    source = run.source
-    assert isinstance(source, ArraySource)
-    angle = run.si("input_angle")
-    smooth = np.convolve(np.diff(angle, prepend=angle[0]) * 1000.0, np.ones(25) / 25.0, "same")
-    acceleration = np.gradient(smooth) * 1000.0
-    inertia = parameters.disc_inertia + parameters.rotor_inertia
-    counts = source.arrays["torque"] + np.round(
-        1.05 * inertia * acceleration / run.signals["torque"].scale
-    ).astype(int)
-    arrays = {**source.arrays, "torque": counts}
-    run = dataclasses.replace(run, source=dataclasses.replace(source, arrays=arrays))
-    scale = motor_tare.analyse(run, Evidence(gear)).estimates["torque_scale"]
-    assert scale.value == pytest.approx(1.05, abs=0.02)
-    lines = {line.source: line.standard_uncertainty for line in scale.budget}
-    # The rotor within 10 % of its data sheet, as a share of what turns.
-    rotor = 0.1 / np.sqrt(3.0) * parameters.rotor_inertia / inertia
-    assert lines["inertia of the rotor"] == pytest.approx(rotor)
-
-
 def test_the_zero_is_taken_servo_off_and_its_drift_is_said(
     bench: Bench, gear: HarmonicDrive
 ) -> None:

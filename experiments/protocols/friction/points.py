@@ -39,7 +39,7 @@ from experiments.protocols.friction.temperature import (
     TemperatureLaw,
     temperature_law,
 )
-from experiments.protocols.friction.vibration import LAG, Ripple, ripple_of
+from experiments.protocols.friction.vibration import Ripple, port_lag, ripple_of
 from experiments.recording import Recording
 from experiments.tares.motor_heat import WARMTH, MotorHeat, motor_heat
 from experiments.tares.tare import REACH, TareDoubt, doubts_of, read_tare
@@ -95,7 +95,6 @@ RUN_TO_RUN_RELATIVE = 0.01
 """Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run
 does not show how the next one will be."""
 PORT_LAG = "lag of the torque port"
-LAG_RELATIVE = 1.0 / math.sqrt(3.0)
 """Relative standard uncertainty of the lag: 0 to twice as much."""
 SCALE, ZERO = "torque scale", "torque zero"
 
@@ -406,8 +405,8 @@ def common_errors(
         errors.append(
             CommonError(
                 source=PORT_LAG,
-                effect=LAG_RELATIVE * measured.ripple.lag,
-                note=f"{1e3 * LAG:g} ms, 0 to twice as much",
+                effect=measured.ripple.lag_uncertainty,
+                note=port_lag(recording, measured.channel)[2],
             )
         )
     if law.is_known:

@@ -51,7 +51,9 @@ _FOLDED = (0.05, 0.45)
 _SPLIT = 2.0
 """Two orders that fold to one place share what stands there."""
 LAG = 1e-3
-"""s by which a torque port lags, assumed; 0 to twice as much."""
+"""s by which a torque port lags where its bench has not measured it, assumed; 0 to twice as much."""
+LAG_RELATIVE = 1.0 / math.sqrt(3.0)
+"""Relative standard uncertainty of that."""
 _TURNED = 0.02
 """Radians by which the lag or a period must turn the highest order to be looked at."""
 ROWS = 20_000
@@ -73,19 +75,30 @@ class Ripple:
     """What ripples do to the torque of each hold (n,) [N m], positive where it opposes the motion as friction does.
 
     `loss`, input torque that the shaken output takes by the card; `lag`, what the mean torque would change if the
-    port's lag of `LAG` were taken out; `between`, what it would change if ripples were integrated exactly between the
-    samples; `unseen`, half-width of the loss by orders that sampling hides.
+    port's lag (`port_lag`) were taken out, `lag_uncertainty` its standard uncertainty; `between`, what it would change
+    if ripples were integrated exactly between the samples; `unseen`, half-width of the loss by orders that sampling
+    hides.
     """
 
     loss: FloatArray
     lag: FloatArray
+    lag_uncertainty: FloatArray
     between: FloatArray
     unseen: FloatArray
 
 
+def port_lag(recording: Recording, channel: str) -> tuple[float, float, str]:
+    """How late a torque is shown [s], the standard uncertainty of that, and where both are from."""
+    known = recording.signals[channel].calibration
+    if known.lag is None or known.lag_uncertainty is None:
+        return LAG, LAG_RELATIVE * LAG, f"{1e3 * LAG:g} ms, 0 to twice as much"
+    return known.lag, known.lag_uncertainty, f"{1e3 * known.lag:.3g} ms, learnt on this bench"
+
+
 def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, channel: str) -> Ripple:
     """The ripples of all holds at constant speed."""
-    ripple = Ripple(*np.zeros((4, len(holds))))
+    ripple = Ripple(*np.zeros((5, len(holds))))
+    lag, u, _ = port_lag(recording, channel)
     orders, period = np.array(ORDERS), 1.0 / recording.metadata.sample_rate
     is_known = is_stated(recording, gear)
     mode = _mode(gear) if is_known else LOWEST_MODE
@@ -95,16 +108,16 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
     error = _at_rest(recording, holds, mode, gear) if any(shaken) else np.zeros(len(orders))
     for k, hold in enumerate(holds):
         speed = abs(hold.torque.speed)
-        if orders[-1] * speed * max(LAG, period) < _TURNED:
+        if orders[-1] * speed * max(abs(lag), period) < _TURNED:
             continue
         waves = _waves(
             recording, hold, ["input_angle", channel] + ["output_angle"] * int(shaken[k])
         )
         if waves is None:
             continue
-        turned = orders * speed * LAG
         swing = 0.5j * orders * waves.mean_product(0, 1)
-        ripple.lag[k] = float((1j * swing * turned).real.sum())
+        per_second = float((1j * swing * orders * speed).real.sum())
+        ripple.lag[k], ripple.lag_uncertainty[k] = lag * per_second, u * per_second
         # np.sinc has pi in it; what a sum of trapezoids is short of.
         missing = 1.0 - np.sinc(orders * speed * period / math.pi)
         ripple.between[k] = float((swing * missing).real.sum())

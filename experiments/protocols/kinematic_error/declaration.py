@@ -47,6 +47,13 @@ class Parameters:
         Help("input revolutions discarded after each reversal (wind-up)"),
     ] = 1.5
     mounting: Mounted = "circular-spline-fixed"
+    mounted_at_deg: Annotated[
+        float | None,
+        Ge(-360.0),
+        Le(360.0),
+        Unit("deg"),
+        Help("angle on the output flange at which the gear is mounted anew for this run"),
+    ] = None
     acceleration: Acceleration = 100.0
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0

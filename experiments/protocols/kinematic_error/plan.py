@@ -18,7 +18,7 @@ from experiments.planning.speeds import (
     refuse_speed,
 )
 from experiments.protocols.kinematic_error.declaration import NAME, Parameters
-from experiments.steps.vocabulary import HoldRevolutions, Mark, SegmentLabel, Step
+from experiments.steps.vocabulary import HoldRevolutions, Mark, Prompt, SegmentLabel, Step
 from model.gear import HarmonicDrive
 from model.units import REVOLUTION, RPM
 
@@ -42,6 +42,13 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
 
 def _traverses(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Step]:
     travel = output_travel(gear, p.mounting, p.output_revolutions, NAME)
+    if p.mounted_at_deg is not None:
+        place = f"at {p.mounted_at_deg:g} degrees on the output flange"
+        yield Prompt(
+            f"Take the gear off and mount it {place}, counted as the output encoder counts up.",
+            "mounted-at",
+            consent=f"The gear is mounted {place}",
+        )
     yield from _remarks(p, gear, speed)
     for repeat in range(p.repeats):
         for direction in (1, -1):

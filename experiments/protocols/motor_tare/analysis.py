@@ -12,14 +12,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.assumed import ROTOR
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, time_base_remark, usable
+from experiments.evidence import check_recording, check_settings, time_base_remark
 from experiments.protocols.friction.quantities import at_reference
-from experiments.protocols.motor_tare.declaration import LINE, NAME, NAMES, QUANTITIES, Parameters
-from experiments.recording import Recording, Segment
+from experiments.protocols.motor_tare.declaration import LINE, NAME, NAMES, QUANTITIES
+from experiments.recording import Recording
 from experiments.result import Covariance, Plot, Result, Series, both_ways, residual_panel
 from experiments.shape import Standing
 from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
@@ -33,7 +32,7 @@ from model.arrays import FloatArray
 from model.identify.common_errors import whitening_of
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.friction import HALF_SUMS
-from model.identify.least_squares import solve, student_quantile
+from model.identify.least_squares import student_quantile
 from model.identify.running_torque import (
     FrictionPoints,
     RunningTorque,
@@ -42,9 +41,6 @@ from model.identify.running_torque import (
     tare_from,
 )
 from model.units import REVOLUTION, RPM
-
-_DISC_INERTIA = 0.005
-"""Relative standard uncertainty of the inertia of a disc that was turned and weighed."""
 
 _HEAT_CAPACITY = 350.0
 """J/K of a servo motor of this size (some 0.9 kg of steel and copper), assumed within a factor of two."""
@@ -110,9 +106,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
                 series=(bars,),
             )
         )
-    scale = torque_scale(recording, zero)
-    if scale is not None:
-        estimates[scale.name] = scale
     standing = Standing(LINE, len(points.speed), len(np.unique(points.level)))
     estimates = standing.weakly(estimates)
     result = Result(
@@ -237,63 +230,6 @@ def _tare_estimate(
         identifiable="yes" if math.isfinite(half) else "no",
         budget=(*inside, *outside),
     )
-
-
-def torque_scale(recording: Recording, zero: TorqueZero) -> Estimate | None:
-    """Torque shown per torque needed to accelerate a disc of known inertia (1 = scale is right), from the ramps.
-
-    T_shown = k (J alpha) + friction; up- and down-ramps of one direction give friction out of the difference.
-    """
-    p = recording.metadata.parameters
-    disc = float(p.get("disc_inertia", 0.0))
-    if disc <= 0.0:
-        return None
-    rotor = float(p.get("rotor_inertia", Parameters.rotor_inertia))
-    inertia = disc + rotor
-    rows = [
-        r
-        for s in recording.labelled("ramp")
-        if (r := _acceleration(recording, s, zero)) is not None
-    ]
-    if len(rows) < 8:
-        return None
-    data = np.array(rows)
-    design = np.column_stack([data[:, 0] * inertia, np.sign(data[:, 1]), data[:, 1]])
-    fit = solve(design, data[:, 2], where="torque scale")
-    low, high = fit.interval(0)
-    error = float(fit.standard_error[0])
-    budget = (
-        BudgetLine("scatter of the ramps", "A", error, degrees_of_freedom=fit.freedom),
-        BudgetLine("inertia of the disc", "B", _DISC_INERTIA, "turned and weighed"),
-        ROTOR.line("inertia of the rotor", ROTOR.standard_uncertainty * rotor / inertia),
-    )
-    return Estimate(
-        name="torque_scale",
-        value=float(fit.values[0]),
-        unit="1",
-        low=low,
-        high=high,
-        identifiable="yes",
-        note="disc of known inertia",
-        budget=budget,
-    )
-
-
-def _acceleration(
-    recording: Recording, segment: Segment, zero: TorqueZero
-) -> tuple[float, float, float] | None:
-    """Mean acceleration [rad/s2], speed [rad/s] and torque [N m] of the middle half of a ramp."""
-    span = segment.stop - segment.start
-    rows = slice(segment.start + span // 4, segment.stop - span // 4)
-    good = usable(recording, rows)
-    time, angle = recording.time(rows)[good], recording.si("input_angle", rows)[good]
-    if len(time) < 20:
-        return None
-    half, slope, _ = np.polyfit(time - time.mean(), angle - angle[0], 2)
-    if abs(half) * 2.0 < 10.0:
-        return None
-    torque = float(np.mean(recording.si("torque", rows)[good] - zero.at(time)))
-    return 2.0 * float(half), float(slope), torque
 
 
 def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:

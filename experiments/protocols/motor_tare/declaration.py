@@ -60,13 +60,6 @@ QUANTITIES = (
         is_signed=True,
         rests_on={"torque": "proportional", **ANGLES_IN_ITS_BUDGET},
     ),
-    Quantity(
-        name="torque_scale",
-        title="torque scale",
-        unit="1",
-        definition="torque shown per torque that accelerates a disc of known inertia",
-        rests_on=OF_TORQUE_DIFFERENCES,
-    ),
     Quantity(name="speeds", title="speeds", unit="1"),
     Quantity(name="housing_temperature", title="housing temperature", unit="°C"),
     Quantity(name="torque_zero_drift", title="torque zero drift", unit="N m"),
@@ -118,20 +111,6 @@ class Parameters:
     settle_time: Annotated[
         float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
     ] = 0.6
-    disc_inertia: Annotated[
-        float,
-        Ge(0.0),
-        Le(1.0),
-        Unit("kg m2"),
-        Help("inertia of a known disc on the shaft, 0 for none (torque scale)"),
-    ] = 0.0
-    rotor_inertia: Annotated[
-        float,
-        Ge(0.0),
-        Le(1.0),
-        Unit("kg m2"),
-        Help("inertia of the rotor itself, as its data sheet says"),
-    ] = 2.59e-5
     acceleration: Acceleration = 800.0
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0
@@ -155,7 +134,7 @@ EXPERIMENT = Experiment(
     needs=("input_angle", "torque"),
     gear_mounted=False,
     quantities=QUANTITIES,
-    version=8,
+    version=9,
     live=("speed", "torque points", "torque"),
     gives_tare=True,
     shapes=(LINE,),

@@ -12,14 +12,13 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.evidence import check_recording, check_settings, usable
 from experiments.protocols.friction.points import (
-    LAG_RELATIVE,
     LOSS_RELATIVE,
     OWN_RELATIVE,
     PORT_LAG,
     PRODUCT_RELATIVE,
     VIBRATION,
 )
-from experiments.protocols.friction.vibration import LAG, ripple_of
+from experiments.protocols.friction.vibration import port_lag, ripple_of
 from experiments.protocols.warm_up.declaration import NAME, QUANTITIES, Parameters
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
@@ -126,7 +125,12 @@ def _running_torque(
     value = factor * float(points.friction[at]) - loss + lag
     by_speed = (
         BudgetLine(VIBRATION, "B", shaken, "damping and first mode of the card, orders that hide"),
-        BudgetLine(PORT_LAG, "B", LAG_RELATIVE * abs(lag), f"{1e3 * LAG:g} ms, 0 to twice as much"),
+        BudgetLine(
+            PORT_LAG,
+            "B",
+            abs(float(ripple.lag_uncertainty.mean())),
+            port_lag(recording, "torque")[2],
+        ),
     )
     half = math.hypot(
         student_quantile(freedom) * error,

@@ -40,8 +40,15 @@ _VOLTS_PER_INCREMENT = 0.3125e-3
 
 
 def world_of(order: Order) -> World:
-    """The world of an order: a serial number is a gear, a seed is a bench."""
-    return order.world.world(zlib.crc32(order.serial.encode()), order.seed)
+    """The world of an order: a serial number is a gear, a seed is a bench; a gear that is mounted at an angle for this
+    run is fitted anew.
+    """
+    world = order.world.world(zlib.crc32(order.serial.encode()), order.seed)
+    turn = order.values.get("mounted_at_deg")
+    if turn is None or world.mount_turn is not None:
+        return world
+    anew = world.mount + 1 + round(10.0 * (float(turn) % 360.0))
+    return replace(world, mount=anew, mount_turn=math.radians(float(turn)))
 
 
 def world_record(order: Order) -> dict[str, Any]:

@@ -30,6 +30,7 @@ from model.angle_certificate import CERTIFIED_ORDERS, AngleCertificate, curve_of
 from model.errors import ParameterError
 from model.unit_text import scale_in, understood
 from model.units import ARCSEC, DEGREE, REVOLUTION
+from rig.bench.config.toml_text import toml_value
 
 FORMAT: Final = "harmonic-rig-certificate-1"
 LARGEST_FILE = 10_000_000
@@ -112,25 +113,16 @@ def certificate_text(header: Header, curve: AngleCertificate) -> str:
     values |= {"sense": "counting up", "error": "shown minus true"}
     without = values.pop("without")
     lines = [
-        f"# {name} = {_toml(value)}" for name, value in values.items() if value not in ("", ())
+        f"# {name} = {toml_value(value)}" for name, value in values.items() if value not in ("", ())
     ]
     lines += ["# [without]"] if without else []
-    lines += [f"# {_toml(gear)} = {_toml(numbers)}" for gear, numbers in without.items()]
+    lines += [f"# {toml_value(gear)} = {toml_value(numbers)}" for gear, numbers in without.items()]
     lines.append(f"{COLUMNS[0]} [deg],{COLUMNS[1]} [arcsec],{COLUMNS[2]} [arcsec]")
     for angle, error, u in zip(
         curve.angles, curve.errors, curve.expanded_uncertainties, strict=True
     ):
         lines.append(f"{angle / DEGREE:.12g},{error / ARCSEC:.9g},{u / ARCSEC:.9g}")
     return "\n".join(lines) + "\n"
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, tuple):
-        return f"[{', '.join(map(_toml, value))}]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _read(text: str) -> tuple[Header, AngleCertificate]:

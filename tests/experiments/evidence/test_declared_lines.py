@@ -58,6 +58,13 @@ ABOUT_THE_FIT_OF_BOTH = (
     "one direction alone is told to first order about the fit of both, a point that a delay moves"
 )
 EXCEPTIONS: dict[tuple[str, str, str, Part], str] = {
+    ("torque-scale", "torque_lag", "torque", Part.DELAY): "a delay of the torque is what is meant",
+    (
+        "torque-scale",
+        "shown_inertia",
+        "torque",
+        Part.DELAY,
+    ): "friction that changes along a ramp: the same with every disc, so that the gain does not have it",
     **{
         (kind, "offset", "torque", part): NOISE_OF_THE_ZEROS
         for kind in ("friction", "motor-tare")
@@ -88,6 +95,8 @@ def small(
             return request.getfixturevalue("kinematic_error_run")
         if kind == "motor-tare":
             return request.getfixturevalue("tare_run")
+        if kind == "torque-scale":
+            return request.getfixturevalue("torque_scale_run")
         if kind == "velocity-steps":
             return ringing(gear, request.getfixturevalue("tmp_path"))
         protocol = catalogue.load(kind)

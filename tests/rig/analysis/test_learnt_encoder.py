@@ -17,7 +17,7 @@ from model.units import ARCSEC, DEGREE
 from rig.analysis.fit import Fit, store
 from rig.analysis.fit_run import fit_run
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt_curve import is_known, learnt_files, with_learnt_curve
+from rig.analysis.learnt import is_known, learnt_files, with_learnt_curve
 from rig.analysis.learnt_encoder import (
     Learnt,
     learn,
@@ -243,7 +243,8 @@ def test_the_command_learns_shows_and_keeps_its_hands_off_with_dry_run(
 ) -> None:
     rig, folder = Rig(capsys), runs[0].parent
     named = [str(path) for path in runs[:GEARS]]
-    told = rig.json("bench", "learn", *named, "--dry-run")
+    (told,) = rig.json("bench", "learn", *named, "--dry-run")["learnt"]
+    assert told["of"] == "output encoder"
     assert (told["basis"], told["bench"], told["file"]) == ("population mean", str(BENCH), None)
     assert rig("bench", "show", "--runs", folder) == 2
     assert "rig bench learn" in rig.err

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from rig.bench.config.load import FORMAT, TO_BE_SAID
+from rig.bench.config.toml_text import toml_value
 from rig.trial.doctor.discover.proposal import Proposal, Table, Word
 
 _HEAD = f"""# A description of this rig, proposed from what its nodes tell of themselves. Nothing of it was measured.
@@ -37,16 +35,4 @@ def _line(word: Word) -> str:
     if word.value is None:
         return f"# {word.name}: {word.why}\n"
     why = "" if word.is_open else f"  # {word.why}"
-    return f"{word.name} = {_toml(word.value)}{why}\n"
-
-
-def _toml(value: Any) -> str:
-    """A value as TOML has it."""
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{name} = {_toml(one)}" for name, one in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return repr(value)
+    return f"{word.name} = {toml_value(word.value)}{why}\n"

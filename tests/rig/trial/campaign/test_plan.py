@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from experiments import catalogue
+from experiments.parameters import make_parameters
+from experiments.recording import RunMetadata
+from experiments.steps.vocabulary import Prompt
+from model.gear_file import shipped_gear
+from rig.analysis.causes import which_mounting
+from rig.analysis.learnt_encoder import stated_angle
+from rig.bench.backends.order import Order, WorldChoice
+from rig.bench.backends.simulated import world_of
 from rig.errors import ConfigurationError
 from rig.trial.campaign.plan import load_plan, shipped_names, shipped_plan
 
@@ -21,14 +30,34 @@ values = { points = 12 }
 
 
 def test_the_shipped_plans_name_protocols_and_begin_with_the_motor_alone() -> None:
-    assert shipped_names() == ("acceptance", "incoming")
+    assert shipped_names() == ("acceptance", "incoming", "reversal")
     for name in shipped_names():
         plan = shipped_plan(name)
         assert plan.name == name
-        assert plan.stages[0].protocol == "motor-tare"
+        assert (plan.stages[0].protocol == "motor-tare") == (name != "reversal")
         assert {stage.protocol for stage in plan.stages} <= set(catalogue.names())
     acceptance = [stage.protocol for stage in shipped_plan("acceptance").stages]
     assert acceptance.index("kinematic-error") < acceptance.index("velocity-steps")
+
+
+def test_a_reversal_mounts_the_gear_anew_at_three_angles_and_asks_for_it() -> None:
+    protocol, seen = catalogue.load("kinematic-error"), set[tuple[int, float | None]]()
+    for stage in shipped_plan("reversal").stages:
+        parameters = make_parameters(protocol.parameters, stage.values, protocol.name)
+        (prompt,) = [s for s in protocol.plan(parameters, shipped_gear()) if isinstance(s, Prompt)]
+        assert f"at {stage.values['mounted_at_deg']:g} degrees" in prompt.consent
+        order = Order(protocol=stage.protocol, gear=shipped_gear(), values=stage.values)
+        world = world_of(order)
+        seen.add((world.mount, world.mount_turn))
+        # Made again by its own record, it is not turned once more.
+        again = replace(order, world=WorldChoice(mount=world.mount, mount_turn=world.mount_turn))
+        assert world_of(again).mount == world.mount
+        run = RunMetadata(
+            run_id="", origin="hardware", experiment="", parameters=dict(stage.values)
+        )
+        assert stated_angle(run) == pytest.approx(world.mount_turn)
+        assert which_mounting(run) == f"at {stage.values['mounted_at_deg']:g} degrees"
+    assert len({mount for mount, _ in seen}) == len({turn for _, turn in seen}) == 3
 
 
 def test_a_plan_of_ones_own(tmp_path: Path) -> None:

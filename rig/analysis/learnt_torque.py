@@ -1,0 +1,305 @@
+"""The torque scale of a bench, learnt from runs of its bare motor with at least two known inertias, as a sealed file.
+
+Of each channel what the runs show over the inertia is its gain, with the rotor's own inertia as the other unknown
+(`model.identify.ramp_inertia`). What becomes of the file stands in `learnt`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+
+from experiments.assumed import DISC, TIME_BASE
+from experiments.protocols.torque_scale.disc import Disc, disc_of
+from experiments.recording import RunMetadata
+from experiments.result import Result
+from experiments.tares.motor_heat import MAGNETS, WARMER, WARMTH
+from model.channel import Channel
+from model.errors import IdentificationError
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
+from model.identify.ramp_inertia import Gain, ShownInertia, gain_of
+from rig.analysis.in_force import in_force
+from rig.analysis.learnt import SCALE_KIND, bench_of, motor_of
+from rig.bench.config.torque_scale_file import (
+    FORMAT,
+    ChannelScale,
+    ScaleLine,
+    TorqueScale,
+    torque_scale_text,
+)
+from rig.errors import ConfigurationError
+from rig.runfile.read import close_recording, open_run
+from rig.runfile.seal import sealed_sha256
+from rig.runfile.sealed import write_new_sealed
+
+_QUARTZ = 1e-4
+"""Relative standard uncertainty of a second that a quartz tells, assumed."""
+_STEPS = 5e-4
+"""The same of what steps of the set-point leave of a torque that is sampled once in each, assumed: where the drive's
+gains are the same in all runs it does not depend on the inertia."""
+_LEVELS = "levels"
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueRun:
+    """What one run says of the torque channels of its bench. `skipped` says why it says nothing."""
+
+    run: Path
+    metadata: RunMetadata | None = None
+    channels: Mapping[str, Channel] | None = None
+    disc: Disc | None = None
+    result: Result | None = None
+    sha256: str = ""
+    skipped: str = ""
+
+    @property
+    def bench(self) -> tuple[str, str, str]:
+        """Origin, bench and motor."""
+        assert self.metadata is not None
+        return self.metadata.origin, bench_of(self.metadata), motor_of(self.metadata)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearntScale:
+    """The gains of a bench's torque channels as estimates, with the runs that taught them."""
+
+    origin: str
+    bench: str
+    motor: str
+    temperature: float
+    rotor_inertia: float
+    gains: Mapping[str, Estimate]
+    lags: Mapping[str, tuple[float, float]]
+    channels: Mapping[str, Channel]
+    discs: tuple[str, ...]
+    taught: tuple[TorqueRun, ...]
+    skipped: tuple[TorqueRun, ...]
+
+    def content(self, today: date, due: date | None) -> bytes:
+        """The bytes of its file."""
+        scale = TorqueScale(
+            format=FORMAT,
+            bench=self.bench,
+            origin=self.origin,
+            motor=self.motor,
+            certificate=f"none: learnt on this bench from {'; '.join(self.discs)}, not traceable",
+            date=today,
+            due=due,
+            housing_temperature=self.temperature if math.isfinite(self.temperature) else None,
+            rotor_inertia=self.rotor_inertia,
+            runs=tuple(f"{one.run.name} {one.sha256}" for one in self.taught),
+            channel=tuple(self._channel(name) for name in self.gains),
+        )
+        return torque_scale_text(scale).encode()
+
+    def _channel(self, name: str) -> ChannelScale:
+        gain, channel = self.gains[name], self.channels[name]
+        lag, error = self.lags.get(name, (None, None))
+        return ChannelScale(
+            name="torque" if name == "torque" else "drive_torque",
+            model=channel.model,
+            serial_number=channel.serial_number,
+            sensor=channel.calibration.sensor,
+            gain=gain.value,
+            relative_uncertainty=gain.expanded_uncertainty / NORMAL_COVERAGE_FACTOR / gain.value,
+            coverage_factor=gain.coverage_factor,
+            lag=lag,
+            lag_uncertainty=error,
+            line=tuple(
+                ScaleLine(
+                    source=line.source,
+                    kind=line.kind,
+                    relative_uncertainty=line.standard_uncertainty / gain.value,
+                    degrees_of_freedom=line.degrees_of_freedom
+                    if math.isfinite(line.degrees_of_freedom)
+                    else None,
+                    note=line.note,
+                )
+                for line in gain.budget
+            ),
+        )
+
+
+def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
+    """The torque scale of a bench by these runs. Raises `ConfigurationError` where they do not tell it."""
+    seen = [_seen(run) for run in runs]
+    taught = [one for one in seen if not one.skipped and bench in ("", one.bench[1])]
+    benches = sorted({one.bench for one in taught})
+    if len(benches) != 1:
+        told = "; ".join(f"bench {b}, motor {m or 'not named'}" for _, b, m in benches)
+        raise ConfigurationError(
+            "are runs of several benches or motors" if benches else "hold no run that tells it",
+            where="torque scale",
+            value=told or "; ".join(sorted({one.skipped for one in seen}))[:300] or None,
+            limit="torque-scale runs of one bench, with a disc and without",
+            remedy="Name the bench: --bench ID." if benches else "Analyse them first: rig fit RUN.",
+        )
+    origin, name, motor = benches[0]
+    channels = dict(taught[0].channels or {})
+    names = [one for one in channels if all(one in (run.channels or {}) for run in taught)]
+    temperature, apart = _temperature(taught)
+    gains: dict[str, Estimate] = {}
+    lags: dict[str, tuple[float, float]] = {}
+    rotor = math.nan
+    for channel in names:
+        gain = _gain(taught, channel)
+        gains[channel] = _estimate(channel, gain, taught, apart)
+        rotor = gain.rotor_inertia if channel == "torque" else rotor
+        if (lag := _lag(taught, channel)) is not None:
+            lags[channel] = lag
+    return LearntScale(
+        origin=origin,
+        bench=name,
+        motor=motor,
+        temperature=temperature,
+        rotor_inertia=rotor,
+        gains=gains,
+        lags=lags,
+        channels=channels,
+        discs=tuple(dict.fromkeys(one.disc.words for one in taught if one.disc is not None)),
+        taught=tuple(taught),
+        skipped=tuple(one for one in seen if one.skipped),
+    )
+
+
+def _seen(run: Path) -> TorqueRun:
+    """What a run shows by its analysis in force."""
+    found = in_force(run, SCALE_KIND)
+    if found.analysis is None:
+        return TorqueRun(run=run, skipped="it is not analysed")
+    if not found.of_this_run:
+        return TorqueRun(run=run, skipped="its analysis is of other bytes")
+    recording = open_run(run, rows=False)
+    try:
+        metadata = recording.metadata
+        channels = {n: c for n, c in recording.signals.items() if n in ("torque", "drive_torque")}
+    finally:
+        close_recording(recording)
+    if not bench_of(metadata):
+        return TorqueRun(run=run, skipped="its bench has no name")
+    return TorqueRun(
+        run=run,
+        metadata=metadata,
+        channels=channels,
+        disc=disc_of(metadata.parameters),
+        result=found.analysis.whole_result(),
+        sha256=sealed_sha256(run),
+    )
+
+
+def _rows(run: TorqueRun, channel: str) -> list[tuple[float | int | str, ...]]:
+    """The rows of a channel in what the run's ramps show: all accelerations first."""
+    assert run.result is not None
+    table = next(one for one in run.result.tables if one.name == _LEVELS)
+    return [row for row in table.rows if row[0] == channel]
+
+
+def _gain(runs: Sequence[TorqueRun], channel: str) -> Gain:
+    shown: list[ShownInertia] = []
+    for run in runs:
+        disc = run.disc
+        assert disc is not None
+        whole, *levels = _rows(run, channel)
+        shown.append(
+            ShownInertia(
+                disc=disc.words,
+                inertia=disc.inertia,
+                inertia_uncertainty=_uncertainty(disc),
+                shown=float(whole[2]),
+                standard_error=float(whole[3]),
+                degrees_of_freedom=float(whole[4]),
+                levels=tuple(float(row[2]) for row in levels),
+            )
+        )
+    if len({len(one.levels) for one in shown}) > 1:
+        raise ConfigurationError(
+            "have other accelerations", where="these runs", limit="the same in all of them"
+        )
+    try:
+        return gain_of(shown)
+    except IdentificationError as error:
+        raise ConfigurationError(
+            error.what,
+            where="these runs",
+            value=error.value,
+            limit=error.limit,
+            remedy=error.remedy,
+        ) from error
+
+
+def _estimate(channel: str, gain: Gain, runs: Sequence[TorqueRun], apart: float) -> Estimate:
+    """The gain with its budget. `apart` [K]: by how much the housing differed between the runs."""
+    value = gain.gain
+    discs = [one.disc for one in runs if one.disc is not None and one.disc.inertia]
+    assert runs[0].metadata is not None
+    is_counted = any(m.metadata is not None and m.metadata.time_base == "nominal" for m in runs)
+    second = TIME_BASE.standard_uncertainty if is_counted else _QUARTZ
+    zero = max(abs(one.result.metrics.get("torque_zero_drift", 0.0)) for one in runs if one.result)
+    # Of the drift over a run a pair of ramps sees a hundredth at most; the torques differ by some hundred mN m.
+    zero_share = 0.01 * zero / 0.1 if math.isfinite(zero) else 0.0
+    budget = (
+        BudgetLine(
+            "scatter of the ramps", "A", gain.scatter, degrees_of_freedom=gain.degrees_of_freedom
+        ),
+        _disc_line(discs, gain.inertias),
+        BudgetLine(WARMTH, "B", abs(MAGNETS) * math.hypot(WARMER, apart) * value),
+        BudgetLine("linearity", "B", gain.linearity, "by the accelerations"),
+        BudgetLine("steps of the set-point", "B", _STEPS * value, "assumed: gains as they were"),
+        BudgetLine("time base", "B", 2.0 * second * value),
+        BudgetLine("torque zero", "B", zero_share * value, "its drift between two ramps"),
+    )
+    half = NORMAL_COVERAGE_FACTOR * gain.scatter
+    return Estimate(
+        name=f"{channel}_gain",
+        value=value,
+        unit="1",
+        low=value - half,
+        high=value + half,
+        budget=budget,
+    )
+
+
+def _uncertainty(disc: Disc) -> float:
+    """Standard uncertainty of an inertia [kg m2]: as stated, or as assumed."""
+    return disc.stated_uncertainty or DISC.standard_uncertainty * disc.inertia
+
+
+def _disc_line(discs: Sequence[Disc], size: float) -> BudgetLine:
+    """What the inertias leave open of the gain; assumed where nobody stated the U of one."""
+    if all(disc.stated_uncertainty for disc in discs):
+        words = "; ".join(dict.fromkeys(disc.words for disc in discs))
+        return BudgetLine("inertia of the disc", "B", size, words)
+    return DISC.line("inertia of the disc", size)
+
+
+def _temperature(runs: Sequence[TorqueRun]) -> tuple[float, float]:
+    """Mean housing temperature [degC], NaN where one run has none, and half the range of the runs [K]."""
+    found = [one.result.metrics.get("housing_temperature", math.nan) for one in runs if one.result]
+    if not all(map(math.isfinite, found)):
+        return math.nan, 0.0
+    return sum(found) / len(found), 0.5 * (max(found) - min(found))
+
+
+def _lag(runs: Sequence[TorqueRun], channel: str) -> tuple[float, float] | None:
+    """Mean lag of the runs with a disc, by their errors, and its standard uncertainty [s]; None without."""
+    found = [
+        (float(row[5]), float(row[6]), run.metadata.sample_rate)
+        for run in runs
+        if run.disc is not None and run.disc.inertia and run.metadata is not None
+        for row in _rows(run, channel)[:1]
+        if math.isfinite(float(row[5])) and float(row[6]) > 0.0
+    ]
+    if not found:
+        return None
+    weights = [error**-2 for _, error, _ in found]
+    lag = sum(w * one for w, (one, _, _) in zip(weights, found, strict=True)) / sum(weights)
+    # A torque that is sampled once a cycle is known to a cycle.
+    return lag, math.hypot(sum(weights) ** -0.5, 1.0 / found[0][2] / math.sqrt(12.0))
+
+
+def write_scale(learnt: LearntScale, path: Path, today: date, due: date | None) -> Path:
+    """Write and seal its file; a name that is taken is left alone. Raises `ConfigurationError`."""
+    return write_new_sealed(path, learnt.content(today, due))

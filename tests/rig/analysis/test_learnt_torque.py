@@ -1,0 +1,203 @@
+"""A bench that learns its torque scale: from known inertias to a sealed file, and into every later analysis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.tares.motor_heat import motor_heat
+from model.gear_file import shipped_gear
+from model.motor import shipped_motor
+from rig.analysis.fit import store
+from rig.analysis.fit_run import fit_run
+from rig.analysis.in_force import in_force
+from rig.analysis.learnt import SCALE_PREFIX, learnt_scales, with_learnt, with_learnt_scale
+from rig.analysis.learnt_torque import LearntScale, learn_torque, write_scale
+from rig.bench.backends.order import Order, WorldChoice
+from rig.errors import ChangedRunError, ConfigurationError
+from rig.gears.card import now_text
+from rig.run.start import run_order
+from rig.runfile.read import close_recording, open_run
+from tests.rig.commands.calling import Rig
+
+BENCH, TODAY = 8, date(2026, 3, 1)
+DISC = {"inertia": 2e-4, "inertia_uncertainty": 4e-7, "certificate": "balance 17"}
+SHORT = {"repeats": 2, "zero_time": 0.5, "accelerations": (300.0, 450.0, 600.0)}
+TARE = {"speeds_rpm": (500.0, 1000.0, 2000.0), "zero_time": 0.5, "measure_time": 0.2}
+
+
+def run(folder: Path, protocol: str, **values: Any) -> Path:
+    order = Order(
+        protocol=protocol,
+        gear=shipped_gear(),
+        motor=shipped_motor(),
+        folder=folder,
+        serial="TARE",
+        operator="A",
+        seed=BENCH,
+        values=values,
+        world=WorldChoice(gear_seed=1, bench_seed=BENCH),
+    )
+    path = run_order(order, ask=lambda prompt: prompt.consent).path
+    fit = fit_run(path)
+    store(fit, now_text())
+    close_recording(fit.recording)
+    return path
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """The bare motor, the motor with a disc, and a tare of the same bench."""
+    folder = tmp_path_factory.mktemp("bench")
+    return [
+        run(folder, "torque-scale", **SHORT),
+        run(folder, "torque-scale", **SHORT, **DISC),
+        run(folder, "motor-tare", **TARE),
+    ]
+
+
+@pytest.fixture(scope="module")
+def learnt(runs: list[Path]) -> LearntScale:
+    return learn_torque(runs[:2])
+
+
+@pytest.fixture
+def written(runs: list[Path], learnt: LearntScale) -> Iterator[Path]:
+    path = runs[0].parent / f"{SCALE_PREFIX}-{BENCH}.toml"
+    yield write_scale(learnt, path, TODAY, None)
+    for one in path.parent.glob(f"{SCALE_PREFIX}*"):
+        one.chmod(0o600)
+        one.unlink()
+
+
+def truth(path: Path) -> Any:
+    recording = open_run(path, rows=False)
+    close_recording(recording)
+    return recording.metadata.process["truth"]
+
+
+def test_gain_and_lag_of_the_simulated_bench_are_found_inside_u(
+    runs: list[Path], learnt: LearntScale
+) -> None:
+    port = truth(runs[0])["torque_port"]
+    gain = learnt.gains["torque"]
+    assert abs(gain.value - (1.0 + port["scale_error"])) <= gain.expanded_uncertainty
+    assert gain.expanded_uncertainty < 0.006
+    lag, u = learnt.lags["torque"]
+    assert abs(lag - port["lag"]) <= 2.0 * u
+    rotor = truth(runs[0])["motor"]["rotor_inertia"]
+    assert learnt.rotor_inertia == pytest.approx(rotor, rel=0.03)
+    drive = learnt.gains["drive_torque"]
+    true = 1.0 / (1.0 + truth(runs[0])["motor"]["torque_constant_error"])
+    assert abs(drive.value - true) <= drive.expanded_uncertainty
+    assert {line.source for line in gain.budget} >= {
+        "scatter of the ramps",
+        "inertia of the disc",
+        "warmth of the motor",
+        "linearity",
+        "time base",
+    }
+
+
+def test_a_later_analysis_takes_the_scale_and_an_earlier_one_is_stale(
+    runs: list[Path], learnt: LearntScale, written: Path
+) -> None:
+    tare, gain = runs[2], learnt.gains["torque"].value
+    before = in_force(tare)
+    assert before.analysis is not None
+    assert "the torque scale has been learnt since, or learnt anew" in before.stale
+    (file,) = learnt_scales(tare.parent)
+    fit = fit_run(tare)
+    close_recording(fit.recording)
+    assert file.path in fit.result.options["torque_scale"]
+    channel = fit.recording.signals["torque"]
+    assert channel.calibration.temperature == pytest.approx(learnt.temperature)
+    assert channel.calibration.scale_relative_uncertainty == pytest.approx(
+        learnt.gains["torque"].standard_uncertainty / gain, rel=0.02
+    )
+    old, new = (
+        before.analysis.result.estimates["motor_coulomb"],
+        fit.result.estimates["motor_coulomb"],
+    )
+    assert new.value == pytest.approx(old.value / gain, rel=1e-6)
+    scale = {line.source: line.standard_uncertainty for line in new.budget}["torque scale"]
+    assert (
+        scale
+        < 0.3 * {line.source: line.standard_uncertainty for line in old.budget}["torque scale"]
+    )
+    number = store(fit, now_text())
+    assert in_force(tare).stale == ()
+    assert number is not None
+
+
+def test_what_is_not_its_own_takes_nothing(
+    runs: list[Path], learnt: LearntScale, written: Path
+) -> None:
+    folder = written.parent
+    itself, tare = (open_run(path, rows=False) for path in (runs[0], runs[2]))
+    for one in (itself, tare):
+        close_recording(one)
+    assert with_learnt(itself, folder) is itself
+    assert with_learnt_scale(tare, folder) is not tare
+    process = tare.metadata.process
+    for other in (
+        {**process, "motor": "another"},
+        {**process, "world": {**process["world"], "bench_seed": BENCH + 1}},
+    ):
+        strange = replace(tare, metadata=replace(tare.metadata, process=other))
+        assert with_learnt_scale(strange, folder) is strange
+    torque = replace(tare.signals["torque"], serial_number="exchanged")
+    exchanged = replace(tare, signals={"torque": torque})
+    assert with_learnt_scale(exchanged, folder) is exchanged
+    assert motor_heat(
+        with_learnt_scale(tare, folder), learnt.temperature
+    ).reference == pytest.approx(learnt.temperature)
+    write_scale(learnt, folder / f"{SCALE_PREFIX}-due.toml", date(2027, 1, 1), date(2000, 1, 1))
+    written.chmod(0o600)
+    written.unlink()
+    assert with_learnt_scale(tare, folder) is tare
+
+
+def test_a_file_that_was_altered_is_refused(runs: list[Path], written: Path) -> None:
+    written.chmod(0o600)
+    written.write_bytes(
+        written.read_bytes().replace(b"gain = 1", b"gain = 2").replace(b"gain = 0.9", b"gain = 0.8")
+    )
+    with pytest.raises(ChangedRunError):
+        fit_run(runs[2])
+
+
+def test_one_inertia_teaches_no_scale(runs: list[Path]) -> None:
+    with pytest.raises(ConfigurationError, match="two inertias"):
+        learn_torque(runs[:1])
+    with pytest.raises(ConfigurationError, match="hold no run"):
+        learn_torque(runs[2:])
+
+
+def test_the_command_learns_and_shows_it(
+    runs: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    rig, folder = Rig(capsys), runs[0].parent
+    (told,) = rig.json("bench", "learn", "--runs", folder, "--dry-run")["learnt"]
+    assert (told["of"], told["file"]) == ("torque scale", None)
+    assert math.isfinite(told["gains"]["torque"]["value"])
+    written = folder / "scale.toml"
+    try:
+        assert rig("bench", "learn", *map(str, runs[:2]), "--output", written) == 0
+        assert "balance 17" in rig.out
+        assert rig("bench", "learn", *map(str, runs[:2]), "--output", written) == 2
+        assert "exists already" in rig.err
+        named = folder / f"{SCALE_PREFIX}-x.toml"
+        assert rig("bench", "learn", "--runs", folder, "--output", named) == 0
+        shown = rig.json("bench", "show", "--runs", folder)["learnt"]
+        assert [one["of"] for one in shown] == ["scale of torque", "scale of drive_torque"]
+    finally:
+        for file in (*folder.glob("scale.toml*"), *folder.glob(f"{SCALE_PREFIX}*")):
+            file.chmod(0o600)
+            file.unlink()
