@@ -35,4 +35,6 @@ def watching_in_force(
         here.over if over is None else over,
         here.baseline if baseline is None else baseline,
     )
-    return Watching(promise, "" if written is None else written.golden_gear)
+    if written is None:
+        return Watching(promise)
+    return Watching(promise, written.golden_gear, written.golden_days)

@@ -43,8 +43,9 @@ class Promise:
 @dataclass(frozen=True)
 class Watching:
     """What a laboratory wants of alarms: the promise, and its golden gear by serial ("" none): one that is kept to be
-    measured again and again, so that what changes with it is the bench.
+    measured again and again, so that what changes with it is the bench; every how many days (0: whenever).
     """
 
     promise: Promise = Promise()
     golden_gear: str = ""
+    golden_days: float = 0.0

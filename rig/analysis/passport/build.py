@@ -49,7 +49,7 @@ def passport(
         )
     gathered = gather(runs, origin)
     analysed = gathered.analysed
-    groups = _groups(analysed)
+    groups = followed_groups(analysed)
     chosen = alarmed(groups)
     days = days_between(chosen, _golden(where, serial, watching, origin), watching.promise)
     acceptance = acceptance_of_places(where, serial)
@@ -95,7 +95,8 @@ def alarms_of(
     return passport(where, serial, watching=watching).alarms
 
 
-def _groups(analysed: Sequence[AnalysedRun]) -> list[Group]:
+def followed_groups(analysed: Sequence[AnalysedRun]) -> list[Group]:
+    """The series of comparable runs of every followed quantity."""
     return [one for quantity in _followed(analysed) for one in groups_of(quantity, analysed)]
 
 
@@ -107,7 +108,7 @@ def _golden(
     if not golden or golden == serial:
         return []
     runs = runs_of(where, golden)
-    return alarmed(_groups(gather(runs, origin).analysed)) if runs else []
+    return alarmed(followed_groups(gather(runs, origin).analysed)) if runs else []
 
 
 def _place(where: str | Path | Iterable[str | Path]) -> str:

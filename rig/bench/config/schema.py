@@ -316,13 +316,15 @@ class Alarms(Part):
     """How often a gear that does not change may be told to have changed (`rig report --passport`), and the golden gear.
 
     At most `false_alarms` of such gears within `over` runs after the first `baseline` ones. `golden_gear` is the serial
-    of a gear that is kept to be measured again and again: what changes with it is the bench.
+    of a gear that is kept to be measured again and again: what changes with it is the bench; `golden_days` is every how
+    many days (0: nobody is reminded).
     """
 
     false_alarms: float = _ranged(0.05, "false_alarms")
     over: int = _ranged(20, "over")
     baseline: int = _ranged(10, "baseline")
     golden_gear: str = ""
+    golden_days: float = Field(default=0.0, ge=0.0, le=3650.0)
 
 
 class Notify(Part):

@@ -43,6 +43,7 @@ from rig.trial.doctor.surroundings import (
     calibrations,
     disk,
     drive_limits,
+    golden_gear,
     output_assumptions,
     readout,
 )
@@ -117,6 +118,7 @@ def examine(
     on_stage("standing")
     rig = make()
     findings = [*bench_lines(order), disk(order.folder), calendar(rig.clock)]
+    findings += golden_gear(order, rig.clock)
     findings += examine_standing(rig, planned, order)
     if order.backend == HARDWARE:
         findings += output_assumptions(planned.gear, order.output_bearing)

@@ -4,6 +4,7 @@ the drive's limits, the readout.
 
 from __future__ import annotations
 
+import math
 import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -36,10 +37,13 @@ from experiments.assumed import (
 from experiments.finding import Finding, Severity, passed_if
 from experiments.load import UNSTATED
 from model.gear import HarmonicDrive
+from rig.analysis.alarm.laboratory import watching_in_force
+from rig.analysis.passport.gather import moment
 from rig.bench.backends.order import Order
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
 from rig.errors import ConfigurationError, LimitError
+from rig.library.index import LibraryIndex
 from rig.run.latch import latch_of
 from rig.run.preflight import drive_limits_check
 from rig.run.start import bench_for
@@ -140,6 +144,27 @@ def calendar(clock: Clock) -> Finding:
         f"{now.isoformat(timespec='seconds')}",
         "Set the clock: start times and due dates rest on it.",
         where="computer",
+    )
+
+
+def golden_gear(order: Order, clock: Clock) -> Iterable[Finding]:
+    """Whether the gear that is kept to be measured again is due; nothing where nobody wants to be reminded."""
+    watching = watching_in_force(order.config)
+    if not watching.golden_gear or not watching.golden_days:
+        return
+    runs = LibraryIndex(order.folder).search(gear=watching.golden_gear)
+    starts = [moment(run.start) for run in runs if run.is_complete]
+    now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
+    age = (now - max(starts)).total_seconds() / 86400.0 if starts else math.inf
+    found = f"{age:.0f} days ago" if starts else "never measured here"
+    yield passed_if(
+        f"golden gear {watching.golden_gear}",
+        age <= watching.golden_days,
+        found,
+        f"Measure it: rig run friction --gear {watching.golden_gear}, then rig bench check.",
+        where="bench",
+        allowed=f"every {watching.golden_days:g} days",
+        otherwise=Severity.WARNS,
     )
 
 

@@ -70,6 +70,7 @@ def test_a_command_that_writes_a_document_keeps_its_output(tmp_path: Path) -> No
 
 
 ADDED = {
+    "rig bench check",
     "rig bench learn",
     "rig bench show",
     "rig commission",
