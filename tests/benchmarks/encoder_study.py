@@ -48,7 +48,7 @@ def made(folder: Path, bench: int, population: str) -> tuple[list[Path], list[Pa
     """The runs of the eight gears of a bench, and those of one gear at three angles."""
     several = [(100 * bench + n, 2, 45.0 * n) for n in range(GEARS)]
     return (
-        [_run(folder / "several", bench, *one, population) for one in several],
+        [made_run(folder / "several", bench, *one, population) for one in several],
         made_alone(folder, bench, population),
     )
 
@@ -56,10 +56,10 @@ def made(folder: Path, bench: int, population: str) -> tuple[list[Path], list[Pa
 def made_alone(folder: Path, bench: int, population: str) -> list[Path]:
     """The runs of one gear at three angles."""
     turned = [(100 * bench + GEARS, 2 + n, turn) for n, turn in enumerate(TURNS)]
-    return [_run(folder / "alone", bench, *one, population) for one in turned]
+    return [made_run(folder / "alone", bench, *one, population) for one in turned]
 
 
-def _run(folder: Path, bench: int, gear: int, mount: int, turn: float, population: str) -> Path:
+def made_run(folder: Path, bench: int, gear: int, mount: int, turn: float, population: str) -> Path:
     """One run, made and analysed where it is not there."""
     serial = f"G-{gear}-{mount}"
     there = sorted(folder.glob(f"*-kinematic_error-{serial.replace('-', '_')}.h5"))

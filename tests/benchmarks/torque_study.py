@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.errors import AnalysisError
 from experiments.truth import truth_of, truth_rows
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -92,7 +93,10 @@ def bench_result(folder: Path, bench: int, population: str) -> dict[str, Any]:
     told["lag"] = learnt.lags["torque"]
     told["true_lag"] = truth["torque_port"]["lag"]
     if bench % 10 == 0:
-        told |= _running_torque(folder, bench, population, learnt)
+        try:
+            told |= _running_torque(folder, bench, population, learnt)
+        except AnalysisError as error:
+            told["refused"] = str(error)
     return told
 
 
