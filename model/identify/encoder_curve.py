@@ -144,6 +144,12 @@ def singular_orders(angles: Sequence[float]) -> tuple[int, ...]:
     return tuple(k for k in CERTIFIED_ORDERS if _resultant(k, angles) > SINGULAR)
 
 
+def is_parted(order: int, mounted: Sequence[Mounted]) -> bool:
+    """Whether stated angles part an order of the encoder from what the gears share."""
+    angles = [one.angle for one in mounted if one.angle is not None]
+    return len(angles) == len(mounted) and _resultant(order, angles) <= SINGULAR
+
+
 def _resultant(order: int, angles: Sequence[float]) -> float:
     return abs(sum(cmath.exp(1j * order * angle) for angle in angles)) / len(angles)
 
@@ -167,7 +173,7 @@ def _order(order: int, mounted: Sequence[Mounted], seat: float) -> tuple[LearntO
     """One order, and what the gears share of it (of one gear: its own)."""
     values = np.array([one.waves[order - 1] for one in mounted])
     angles = [one.angle for one in mounted if one.angle is not None]
-    parted = len(angles) == len(mounted) and _resultant(order, angles) <= SINGULAR
+    parted = is_parted(order, mounted)
     turned = (
         np.exp(1j * order * np.array(angles))
         if len(angles) == len(mounted)

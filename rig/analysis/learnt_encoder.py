@@ -20,6 +20,7 @@ from experiments.angle.certified import certified_angle, index_mark
 from experiments.recording import Recording, RunMetadata
 from experiments.result import Result
 from model.angle_certificate import CERTIFIED_ORDERS, COVERAGE_FACTOR
+from model.identify.encoder_contradiction import CHANCE, contradiction
 from model.identify.encoder_curve import (
     ComplexArray,
     LearntCurve,
@@ -58,6 +59,7 @@ class Observation:
     mounting: str = ""
     sha256: str = ""
     origin: str = ""
+    start: str = ""
     mounted: Mounted | None = None
     skipped: str = ""
 
@@ -141,7 +143,9 @@ def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
             limit="kinematic-error runs of one bench and one encoder, analysed, with index marks",
             remedy="Name the bench: --bench ID." if kinds else "Analyse them first: rig fit RUN.",
         )
+    taught.sort(key=lambda one: one.start)
     mounted = tuple(_by_mounting(taught))
+    _refuse_contradiction(mounted, taught)
     curve = learnt_curve(mounted, assumed_seat())
     if isinstance(curve, str):
         raise ConfigurationError(
@@ -156,6 +160,33 @@ def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
         mounted=mounted,
         taught=tuple(taught),
         skipped=tuple(one for one in seen if one.mounted is None),
+    )
+
+
+def _refuse_contradiction(mounted: Sequence[Mounted], taught: Sequence[Observation]) -> None:
+    """Raise `ConfigurationError` where the mountings cannot be of one encoder and one mark."""
+    found = contradiction(mounted)
+    if found is None:
+        return
+
+    gear = mounted[found.place].gear
+    named = next(f"{one.run.name} (gear {gear})" for one in taught if one.gear == gear)
+    words, remedy = {
+        "exchanged": (
+            f"are of two encoders, or their index mark slipped: from {named} on they do not go with those before",
+            "Learn from the runs before it, or from those after.",
+        ),
+        "beside": (
+            f"do not go together: {named} stands beside all others",
+            "Look at its mounting and its index marks, or leave it out.",
+        ),
+    }[found.what]
+    raise ConfigurationError(
+        words,
+        where="these runs",
+        value=f"chance {found.chance:.1g}",
+        limit=f">= {CHANCE:g}",
+        remedy=remedy,
     )
 
 
@@ -215,6 +246,7 @@ def _observed(run: Path, recording: Recording, result: Result) -> Observation:
         mounting=which_mounting(metadata),
         sha256=sealed_sha256(run),
         origin=metadata.origin,
+        start=metadata.start_time,
         mounted=Mounted(
             gear=metadata.gear_serial, angle=angle, waves=seen[0] + taken, unseen=tuple(seen[1])
         ),

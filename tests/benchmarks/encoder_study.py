@@ -7,8 +7,8 @@ over all benches: the error of the complex orders 1 to 4 against the gears' own 
 how many of the orders 1 to 8 lie inside U, as they are and with a part that all gears share (0 to 3 arcsec, added to what
 the runs show, turned with each gear); on how many benches nothing stated is no certificate; and the transmission accuracy
 of every gear before and after, each corrected by what the others teach: U, and how often it holds the truth, also by
-bench. One gear more is mounted at 0, 30 and 150 degrees: the route of one gear, by `--one-gear` alone. What is made is not
-made again.
+bench. One gear more is mounted at 0, 30 and 150 degrees: the route of one gear, by `--one-gear` alone. `--contradictions`
+(by itself) exchanges an encoder, lets a mark slip, states a wrong angle, gives one gear two names. What is made is not made again.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ import numpy as np
 
 from experiments.truth import truth_of, truth_rows
 from model.gear_file import shipped_gear
+from model.identify.encoder_contradiction import contradiction
 from model.identify.encoder_curve import LearntCurve, Mounted, learnt_curve
 from model.motor import shipped_motor
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
@@ -46,11 +47,13 @@ TURNS = (0.0, 30.0, 150.0)
 
 def made(folder: Path, bench: int, population: str) -> tuple[list[Path], list[Path]]:
     """The runs of the eight gears of a bench, and those of one gear at three angles."""
+    return made_several(folder, bench, population), made_alone(folder, bench, population)
+
+
+def made_several(folder: Path, bench: int, population: str) -> list[Path]:
+    """The runs of the eight gears of a bench."""
     several = [(100 * bench + n, 2, 45.0 * n) for n in range(GEARS)]
-    return (
-        [made_run(folder / "several", bench, *one, population) for one in several],
-        made_alone(folder, bench, population),
-    )
+    return [made_run(folder / "several", bench, *one, population) for one in several]
 
 
 def made_alone(folder: Path, bench: int, population: str) -> list[Path]:
@@ -180,6 +183,70 @@ def _accuracy(run: Path) -> dict[str, float]:
     }
 
 
+def contradicted(mounted: Sequence[Mounted], other: Sequence[Mounted]) -> dict[str, list[Mounted]]:
+    """The mountings of a bench as they would be if something were wrong; `other` are those of another bench."""
+    orders = np.arange(1, ORDERS + 1)
+    here, there = (
+        np.array([order.wave for order in known(some).orders]) for some in (mounted, other)
+    )
+    slipped = np.exp(1j * orders * 20.0 * DEGREE)
+    third, sixth = mounted[2], mounted[5]
+    assert third.angle is not None
+    assert sixth.angle is not None
+    own = (third.waves - here) * np.exp(1j * orders * (sixth.angle - third.angle))
+    again = sixth.waves - here - own
+    noise = np.where(orders == 1, abs(again), 0.02 * ARCSEC) * np.exp(1j * np.angle(again))
+    return {
+        "as it is": list(mounted),
+        "encoder exchanged after three": [
+            replace(one, waves=one.waves + (there - here if k >= 3 else 0.0))
+            for k, one in enumerate(mounted)
+        ],
+        "index mark slipped by 20 degrees after four": [
+            replace(one, waves=one.waves * (slipped if k >= 4 else 1.0))
+            for k, one in enumerate(mounted)
+        ],
+        "an angle wrong by 10 degrees": [
+            replace(one, angle=(one.angle or 0.0) + (10.0 * DEGREE if k == 3 else 0.0))
+            for k, one in enumerate(mounted)
+        ],
+        "two gears that are one": [
+            replace(one, waves=here + own + noise) if k == 5 else one
+            for k, one in enumerate(mounted)
+        ],
+    }
+
+
+def known(mounted: Sequence[Mounted]) -> LearntCurve:
+    """What the mountings of a bench teach; they are enough."""
+    curve = learnt_curve(mounted)
+    assert isinstance(curve, LearntCurve)
+    return curve
+
+
+def told_of_contradictions(folder: Path, benches: Sequence[int], population: str) -> str:
+    """Of every wrong: on how many benches it is refused, and how much of what is not lies inside U."""
+    seen = [
+        [observed(run).mounted for run in made_several(folder / str(n), n, population)]
+        for n in benches
+    ]
+    whole = [[one for one in some if one is not None] for some in seen]
+    lines: list[str] = []
+    cases: dict[str, list[tuple[bool, int]]] = {}
+    for place, bench in enumerate(benches):
+        true = truth_of_encoder(bench, population)
+        for name, some in contradicted(whole[place], whole[place - 1]).items():
+            refused = contradiction(some) is not None
+            cases.setdefault(name, []).append((refused, sum(inside(known(some), true))))
+    for name, found in cases.items():
+        refused = sum(one for one, _ in found)
+        kept = [hits for one, hits in found if not one]
+        lines.append(
+            f"{name}: refused {refused} of {len(found)}; of the others {sum(kept)} of {ORDERS * len(kept)} inside U"
+        )
+    return "\n".join(lines)
+
+
 def told(results: Sequence[dict[str, Any]]) -> str:
     """What all benches say."""
     error = np.array([one["error"] for one in results])
@@ -241,8 +308,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=83000)
     parser.add_argument("--population", default="narrow")
     parser.add_argument("--one-gear", action="store_true", help="the route of one gear alone")
+    parser.add_argument("--contradictions", action="store_true", help="what is wrong, and found")
     asked = parser.parse_args()
     benches = range(asked.first, asked.first + asked.benches)
+    if asked.contradictions:
+        print(told_of_contradictions(asked.folder, benches, asked.population))
+        return
     if asked.one_gear:
         seen = [made_alone(asked.folder / f"bench-{n}", n, asked.population) for n in benches]
         truths = [truth_of_encoder(n, asked.population) for n in benches]

@@ -226,6 +226,20 @@ def test_what_tells_nothing_is_said_by_its_reason(runs: list[Path], tmp_path: Pa
         learn(runs[:2])
 
 
+def test_runs_of_two_encoders_are_refused_by_the_run_from_which_on_it_is_another(
+    runs: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = {run: observed(run) for run in runs[:GEARS]}
+    slipped = np.exp(1j * np.arange(1, 9) * 20.0 * DEGREE)
+    for run in runs[3:GEARS]:
+        mounted = seen[run].mounted
+        assert mounted is not None
+        seen[run] = replace(seen[run], mounted=replace(mounted, waves=mounted.waves * slipped))
+    monkeypatch.setattr("rig.analysis.learnt_encoder.observed", seen.get)
+    with pytest.raises(ConfigurationError, match=r"two encoders.*00004-kinematic_error-G_3"):
+        learn(reversed(runs[:GEARS]))
+
+
 def test_the_angle_is_that_of_the_card_where_no_simulated_world_states_one(
     runs: list[Path],
 ) -> None:
