@@ -55,6 +55,19 @@ def test_one_mounting_beside_all_others_is_told() -> None:
     assert (found.what, found.place) == ("beside", 5)
 
 
+def test_an_order_that_some_runs_do_not_show_says_nothing() -> None:
+    some = mountings(6)
+    hidden = [
+        replace(
+            one,
+            waves=np.where(ORDERS == 5, 0.06 * ARCSEC if n == 7 else 0.0, one.waves),
+            unseen=tuple((0.07 * ARCSEC if n < 7 and k == 5 else 0.0) for k in ORDERS),
+        )
+        for n, one in enumerate(some)
+    ]
+    assert contradiction(hidden) is None
+
+
 def test_sound_mountings_and_too_few_of_them_say_nothing() -> None:
     assert [contradiction(mountings(seed)) for seed in range(40)] == [None] * 40
     few = changed(mountings(3, 5), 2, 5, 77)
