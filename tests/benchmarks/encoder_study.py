@@ -247,6 +247,32 @@ def told_of_contradictions(folder: Path, benches: Sequence[int], population: str
     return "\n".join(lines)
 
 
+def told_of_both(folder: Path, benches: Sequence[int], population: str) -> str:
+    """R.m.s. error of the orders 1 to 8 by eight gears, by one gear, and by both routes in one model."""
+    routes: dict[str, list[list[float]]] = {"eight gears": [], "one gear": [], "both": []}
+    for bench in benches:
+        several, alone = made(folder / str(bench), bench, population)
+        true = truth_of_encoder(bench, population)
+        seat = assumed_seat()
+        for name, runs in (
+            ("eight gears", several),
+            ("one gear", alone),
+            ("both", several + alone),
+        ):
+            some = [one for run in runs if (one := observed(run).mounted) is not None]
+            curve = learnt_curve(some, seat)
+            assert isinstance(curve, LearntCurve)
+            errors = [abs(one.wave - true[one.order - 1]) / ARCSEC for one in curve.orders]
+            routes[name].append(errors)
+    rms = {name: np.sqrt((np.array(errors) ** 2).mean(axis=0)) for name, errors in routes.items()}
+    better = np.minimum(rms["eight gears"], rms["one gear"])
+    lines = [
+        f"{name}: {', '.join(f'{v:.3f}' for v in found)} arcsec" for name, found in rms.items()
+    ]
+    lines.append(f"both over the better: {', '.join(f'{v:.2f}' for v in rms['both'] / better)}")
+    return "\n".join(lines)
+
+
 def told(results: Sequence[dict[str, Any]]) -> str:
     """What all benches say."""
     error = np.array([one["error"] for one in results])
@@ -309,10 +335,14 @@ def main() -> None:
     parser.add_argument("--population", default="narrow")
     parser.add_argument("--one-gear", action="store_true", help="the route of one gear alone")
     parser.add_argument("--contradictions", action="store_true", help="what is wrong, and found")
+    parser.add_argument("--both", action="store_true", help="both routes together")
     asked = parser.parse_args()
     benches = range(asked.first, asked.first + asked.benches)
     if asked.contradictions:
         print(told_of_contradictions(asked.folder, benches, asked.population))
+        return
+    if asked.both:
+        print(told_of_both(asked.folder, benches, asked.population))
         return
     if asked.one_gear:
         seen = [made_alone(asked.folder / f"bench-{n}", n, asked.population) for n in benches]
