@@ -132,6 +132,7 @@ def learnt_curve(mounted: Sequence[Mounted], seat: float = 0.0) -> LearntCurve |
         return f"{len(gears)} gears; at least {LEAST_GEARS} are needed, eight are better, at spread stated angles"
     # Where some angles are not stated, only those that are part anything; with too few the mean of all is taken.
     used = stated if len(stated) >= max(LEAST_VALUES, len(mounted) // 2) else list(mounted)
+    gears = tuple(dict.fromkeys(one.gear for one in used))
     orders = _orders(used, seat if len(gears) == 1 and len(used) < MOUNTINGS_OF_A_SEAT else 0.0)
     if len(gears) == 1 and not all(one.way == "parted" for one in orders[:4]):
         named = ", ".join(str(one.order) for one in orders if one.way == "mean")

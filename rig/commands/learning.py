@@ -383,7 +383,7 @@ def _print(learnt: Learnt, path: Path | None) -> None:
     )
     console().print(painted(grid.without_empty()))
     echo(
-        f"{len(curve.gears)} gears in {curve.mountings} mountings; U of the curve "
+        f"{len(curve.gears)} gear{'s' * (len(curve.gears) > 1)} in {curve.mountings} mountings; U of the curve "
         f"{number(curve.expanded_uncertainty / ARCSEC, 2)} arcsec. Not traceable: no laboratory vouches for it."
     )
     for one in learnt.skipped:
