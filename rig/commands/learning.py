@@ -99,31 +99,84 @@ def learn(
         print_json({"learnt": told})
 
 
+_CONFIG = typer.Option("--config", metavar="FILE", help="The rig's description; rig.toml without.")
+
+
 @bench.command("show")
 def show(
     folder: Annotated[Path, _RUNS] = Path("runs"),
+    config: Annotated[Path | None, _CONFIG] = None,
     json: Json = False,
 ) -> None:
-    """Show what was learnt of the benches whose runs lie in a folder, what it rests on, and until when it holds."""
+    """Show what the benches of a folder know of themselves: learnt curves and scales, motor tares, the golden gear.
+
+    Each with its date, its age and until when it holds. What was commissioned is told by `rig commission --list`.
+    """
     from rig.content.grid import Grid, columns
     from rig.errors import ConfigurationError
 
-    found = [*_curves(folder), *_scales(folder)]
-    if not found:
+    learnt, tares = [*_curves(folder), *_scales(folder)], list(_tares(folder))
+    if not learnt and not tares:
         raise ConfigurationError(
-            "holds nothing that a bench learnt",
+            "holds nothing that a bench learnt, and no tare",
             where=str(folder),
             remedy=f"Learn its instruments: rig bench learn --runs {folder}",
         )
+    golden = _golden(folder, config)
     if json:
-        print_json({"learnt": found})
+        print_json({"learnt": learnt, "tares": tares, "golden": golden})
         return
-    heads = columns("file", "bench", "what", "rests on", "date", "due", ("U", "number"))
-    rows = [
-        tuple(str(one[key] or "") for key in ("file", "bench", "of", "basis", "date", "due", "u"))
-        for one in found
-    ]
-    console().print(painted(Grid("What the benches learnt of themselves", heads, rows)))
+    heads = columns(
+        "file", "bench", "what", "rests on", ("age [d]", "number"), "due", ("U", "number")
+    )
+    keys = ("file", "bench", "of", "basis", "age_days", "due", "u")
+    rows = [tuple(str(one[key] or "") for key in keys) for one in learnt]
+    out = console()
+    if rows:
+        out.print(painted(Grid("What the benches learnt of themselves", heads, rows)))
+    heads = columns("run", "bench", ("age [d]", "number"))
+    rows = [tuple(str(one[key]) for key in ("run", "bench", "age_days")) for one in tares]
+    if rows:
+        out.print(painted(Grid("Motor tares, the newest first", heads, rows)))
+    if golden is not None:
+        echo(f"golden gear {golden['gear']}: {golden['found']}")
+
+
+def _days_since(text: str) -> int:
+    """Whole days from a date or a time to now."""
+    return (datetime.now(UTC).date() - date.fromisoformat(text[:10])).days
+
+
+def _tares(folder: Path) -> Iterator[dict[str, object]]:
+    """The complete motor tares of a folder, the newest first; five are enough."""
+    from rig.library.index import LibraryIndex
+
+    runs = [run for run in LibraryIndex(folder).search(protocol="motor-tare") if run.is_complete]
+    for run in sorted(runs, key=lambda one: one.start, reverse=True)[:5]:
+        yield {
+            "run": run.run_id,
+            "bench": run.bench,
+            "started": run.start,
+            "age_days": _days_since(run.start),
+        }
+
+
+def _golden(folder: Path, config: Path | None) -> dict[str, object] | None:
+    """What the golden gear says, where one is named."""
+    from rig.analysis.alarm.laboratory import watching_in_force
+    from rig.analysis.golden import golden_check
+    from rig.errors import RigError
+
+    serial = watching_in_force(config).golden_gear
+    if not serial:
+        return None
+    try:
+        found = golden_check(folder, serial, datetime.now(UTC))
+    except RigError as error:
+        return {"gear": serial, "found": str(error), "changed": None}
+    state = "changed" if found.is_changed else "no change seen"
+    words = f"{state}, newest run {found.newest}, {found.age_days:.0f} days old"
+    return {"gear": serial, "found": words, "changed": found.is_changed}
 
 
 @bench.command("check")
@@ -133,10 +186,7 @@ def check(
         str,
         typer.Option("--gear", metavar="SERIAL", help="The golden gear; rig.toml names it else."),
     ] = "",
-    config: Annotated[
-        Path | None,
-        typer.Option("--config", metavar="FILE", help="The rig's description; rig.toml without."),
-    ] = None,
+    config: Annotated[Path | None, _CONFIG] = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", metavar="FILE", help="The chart as HTML or PDF."),
@@ -186,6 +236,7 @@ def _curves(folder: Path) -> Iterator[dict[str, object]]:
             "encoder": one.header.serial_number,
             "basis": f"{one.header.learnt}, {len(one.header.without)} gears",
             "date": one.header.date.isoformat(),
+            "age_days": _days_since(one.header.date.isoformat()),
             "due": None if one.header.due is None else one.header.due.isoformat(),
             "gears": sorted(one.header.without),
             "expanded_uncertainty": largest,
@@ -207,6 +258,7 @@ def _scales(folder: Path) -> Iterator[dict[str, object]]:
                 "of": f"scale of {one.name}",
                 "basis": scale.certificate,
                 "date": scale.date.isoformat(),
+                "age_days": _days_since(scale.date.isoformat()),
                 "due": None if scale.due is None else scale.due.isoformat(),
                 "gain": one.gain,
                 "expanded_uncertainty": 2.0 * one.relative_uncertainty,

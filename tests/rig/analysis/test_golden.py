@@ -69,6 +69,8 @@ def test_the_command_ends_with_1_where_the_bench_changed(
     analysed(history, VALUES)
     told = rig.json("bench", "check", "--runs", history, "--gear", "A1")
     assert (told["changed"], told["gear"]) == (False, "A1")
+    # No tare, and nothing learnt: nothing to show.
+    assert rig("bench", "show", "--runs", history) == 2
 
 
 @pytest.mark.parametrize(("days", "is_due"), [(30.0, False), (5.0, True)])

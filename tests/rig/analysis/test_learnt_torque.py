@@ -195,8 +195,17 @@ def test_the_command_learns_and_shows_it(
         assert "exists already" in rig.err
         named = folder / f"{SCALE_PREFIX}-x.toml"
         assert rig("bench", "learn", "--runs", folder, "--output", named) == 0
-        shown = rig.json("bench", "show", "--runs", folder)["learnt"]
-        assert [one["of"] for one in shown] == ["scale of torque", "scale of drive_torque"]
+        config = folder / "rig.toml"
+        config.write_text('[alarms]\ngolden_gear = "TARE"\n')
+        shown = rig.json("bench", "show", "--runs", folder, "--config", config)
+        assert [one["of"] for one in shown["learnt"]] == [
+            "scale of torque",
+            "scale of drive_torque",
+        ]
+        assert [one["run"] for one in shown["tares"]] == ["00003-motor_tare-TARE"]
+        assert shown["golden"]["changed"] is None
+        assert rig("bench", "show", "--runs", folder) == 0
+        assert "Motor tares" in rig.out
     finally:
         for file in (*folder.glob("scale.toml*"), *folder.glob(f"{SCALE_PREFIX}*")):
             file.chmod(0o600)
