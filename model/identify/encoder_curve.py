@@ -286,6 +286,9 @@ def _least(criterion: Callable[[float], float], low: float, high: float) -> floa
 def _satterthwaite(*parts: tuple[float, float]) -> float:
     """Degrees of freedom of a sum of variances, each with its own (Welch and Satterthwaite)."""
     whole = sum(variance for variance, _ in parts)
+    if not whole > 0.0:
+        # An order that no run shows: nothing was estimated of it.
+        return ASSUMED_FREEDOM
     return whole**2 / sum(variance**2 / freedom for variance, freedom in parts)
 
 

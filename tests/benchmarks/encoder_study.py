@@ -254,12 +254,14 @@ def told_of_both(folder: Path, benches: Sequence[int], population: str) -> str:
         several, alone = made(folder / str(bench), bench, population)
         true = truth_of_encoder(bench, population)
         seat = assumed_seat()
-        for name, runs in (
-            ("eight gears", several),
-            ("one gear", alone),
-            ("both", several + alone),
-        ):
-            some = [one for run in runs if (one := observed(run).mounted) is not None]
+        gears = [one for run in several if (one := observed(run).mounted) is not None]
+        # A run is found again by a serial number of its own: of the one gear they are one.
+        turned = [
+            replace(one, gear="alone")
+            for run in alone
+            if (one := observed(run).mounted) is not None
+        ]
+        for name, some in (("eight gears", gears), ("one gear", turned), ("both", gears + turned)):
             curve = learnt_curve(some, seat)
             assert isinstance(curve, LearntCurve)
             errors = [abs(one.wave - true[one.order - 1]) / ARCSEC for one in curve.orders]

@@ -104,6 +104,21 @@ def test_both_together_are_better_than_either() -> None:
     assert np.mean(np.square(errors["both"])) < 0.5 * np.mean(np.square(errors["several"]))
 
 
+def test_an_order_that_no_run_shows_is_known_no_better_than_it_could_be_seen() -> None:
+    plan = [list(THREE), *([angle] for angle in EIGHT)]
+    hidden = [
+        replace(
+            one,
+            waves=np.where(np.arange(1, 9) == 5, 0.0, one.waves),
+            unseen=tuple(0.06 * ARCSEC if k == 5 else 0.0 for k in range(1, 9)),
+        )
+        for one in World(4).mounted(plan)
+    ]
+    fifth = curve_of(hidden).orders[4]
+    assert fifth.wave == 0.0
+    assert fifth.standard_uncertainty == pytest.approx(0.03 * ARCSEC)
+
+
 def test_an_order_that_the_angles_turn_into_itself_is_told_as_a_mean_with_what_gears_share() -> (
     None
 ):
