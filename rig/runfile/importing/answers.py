@@ -53,11 +53,9 @@ def answered(proposal: Proposal, question: Question, answer: str) -> Proposal:
     if question.why == "channel":
         if answer not in question.usual:
             raise _not_one_of(question, answer)
+        asked = {name: question.about if name == answer else "" for name in question.usual}
         columns = [
-            replace(one, channel=question.about if one.heading == answer else "")
-            if one.heading in question.usual
-            else one
-            for one in proposal.columns
+            replace(one, channel=asked.get(one.heading, one.channel)) for one in proposal.columns
         ]
         return settle(replace(made, columns=tuple(columns)))
     if question.why == "unit":
@@ -75,12 +73,13 @@ def answered(proposal: Proposal, question: Question, answer: str) -> Proposal:
 def only(columns: Sequence[ProposedColumn], member: str) -> list[ProposedColumn]:
     """The columns with the channels of one member, and those that belong to all."""
     several = {one.meant for one in columns if one.member == member and one.meant}
-    return [
-        replace(one, channel=one.meant if one.member == member else "")
-        if one.meant in several
-        else one
-        for one in columns
-    ]
+
+    def chosen(one: ProposedColumn) -> ProposedColumn:
+        if one.meant not in several:
+            return one
+        return replace(one, channel=one.meant if one.member == member else "")
+
+    return [chosen(one) for one in columns]
 
 
 def settle(proposal: Proposal) -> Proposal:

@@ -112,6 +112,10 @@ def _read(heading: str) -> Heading:
     return Heading(channel, unit if _fits(unit, channel) else "", member, why)
 
 
+_SIDES = (("input", _INPUT), ("output", _OUTPUT))
+"""Words of either side of the gear; where both are there, it is the input's."""
+
+
 def _channel_of(words: list[str]) -> str:
     there = frozenset(words)
     if there & (_WANTED | _NOT_A_SIGNAL):
@@ -119,7 +123,7 @@ def _channel_of(words: list[str]) -> str:
     kind = next((kind for kind in _ORDER if _KINDS[kind] & there), "")
     if kind == "temperature" and there & _ROOM:
         return "ambient_temperature"
-    side = "input" if there & _INPUT else "output" if there & _OUTPUT else ""
+    side = next((name for name, theirs in _SIDES if there & theirs), "")
     return _CHANNELS.get((kind, side), _CHANNELS.get((kind, ""), ""))
 
 
