@@ -368,8 +368,10 @@ def _legend(first: Axes, lower: Sequence[Axes], plot: Plot, size: tuple[float, f
 def _columns(labels: Sequence[str], room: float, letters: float) -> int:
     """Into how many columns a legend goes that has this room [inch] and letters of this size [pt]."""
     for count in range(len(labels), 1, -1):
-        rows = -(-len(labels) // count)
-        columns = [labels[first : first + rows] for first in range(0, len(labels), rows)]
+        # The first columns are longer by one where they are not even: no column stays away.
+        rows, longer = divmod(len(labels), count)
+        ends = [(column + 1) * rows + min(column + 1, longer) for column in range(count)]
+        columns = [labels[first:last] for first, last in zip((0, *ends), ends, strict=False)]
         widths = [max(map(len, column)) * letters * LETTER_WIDTH + SIGN for column in columns]
         if sum(widths) <= room:
             return count

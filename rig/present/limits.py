@@ -10,9 +10,8 @@ import numpy as np
 from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Series, Verdict
 from rig.analysis.fit import Fit
+from rig.present.paper_figures import paper_figures
 
-TWICE = frozenset({"friction-curve-low"})
-"""Figures that another one shows enlarged beside itself."""
 _MARK = 0.06
 """Half the length of a limit's line over the speed at which it holds, as a share of the largest speed."""
 
@@ -20,7 +19,7 @@ _MARK = 0.06
 def with_limits(fit: Fit, lines: Sequence[Verdict]) -> Fit:
     """A fit whose figures show the limits that its quantities were held against."""
     own = [line for line in lines if (line.run, line.kind) == (fit.result.run, fit.result.kind)]
-    plots = tuple(_limited(plot, own) for plot in fit.result.plots if plot.name not in TWICE)
+    plots = tuple(_limited(plot, own) for plot in paper_figures(fit.result.plots))
     return replace(fit, result=replace(fit.result, plots=plots))
 
 

@@ -28,6 +28,7 @@ from rig.analysis.adopt import compare_with
 from tests.experiments.conftest import SERIES
 from tests.experiments.synthetic import Bench, record
 
+SPEEDS = (60, 120, 1800, 2950)
 WHOLE = tuple(h for h in SERIES if h.order in (1.0, 2.0, 4.0))
 
 
@@ -40,7 +41,7 @@ def elastic_gear(gear: HarmonicDrive) -> HarmonicDrive:
 @pytest.fixture(scope="module")
 def run(elastic_gear: HarmonicDrive) -> Recording:
     parameters = velocity_steps_declaration.Parameters(
-        speeds_rpm=(60.0, 120.0, 1800.0, 2950.0), repeats=1, duration=1.0
+        speeds_rpm=tuple(map(float, SPEEDS)), repeats=1, duration=1.0
     )
     plan = velocity_steps_plan.plan(parameters, elastic_gear)
     return record(plan, Bench(gear=elastic_gear, error=WHOLE, elastic=True), "velocity-steps")
@@ -118,8 +119,15 @@ def test_without_an_identified_error_the_steps_give_one(
 
 
 def test_one_figure_19_per_speed(result: Result) -> None:
-    figures = [p for p in result.plots if p.figure == "19"]
+    together, *figures = [p for p in result.plots if p.figure == "19"]
     assert len(figures) == 4
+    assert [s.label for s in together.of_panel(0)] == [f"{rpm} r/min" for rpm in SPEEDS]
+    for one, other in zip(together.of_panel(0), figures, strict=True):
+        own = next(s for s in other.of_panel(0) if s.label == "measured")
+        # Each over its own height: it ends where a gear that follows does.
+        assert np.median(one.y[-20:]) == pytest.approx(1.0, abs=0.05)
+        assert np.allclose(one.y / one.y[-1], own.y[: len(one.y)] / own.y[len(one.y) - 1])
+        assert one.x[-1] <= 0.3
     behind = {"rigid: command / N", "equation 2, unfitted"}
     for plot in figures:
         by_label = {s.label: s for s in plot.of_panel(0)}
@@ -145,7 +153,7 @@ def test_figure_19_is_driven_by_the_recorded_set_point(run: Recording, gear: Har
     asked = asked_for_more(run, share)
     scored = velocity_steps.compare(asked, gear, Evidence(gear))
     assert scored.options["input_of_figure_19"] == "commanded, the recorded set-point"
-    for plot in (p for p in scored.plots if p.figure == "19"):
+    for plot in (p for p in scored.plots if p.name.startswith("velocity-step-")):
         by_label = {s.label: s.y for s in plot.of_panel(0)}
         rows = slice(len(by_label["measured"]) // 2, None)
         simulated = float(by_label[f"{gear.name} from command"][rows].mean())

@@ -71,10 +71,38 @@ def _figure_19(
         other = chosen.get(key)
         if other is None or (steps[other].segment.direction < 0 < step.segment.direction):
             chosen[key] = place
-    return [
+    figures = [
         _step_figure(rpm, steps[place], scores[place], simulation, label, paper)
         for rpm, place in sorted(chosen.items())
     ]
+    heights = [
+        steps[place].segment.setpoint / steps[place].data.ratio / RPM
+        for _, place in sorted(chosen.items())
+    ]
+    return [_all_speeds(sorted(chosen), figures, heights), *figures] if figures else []
+
+
+def _all_speeds(speeds: list[int], figures: list[Plot], heights: list[float]) -> Plot:
+    """All steps in one picture, each over its own height, and what is left of each by the command."""
+    series: list[Series] = []
+    for place, (rpm, figure, height) in enumerate(zip(speeds, figures, heights, strict=True)):
+        by_label = {one.label: one for one in figure.of_panel(0)}
+        measured = by_label["measured"]
+        left = figure.of_panel(1)[-1]
+        soon = measured.x <= SHOWN
+        x, y = measured.x[soon], measured.y[soon] / height
+        series.append(Series(label=f"{rpm} r/min", x=x, y=y, group=place))
+        series.append(Series(label="", x=x, y=left.y[soon] / height, group=place, panel=1))
+    return Plot(
+        name="velocity-steps",
+        title="Velocity steps at all speeds, each over its own height",
+        x_label="time [s]",
+        y_label="output speed / (command / N)",
+        series=tuple(series),
+        figure="19",
+        note="What is left: measured less simulated from the command. One is a rigid gear that follows at once.",
+        panels=(residual_panel("1"),),
+    )
 
 
 def _step_figure(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
 from functools import cache
 
 import matplotlib.axes
@@ -14,6 +15,7 @@ import pytest
 from experiments.result import Panel, Plot, Series
 from rig.present import figure as figures
 from rig.present.decimate import peak_rows, scatter_rows
+from rig.present.paper_figures import paper_figures
 from rig.present.series import LIMIT, NULL, PALETTE
 from tests.rig.handmade import friction_plot
 
@@ -150,8 +152,12 @@ def test_the_legend_hides_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
         seen.append(figure)
 
     monkeypatch.setattr(matplotlib.figure.Figure, "savefig", keep)
-    for size in (figures.FULL_WIDTH, figures.HALF_WIDTH):
-        figures.draw_png(friction_plot(), "simulated", size)
+    x = np.linspace(0.0, 1.0, 5)
+    eight = tuple(Series(label=f"{n}00 r/min", x=x, y=n * x, group=n) for n in range(10, 18))
+    several = replace(friction_plot(), series=eight, panels=())
+    for plot in (friction_plot(), several):
+        for size in (figures.FULL_WIDTH, figures.HALF_WIDTH):
+            figures.draw_png(plot, "simulated", size)
     for figure in seen:
         axes = figure.axes[0]
         legend = axes.get_legend()
@@ -159,6 +165,22 @@ def test_the_legend_hides_no_data(monkeypatch: pytest.MonkeyPatch) -> None:
         box = legend.get_window_extent()
         assert not box.overlaps(axes.get_window_extent())
         assert box.x1 <= figure.bbox.x1 + 1
+
+
+def test_of_the_steps_by_speed_paper_shows_the_one_that_is_told_worst() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+
+    def step(name: str, left: float) -> Plot:
+        series = (Series(label="measured", x=x, y=x), Series(label="", x=x, y=left * x, panel=1))
+        return replace(friction_plot(), name=name, series=series)
+
+    steps = [step("velocity-step-60", 0.1), step("velocity-step-600", 0.4)]
+    plots = [
+        step("velocity-steps", 9.0),
+        *steps,
+        replace(friction_plot(), name="friction-curve-low"),
+    ]
+    assert [plot.name for plot in paper_figures(plots)] == ["velocity-steps", "velocity-step-600"]
 
 
 def test_png_is_a_png() -> None:
