@@ -228,6 +228,15 @@ def test_friction_that_varies_over_the_output_is_brought_to_its_mean(
     assert result.metrics["friction_over_output_order_1"] == pytest.approx(0.02, rel=0.3)
     assert "place on the output" in result.options["points_brought_to"]
     assert result.estimates["coulomb"].value == pytest.approx(gear.mesh_friction.coulomb, rel=0.02)
+    # What was measured stands beside what it was brought to, and how far that is.
+    drawn = result.plots[0]
+    raw, corrected = (
+        next(s for s in drawn.series if s.label == label) for label in ("as measured", "corrected")
+    )
+    assert len(raw.x) == len(corrected.x)
+    moved = float(np.abs(raw.y - corrected.y).max())
+    assert moved > 0.1
+    assert f"moved points by up to {moved:.2g} mN m" in drawn.note
 
 
 def test_holds_in_which_the_input_stops_and_goes_are_left_out_and_named(

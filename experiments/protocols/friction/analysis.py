@@ -118,7 +118,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         estimates=estimates,
         metrics=metrics,
         warnings=(*measured.warnings, *fit.warnings, *standing.warnings),
-        plots=friction_plots(fit, brought.holds, measured.bracket, measured.tare),
+        plots=friction_plots(fit, brought.holds, measured.bracket, measured.tare, measured.every),
         tables=(
             fit_table(fit),
             point_table(measured.holds, measured.bracket, measured.tare),

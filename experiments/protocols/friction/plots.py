@@ -15,17 +15,24 @@ from model.arrays import FloatArray
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
 from model.identify.friction import FrictionFit
-from model.identify.running_torque import FrictionPoints, Tare
+from model.identify.running_torque import FrictionPoints, Tare, pair_directions
 from model.units import RPM
 
 _ENLARGED_BELOW_RPM = 100.0
 MILLI = 1e-3
+MEASURED = "measured, half-difference"
+_SEEN = 0.05
+"""mN m by which points must have been moved to be shown as they were measured too."""
 
 
 def friction_plots(
-    fit: FrictionFit, holds: list[Hold], bracket: list[Hold], tare: Tare | None
+    fit: FrictionFit,
+    holds: list[Hold],
+    bracket: list[Hold],
+    tare: Tare | None,
+    raw: list[Hold],
 ) -> tuple[Plot, ...]:
-    """Every figure of a friction run."""
+    """Every figure of a friction run; `raw` are the holds before anything was taken off them."""
     plots = [
         replace(
             _figure_9(
@@ -34,12 +41,44 @@ def friction_plots(
             enlarged=(0.0, _knee(fit)),
         ),
         _figure_9(fit, "friction-curve-low", "Enlargement of the low speeds", _ENLARGED_BELOW_RPM),
+    ]
+    plots = [_beside_raw(plot, fit, raw, tare) for plot in plots]
+    plots += [
         _figure_17(fit, holds, tare),
         _residuals(fit),
     ]
     if bracket:
         plots.append(_bracket(bracket))
     return tuple(plots)
+
+
+def _beside_raw(plot: Plot, fit: FrictionFit, raw: list[Hold], tare: Tare | None) -> Plot:
+    """Figure 9 with the points as they were measured, and how far they were moved; without, where none was."""
+    points = pair_directions([hold.torque for hold in raw])
+    own = np.zeros(len(points.speed)) if tare is None else tare.at(points.speed)[0]
+    torque = points.friction - own
+    fitted = np.interp(points.speed, fit.speed, fit.torque)
+    moved = float(np.abs(torque - fitted).max()) / MILLI
+    there = plot.of_panel(0)[0].x
+    if not moved > _SEEN or not len(there):
+        return plot
+    highest = float(there.max())
+    shown = points.speed / RPM <= highest * 1.001
+    as_measured = Series(
+        label="as measured",
+        x=points.speed[shown] / RPM,
+        y=torque[shown] / MILLI,
+        style="points",
+        role="null",
+    )
+    note = (
+        f"{plot.note}; warmth, place on the output, vibration and output bearing, taken off or brought to "
+        f"their mean, moved points by up to {moved:.2g} mN m from as measured"
+    )
+    series = [
+        replace(one, label="corrected") if one.label == MEASURED else one for one in plot.series
+    ]
+    return replace(plot, series=(as_measured, *series), note=note)
 
 
 def _knee(fit: FrictionFit) -> float:
@@ -68,7 +107,7 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
     )
     series = (
         Series(
-            label="measured, half-difference",
+            label=MEASURED,
             x=x,
             y=y,
             style="points",
@@ -231,7 +270,7 @@ def friction_prediction_plot(
     y = torque / MILLI
     series = (
         Series(
-            label="measured, half-difference",
+            label=MEASURED,
             x=points.speed / RPM,
             y=y,
             style="points",
