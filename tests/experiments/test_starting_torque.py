@@ -203,6 +203,16 @@ def test_the_budget_has_what_no_ramp_shows(honest: Result) -> None:
     assert lines["warmth of the motor"] == pytest.approx(5e-3 * found.value)
 
 
+def test_the_number_stands_in_its_picture_with_what_was_taken_off(honest: Result) -> None:
+    (plot,) = honest.plots
+    estimate = honest.estimates["starting_torque"]
+    line = next(one for one in plot.series if one.label == "starting torque")
+    assert line.y == pytest.approx([1e3 * estimate.value] * 2)
+    assert (
+        f"{1e3 * estimate.value:.3g} ± {1e3 * estimate.expanded_uncertainty:.2g} mN m" in plot.note
+    )
+
+
 def test_a_torque_that_reaches_zero_was_not_measured() -> None:
     quantities = catalogue.load("starting-torque").quantities
     for quantity in (q for q in quantities if q.is_above_zero):

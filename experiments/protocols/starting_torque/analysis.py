@@ -25,9 +25,10 @@ from experiments.protocols.starting_torque.declaration import NAME, SETTINGS
 from experiments.protocols.starting_torque.estimates import at_rest, conditions_of, estimates_of
 from experiments.protocols.starting_torque.quantities import QUANTITIES
 from experiments.recording import Recording, Segment
-from experiments.result import Plot, Result, Table, both_ways
+from experiments.result import Plot, Result, Series, Table, both_ways
 from experiments.setting import names_of
 from experiments.torque.zero import TorqueZero, torque_zero
+from model.identify.estimate import Estimate
 from model.units import DEGREE
 
 _LARGEST_DOUBTFUL = 0.25
@@ -81,7 +82,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             **warmth,
         },
         warnings=tuple(warnings),
-        plots=(_plot(ramps, balance),),
+        plots=(_plot(ramps, balance, estimates["starting_torque"]),),
         tables=(_table(ramps), budget_table(estimates.values())),
         options={"torque_is_of": "motor + gear", "output_bearing": bearing.words()},
     )
@@ -122,18 +123,25 @@ def _metrics(ramps: list[Breakaway]) -> dict[str, float]:
     }
 
 
-def _plot(ramps: list[Breakaway], balance: Balance) -> Plot:
+def _plot(ramps: list[Breakaway], balance: Balance, mean: Estimate) -> Plot:
+    """The torque of every ramp, and the number that the run is worth beside them."""
     direction, position, torque = np.array(
         [(b.direction, b.position, abs(b.torque)) for b in ramps]
     ).T
     y, spread = torque * 1e3, 1.96e3 * balance.scatter
     series = both_ways(direction, position / DEGREE, y, low=y - spread, high=y + spread)
+    ends = np.array([position.min(), position.max()]) / DEGREE
+    value, u = 1e3 * mean.value, 1e3 * mean.expanded_uncertainty
+    series.append(Series(label="starting torque", x=ends, y=np.full(2, value), group=2))
+    off = float(torque.mean()) * 1e3 - value
     return Plot(
         name="starting-torque",
         title="No-load starting torque over wave-generator position",
         x_label="wave-generator angle [deg]",
         y_label="starting torque, motor + gear [mN m]",
         series=tuple(series),
+        note=f"The line is the starting torque, {value:.3g} ± {u:.2g} mN m: the mean of both directions, "
+        f"{off:+.2g} mN m of it taken off for the output bearing and other places.",
     )
 
 
