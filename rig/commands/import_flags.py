@@ -42,6 +42,13 @@ Accept = Annotated[
         help="Take over what is proposed, in a script; what stays open is refused by name.",
     ),
 ]
+OpenPage = Annotated[
+    bool,
+    typer.Option(
+        "--open",
+        help="Fit what it can bear first, and open the page of it: numbers, pictures, or why not.",
+    ),
+]
 SaveMap = Annotated[
     Path | None,
     typer.Option(

@@ -59,6 +59,7 @@ def import_(
     drop_bad_rows: flags.DropBadRows = False,
     operator: flags.Operator = "",
     title: flags.Title = "",
+    open_page: flags.OpenPage = False,
     json: flags.Json = False,
 ) -> None:
     """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
@@ -104,19 +105,30 @@ def import_(
         "accuracy": _texts(accuracy, "--accuracy"),
     }
     is_named = bool(channel) or map_file is not None
-    way = _Way(is_named, check, accept, save_map, output, json)
+    way = _Way(
+        is_named=is_named,
+        check=check,
+        accept=accept,
+        save_map=save_map,
+        folder=output,
+        opens=open_page,
+        json=json,
+    )
     _carry_out(*_kind_and_files(words), _runs(map_file, said, stated), way)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _Way:
-    """How an import is carried out: channels named, only a look, proposals taken over and kept, where to, how told."""
+    """How an import is carried out: channels named, only a look, proposals taken over and kept, where to, how told,
+    and whether the page of it is opened.
+    """
 
     is_named: bool
     check: bool
     accept: bool
     save_map: Path | None
     folder: Path
+    opens: bool
     json: bool
 
 
@@ -132,31 +144,65 @@ def _carry_out(
         raise typer.BadParameter(
             f"{way.save_map}: is there already, or its folder is not", param_hint="--save-map"
         )
+    if way.opens and (way.check or way.json or len(runs) > 1):
+        raise typer.BadParameter(
+            "opens the page of one recording that was imported: not with --check, --json, or a map of several",
+            param_hint="--open",
+        )
     if way.check:
         _check(kind, files, runs, json=way.json)
         return
     if not way.is_named:
         runs = [_proposed(kind, files, runs[0], way)]
     _import(kind, files, runs, way.folder, json=way.json)
-    if not way.is_named and not way.json:
-        _say_what_it_is_good_for(kind, files, runs[0][1], way.folder)
-
-
-def _say_what_it_is_good_for(
-    kind: str, files: list[Path], options: ImportOptions, folder: Path
-) -> None:
-    """The kinds of fit that the recording can bear, as far as its channels tell; the first as a command."""
+    if way.json or (way.is_named and not way.opens):
+        return
     from rig.library.folder import run_files
+
+    good, newest = _good_for(kind, files, runs[0][1]), run_files(way.folder)[-1]
+    if good:
+        echo(f"  good for {', '.join(good)}")
+    if way.opens:
+        _open_page(good, newest)
+    elif good:
+        echo(f"  next  rig fit {good[0]} {newest}")
+
+
+def _good_for(kind: str, files: list[Path], options: ImportOptions) -> list[str]:
+    """The kinds of fit that the recording can bear, as far as its channels tell."""
     from rig.runfile.importing.looking import look_at
     from rig.runfile.importing.opening import open_tables
     from rig.runfile.importing.reach import reach_of
 
     reach = reach_of(look_at(open_tables(kind, files, options.form), options), options)
-    good = [name for name, why in reach.items() if not why]
-    if good:
-        newest = run_files(folder)[-1]
-        echo(f"  good for {', '.join(good)}")
-        echo(f"  next  rig fit {good[0]} {newest}")
+    return [name for name, why in reach.items() if not why]
+
+
+def _open_page(good: Sequence[str], run: Path) -> None:
+    """Fit the first kind that the recording bears and open the page of it; a refusal is the sentence why not."""
+    import webbrowser
+
+    from experiments.errors import AnalysisError
+    from rig.analysis.fit import store
+    from rig.analysis.fit_run import fit_run
+    from rig.gears.card import now_text
+    from rig.present.build import report_on_files
+
+    refused = (
+        "its channels tell nothing that can be fitted: rig fit --help says what each kind needs"
+    )
+    for name in good:
+        try:
+            fit = fit_run(run, name)
+        except AnalysisError as error:
+            refused = f"{name}: {error}"
+            continue
+        store(fit, now_text())
+        page = report_on_files([run], run.with_suffix(".html")).path
+        echo(f"  page  {page}")
+        webbrowser.open(page.absolute().as_uri())
+        return
+    echo(f"  no page: {refused}")
 
 
 def _kind_and_files(words: Sequence[str]) -> tuple[str, list[Path]]:

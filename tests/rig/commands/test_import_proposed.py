@@ -46,6 +46,21 @@ def stated(run: Path) -> dict[str, object]:
         return found
 
 
+def test_its_page_is_opened_with_the_numbers_of_what_it_bears(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    path = swinging(units=True)
+    code, out, _ = called(capsys, "import", str(path), "--accept", "--open")
+    assert code == 0
+    (page,) = Path("runs").glob("*.html")
+    assert opened == [page.absolute().as_uri()]
+    assert f"page  {page}" in out
+    assert "Coulomb friction" in page.read_text(encoding="utf-8")
+    assert called(capsys, "import", str(path), "--accept", "--open", "--json")[0] == 2
+
+
 def test_a_script_takes_over_what_has_evidence(capsys: pytest.CaptureFixture[str]) -> None:
     path = swinging(units=True)
     words = ("import", str(path), "--accept", "--operator", "A. Example", "--save-map", "map.toml")
