@@ -41,6 +41,8 @@ _STEPS = 5e-4
 """The same of what steps of the set-point leave of a torque that is sampled once in each, assumed: where the drive's
 gains are the same in all runs it does not depend on the inertia."""
 _LEVELS = "levels"
+BELIEVABLE = (0.5, 2.0)
+"""Gains of a torque channel beyond which it is the disc that is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,6 +148,7 @@ def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
     rotor = math.nan
     for channel in names:
         gain = _gain(taught, channel)
+        _refuse_unbelievable(channel, gain)
         gains[channel] = _estimate(channel, gain, taught, apart)
         rotor = gain.rotor_inertia if channel == "torque" else rotor
         if (lag := _lag(taught, channel)) is not None:
@@ -163,6 +166,19 @@ def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
         taught=tuple(taught),
         skipped=tuple(one for one in seen if one.skipped),
     )
+
+
+def _refuse_unbelievable(channel: str, gain: Gain) -> None:
+    """Raise `ConfigurationError` for a gain that no scale has: the disc that is stated was not the one that turned."""
+    low, high = BELIEVABLE
+    if not (low <= gain.gain <= high and gain.rotor_inertia > 0.0):
+        raise ConfigurationError(
+            "shows another inertia than the one that is stated",
+            where=f"{channel} of these runs",
+            value=f"gain {gain.gain:.3g}, rotor {1e4 * gain.rotor_inertia:.3g} kg cm2",
+            limit=f"a gain of {low:g} to {high:g}, a rotor above 0",
+            remedy="Look whether the disc was mounted, and whether its inertia and unit are right.",
+        )
 
 
 def _seen(run: Path) -> TorqueRun:

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from experiments.protocols.torque_scale.disc import disc_of
 from experiments.tares.motor_heat import motor_heat
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
@@ -178,6 +179,20 @@ def test_one_inertia_teaches_no_scale(runs: list[Path]) -> None:
         learn_torque(runs[:1])
     with pytest.raises(ConfigurationError, match="hold no run"):
         learn_torque(runs[2:])
+
+
+def test_a_disc_that_was_not_mounted_is_refused(
+    runs: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bare motor twice, the second time said to have a disc."""
+
+    def said(parameters: Any) -> Any:
+        return disc_of({**parameters, **(DISC if next(turn) else {})})
+
+    turn = iter([False, True])
+    monkeypatch.setattr("rig.analysis.learnt_torque.disc_of", said)
+    with pytest.raises(ConfigurationError, match="another inertia"):
+        learn_torque([runs[0], runs[0]])
 
 
 def test_the_command_learns_and_shows_it(
