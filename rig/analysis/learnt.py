@@ -9,12 +9,12 @@ what the description states or nobody stated.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from experiments.recording import Recording, RunMetadata
 from model.channel import Channel
@@ -110,12 +110,30 @@ def _read(paths: Sequence[Path], read: Callable[[str, bytes], _File]) -> list[_F
     return found
 
 
-def with_learnt(recording: Recording, folder: Path) -> Recording:
-    """The recording with what its bench learnt of the output encoder and of the torque."""
-    return with_learnt_scale(with_learnt_curve(recording, folder), folder)
+def with_learnt(recording: Recording, folder: Path, named: str | None = None) -> Recording:
+    """The recording with what its bench learnt of the output encoder and of the torque; `named`: only by the files that
+    an analysis names.
+    """
+    return with_learnt_scale(with_learnt_curve(recording, folder, named), folder, named)
 
 
-def with_learnt_scale(recording: Recording, folder: Path) -> Recording:
+def as_analysed(recording: Recording, folder: Path, options: Mapping[str, Any]) -> Recording:
+    """The recording as an analysis with these options took it. Raises `RunFileError` where what it took of its bench is
+    gone.
+    """
+    named = " ".join(str(options.get(option, "")) for option in ("certificates", "torque_scale"))
+    taken = with_learnt(recording, folder, named)
+    for prefix, channel in ((PREFIX, CHANNEL), (SCALE_PREFIX, "torque")):
+        if prefix in named and taken.signals[channel] is recording.signals[channel]:
+            raise RunFileError(
+                "rests on what its bench learnt, and that file is gone or another one",
+                where=recording.metadata.run_id,
+                value=next(word for word in named.split() if word.startswith(prefix)).rstrip(","),
+            )
+    return taken
+
+
+def with_learnt_scale(recording: Recording, folder: Path, named: str | None = None) -> Recording:
     """The recording with the torque scale that was learnt on its bench, in place of the one that it was made with."""
     metadata = recording.metadata
     if metadata.experiment == SCALE_KIND or not bench_of(metadata):
@@ -126,6 +144,7 @@ def with_learnt_scale(recording: Recording, folder: Path) -> Recording:
             (scale.bench, scale.origin) == (bench_of(metadata), metadata.origin)
             and scale.motor == motor_of(metadata)
             and not _is_due(scale.due, metadata)
+            and (named is None or _name_of(file) in named)
         )
         fitting = {
             one.name: scaled(recording.signals[one.name], one, scale, _name_of(file))
@@ -178,7 +197,7 @@ def _is_due(due: date | None, metadata: RunMetadata) -> bool:
     return due is not None and metadata.start_time[:10] > due.isoformat()
 
 
-def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
+def with_learnt_curve(recording: Recording, folder: Path, named: str | None = None) -> Recording:
     """The recording with the curve of its output encoder that was learnt on its bench, where it has none of its own.
 
     A run of a gear that taught the curve gets what the others teach, or nothing.
@@ -191,6 +210,10 @@ def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
         return recording
     for file in learnt_files(folder):
         header = file.header
+        # Which file it was stands in whatever rests on it.
+        name = f"{header.certificate}; {file.path}, SHA-256 {sha256(file.content).hexdigest()}"
+        if named is not None and name not in named:
+            continue
         due = _is_due(header.due, metadata)
         if (
             header.bench != bench_of(metadata)
@@ -204,9 +227,7 @@ def with_learnt_curve(recording: Recording, folder: Path) -> Recording:
             curve = file.curve
         if curve is None:
             return recording
-        # Which file it was stands in whatever rests on it.
-        named = f"{header.certificate}; {file.path}, SHA-256 {sha256(file.content).hexdigest()}"
-        calibration = replace(channel.calibration, curve=curve, certificate=named)
+        calibration = replace(channel.calibration, curve=curve, certificate=name)
         signal = replace(channel, calibration=calibration)
         return replace(recording, signals={**recording.signals, CHANNEL: signal})
     return recording

@@ -18,6 +18,7 @@ from experiments.finding import Finding, Severity
 from experiments.result import checks_to_mapping
 from model.gear_file import gear_from_mapping
 from rig.analysis.fit import Fit, OtherTare, fit_recording, stored_fit
+from rig.analysis.learnt import as_analysed, with_learnt_scale
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_ready, read_analyses
 from rig.analysis.tare import tare_kind
@@ -103,6 +104,7 @@ def recompute(run: Path, analysis: Analysis, *, tolerance: float = _TOLERANCE) -
     recording = open_run(run)
     tare = None
     try:
+        recording = as_analysed(recording, run.parent, analysis.result.options)
         tare = _tare_of(run, analysis)
         again = _again(run, recording, analysis, tare, _other_tares(run, analysis))
     finally:
@@ -138,21 +140,23 @@ def _again(
 
 def _tare_of(run: Path, analysis: Analysis) -> Fit | None:
     """The tare that was subtracted; None where there was none."""
-    return _named_tare(run, analysis.tare) if analysis.tare else None
+    return _named_tare(run, analysis.tare, analysis) if analysis.tare else None
 
 
 def _other_tares(run: Path, analysis: Analysis) -> list[OtherTare]:
     """The tares that were witnesses of the one that was subtracted."""
     others: list[OtherTare] = []
     for named in analysis.content.get("other_tares") or ():
-        fit = _named_tare(run, named)
+        fit = _named_tare(run, named, analysis)
         close_recording(fit.recording)
         others.append(OtherTare(fit.result, named))
     return others
 
 
-def _named_tare(run: Path, named: Mapping[str, Any]) -> Fit:
-    """A tare as an analysis names it: by its stored analysis, where it had one, else analysed again."""
+def _named_tare(run: Path, named: Mapping[str, Any], analysis: Analysis) -> Fit:
+    """A tare as an analysis names it: by its stored analysis, where it had one, else analysed again; with the torque
+    scale of that which it was subtracted from.
+    """
     path = Path(str(named.get("file") or f"{named.get('run', '')}.h5"))
     path = path if path.is_absolute() else run.parent / path
     recording = open_run(path)
@@ -164,6 +168,8 @@ def _named_tare(run: Path, named: Mapping[str, Any]) -> Fit:
             value=recording.metadata.sha256,
             limit=str(named.get("sha256")),
         )
+    scale = str(analysis.result.options.get("torque_scale", ""))
+    recording = with_learnt_scale(recording, path.parent, scale)
     if named.get("analysis") or "analysis" not in named:
         for stored in reversed(read_analyses(path)):
             if stored.kind == tare_kind() and _is_named(stored, named):

@@ -20,8 +20,10 @@ from rig.analysis.fit_run import fit_run
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import SCALE_PREFIX, learnt_scales, with_learnt, with_learnt_scale
 from rig.analysis.learnt_torque import LearntScale, learn_torque, write_scale
+from rig.analysis.recompute import recompute
+from rig.analysis.store import read_analyses
 from rig.bench.backends.order import Order, WorldChoice
-from rig.errors import ChangedRunError, ConfigurationError
+from rig.errors import ChangedRunError, ConfigurationError, RunFileError
 from rig.gears.card import now_text
 from rig.run.start import run_order
 from rig.runfile.read import close_recording, open_run
@@ -132,9 +134,16 @@ def test_a_later_analysis_takes_the_scale_and_an_earlier_one_is_stale(
         scale
         < 0.3 * {line.source: line.standard_uncertainty for line in old.budget}["torque scale"]
     )
-    number = store(fit, now_text())
+    store(fit, now_text())
     assert in_force(tare).stale == ()
-    assert number is not None
+    # Each is made again with what it took: the first with nothing, the second with the scale while it is there.
+    first, second = read_analyses(tare)[0], read_analyses(tare)[-1]
+    assert [recompute(tare, one).differing for one in (first, second)] == [(), ()]
+    written.chmod(0o600)
+    written.unlink()
+    with pytest.raises(RunFileError, match="gone"):
+        recompute(tare, second)
+    assert recompute(tare, first).differing == ()
 
 
 def test_what_is_not_its_own_takes_nothing(
