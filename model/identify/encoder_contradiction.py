@@ -1,4 +1,3 @@
-# pyright: standard
 """Whether the mountings from which an encoder is learnt contradict each other: another encoder, another mark.
 
 Into the regression of `encoder_curve` (the encoder, what the gears share) goes one column more:
@@ -19,7 +18,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-import scipy.special
 
 from model.angle_certificate import CERTIFIED_ORDERS
 from model.arrays import FloatArray
@@ -102,5 +100,8 @@ def _squares(values: ComplexArray, design: ComplexArray) -> float:
 
 
 def _fisher(log_p: float, count: int) -> float:
-    """The chance of so small a product of `count` chances."""
-    return float(scipy.special.gammaincc(count, -log_p)) if count else 1.0
+    """The chance of so small a product of `count` chances: e^-x (1 + x + ... + x^(count - 1)/(count - 1)!)."""
+    if not count:
+        return 1.0
+    terms = [k * math.log(max(-log_p, 1e-300)) - math.lgamma(k + 1.0) for k in range(count)]
+    return min(sum(math.exp(log_p + term) for term in terms), 1.0)

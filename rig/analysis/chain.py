@@ -13,6 +13,7 @@ from typing import Any
 
 from experiments.finding import Finding, Severity
 from rig.analysis.in_force import kept_by_hand
+from rig.analysis.learnt import learnt_by
 from rig.analysis.store import (
     NOT_SEALED_THEN,
     STORE_FORMAT,
@@ -97,27 +98,23 @@ def _calibrations(run: Path) -> Iterator[Link]:
         path = run.parent / str(file.get("copy", ""))
         if not file.get("copy"):
             continue
-        if not path.is_file():
-            yield Link(
-                "calibration", Severity.WARNS, f"is not here; {run.name} used it", where=str(path)
-            )
-            continue
-        try:
-            _, seal = read_sealed(path)
-        except RigError as error:
-            yield broken("calibration", path, error)
-            continue
-        if seal.sha256 != file.get("sha256"):
-            text = f"is not the one that {run.name} used: that had SHA-256 {file.get('sha256')}"
-            yield Link("calibration", Severity.BLOCKS, text, where=str(path), sha256=seal.sha256)
-        else:
-            yield Link(
-                "calibration",
-                Severity.PASSED,
-                f"ok, named by {run.name}",
-                where=str(path),
-                sha256=seal.sha256,
-            )
+        yield _calibration_named(path, str(file.get("sha256", "")), run.name)
+
+
+def _calibration_named(path: Path, sha256: str, by: str) -> Link:
+    """A calibration that a run or an analysis names by its hash."""
+    if not path.is_file():
+        return Link("calibration", Severity.WARNS, f"is not here; {by} used it", where=str(path))
+    try:
+        _, seal = read_sealed(path)
+    except RigError as error:
+        return broken("calibration", path, error)
+    if seal.sha256 != sha256:
+        text = f"is not the one that {by} used: that had SHA-256 {sha256}"
+        return Link("calibration", Severity.BLOCKS, text, where=str(path), sha256=seal.sha256)
+    return Link(
+        "calibration", Severity.PASSED, f"ok, named by {by}", where=str(path), sha256=seal.sha256
+    )
 
 
 def _links_of_store(run: Path, sha256: str) -> Iterator[Link]:
@@ -176,6 +173,8 @@ def _links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
         analysis.whole_result()
     except RigError as error:
         yield broken("figures", analysis.path, error)
+    for path, sha256 in learnt_by(run.parent, analysis.result.options):
+        yield _calibration_named(path, sha256, analysis.name)
     tare = analysis.tare
     if tare:
         path = Path(str(tare.get("file") or f"{tare.get('run', '')}.h5"))

@@ -9,7 +9,8 @@ what the description states or nobody stated.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import date
 from hashlib import sha256
@@ -32,6 +33,8 @@ SCALE_PREFIX = "learnt-torque-scale"
 SCALE_KIND = "torque-scale"
 """The protocol from which a scale is learnt: it takes none."""
 _PATTERNS = (f"{PREFIX}*.csv", f"{SCALE_PREFIX}*.toml")
+_NAMED = re.compile(rf"((?:{PREFIX}|{SCALE_PREFIX})[^;,/]*), SHA-256 ([0-9a-f]{{64}})")
+"""How an analysis names a file that it took."""
 _File = TypeVar("_File")
 
 
@@ -133,8 +136,25 @@ def as_analysed(recording: Recording, folder: Path, options: Mapping[str, Any]) 
     return taken
 
 
+def learnt_by(folder: Path, options: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
+    """The files that an analysis with these options took of what its bench learnt, each with the SHA-256 that it had;
+    beside the runs of `folder`, where it is not there one folder above.
+    """
+    for option in ("certificates", "torque_scale"):
+        for name, sha256_then in _NAMED.findall(str(options.get(option, ""))):
+            here, there = folder / name, folder.absolute().parent / name
+            yield here if here.is_file() or not there.is_file() else there, sha256_then
+
+
+def vouchers(options: Mapping[str, Any]) -> dict[str, str]:
+    """What vouches for the channels of an analysis with these options that its bench learnt, by channel."""
+    scale, curve = (str(options.get(name, "")) for name in ("torque_scale", "certificates"))
+    told = dict.fromkeys(("torque", "drive_torque"), scale) if scale else {}
+    return told | ({CHANNEL: curve} if PREFIX in curve else {})
+
+
 def with_learnt_scale(recording: Recording, folder: Path, named: str | None = None) -> Recording:
-    """The recording with the torque scale that was learnt on its bench, in place of the one that it was made with."""
+    """The recording with the torque scale that was learnt on its bench, where that is known better than the stated."""
     metadata = recording.metadata
     if metadata.experiment == SCALE_KIND or not bench_of(metadata):
         return recording
@@ -149,7 +169,7 @@ def with_learnt_scale(recording: Recording, folder: Path, named: str | None = No
         fitting = {
             one.name: scaled(recording.signals[one.name], one, scale, _name_of(file))
             for one in scale.channel
-            if recording.has(one.name) and is_same(recording.signals[one.name], one)
+            if recording.has(one.name) and is_better(recording.signals[one.name], one)
         }
         if is_its and fitting:
             return replace(recording, signals={**recording.signals, **fitting})
@@ -160,6 +180,12 @@ def is_same(channel: Channel, scale: ChannelScale) -> bool:
     """Whether a channel is the one whose scale was learnt, as far as it has a name."""
     mine = (channel.model, channel.serial_number, channel.calibration.sensor)
     return mine == (scale.model, scale.serial_number, scale.sensor)
+
+
+def is_better(channel: Channel, scale: ChannelScale) -> bool:
+    """Whether a channel's learnt scale is known better than the one that its description states."""
+    stated = channel.calibration.scale_relative_uncertainty
+    return is_same(channel, scale) and (stated is None or scale.relative_uncertainty < stated)
 
 
 def motor_of(metadata: RunMetadata) -> str:

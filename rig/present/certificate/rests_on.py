@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rig.analysis.in_force import KEPT_NAME, InForce, in_force_by_kind
+from rig.analysis.learnt import learnt_by
 from rig.analysis.store import Analysis, analysis_folder
 from rig.gears.card import card_path
 from rig.present.certificate.gather import Certified
@@ -88,6 +89,9 @@ def _things(gathered: Certified) -> Iterator[_Thing]:
 
 
 def _of_analysis(run: Path, found: InForce) -> Iterator[_Thing]:
+    if found.analysis is not None:
+        for path, _ in learnt_by(run.parent, found.analysis.result.options):
+            yield path, "calibration"
     yield run, "run"
     if found.analysis is None:
         return

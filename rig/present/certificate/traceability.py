@@ -8,7 +8,7 @@ SIMULATION.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from experiments.protocols.friction.quantities import at_reference
@@ -17,6 +17,7 @@ from experiments.recording import Recording
 from experiments.result import Verdict
 from model.channel import Channel
 from rig.analysis.fit import Fit
+from rig.analysis.learnt import vouchers
 from rig.content.grid import capital
 from rig.content.wording import named
 from rig.present.certificate.gather import Certified
@@ -103,17 +104,25 @@ def instruments_of(gathered: Certified) -> tuple[Instrument, ...]:
     all whose certificate is asked for.
     """
     found: dict[tuple[str, ...], Instrument] = {}
-    for recording, names in _entering(gathered):
+    for recording, names, learnt in _entering(gathered):
         for channel in _recorded(recording, names):
             one = _instrument(channel, recording.metadata.start_time[:10])
+            if channel.name in learnt:
+                # Whatever vouches for the device: the number rests on what the bench says of it.
+                one = replace(one, certificate=learnt[channel.name], laboratory="", date="", due="")
             key = (one.channel, one.serial, one.certificate, one.due)
             known = found.get(key)
             found[key] = one if known is None or known.tested < one.tested else known
     return tuple(found.values())
 
 
-def _entering(gathered: Certified) -> Iterator[tuple[Recording, tuple[str, ...]]]:
-    """Each recording with the channels on which a judged number of it rests, its tare among them."""
+_Entering = tuple[Recording, tuple[str, ...], dict[str, str]]
+
+
+def _entering(gathered: Certified) -> Iterator[_Entering]:
+    """Each recording with the channels on which a judged number of it rests, its tare among them, and what its bench
+    learnt of them.
+    """
     judged = [
         (fit, line)
         for line in gathered.verdict.lines
@@ -121,10 +130,12 @@ def _entering(gathered: Certified) -> Iterator[tuple[Recording, tuple[str, ...]]
     ]
     for fit, line in judged:
         channels = tuple(_channels(fit, line))
-        yield fit.recording, channels
-        yield from _of_tare(gathered, fit, channels)
+        learnt = vouchers(fit.result.options)
+        yield fit.recording, channels, learnt
+        yield from ((tare, names, learnt) for tare, names in _of_tare(gathered, fit, channels))
     if not judged:
-        yield from ((fit.recording, tuple(sorted(CALIBRATED))) for fit in gathered.fits)
+        every = tuple(sorted(CALIBRATED))
+        yield from ((f.recording, every, vouchers(f.result.options)) for f in gathered.fits)
 
 
 def _channels(fit: Fit, line: Verdict) -> Iterator[str]:

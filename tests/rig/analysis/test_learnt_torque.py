@@ -165,6 +165,13 @@ def test_what_is_not_its_own_takes_nothing(
     torque = replace(tare.signals["torque"], serial_number="exchanged")
     exchanged = replace(tare, signals={"torque": torque})
     assert with_learnt_scale(exchanged, folder) is exchanged
+    # What a laboratory knows better stays.
+    known = replace(
+        tare.signals["torque"],
+        calibration=replace(tare.signals["torque"].calibration, scale_relative_uncertainty=1e-3),
+    )
+    better = replace(tare, signals={"torque": known})
+    assert with_learnt_scale(better, folder) is better
     assert motor_heat(
         with_learnt_scale(tare, folder), learnt.temperature
     ).reference == pytest.approx(learnt.temperature)

@@ -257,5 +257,6 @@ def test_only_readings_want_text() -> None:
         plan = experiment.plan(make_parameters(experiment.parameters, {}, name), shipped_gear())
         prompts += [(name, step) for step in plan if isinstance(step, Prompt)]
     assert [(name, step.consent) for name, step in prompts] == [
-        ("motor-tare", "The gear is removed and the motor is warm")
+        ("motor-tare", "The gear is removed and the motor is warm"),
+        ("torque-scale", "The gear is removed; the motor has nothing on its shaft"),
     ]

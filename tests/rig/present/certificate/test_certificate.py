@@ -263,6 +263,25 @@ def test_the_title_is_what_the_instruments_allow(
     assert (found.word, found.untraceable) == (title, untraceable)
 
 
+def test_what_a_bench_learnt_itself_vouches_for_no_certificate(whole: Path) -> None:
+    """The torque port has a laboratory's certificate; the number rests on the bench's own scale."""
+    named = f"none: learnt on this bench; learnt-torque-scale-7.toml, SHA-256 {'0' * 64}"
+    with certified(whole, "A1", acceptance=accepted(whole)) as gathered:
+        fits = tuple(
+            replace(
+                fit,
+                result=replace(fit.result, options={**fit.result.options, "torque_scale": named}),
+            )
+            for fit in gathered.fits
+        )
+        instruments = instruments_of(replace(gathered, fits=fits))
+        title = title_of(with_origin(gathered, "hardware"), instruments)
+    (torque,) = [one for one in instruments if one.channel == "torque"]
+    assert (torque.certificate, torque.laboratory, torque.due) == (named, "", "")
+    assert title.word == "TEST REPORT"
+    assert "torque (no certificate)" in title.untraceable
+
+
 def test_instruments_are_those_on_which_a_judged_number_rests(whole: Path) -> None:
     """The runs have a torque alone: what the kinematic error rests on has nothing that vouches for it."""
     with certified(whole, "A1", acceptance=accepted(whole)) as gathered:
