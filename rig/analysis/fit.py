@@ -17,6 +17,7 @@ from experiments import catalogue
 from model.gear_file import gear_from_mapping, gear_to_mapping, shipped_gear
 from rig.analysis.gear_set import GearSource
 from rig.analysis.in_force import InForce, in_force
+from rig.analysis.learnt import scale_of
 from rig.analysis.store import Analysis, Basis, append_analysis, unsealed_words
 from rig.analysis.tare import FoundTare, check_tare, takes_tare, tare_kind
 from rig.errors import RigError
@@ -215,10 +216,8 @@ def fit_recording(
     options = dict(result.options)
     if gear_known or experiment.has_plan:
         options.setdefault("parameter_set", parameters.name)
-    torque = recording.signals.get("torque")
-    if torque is not None and torque.calibration.temperature is not None:
-        # Only a scale that the bench learnt is stated at a temperature.
-        options["torque_scale"] = torque.calibration.certificate
+    if scale := scale_of(recording):
+        options["torque_scale"] = scale
     options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
     if largest_missed_share is not None:
         options["largest_missed_share"] = largest_missed_share

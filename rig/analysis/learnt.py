@@ -17,6 +17,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from experiments.budget import PAIR
 from experiments.recording import Recording, RunMetadata
 from model.channel import Channel
 from rig.analysis.causes import simulated_bench
@@ -126,14 +127,21 @@ def as_analysed(recording: Recording, folder: Path, options: Mapping[str, Any]) 
     """
     named = " ".join(str(options.get(option, "")) for option in ("certificates", "torque_scale"))
     taken = with_learnt(recording, folder, named)
-    for prefix, channel in ((PREFIX, CHANNEL), (SCALE_PREFIX, "torque")):
-        if prefix in named and taken.signals[channel] is recording.signals[channel]:
+    for prefix, channels in ((PREFIX, (CHANNEL,)), (SCALE_PREFIX, PAIR)):
+        pairs = [(taken.signals.get(name), recording.signals.get(name)) for name in channels]
+        if prefix in named and all(now is before for now, before in pairs):
             raise RunFileError(
                 "rests on what its bench learnt, and that file is gone or another one",
                 where=recording.metadata.run_id,
                 value=next(word for word in named.split() if word.startswith(prefix)).rstrip(","),
             )
     return taken
+
+
+def scale_of(recording: Recording) -> str:
+    """What the torque scale of a recording is called that its bench learnt; "" where it is the stated one."""
+    found = (recording.signals[name].calibration for name in PAIR if recording.has(name))
+    return next((one.certificate for one in found if SCALE_PREFIX in one.certificate), "")
 
 
 def learnt_by(folder: Path, options: Mapping[str, Any]) -> Iterator[tuple[Path, str]]:
@@ -149,7 +157,7 @@ def learnt_by(folder: Path, options: Mapping[str, Any]) -> Iterator[tuple[Path, 
 def vouchers(options: Mapping[str, Any]) -> dict[str, str]:
     """What vouches for the channels of an analysis with these options that its bench learnt, by channel."""
     scale, curve = (str(options.get(name, "")) for name in ("torque_scale", "certificates"))
-    told = dict.fromkeys(("torque", "drive_torque"), scale) if scale else {}
+    told = dict.fromkeys(PAIR, scale) if scale else {}
     return told | ({CHANNEL: curve} if PREFIX in curve else {})
 
 

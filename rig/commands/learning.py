@@ -375,7 +375,7 @@ class _TorqueLesson:
         )
         for one in learnt.skipped:
             echo(f"left out: {one.run.name}: {one.skipped}")
-        _say_written(path)
+        _say_written(path, self.prefix)
 
     def as_json(self) -> dict[str, object]:
         learnt = self._learnt
@@ -404,14 +404,19 @@ _LESSONS: dict[str, Callable[[list[Path], str], _Lesson]] = {
 """By the protocol whose runs teach it."""
 
 
-def _say_written(path: Path | None) -> None:
-    if path is not None:
-        echo(f"file         {path}")
+def _say_written(path: Path | None, prefix: str) -> None:
+    if path is None:
+        return
+    echo(f"file         {path}")
+    if path.name.startswith(prefix):
         echo(f"next         rig fit RUN of {path.parent}: every analysis takes it")
+    else:
+        echo(f"next         lay it beside the runs as {prefix}...: there every analysis takes it")
 
 
 def _print(learnt: Learnt, path: Path | None) -> None:
     from model.units import ARCSEC
+    from rig.analysis.learnt import PREFIX
     from rig.content.grid import Grid, columns, number_columns
     from rig.content.wording import number
 
@@ -440,7 +445,7 @@ def _print(learnt: Learnt, path: Path | None) -> None:
     )
     for one in learnt.skipped:
         echo(f"left out: {one.run.name}: {one.skipped}")
-    _say_written(path)
+    _say_written(path, PREFIX)
 
 
 def _as_json(learnt: Learnt) -> dict[str, object]:

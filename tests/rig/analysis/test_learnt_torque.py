@@ -18,7 +18,13 @@ from model.motor import shipped_motor
 from rig.analysis.fit import store
 from rig.analysis.fit_run import fit_run
 from rig.analysis.in_force import in_force
-from rig.analysis.learnt import SCALE_PREFIX, learnt_scales, with_learnt, with_learnt_scale
+from rig.analysis.learnt import (
+    SCALE_PREFIX,
+    learnt_scales,
+    scale_of,
+    with_learnt,
+    with_learnt_scale,
+)
 from rig.analysis.learnt_torque import LearntScale, learn_torque, write_scale
 from rig.analysis.recompute import recompute
 from rig.analysis.store import read_analyses
@@ -181,6 +187,25 @@ def test_what_is_not_its_own_takes_nothing(
     assert with_learnt_scale(tare, folder) is tare
 
 
+def test_without_a_thermometer_it_is_taken_and_named_all_the_same(
+    runs: list[Path], learnt: LearntScale
+) -> None:
+    tare = open_run(runs[2], rows=False)
+    close_recording(tare)
+    path = runs[0].parent / f"{SCALE_PREFIX}-cold.toml"
+    write_scale(replace(learnt, temperature=math.nan), path, TODAY, None)
+    try:
+        taken = with_learnt_scale(tare, path.parent)
+        assert taken.signals["torque"].calibration.temperature is None
+        assert path.name in scale_of(taken)
+        assert scale_of(tare) == ""
+        assert motor_heat(taken, 25.0).reference == 20.0
+    finally:
+        for one in path.parent.glob(f"{SCALE_PREFIX}*"):
+            one.chmod(0o600)
+            one.unlink()
+
+
 def test_a_file_that_was_altered_is_refused(runs: list[Path], written: Path) -> None:
     written.chmod(0o600)
     written.write_bytes(
@@ -222,6 +247,7 @@ def test_the_command_learns_and_shows_it(
     try:
         assert rig("bench", "learn", *map(str, runs[:2]), "--output", written) == 0
         assert "balance 17" in rig.out
+        assert "lay it beside the runs as learnt-torque-scale" in rig.out
         assert rig("bench", "learn", *map(str, runs[:2]), "--output", written) == 2
         assert "exists already" in rig.err
         named = folder / f"{SCALE_PREFIX}-x.toml"
