@@ -9,6 +9,7 @@ what the description states or nobody stated.
 from __future__ import annotations
 
 import functools
+import itertools
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -36,6 +37,7 @@ SCALE_KIND = "torque-scale"
 _PATTERNS = (f"{PREFIX}*.csv", f"{SCALE_PREFIX}*.toml")
 _NAMED = re.compile(rf"((?:{PREFIX}|{SCALE_PREFIX})[^;,/]*), SHA-256 ([0-9a-f]{{64}})")
 """How an analysis names a file that it took."""
+_OF_DAY = re.compile(r"\d{4}-\d\d-\d\d-(\d+)\.\w+$")
 _File = TypeVar("_File")
 
 
@@ -86,7 +88,11 @@ def learnt_files(folder: Path) -> list[CertificateFile]:
     # Few folders have any, and what reads a description takes as long as a list of runs.
     from rig.bench.config.certificate_file import certificate_from
 
-    return sorted(_read(paths, certificate_from), key=lambda one: one.header.date, reverse=True)
+    return sorted(
+        _read(paths, certificate_from),
+        key=lambda one: (one.header.date, _place_of_day(one.path)),
+        reverse=True,
+    )
 
 
 def learnt_scales(folder: Path) -> list[TorqueScaleFile]:
@@ -96,7 +102,25 @@ def learnt_scales(folder: Path) -> list[TorqueScaleFile]:
         return []
     from rig.bench.config.torque_scale_file import torque_scale_from
 
-    return sorted(_read(paths, torque_scale_from), key=lambda one: one.scale.date, reverse=True)
+    return sorted(
+        _read(paths, torque_scale_from),
+        key=lambda one: (one.scale.date, _place_of_day(one.path)),
+        reverse=True,
+    )
+
+
+def free_name(folder: Path, name: str, suffix: str) -> Path:
+    """A name for what is learnt that nothing has there: NAME, then NAME-2, NAME-3 of the same day."""
+    numbers = itertools.chain([""], (f"-{number}" for number in itertools.count(2)))
+    return next(
+        path for number in numbers if not (path := folder / f"{name}{number}{suffix}").exists()
+    )
+
+
+def _place_of_day(name: str) -> int:
+    """Which of the files of one day it is, by its name."""
+    found = _OF_DAY.search(name)
+    return int(found[1]) if found else 1
 
 
 def _named(folder: Path, prefix: str) -> list[Path]:

@@ -69,6 +69,7 @@ def learn(
     analysis of a run of this bench takes the curve; a run of a gear that taught it gets what the others teach.
     Without stated angles the encoder holds what all gears share, which is said, with a line for it.
     """
+    from rig.analysis.learnt import free_name
     from rig.errors import ConfigurationError
 
     groups = _by_kind(runs, folder)
@@ -90,8 +91,8 @@ def learn(
         path = None
         if not dry_run:
             beside = named[0].parent if runs else folder
-            name = f"{lesson.prefix}-{lesson.bench}-{today.isoformat()}{lesson.suffix}"
-            path = lesson.write(output or beside / name, today, until)
+            name = f"{lesson.prefix}-{lesson.bench}-{today.isoformat()}"
+            path = lesson.write(output or free_name(beside, name, lesson.suffix), today, until)
         told.append({**lesson.as_json(), "file": None if path is None else str(path)})
         if not json:
             lesson.show(path)
@@ -127,10 +128,10 @@ def show(
         print_json({"learnt": learnt, "tares": tares, "golden": golden})
         return
     heads = columns(
-        "file", "bench", "what", "rests on", ("age [d]", "number"), "due", ("U", "number")
+        "what", ("U", "number"), ("age [d]", "number"), "due", "bench", "file", "rests on"
     )
-    keys = ("file", "bench", "of", "basis", "age_days", "due", "u")
-    rows = [tuple(str(one[key] or "") for key in keys) for one in learnt]
+    keys = ("of", "u", "age_days", "due", "bench", "file", "basis")
+    rows = [tuple("" if one[key] is None else str(one[key]) for key in keys) for one in learnt]
     out = console()
     if rows:
         out.print(painted(Grid("What the benches learnt of themselves", heads, rows)))

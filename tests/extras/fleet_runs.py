@@ -19,12 +19,12 @@ from rig.fleet.simulate import Production, simulate_fleet
 from rig.library.folder import run_number
 from rig.runfile.seal import file_sha256, hash_path, protect
 
-RUNS = 40
+RUNS = 24
 BATCH_SECONDS = 0.2
 
 
 def make_runs(folder: Path) -> Path:
-    """One tare, two friction runs that need it, thirty-seven of `home`: one bench, one day. Returns their folder."""
+    """One tare, two friction runs that need it, twenty-one of `home`: one bench, one day. Returns their folder."""
     made = simulate_fleet(
         Production(
             folder=folder,

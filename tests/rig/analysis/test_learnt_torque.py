@@ -252,6 +252,15 @@ def test_the_command_learns_and_shows_it(
         assert "exists already" in rig.err
         named = folder / f"{SCALE_PREFIX}-x.toml"
         assert rig("bench", "learn", "--runs", folder, "--output", named) == 0
+        # What is learnt again on one day stands beside the first, and is the one that is taken.
+        for _ in range(3):
+            assert rig("bench", "learn", "--runs", folder) == 0
+        today = sorted(folder.glob(f"{SCALE_PREFIX}-{BENCH}-*.toml"))
+        assert len(today) == 3
+        assert learnt_scales(folder)[0].path.endswith("-3.toml")
+        for file in today:
+            file.chmod(0o600)
+            file.unlink()
         config = folder / "rig.toml"
         config.write_text('[alarms]\ngolden_gear = "TARE"\n')
         shown = rig.json("bench", "show", "--runs", folder, "--config", config)
