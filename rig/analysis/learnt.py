@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from rig.bench.config.certificate_file import CertificateFile
     from rig.bench.config.torque_scale_file import ChannelScale, TorqueScale, TorqueScaleFile
 
+NONE = "none: "
+"""How what vouches for a channel begins where no laboratory does."""
 CHANNEL, PREFIX = "output_angle", "learnt-output-encoder"
 SCALE_PREFIX = "learnt-torque-scale"
 SCALE_KIND = "torque-scale"
@@ -179,10 +181,18 @@ def learnt_by(folder: Path, options: Mapping[str, Any]) -> Iterator[tuple[Path, 
 
 
 def vouchers(options: Mapping[str, Any]) -> dict[str, str]:
-    """What vouches for the channels of an analysis with these options that its bench learnt, by channel."""
-    scale, curve = (str(options.get(name, "")) for name in ("torque_scale", "certificates"))
-    told = dict.fromkeys(PAIR, scale) if scale else {}
-    return told | ({CHANNEL: curve} if PREFIX in curve else {})
+    """What vouches for the channels of an analysis with these options that its bench learnt, by channel: "none: ...",
+    without the file, which the manifest names. Another encoder's certificate may stand before it.
+    """
+    found: dict[str, str] = {}
+    for option, prefix, channels in (
+        ("certificates", PREFIX, (CHANNEL,)),
+        ("torque_scale", SCALE_PREFIX, PAIR),
+    ):
+        before, is_learnt, _ = str(options.get(option, "")).partition(f"; {prefix}")
+        if is_learnt:
+            found |= dict.fromkeys(channels, before[max(before.rfind(NONE), 0) :])
+    return found
 
 
 def with_learnt_scale(recording: Recording, folder: Path, named: str | None = None) -> Recording:

@@ -18,6 +18,7 @@ import rig.present.certificate as package
 from experiments import catalogue
 from rig.analysis.fit import Fit
 from rig.analysis.judging import GearVerdict
+from rig.analysis.learnt import vouchers
 from rig.analysis.store import FORMAT_2
 from rig.errors import ConfigurationError, RigError
 from rig.gears.acceptance import Acceptance
@@ -277,9 +278,22 @@ def test_what_a_bench_learnt_itself_vouches_for_no_certificate(whole: Path) -> N
         instruments = instruments_of(replace(gathered, fits=fits))
         title = title_of(with_origin(gathered, "hardware"), instruments)
     (torque,) = [one for one in instruments if one.channel == "torque"]
-    assert (torque.certificate, torque.laboratory, torque.due) == (named, "", "")
+    # The file stands in the manifest.
+    assert (torque.certificate, torque.laboratory, torque.due) == (
+        "none: learnt on this bench",
+        "",
+        "",
+    )
     assert title.word == "TEST REPORT"
     assert "torque (no certificate)" in title.untraceable
+
+
+def test_the_certificate_of_the_other_encoder_vouches_for_none_that_was_learnt() -> None:
+    learnt = f"none: from 8 gears; learnt-output-encoder-7.csv, SHA-256 {'0' * 64}"
+    assert vouchers({"certificates": f"PTB-4711; {learnt}"}) == {
+        "output_angle": "none: from 8 gears"
+    }
+    assert vouchers({"certificates": "PTB-4711"}) == {}
 
 
 def test_instruments_are_those_on_which_a_judged_number_rests(whole: Path) -> None:
