@@ -13,7 +13,7 @@ same for every disc: J_r takes it, g does not.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -142,13 +142,14 @@ class ShownInertia:
 @dataclass(frozen=True, kw_only=True)
 class Gain:
     """The slope of what is shown over the inertia, the rotor's own inertia [kg m2], and what is not known of the slope:
-    scatter with its degrees of freedom, inertias, linearity."""
+    scatter with its degrees of freedom, the inertia of each disc by its name, linearity.
+    """
 
     gain: float
     rotor_inertia: float
     scatter: float
     degrees_of_freedom: float
-    inertias: float
+    inertias: Mapping[str, float]
     linearity: float
 
 
@@ -187,6 +188,6 @@ def gain_of(runs: Sequence[ShownInertia]) -> Gain:
         rotor_inertia=float(np.average(shown / gain - inertia, weights=error**-2)),
         scatter=scatter,
         degrees_of_freedom=counted,
-        inertias=abs(gain) * math.hypot(*of_disc.values()),
+        inertias={disc: abs(gain * moved) for disc, moved in of_disc.items()},
         linearity=float(np.ptp(levels)) / (2.0 * math.sqrt(3.0)),
     )

@@ -13,6 +13,8 @@ from datetime import date
 from pathlib import Path
 
 from experiments.assumed import DISC, TIME_BASE
+from experiments.protocols.friction.vibration import LAG
+from experiments.protocols.torque_scale.analysis import EDGE, LEVELS
 from experiments.protocols.torque_scale.disc import Disc, disc_of
 from experiments.recording import RunMetadata
 from experiments.result import Result
@@ -40,7 +42,6 @@ _QUARTZ = 1e-4
 _STEPS = 5e-4
 """The same of what steps of the set-point leave of a torque that is sampled once in each, assumed: where the drive's
 gains are the same in all runs it does not depend on the inertia."""
-_LEVELS = "levels"
 BELIEVABLE = (0.5, 2.0)
 """Gains of a torque channel beyond which it is the disc that is wrong."""
 
@@ -149,9 +150,10 @@ def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
     for channel in names:
         gain = _gain(taught, channel)
         _refuse_unbelievable(channel, gain)
-        gains[channel] = _estimate(channel, gain, taught, apart)
+        lag = _lag(taught, channel)
+        gains[channel] = _estimate(channel, gain, taught, apart, lag)
         rotor = gain.rotor_inertia if channel == "torque" else rotor
-        if (lag := _lag(taught, channel)) is not None:
+        if lag is not None:
             lags[channel] = lag
     return LearntScale(
         origin=origin,
@@ -209,7 +211,7 @@ def _seen(run: Path) -> TorqueRun:
 def _rows(run: TorqueRun, channel: str) -> list[tuple[float | int | str, ...]]:
     """The rows of a channel in what the run's ramps show: all accelerations first."""
     assert run.result is not None
-    table = next(one for one in run.result.tables if one.name == _LEVELS)
+    table = next(one for one in run.result.tables if one.name == LEVELS)
     return [row for row in table.rows if row[0] == channel]
 
 
@@ -246,10 +248,16 @@ def _gain(runs: Sequence[TorqueRun], channel: str) -> Gain:
         ) from error
 
 
-def _estimate(channel: str, gain: Gain, runs: Sequence[TorqueRun], apart: float) -> Estimate:
-    """The gain with its budget. `apart` [K]: by how much the housing differed between the runs."""
+def _estimate(
+    channel: str,
+    gain: Gain,
+    runs: Sequence[TorqueRun],
+    apart: float,
+    lag: tuple[float, float] | None,
+) -> Estimate:
+    """The gain with its budget. `apart` [K]: how much the housing differed between the runs; `lag` with its u [s]."""
     value = gain.gain
-    discs = [one.disc for one in runs if one.disc is not None and one.disc.inertia]
+    discs = {one.disc.words: one.disc for one in runs if one.disc is not None and one.disc.inertia}
     assert runs[0].metadata is not None
     is_counted = any(m.metadata is not None and m.metadata.time_base == "nominal" for m in runs)
     second = TIME_BASE.standard_uncertainty if is_counted else _QUARTZ
@@ -260,11 +268,14 @@ def _estimate(channel: str, gain: Gain, runs: Sequence[TorqueRun], apart: float)
         BudgetLine(
             "scatter of the ramps", "A", gain.scatter, degrees_of_freedom=gain.degrees_of_freedom
         ),
-        _disc_line(discs, gain.inertias),
+        *(_disc_line(disc, gain.inertias[words]) for words, disc in discs.items()),
         BudgetLine(WARMTH, "B", abs(MAGNETS) * math.hypot(WARMER, apart) * value),
         BudgetLine("linearity", "B", gain.linearity, "by the accelerations"),
         BudgetLine("steps of the set-point", "B", _STEPS * value, "assumed: gains as they were"),
         BudgetLine("time base", "B", 2.0 * second * value),
+        BudgetLine(
+            "lag", "B", _late_share(lag) * value, "at the ends of the ramps, which are left out"
+        ),
         BudgetLine("torque zero", "B", zero_share * value, "its drift between two ramps"),
     )
     half = NORMAL_COVERAGE_FACTOR * gain.scatter
@@ -283,12 +294,18 @@ def _uncertainty(disc: Disc) -> float:
     return disc.stated_uncertainty or DISC.standard_uncertainty * disc.inertia
 
 
-def _disc_line(discs: Sequence[Disc], size: float) -> BudgetLine:
-    """What the inertias leave open of the gain; assumed where nobody stated the U of one."""
-    if all(disc.stated_uncertainty for disc in discs):
-        words = "; ".join(dict.fromkeys(disc.words for disc in discs))
-        return BudgetLine("inertia of the disc", "B", size, words)
-    return DISC.line("inertia of the disc", size)
+def _disc_line(disc: Disc, size: float) -> BudgetLine:
+    """What the inertia of one disc leaves open of the gain; assumed where nobody stated its U."""
+    source = "inertia of the disc"
+    if disc.stated_uncertainty:
+        return BudgetLine(source, "B", size, disc.words)
+    return DISC.line(source, size)
+
+
+def _late_share(lag: tuple[float, float] | None) -> float:
+    """What a port as late as this still lacks of the torque of a ramp, `EDGE` after its corner, relative."""
+    late = abs(lag[0]) + 2.0 * lag[1] if lag is not None else LAG
+    return late / EDGE * math.exp(-EDGE / late)
 
 
 def _temperature(runs: Sequence[TorqueRun]) -> tuple[float, float]:

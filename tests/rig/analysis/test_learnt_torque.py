@@ -111,6 +111,8 @@ def test_gain_and_lag_of_the_simulated_bench_are_found_inside_u(
         "warmth of the motor",
         "linearity",
         "time base",
+        "torque zero",
+        "lag",
     }
 
 
