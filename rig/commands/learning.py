@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Protocol
@@ -111,13 +112,15 @@ def show(
 ) -> None:
     """Show what the benches of a folder know of themselves: learnt curves and scales, motor tares, the golden gear.
 
-    Each with its date, its age and until when it holds. What was commissioned is told by `rig commission --list`.
+    Each with its age and until when it holds. With a description (--config, or rig.toml here) the calibrations that it
+    states and what was commissioned of that bench besides.
     """
     from rig.content.grid import Grid, columns
     from rig.errors import ConfigurationError
 
     learnt, tares = [*_curves(folder), *_scales(folder)], list(_tares(folder))
-    if not learnt and not tares:
+    stated, commissioned = _described(folder, config)
+    if not (learnt or tares or stated or commissioned):
         raise ConfigurationError(
             "holds nothing that a bench learnt, and no tare",
             where=str(folder),
@@ -125,7 +128,15 @@ def show(
         )
     golden = _golden(folder, config)
     if json:
-        print_json({"learnt": learnt, "tares": tares, "golden": golden})
+        print_json(
+            {
+                "learnt": learnt,
+                "tares": tares,
+                "golden": golden,
+                "stated": stated,
+                "commissioned": commissioned,
+            }
+        )
         return
     heads = columns(
         "what", ("U", "number"), ("age [d]", "number"), "due", "bench", "file", "rests on"
@@ -139,8 +150,59 @@ def show(
     rows = [tuple(str(one[key]) for key in ("run", "bench", "age_days")) for one in tares]
     if rows:
         out.print(painted(Grid("Motor tares, the newest first", heads, rows)))
+    for title, keys, found in (
+        ("Calibrations that the description states", ("channel", "certificate", "due"), stated),
+        ("Commissioned", ("stage", "passed", "at", "operator"), commissioned),
+    ):
+        if found:
+            rows = [tuple(str(one[key]) for key in keys) for one in found]
+            out.print(painted(Grid(title, columns(*keys), rows)))
     if golden is not None:
         echo(f"golden gear {golden['gear']}: {golden['found']}")
+
+
+def _described(
+    folder: Path, config: Path | None
+) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
+    """The calibrations that a description states, and the stages of its bench as they came out last; nothing without
+    one of hardware.
+    """
+    from rig.bench.backends.registry import HARDWARE
+    from rig.bench.commissioning import read_record
+    from rig.bench.config.load import load_configuration
+    from rig.bench.config.place import DEFAULT_PATH
+    from rig.bench.identity import bench_of
+
+    path = config or DEFAULT_PATH
+    if not path.is_file() or not is_bench(path):
+        return [], []
+    stated = list(_calibrations("", load_configuration(path).model_dump()))
+    newest = {done.stage: done for done in read_record(bench_of(HARDWARE, folder, path).state)}
+    return stated, [
+        {"stage": one.stage, "passed": one.passed, "at": one.at, "operator": one.operator}
+        for one in newest.values()
+    ]
+
+
+def is_bench(path: Path) -> bool:
+    """Whether a description has more than the tables of a laboratory: a bus."""
+    return "bus" in tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def _calibrations(place: str, content: object) -> Iterator[dict[str, object]]:
+    """Every calibration with a certificate within a description, by its place."""
+    if not isinstance(content, Mapping):
+        return
+    for name, value in content.items():
+        where = f"{place}.{name}".lstrip(".")
+        if name == "calibration" and isinstance(value, Mapping) and value.get("certificate"):
+            yield {
+                "channel": place,
+                "certificate": value["certificate"],
+                "due": "" if value.get("due") is None else str(value["due"]),
+            }
+        else:
+            yield from _calibrations(where, value)
 
 
 def _days_since(text: str) -> int:
