@@ -41,8 +41,9 @@ SHORT = {"repeats": 2, "zero_time": 0.5, "accelerations": (300.0, 450.0, 600.0)}
 TARE = {"speeds_rpm": (500.0, 1000.0, 2000.0), "zero_time": 0.5, "measure_time": 0.2}
 
 
-def run(folder: Path, protocol: str, **values: Any) -> Path:
+def run(folder: Path, protocol: str, backend: str = "sim", **values: Any) -> Path:
     order = Order(
+        backend=backend,
         protocol=protocol,
         gear=shipped_gear(),
         motor=shipped_motor(),
@@ -152,6 +153,15 @@ def test_a_later_analysis_takes_the_scale_and_an_earlier_one_is_stale(
     with pytest.raises(RunFileError, match="gone"):
         recompute(tare, second)
     assert recompute(tare, first).differing == ()
+
+
+def test_the_drivers_turn_it_too(tmp_path: Path) -> None:
+    """Over the bus, by an analogue speed reference: the gain lies inside U there as well."""
+    quick = {**SHORT, "accelerations": (450.0, 520.0, 600.0), "dwell_time": 0.6}
+    made = [run(tmp_path, "torque-scale", "wire-analog", **quick, **disc) for disc in ({}, DISC)]
+    gain = learn_torque(made).gains["torque"]
+    true = 1.0 + truth(made[0])["torque_port"]["scale_error"]
+    assert abs(gain.value - true) <= gain.expanded_uncertainty
 
 
 def test_what_is_not_its_own_takes_nothing(
