@@ -46,6 +46,11 @@ ENTRIES: tuple[Entry, ...] = (
         ladder="experiments.protocols.kinematic_error.ladder",
     ),
     Entry(
+        "compensated-error",
+        "experiments.protocols.compensated_error.declaration",
+        "the same turn of the output without and with a table that takes the kinematic error out",
+    ),
+    Entry(
         "friction",
         "experiments.protocols.friction.declaration",
         "no-load running torque at constant speeds, both directions, up and down (figures 9, 17)",

@@ -38,11 +38,20 @@ class Help:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class FileContent:
+    """A text parameter that is the content of a file: where a path is said, the file is read first."""
+
+    format: str
+    """What the file holds: TOML."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class ParameterField:
     """One parameter as flags, forms and tables need it. `kind` is float, int, bool, str or tuple (of floats).
 
-    `optional` is one that may be unknown: declared `float | None`, None where nothing is known.
+    `optional` is one that may be unknown: declared `float | None`, None where nothing is known. `content` is the format
+    of the file whose content it is, "" for every other.
     """
 
     name: str
@@ -53,6 +62,7 @@ class ParameterField:
     limit: str
     checks: tuple[Any, ...]
     optional: bool = False
+    content: str = ""
 
     @property
     def flag(self) -> str:
@@ -83,6 +93,7 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
         checks = tuple(n for n in notes if type(n) in _COMPARE)
         unit = next((n.symbol for n in notes if isinstance(n, Unit)), "")
         text = next((n.text for n in notes if isinstance(n, Help)), "")
+        content = next((n.format for n in notes if isinstance(n, FileContent)), "")
         limit = " and ".join(_COMPARE[type(c)][1](c) for c in checks)
         default = f.default if f.default is not dataclasses.MISSING else None
         kind = typing.cast(type, base)
@@ -96,6 +107,7 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
                 limit=limit,
                 checks=checks,
                 optional=type(None) in arms,
+                content=content,
             )
         )
     return tuple(parameters)

@@ -6,6 +6,7 @@ kinematic error cannot be carried to another run.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,10 +20,14 @@ OUTPUT_SEEN = 2
 
 @dataclass(frozen=True)
 class PhaseReference:
-    """The input angle [rad] that counts as zero, and what it is: "index marks", "input index" or "start of the run"."""
+    """The input angle [rad] that counts as zero, and what it is: "index marks", "input index" or "start of the run".
+
+    `gap`: how far behind the input's mark the output's lies, in input revolutions; NaN where it was not seen.
+    """
 
     input_angle: float
     what: str
+    gap: float = math.nan
 
     @property
     def carries(self) -> bool:
@@ -42,11 +47,11 @@ class PhaseReference:
         return []
 
 
-def phase_reference(recording: Recording) -> PhaseReference:
+def phase_reference(recording: Recording, gap: float | None = None) -> PhaseReference:
     """The input index mark; the one that precedes the output's index mark where both were seen.
 
     Whole orders repeat at every input mark. Output orders and sidebands do not, so that the output
-    mark chooses the turn.
+    mark chooses the turn: the one behind it, or the one that is nearest to `gap` input revolutions away.
     """
     if not recording.has("input_index", "index_seen"):
         return PhaseReference(0.0, "start of the run")
@@ -58,8 +63,9 @@ def phase_reference(recording: Recording) -> PhaseReference:
     if output_row is None or not recording.has("output_index"):
         return PhaseReference(mark % REVOLUTION, "input index")
     here = float(recording.si("input_angle", slice(output_row, output_row + 1))[0])
-    turns = np.floor((here - mark) / REVOLUTION)
-    return PhaseReference(mark + float(turns) * REVOLUTION, "index marks")
+    behind = (here - mark) / REVOLUTION
+    turns = math.floor(behind) if gap is None else round(behind - gap)
+    return PhaseReference(mark + turns * REVOLUTION, "index marks", behind - turns)
 
 
 def _first_rows(recording: Recording) -> tuple[int | None, int | None]:

@@ -6,6 +6,7 @@ Labels of segments, the only words by which analyses find their data:
     ramp, position, rest                    getting there, approaching an angle, standing with the servo on
     approach, settle                        turning, but not counted yet (wind-up after a reversal, transients)
     traverse, hold, bracket, step           what is counted: kinematic error, friction, reference speed, velocity step
+    compensated                             a traverse along a table
     warm-up, torque-ramp                    running until steady, starting torque
     home-input, home-output                 index marks
 """
@@ -34,6 +35,7 @@ LABELS = frozenset(
         "approach",
         "settle",
         "traverse",
+        "compensated",
         "hold",
         "bracket",
         "step",

@@ -36,3 +36,10 @@ SlowSpeed = Annotated[
     Unit("r/min"),
     Help("input speed at which an angle is approached"),
 ]
+OutputCounts = Annotated[
+    int,
+    Ge(1),
+    Le(100_000_000),
+    Unit("1/rev"),
+    Help("counts per revolution of the output encoder"),
+]

@@ -31,6 +31,8 @@ LOCK_REFUSED = 0.5
 """Share from which on no recording is worth the time."""
 JUDGED_ORDER = 6.0
 """Highest input order that a kinematic error is expected to have."""
+QUIET_SPEEDS = 300.0 * RPM
+"""rad/s up to which a speed is moved for its counts' sake."""
 QUASI_STATIC, CORRECTED = 0.02, 0.1
 """Squares of frequency over the first mode's, at the highest order: below the one it matters little, up to
 the other it is corrected with an uncertainty that leaves something of the order.
@@ -178,3 +180,32 @@ def refuse_speed(speed_rpm: float, gear: HarmonicDrive, where: str) -> None:
             limit=f"> 0 and <= {highest:.0f} r/min (ratings.maximum_input_speed)",
             remedy="Choose a speed within the rating.",
         )
+
+
+def quiet_speed(
+    speed_rpm: float,
+    gear: HarmonicDrive,
+    mounting: str,
+    sync_rate: float,
+    output_counts: float,
+    where: str,
+) -> float:
+    """The input speed [rad/s]: the stated one, or the next at which the output's counts average out.
+
+    Raises `PlanError` where their rounding falls on the orders themselves.
+    """
+    wanted = speed_rpm * RPM
+    ratio = gear.mounted_ratio(mounting)  # type: ignore[arg-type]
+    highest = max(min(gear.ratings.maximum_input_speed, QUIET_SPEEDS), wanted)
+    lattice = output_counts / ratio
+    moved = off_lattice(wanted, sync_rate, lattice, ratio, ceiling=highest)
+    lock = lattice_lock(moved, sync_rate, lattice, ratio)
+    if lock > LOCK_REFUSED:
+        raise PlanError(
+            "near this speed the rounding of the output's counts falls on the orders themselves",
+            where=where,
+            value=f"{speed_rpm:g} r/min, {100.0 * lock:.0f} % of it",
+            limit=f"<= {100.0 * LOCK_REFUSED:.0f} %",
+            remedy="Choose another speed or SYNC rate.",
+        )
+    return moved

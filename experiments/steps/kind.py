@@ -118,6 +118,14 @@ class RigView(Protocol):
         """The input angle that phases count from: the index mark where one has passed, else the start of the run."""
         ...
 
+    def output_angle(self) -> float:
+        """The latest output angle as its encoder counts [rad]."""
+        ...
+
+    def has_index(self, which: str) -> bool:
+        """Whether an index mark ("input" or "output") has passed since the rig was opened."""
+        ...
+
     def index_angle(self, which: str) -> float:
         """The angle that was latched at the latest index mark ("input" or "output") [rad]."""
         ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from experiments.steps.follow import FollowTable
 from experiments.steps.hold import HoldRevolutions, HoldTime, Settle
 from experiments.steps.kind import SegmentLabel as SegmentLabel
 from experiments.steps.move import MoveRevolutions, MoveToAngle
@@ -16,6 +17,7 @@ Step = (
     | Ramp
     | SpeedStep
     | HoldRevolutions
+    | FollowTable
     | HoldTime
     | Settle
     | MoveToAngle

@@ -43,7 +43,7 @@ KEPT_NAME = "kept.json"
 _UNSEALED = "not sealed"
 """Stands for the hash of a run whose note is missing."""
 _LEARNT = (
-    (("kinematic-error",), "output_angle", "certificates", "output encoder"),
+    (("kinematic-error", "compensated-error"), "output_angle", "certificates", "output encoder"),
     ((), "torque", "torque_scale", "torque scale"),
 )
 """What a bench learns: the kinds of analysis that take it (none: all), the channel, the option in which they say which

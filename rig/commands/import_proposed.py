@@ -11,7 +11,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig.bench.config.toml_text import toml_value
+from model.toml_text import toml_value
 from rig.commands.terminal import console, echo, painted
 from rig.content.grid import Grid, columns
 from rig.errors import ConfigurationError

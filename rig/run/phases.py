@@ -14,7 +14,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.channel import INDEX_SEEN, INPUT_ANGLE, INPUT_INDEX, OUTPUT_INDEX, STATUSWORD, Channel
+from drivers.channel import (
+    INDEX_SEEN,
+    INPUT_ANGLE,
+    INPUT_INDEX,
+    OUTPUT_ANGLE,
+    OUTPUT_INDEX,
+    STATUSWORD,
+    Channel,
+)
 from drivers.drive_state import DriveState, drive_state
 from drivers.port import Bound, Command, Mode, last_rows
 from drivers.samples import Break, SampleBlock, is_stale
@@ -148,14 +156,22 @@ class Machine:
         """The latest input angle [rad]."""
         return self.si(INPUT_ANGLE)
 
+    def output_angle(self) -> float:
+        """The latest output angle [rad]."""
+        return self.si(OUTPUT_ANGLE)
+
     def phase_origin(self) -> float:
         """The latest input index mark, where none was seen the input angle at the start of the run [rad]."""
-        latch, bit = INDEX_LATCHES["input"]
-        if self.has(latch) and self.has(INDEX_SEEN) and self.counts(INDEX_SEEN) & bit:
-            return self.si(latch)
+        if self.has_index("input"):
+            return self.index_angle("input")
         channel = self.channels[INPUT_ANGLE]
         first = int(self.first[self.column[INPUT_ANGLE]])
         return first * channel.direction * channel.scale + channel.offset
+
+    def has_index(self, which: str) -> bool:
+        """Whether an index mark, "input" or "output", has passed since the rig was opened."""
+        latch, bit = INDEX_LATCHES[which]
+        return self.has(latch) and self.has(INDEX_SEEN) and bool(self.counts(INDEX_SEEN) & bit)
 
     def index_angle(self, which: str) -> float:
         """The angle at the latest index mark of an encoder, "input" or "output" [rad]."""

@@ -33,6 +33,7 @@ from rig.run.bench_lock import bench_lock
 from rig.run.bystander import standing_by
 from rig.run.commissioned import commissioned_check, refuse_sentence, standing_of
 from rig.run.computer import claim_real_time
+from rig.run.contents import with_contents
 from rig.run.dry_run import PlannedRun, plan_run, vars_of
 from rig.run.engine import Ask
 from rig.run.frames import keep_frames
@@ -71,7 +72,10 @@ def plan_order(order: Order, experiment: Experiment | None = None) -> PlannedRun
     for name, value in (("mounting", order.mounting), ("sync_rate", order.sample_rate)):
         if name in names:
             values.setdefault(name, value)
+    values = with_contents(experiment.parameters, values, order.protocol)
     parameters = make_parameters(experiment.parameters, values, order.protocol)
+    if experiment.refuse_gear is not None:
+        experiment.refuse_gear(parameters, order.serial)
     refuse_world(order.backend, order.world)
     gear, motor = nameplates(order)
     return plan_run(

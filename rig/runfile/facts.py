@@ -7,6 +7,7 @@ that is read by its size has it in its value. All digits are kept, as they are t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from hashlib import sha256
 from typing import Any
 
 from experiments import catalogue
@@ -92,8 +93,16 @@ def parameter_facts(protocol: str, values: Mapping[str, Any]) -> Iterator[Fact]:
     experiment = catalogue.declared(protocol)
     if experiment is None:
         return flat("parameters", values)
-    units = {field.name: field.unit for field in parameter_fields(experiment.parameters)}
-    return flat("parameters", values, units)
+    fields = parameter_fields(experiment.parameters)
+    units = {field.name: field.unit for field in fields}
+    files = {field.name for field in fields if field.content and values.get(field.name)}
+    short = {n: content_in_words(str(v)) if n in files else v for n, v in values.items()}
+    return flat("parameters", short, units)
+
+
+def content_in_words(content: str) -> str:
+    """A parameter that is the content of a file, where it is named and not shown."""
+    return f"{len(content.splitlines())} lines, SHA-256 {sha256(content.encode()).hexdigest()[:12]}"
 
 
 def limit_facts(limits: Mapping[str, Any]) -> Iterator[Fact]:

@@ -163,6 +163,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
 
 
+def fitted_traverses(
+    recording: Recording, evidence: Evidence
+) -> tuple[list[KinematicErrorFit], PhaseReference]:
+    """Every traverse of a run, fitted, and from where its angles count. Raises `AnalysisError` as `analyse`."""
+    context, segments, _ = _prepare(recording, evidence)
+    with analysing(recording.metadata.run_id):
+        return [one.fit for one in _traverses_of(context, segments)], context.reference
+
+
 def _prepare(
     recording: Recording, evidence: Evidence
 ) -> tuple[_Context, tuple[Segment, ...], list[str]]:

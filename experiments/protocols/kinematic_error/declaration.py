@@ -13,6 +13,7 @@ from experiments.parameters import Help, Unit
 from experiments.planning.shared_parameters import (
     Acceleration,
     Mounted,
+    OutputCounts,
     Repeats,
     SyncRate,
     ZeroTime,
@@ -57,13 +58,7 @@ class Parameters:
     acceleration: Acceleration = 100.0
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0
-    output_counts: Annotated[
-        int,
-        Ge(1),
-        Le(100_000_000),
-        Unit("1/rev"),
-        Help("counts per revolution of the output encoder"),
-    ] = 72000
+    output_counts: OutputCounts = 72000
 
 
 SETTINGS = (

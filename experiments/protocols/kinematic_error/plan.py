@@ -10,20 +10,15 @@ from experiments.planning.parts import between_zeros, checked, longest, output_t
 from experiments.planning.speeds import (
     CORRECTED,
     JUDGED_ORDER,
-    LOCK_REFUSED,
     QUASI_STATIC,
     first_resonances,
-    lattice_lock,
-    off_lattice,
+    quiet_speed,
     refuse_speed,
 )
 from experiments.protocols.kinematic_error.declaration import NAME, Parameters
 from experiments.steps.vocabulary import HoldRevolutions, Mark, Prompt, SegmentLabel, Step
 from model.gear import HarmonicDrive
 from model.units import REVOLUTION, RPM
-
-_MAXIMUM_SPEED = 300.0 * RPM
-"""rad/s; above it no kinematic error is measured."""
 
 
 def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
@@ -35,7 +30,14 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
     checked(parameters, Parameters, NAME)
     refuse_speed(parameters.speed_rpm, gear, f"{NAME}.speed_rpm")
     output_travel(gear, parameters.mounting, 1.0, NAME)
-    speed = _speed(parameters, gear)
+    speed = quiet_speed(
+        parameters.speed_rpm,
+        gear,
+        parameters.mounting,
+        parameters.sync_rate,
+        parameters.output_counts,
+        f"{NAME}.speed_rpm",
+    )
     _refuse_near_mode(speed, gear)
     return between_zeros(_traverses(parameters, gear, speed), parameters.zero_time)
 
@@ -64,25 +66,6 @@ def _traverses(p: Parameters, gear: HarmonicDrive, speed: float) -> Iterator[Ste
                 SegmentLabel("traverse", setpoint, direction, repeat),
             )
             yield stop(p.acceleration)
-
-
-def _speed(p: Parameters, gear: HarmonicDrive) -> float:
-    """The input speed [rad/s]: the stated one, or the next at which the output's counts average out."""
-    wanted = p.speed_rpm * RPM
-    ratio = gear.mounted_ratio(p.mounting)  # type: ignore[arg-type]
-    highest = max(min(gear.ratings.maximum_input_speed, _MAXIMUM_SPEED), wanted)
-    lattice = p.output_counts / ratio
-    moved = off_lattice(wanted, p.sync_rate, lattice, ratio, ceiling=highest)
-    lock = lattice_lock(moved, p.sync_rate, lattice, ratio)
-    if lock > LOCK_REFUSED:
-        raise PlanError(
-            "near this speed the rounding of the output's counts falls on the orders themselves",
-            where=f"{NAME}.speed_rpm",
-            value=f"{p.speed_rpm:g} r/min, {100.0 * lock:.0f} % of it",
-            limit=f"<= {100.0 * LOCK_REFUSED:.0f} %",
-            remedy="Choose another speed or SYNC rate.",
-        )
-    return moved
 
 
 def _judged_order(gear: HarmonicDrive) -> float:

@@ -28,9 +28,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from model.angle_certificate import CERTIFIED_ORDERS, AngleCertificate, curve_of
 from model.errors import ParameterError
+from model.toml_text import toml_value
 from model.unit_text import scale_in, understood
 from model.units import ARCSEC, DEGREE, REVOLUTION
-from rig.bench.config.toml_text import toml_value
 
 FORMAT: Final = "harmonic-rig-certificate-1"
 LARGEST_FILE = 10_000_000

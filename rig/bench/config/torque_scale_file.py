@@ -20,7 +20,7 @@ from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from rig.bench.config.toml_text import toml_value
+from model.toml_text import toml_value
 
 FORMAT: Final = "harmonic-rig-torque-scale-1"
 _Number = Annotated[float, Field(allow_inf_nan=False)]

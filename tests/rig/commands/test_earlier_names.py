@@ -74,6 +74,7 @@ ADDED = {
     "rig bench learn",
     "rig bench show",
     "rig commission",
+    "rig compensate",
     "rig export-model",
     "rig fleet rr",
     "rig next",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from model.toml_text import toml_value
 from rig.bench.config.load import FORMAT, TO_BE_SAID
-from rig.bench.config.toml_text import toml_value
 from rig.trial.doctor.discover.proposal import Proposal, Table, Word
 
 _HEAD = f"""# A description of this rig, proposed from what its nodes tell of themselves. Nothing of it was measured.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 
 def toml_value(value: object) -> str:
@@ -13,8 +14,14 @@ def toml_value(value: object) -> str:
         escaped = value.replace("\\", "\\\\").replace('"', '\\"')
         return f'"{escaped}"'
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{k} = {toml_value(v)}" for k, v in value.items()) + " }"
+        return (
+            "{ "
+            + ", ".join(
+                f"{k} = {toml_value(v)}" for k, v in cast("Mapping[str, Any]", value).items()
+            )
+            + " }"
+        )
     if isinstance(value, Sequence):
-        return f"[{', '.join(map(toml_value, value))}]"
+        return f"[{', '.join(map(toml_value, cast('Sequence[Any]', value)))}]"
     # Of a number as many digits as it has; a date is written as it is.
     return repr(value) if isinstance(value, (int, float)) else str(value)

@@ -1,0 +1,1 @@
+"""Compensated error: the same turn without and with a table that takes the kinematic error out; `plots` draws."""
