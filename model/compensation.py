@@ -20,7 +20,8 @@ import numpy as np
 
 from model.arrays import ComplexArray, FloatArray
 from model.errors import ModelError
-from model.kinematic_error import order_of_label
+from model.gear import HarmonicDrive, Mounting
+from model.kinematic_error import lattice_label, order_of_label, output_sign
 from model.units import ARCSEC, REVOLUTION
 
 _ROUNDS = 4
@@ -70,7 +71,8 @@ class Proof:
 class CompensationTable:
     """What is taken out of the motion of one gear, and for which gear, mounting, bench, warmth and speeds it holds.
 
-    `index_gap`: how far behind the preceding mark of the input the output's mark lies, in input revolutions; `speed`:
+    `index_gap`: how far behind the preceding mark of the input the output's mark lies, in input revolutions, None where
+    nobody noted it; `speed`:
     the input speeds of its runs [rad/s]; `temperature` of the housing [degC]; `runs`: each with its SHA-256; `learnt`:
     what corrected the output encoder.
     """
@@ -84,7 +86,7 @@ class CompensationTable:
     origin: str
     encoder: str
     learnt: str
-    index_gap: float
+    index_gap: float | None
     speed: tuple[float, float]
     temperature: float | None
     runs: tuple[str, ...]
@@ -102,6 +104,37 @@ class CompensationTable:
             ahead: Correction.of(one, self.ratio)
             for ahead, one in ((True, self.forward), (False, self.reverse))
         }
+
+
+def table_of_set(gear: HarmonicDrive, mounting: Mounting) -> CompensationTable:
+    """The series of a parameter set as a table, the same in both directions: what the set says of its gear, no more."""
+    ratio = gear.mounted_ratio(mounting)
+    series = gear.kinematic_error
+    same = DirectionTable(
+        labels=tuple(lattice_label(one.order, ratio) for one in series),
+        cosine=tuple(one.cosine for one in series),
+        sine=tuple(one.sine for one in series),
+        covariance=((0.0, 0.0, 0.0),) * len(series),
+        encoder=(0.0,) * len(series),
+        freedom=1.0,
+    )
+    return CompensationTable(
+        gear="",
+        part=gear.name,
+        mounting=mounting,
+        ratio=ratio,
+        sense=round(output_sign(mounting)),
+        bench="",
+        origin="",
+        encoder="",
+        learnt="",
+        index_gap=None,
+        speed=(0.0, 0.0),
+        temperature=None,
+        runs=(),
+        forward=same,
+        reverse=same,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

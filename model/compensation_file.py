@@ -56,9 +56,8 @@ _AS_THEY_ARE = (
     "origin",
     "encoder",
     "learnt",
-    "index_gap",
 )
-_OPTIONAL = ("temperature", "proof")
+_OPTIONAL = ("temperature", "index_gap", "proof")
 _PROOF: dict[str, type] = {
     "run": str,
     "verdict": str,
@@ -121,6 +120,7 @@ def compensation_from(text: str, where: str = "compensation table") -> Compensat
     proof = content.get("proof")
     return CompensationTable(
         **{name: top[name] for name in _AS_THEY_ARE},
+        index_gap=top.get("index_gap"),
         speed=(top["slowest_rpm"] * RPM, top["fastest_rpm"] * RPM),
         temperature=top.get("temperature"),
         runs=tuple(map(str, top["runs"])),

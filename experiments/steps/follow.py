@@ -147,7 +147,10 @@ class FollowTable(Motion):
                 cycles = cycles_of(within, rig.period)
                 yield Leg(cycles, Constant(self.speed), IndexPassed(which), goal)
         zero, gap = index_zero(rig, table)
-        if abs(math.remainder(gap - table.index_gap, 1.0)) > INDEX_GAP:
+        if (
+            table.index_gap is not None
+            and abs(math.remainder(gap - table.index_gap, 1.0)) > INDEX_GAP
+        ):
             note(
                 "warning",
                 "index-gap",
@@ -190,12 +193,14 @@ class FollowTable(Motion):
 def index_zero(rig: RigView, table: CompensationTable) -> tuple[float, float]:
     """The input angle [rad] from which the table's angles count, and how far behind the input's mark the output's lies.
 
-    Which of its revolutions it is, is told by the output's mark: the one that is nearest to the table's own distance.
+    Which of its revolutions it is, is told by the output's mark: the one that is nearest to the table's own distance,
+    the one behind it where the table has none.
     """
     mark = rig.index_angle("input")
     since = table.ratio * table.sense * (rig.output_angle() - rig.index_angle("output"))
     behind = (rig.input_angle() - since - mark) / REVOLUTION
-    turns = round(behind - table.index_gap)
+    gap = table.index_gap
+    turns = math.floor(behind) if gap is None else round(behind - gap)
     return mark + REVOLUTION * turns, behind - turns
 
 

@@ -193,19 +193,31 @@ class Encoders:
         """Standard uncertainty of a cosine or sine at every order to which they may add [rad]."""
         motor = CERTIFIED_ORDERS if self.input_certified else self._motor_orders
         orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [float(k) for k in motor]
-        # All orders at once: together they have no more than what the certificate says of the curve.
+        return {
+            order: math.hypot(
+                *(line.standard_uncertainty for line in self._shared.at_order(order, ratio))
+            )
+            for order in orders
+        }
+
+    @property
+    def _shared(self) -> Encoders:
+        """All orders at once: together they have no more than what a certificate says of the curve."""
         share = 1.0 / math.sqrt(len(CERTIFIED_ORDERS))
-        shared = replace(
+        return replace(
             self,
             output_certified=share * self.output_certified,
             input_certified=share * self.input_certified,
         )
-        return {
-            order: math.hypot(
-                *(line.standard_uncertainty for line in shared.at_order(order, ratio))
-            )
-            for order in orders
-        }
+
+    def output_wave(self, order: float, ratio: float) -> float:
+        """Standard uncertainty of a cosine or sine of one order by the output encoder, where all orders are taken
+        together [rad].
+        """
+        lines = self._shared.at_order(order, ratio)
+        return math.hypot(
+            *(one.standard_uncertainty for one in lines if one.cause is Cause.OUTPUT_ENCODER)
+        )
 
     def bound(self, order: float, ratio: float) -> float:
         """What they can add to one order at most: an encoder's order is no larger than its class, or than the

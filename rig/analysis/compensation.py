@@ -19,8 +19,7 @@ from experiments.recording import Recording
 from model.compensation import CompensationTable, DirectionTable, Proof
 from model.compensation_file import compensation_from
 from model.identify.directions import combine
-from model.identify.estimate import Cause
-from model.identify.kinematic_error import KinematicErrorFit
+from model.identify.kinematic_error import Encoders, KinematicErrorFit
 from rig.analysis.fit_run import evidence_for
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import bench_of
@@ -38,6 +37,7 @@ class _Seen:
     path: Path
     recording: Recording
     fits: list[KinematicErrorFit]
+    encoders: Encoders
     gap: float
     speed: float
 
@@ -76,7 +76,9 @@ def table_from(runs: Sequence[Path]) -> CompensationTable:
             )
         ways = {
             name: _direction(
-                [fit for one in seen for fit in one.fits if fit.direction * sign > 0.0], labels
+                [fit for one in seen for fit in one.fits if fit.direction * sign > 0.0],
+                labels,
+                first.encoders,
             )
             for name, sign in (("forward", 1.0), ("reverse", -1.0))
         }
@@ -110,7 +112,7 @@ def _seen(run: Path) -> _Seen:
     signal = recording.signals["input_angle"]
     bare = replace(signal, calibration=replace(signal.calibration, curve=None))
     as_driven = replace(recording, signals={**recording.signals, "input_angle": bare})
-    fits, reference = fitted_traverses(as_driven, evidence)
+    fits, reference, encoders = fitted_traverses(as_driven, evidence)
     ways = {fit.direction for fit in fits}
     if reference.what != "index marks" or ways != {1.0, -1.0}:
         close_recording(recording)
@@ -123,7 +125,14 @@ def _seen(run: Path) -> _Seen:
         )
     rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
     speed = abs(recording.labelled("traverse")[0].setpoint)
-    return _Seen(path=run, recording=recording, fits=fits, gap=reference.gap, speed=speed)
+    return _Seen(
+        path=run,
+        recording=recording,
+        fits=fits,
+        encoders=encoders,
+        gap=reference.gap,
+        speed=speed,
+    )
 
 
 def _refuse_other(first: _Seen, other: _Seen) -> None:
@@ -167,7 +176,9 @@ def _shown(fits: Sequence[KinematicErrorFit]) -> tuple[str, ...]:
     return tuple(sorted(chosen, key=orders.__getitem__))
 
 
-def _direction(fits: Sequence[KinematicErrorFit], labels: Sequence[str]) -> DirectionTable:
+def _direction(
+    fits: Sequence[KinematicErrorFit], labels: Sequence[str], encoders: Encoders
+) -> DirectionTable:
     """The mean over all traverses of one direction, order by order; the larger of each one's own noise and their
     scatter.
     """
@@ -188,8 +199,7 @@ def _direction(fits: Sequence[KinematicErrorFit], labels: Sequence[str]) -> Dire
         values.append(vectors.mean(axis=0))
         blocks.append(own * wider / count)
         fit, k = at[0]
-        lines = [one for one in fit.orders[k].bench if one.cause is Cause.OUTPUT_ENCODER]
-        encoder.append(math.hypot(*(one.standard_uncertainty for one in lines)))
+        encoder.append(encoders.output_wave(fit.basis.orders[k], fit.ratio))
     wave = np.array(values)
     covariance = [(float(b[0, 0]), float(b[0, 1]), float(b[1, 1])) for b in blocks]
     return DirectionTable(

@@ -35,7 +35,7 @@ from experiments.protocols.kinematic_error.analysis import spring_of
 from experiments.recording import Recording
 from experiments.result import Result, Table
 from experiments.steps.follow import INDEX_GAP
-from model.compensation import CompensationTable
+from model.compensation import CompensationTable, table_of_set
 from model.compensation_file import compensation_from
 from model.errors import ModelError
 from model.identify.estimate import BudgetLine, Estimate
@@ -70,10 +70,16 @@ class AtSpeed:
 
 
 def table_in(recording: Recording) -> CompensationTable:
-    """The table that a run was driven by. Raises `AnalysisError` where it carries none."""
-    text = str(recording.metadata.parameters.get("table", ""))
+    """The table that a run was driven by: that of its parameters, else the series of its parameter set.
+
+    Raises `AnalysisError` where it carries none.
+    """
+    metadata = recording.metadata
+    text = str(metadata.parameters.get("table", ""))
+    if not text and metadata.gear is not None:
+        return table_of_set(metadata.gear, metadata.mounting)
     try:
-        return compensation_from(text, f"{recording.metadata.run_id}, parameters.table")
+        return compensation_from(text, f"{metadata.run_id}, parameters.table")
     except ModelError as error:
         raise AnalysisError(
             error.what, where=error.where, value=error.value, limit=error.limit
@@ -114,7 +120,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         [one.without for one in speeds],
         [one.left.seen for one in speeds],
     )
-    gap = math.remainder(reference.gap - table.index_gap, 1.0)
+    gap = 0.0
+    if table.index_gap is not None:
+        gap = math.remainder(reference.gap - table.index_gap, 1.0)
     warnings += _remarks(left, judged, gap, helps)
     estimates, metrics = _numbers(speeds, judged, left, table)
     if helps is not None:

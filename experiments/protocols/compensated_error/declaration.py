@@ -29,7 +29,11 @@ class Parameters:
     """What a compensated-error run can be told."""
 
     table: Annotated[
-        str, FileContent("TOML"), Help("the table that is taken out, by `rig compensate`")
+        str,
+        FileContent("TOML"),
+        Help(
+            "the table that is taken out, by `rig compensate`; the parameter set's series without"
+        ),
     ] = ""
     speeds_rpm: Annotated[
         tuple[float, ...],

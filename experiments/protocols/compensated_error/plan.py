@@ -9,7 +9,7 @@ from experiments.planning.parts import between_zeros, checked, longest, output_t
 from experiments.planning.speeds import quiet_speed, refuse_speed
 from experiments.protocols.compensated_error.declaration import NAME, Parameters
 from experiments.steps.vocabulary import FollowTable, HoldRevolutions, SegmentLabel, Step
-from model.compensation import CompensationTable
+from model.compensation import CompensationTable, table_of_set
 from model.compensation_file import compensation_from
 from model.errors import ModelError
 from model.gear import HarmonicDrive
@@ -38,14 +38,13 @@ def plan(parameters: Parameters, gear: HarmonicDrive) -> Iterator[Step]:
 
 
 def table_of(parameters: Parameters, gear: HarmonicDrive) -> CompensationTable:
-    """The table that is driven by. Raises `PlanError` for none, and for one that is for another ratio or mounting."""
+    """The table that is driven by: the series of the parameter set where none is named. Raises `PlanError` for one that
+    is none, and for one of another ratio or mounting.
+    """
     where = f"{NAME}.table"
     if not parameters.table:
-        raise PlanError(
-            "no table is named",
-            where=where,
-            remedy="Make one: rig compensate RUN... --output table.toml, and give it by --table table.toml.",
-        )
+        # What the parameter set says of its gear: enough to plan by, and proved or refused as any other.
+        return table_of_set(gear, parameters.mounting)  # type: ignore[arg-type]
     try:
         table = compensation_from(parameters.table, where)
         for direction in (1.0, -1.0):

@@ -78,13 +78,26 @@ def _turn(
     rows = slice(segment.start, segment.stop)
     # The motor encoder is what the drive follows: its own errors are part of where the table sends it.
     motor = recording.si("input_angle", rows) - zero
-    theta = _sent(recording.si("target_speed", rows), 1.0 / recording.metadata.sample_rate, motor)
+    speed = recording.si("target_speed", rows)
+    output = recording.metadata.output_sense * angle_of(recording, "output_angle", rows, certified)
+    sent = sent_to(speed, 1.0 / recording.metadata.sample_rate, motor)
+    good = usable(recording, rows)
+    return fitted(segment, table, basis, sent[good], output[good], motor[good])
+
+
+def fitted(
+    segment: Segment,
+    table: CompensationTable,
+    basis: Basis,
+    theta: FloatArray,
+    output: FloatArray,
+    motor: FloatArray,
+) -> Turn:
+    """The orders of one traverse: where the input was sent, where output and motor were (n,) [rad]."""
     is_compensated = segment.label == "compensated"
     phi = table.of(segment.direction).nominal(theta) if is_compensated else theta
-    output = recording.metadata.output_sense * angle_of(recording, "output_angle", rows, certified)
-    good = usable(recording, rows)
     sums = AngleRegression(table.ratio, 2)
-    sums.add(phi[good], (output - phi / table.ratio)[good], (motor - theta)[good])
+    sums.add(phi, output - phi / table.ratio, motor - theta)
     cells = sums.cells()
     fits = [solve_angle(cells, basis, value=value)[0] for value in (0, 1)]
     return Turn(
@@ -96,7 +109,7 @@ def _turn(
     )
 
 
-def _sent(speed: FloatArray, period: float, motor: FloatArray) -> FloatArray:
+def sent_to(speed: FloatArray, period: float, motor: FloatArray) -> FloatArray:
     """Where the input was sent (n,) [rad], laid on what the motor encoder counts by a constant and a drift."""
     theta = period * np.concatenate([[0.0], np.cumsum(speed[:-1])])
     along = np.linspace(-1.0, 1.0, len(theta))

@@ -165,11 +165,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 def fitted_traverses(
     recording: Recording, evidence: Evidence
-) -> tuple[list[KinematicErrorFit], PhaseReference]:
-    """Every traverse of a run, fitted, and from where its angles count. Raises `AnalysisError` as `analyse`."""
+) -> tuple[list[KinematicErrorFit], PhaseReference, Encoders]:
+    """Every traverse of a run, fitted, from where its angles count, and what the encoders may add. Raises
+    `AnalysisError` as `analyse`.
+    """
     context, segments, _ = _prepare(recording, evidence)
     with analysing(recording.metadata.run_id):
-        return [one.fit for one in _traverses_of(context, segments)], context.reference
+        fits = [one.fit for one in _traverses_of(context, segments)]
+    return fits, context.reference, context.encoders
 
 
 def _prepare(
