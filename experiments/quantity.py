@@ -37,6 +37,8 @@ ANGLES_IN_ITS_BUDGET: Mapping[str, Dependence] = {
 OF_TORQUE_DIFFERENCES: Mapping[str, Dependence] = {"torque": "difference", **ANGLES_IN_ITS_BUDGET}
 """Half-differences of the directions, and whatever has its zero taken off."""
 OF_ANGLES: Mapping[str, Dependence] = {"torque": "none", **ANGLES_IN_ITS_BUDGET}
+OF_SENT_ANGLES: Mapping[str, Dependence] = {**OF_ANGLES, "target_speed": "none"}
+"""As of angles, against where the program sent the input: what it sends it knows."""
 OF_EFFORT_DIFFERENCES: Mapping[str, Dependence] = {"effort": "difference"}
 OF_CHANNEL_DIFFERENCES: Mapping[str, Dependence] = {
     "channel": "difference",

@@ -138,14 +138,12 @@ class FollowTable(Motion):
         )
 
     def course(self, rig: RigView, note: Note) -> Course:
-        """Revolution by revolution, each from where the input is found."""
+        """Revolution by revolution, each from where the input is found; refused where a mark has not passed before."""
         correction, table = self._correction, self.table
-        for which, turns in (("input", 1.0), ("output", table.ratio)):
+        for which in ("input", "output"):
             if not rig.has_index(which):
-                within = 1.5 * turns * REVOLUTION / abs(self.speed) + 5.0
-                goal = Goal(f"the {which} index mark", within)
-                cycles = cycles_of(within, rig.period)
-                yield Leg(cycles, Constant(self.speed), IndexPassed(which), goal)
+                goal = Goal(f"the {which} index mark before it", rig.period)
+                yield Leg(1, Constant(self.speed), IndexPassed(which), goal)
         zero, gap = index_zero(rig, table)
         if (
             table.index_gap is not None

@@ -90,13 +90,20 @@ class OrdersLeft:
 
 @dataclass(frozen=True, kw_only=True)
 class Remainder:
-    """Seen and predicted r.m.s. [rad], their ratio with its 95 % interval, and what it says of the table."""
+    """Seen and predicted r.m.s. [rad], their ratio with its 95 % interval, and what it says of the table.
+
+    `chance`, `doubt`: standard uncertainties of the ratio, by what the seen one scatters where the prediction is right,
+    and by what the prediction is not known.
+    """
 
     seen: float
     predicted: float
     ratio: float
     low: float
     high: float
+    chance: float
+    doubt: float
+    freedom: float
     verdict: ProofVerdict
 
 
@@ -125,6 +132,9 @@ def remainder_of(ways: Sequence[OrdersLeft]) -> Remainder:
         ratio=ratio,
         low=low,
         high=high,
+        chance=0.5 * ratio * math.sqrt(scatter) / predicted,
+        doubt=0.5 * ratio * math.sqrt(doubt) / predicted,
+        freedom=first,
         verdict=verdict,
     )
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from experiments.contract import Evidence
+from experiments.protocols.compensated_error import declaration as compensated_error_declaration
+from experiments.protocols.compensated_error import plan as compensated_error_plan
 from experiments.protocols.friction import declaration as friction_declaration
 from experiments.protocols.friction import plan as friction_plan
 from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
@@ -19,6 +21,8 @@ from experiments.protocols.torque_scale import declaration as torque_scale_decla
 from experiments.protocols.torque_scale import plan as torque_scale_plan
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
+from model.compensation import table_of_set
+from model.compensation_file import compensation_text
 from model.gear import Harmonic, HarmonicDrive
 from model.gear_file import shipped_gear
 from model.units import ARCSEC
@@ -80,6 +84,19 @@ def tare_run(bench: Bench, gear: HarmonicDrive) -> Recording:
     return record(
         motor_tare_plan.plan(parameters, gear), bare, "motor-tare", run_id="synthetic-tare"
     )
+
+
+@pytest.fixture(scope="session")
+def compensated_error_run(bench: Bench, gear: HarmonicDrive) -> Recording:
+    """The whole orders of the bench's own error are taken out; its sidebands are left."""
+    whole = tuple(h for h in SERIES if h.order == round(h.order))
+    table = table_of_set(dataclasses.replace(gear, kinematic_error=whole), "circular-spline-fixed")
+    parameters = compensated_error_declaration.Parameters(
+        table=compensation_text(table), speeds_rpm=(130.0, 180.0, 240.0)
+    )
+    given = dataclasses.asdict(parameters)
+    plan = compensated_error_plan.plan(parameters, gear)
+    return record(plan, bench, "compensated-error", parameters=given)
 
 
 @pytest.fixture(scope="session")

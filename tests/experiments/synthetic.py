@@ -13,8 +13,10 @@ import numpy as np
 import scipy
 
 from experiments.recording import ArraySource, Recording, RunMetadata, Segment
+from experiments.steps.follow import Corrected
 from experiments.steps.vocabulary import (
     FindIndex,
+    FollowTable,
     HoldRevolutions,
     HoldTime,
     Mark,
@@ -40,6 +42,7 @@ RATE = 1000.0
 INPUT_COUNTS = 8192 * 4
 OUTPUT_COUNTS = 18000 * 4
 TORQUE_QUANTUM = 2e-4
+SPEED_QUANTUM = 1e-5
 LAG = 0.88
 """Pole of the elastic bench's drive per cycle: a rise of some 17 ms."""
 
@@ -124,6 +127,13 @@ def _step(walk: _Walk, step: Step, bench: Bench) -> None:
         walk.constant(step.speed, math.ceil(max(step.duration, turn) * RATE) + 1)
     elif isinstance(step, HoldRevolutions):
         walk.constant(walk.setpoint, _cycles(step.revolutions, walk.setpoint))
+    elif isinstance(step, FollowTable):
+        correction = step.table.of(step.speed)
+        at = np.array([walk.angle - bench.index])
+        begin = float(at[0] if step.fade else correction.nominal(at)[0])
+        fade = step.fade * REVOLUTION
+        profile = Corrected(step.speed, begin, 1.0 / RATE, correction, fade)
+        walk.add(profile.targets(0, _cycles(step.revolutions, step.speed)))
     elif isinstance(step, HoldTime):
         walk.constant(walk.setpoint, round(step.duration * RATE))
     elif isinstance(step, Settle):
@@ -246,6 +256,9 @@ def assemble(walk: _Walk, bench: Bench, experiment: str, **extra: object) -> Rec
         "output_index": Channel(name="output_index", unit="rad", scale=q_out),
         "index_seen": Channel(name="index_seen", unit="1", is_counted=False),
     }
+    if experiment == "compensated-error":
+        arrays["target_speed"] = np.round(speed / SPEED_QUANTUM).astype(np.int64)
+        signals["target_speed"] = Channel(name="target_speed", unit="rad/s", scale=SPEED_QUANTUM)
     known: dict[str, object] = {
         "ratio": bench.gear.ratio,
         "gear_mounted": bench.mounted,

@@ -18,6 +18,7 @@ from rig.testing.protocol import check_protocol
 
 PROTOCOLS = (
     "kinematic-error",
+    "compensated-error",
     "friction",
     "velocity-steps",
     "motor-tare",

@@ -64,6 +64,8 @@ def small(
             return request.getfixturevalue("kinematic_error_run")
         if kind in ("friction", "motor-tare"):
             return request.getfixturevalue("friction_run" if kind == "friction" else "tare_run")
+        if kind == "compensated-error":
+            return request.getfixturevalue("compensated_error_run")
         if kind == "torque-scale":
             return request.getfixturevalue("torque_scale_run")
         if kind == "motion":

@@ -236,7 +236,20 @@ def _numbers(
             unit="1",
             low=left.low,
             high=left.high,
-            note="F interval",
+            budget=(
+                BudgetLine(
+                    "what a right table leaves, by chance",
+                    "A",
+                    left.chance,
+                    degrees_of_freedom=left.freedom,
+                ),
+                BudgetLine(
+                    "prediction: table, spring, friction, another run",
+                    "B",
+                    left.doubt,
+                    "each known to a quarter of itself",
+                ),
+            ),
         ),
         "remainder": _rms("remainder", left.seen, noise, freedom),
         "without_table": _rms("without_table", without, own / (len(judged) * without), freedom),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from experiments.quantity import OF_ANGLES, Quantity
+from experiments.quantity import OF_SENT_ANGLES, Quantity
 
 QUANTITIES = (
     Quantity(
@@ -14,7 +14,7 @@ QUANTITIES = (
         target_reason="a table that leaves 1.3 times what was predicted is a wrong one",
         is_key=True,
         is_above_zero=True,
-        rests_on=OF_ANGLES,
+        rests_on=OF_SENT_ANGLES,
     ),
     Quantity(
         name="remainder",
@@ -27,7 +27,7 @@ QUANTITIES = (
         target_reason="one table is told from the next",
         is_key=True,
         is_above_zero=True,
-        rests_on=OF_ANGLES,
+        rests_on=OF_SENT_ANGLES,
     ),
     Quantity(
         name="without_table",
@@ -37,7 +37,7 @@ QUANTITIES = (
         definition="r.m.s. of the same without the table",
         conditions=("part", "mounting", "speed"),
         is_above_zero=True,
-        rests_on=OF_ANGLES,
+        rests_on=OF_SENT_ANGLES,
     ),
     Quantity(
         name="predicted_seen",

@@ -57,7 +57,10 @@ A_WHOLE_ROW = "moved by a whole row, twice as far as the torque may be late: the
 ABOUT_THE_FIT_OF_BOTH = (
     "one direction alone is told to first order about the fit of both, a point that a delay moves"
 )
+SENT = "the program knows at which SYNC a set-point that it sent acts; what the drive makes of it is in the numbers"
 EXCEPTIONS: dict[tuple[str, str, str, Part], str] = {
+    ("compensated-error", "proof_ratio", "target_speed", Part.DELAY): SENT,
+    ("compensated-error", "remainder", "target_speed", Part.DELAY): SENT,
     ("torque-scale", "torque_lag", "torque", Part.DELAY): "a delay of the torque is what is meant",
     (
         "torque-scale",
@@ -95,6 +98,8 @@ def small(
             return request.getfixturevalue("kinematic_error_run")
         if kind == "motor-tare":
             return request.getfixturevalue("tare_run")
+        if kind == "compensated-error":
+            return request.getfixturevalue("compensated_error_run")
         if kind == "torque-scale":
             return request.getfixturevalue("torque_scale_run")
         if kind == "velocity-steps":

@@ -18,6 +18,7 @@ from experiments.errors import PlanError
 from experiments.steps.kind import Instant, Motion, Servo
 from experiments.steps.vocabulary import (
     FindIndex,
+    FollowTable,
     HoldRevolutions,
     HoldTime,
     Mark,
@@ -33,6 +34,7 @@ from experiments.steps.vocabulary import (
     Step,
     TorqueRamp,
 )
+from model.compensation import table_of_set
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import REVOLUTION
@@ -54,6 +56,8 @@ from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 GEAR, MOTOR = shipped_gear(), shipped_motor()
 UP, DOWN = Ramp(20.0, 400.0), Ramp(0.0, 400.0)
 LABEL = SegmentLabel("x", 20.0, 1)
+MARKS = (FindIndex("input", 20.0, 5.0), FindIndex("output", 20.0, 60.0))
+TABLE = table_of_set(GEAR, "circular-spline-fixed")
 
 
 @dataclass(frozen=True)
@@ -78,6 +82,7 @@ SAMPLES = (
     Sample(Ramp(-20.0, 400.0, LABEL), (UP,), (DOWN,)),
     Sample(SpeedStep(30.0, 0.1, 1.0, LABEL), (), (DOWN,)),
     Sample(HoldRevolutions(1.0, 5.0, LABEL), (UP,), (DOWN,)),
+    Sample(FollowTable(1.5, 20.0, TABLE, 5.0, 1.0, LABEL), MARKS, (DOWN,)),
     Sample(HoldTime(0.2, LABEL), (UP,), (DOWN,)),
     Sample(Settle(0.1, 0.05, 2.0, LABEL), (UP,), (DOWN,)),
     Sample(MoveToAngle(1.0, 20.0, 400.0, 5.0, LABEL)),
