@@ -26,6 +26,8 @@ from model.units import ARCSEC, REVOLUTION
 
 _ROUNDS = 4
 """Of the fixed point theta = phi - N ke(theta), which gains two digits each: N ke' is some hundredths."""
+_PER_WAVE = 64
+"""Points of the fastest order at which peaks are looked for: between two of them it rises by a thousandth."""
 _STEEPEST = 0.3
 """N ke' above which the fixed point is none that anybody should drive by."""
 
@@ -192,14 +194,21 @@ class Correction:
 
     @cached_property
     def steepness(self) -> tuple[float, float]:
-        """The largest |dc/dphi| and |d2c/dphi2| over an output revolution: peaks of speed and of acceleration."""
+        """The largest |dc/dphi| and |d2c/dphi2| over an output revolution: peaks of speed and of acceleration.
+
+        dc/dphi = -N ke'/(1 + N ke'),   d2c/dphi2 = -N ke''/(1 + N ke')^3   at theta
+        """
         highest = max(float(self.orders.max(initial=1.0)), 1.0)
-        phi = self.turn(round(32 * highest * self.ratio))
-        step = float(phi[1] - phi[0])
-        added = self.added(phi)
-        first = (np.roll(added, -1) - np.roll(added, 1)) / (2.0 * step)
-        second = (np.roll(added, -1) - 2.0 * added + np.roll(added, 1)) / step**2
-        return float(np.abs(first).max()), float(np.abs(second).max())
+        theta = self.turn(round(_PER_WAVE * highest * self.ratio))
+        slope, bend = np.zeros_like(theta), np.zeros_like(theta)
+        for order, wave in zip(self.orders, self.waves, strict=True):
+            cosine, sine = np.cos(order * theta), np.sin(order * theta)
+            slope -= order * (wave.real * sine + wave.imag * cosine)
+            bend -= order**2 * (wave.real * cosine - wave.imag * sine)
+        stretched = 1.0 + self.ratio * slope
+        first = np.abs(self.ratio * slope / stretched)
+        second = np.abs(self.ratio * bend / stretched**3)
+        return float(first.max()), float(second.max())
 
     @cached_property
     def largest(self) -> float:

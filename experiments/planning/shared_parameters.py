@@ -43,3 +43,10 @@ OutputCounts = Annotated[
     Unit("1/rev"),
     Help("counts per revolution of the output encoder"),
 ]
+Approach = Annotated[
+    float,
+    Ge(1.0),
+    Le(50.0),
+    Unit("rev"),
+    Help("input revolutions discarded after each reversal (wind-up)"),
+]

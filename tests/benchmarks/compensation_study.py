@@ -7,8 +7,8 @@ table a compensated-error run on a drive that is led by positions, octave by oct
 Told: seen and true remainder at the slowest speed over their predictions, the proof, what was taken out in truth, the
 bracket of the speed from which the table harms, and where that lies in truth (a run at speeds a third of an octave
 apart); of wide ones up to 232 r/min. Of narrow gears once more after eight other gears have taught the bench its
-output encoder. `--wrong`: the same gears with tables that are wrong in one way each, at 116 r/min, and what the proof says of them.
-The true output angle is the plant's. What is made is not made again.
+output encoder. `--wrong`: the same gears with tables that are wrong in one way each, at 116 r/min, and what the proof
+says of them. The true output angle is the plant's. What is made is not made again.
 """
 
 from __future__ import annotations

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Gt, Le
 
 from experiments.contract import Deferred, Experiment
 from experiments.need import BOTH_ANGLES, Need
 from experiments.parameters import FileContent, Help, Unit
 from experiments.planning.shared_parameters import (
     Acceleration,
+    Approach,
     Mounted,
     OutputCounts,
     Repeats,
@@ -43,13 +44,7 @@ class Parameters:
         Help("input speeds, three or more, an octave apart or less"),
     ] = (30.3, 60.6, 121.2, 242.4, 484.8, 969.6)
     repeats: Repeats = 1
-    approach_revolutions: Annotated[
-        float,
-        Ge(1.5),
-        Le(50.0),
-        Unit("rev"),
-        Help("input revolutions before each traverse; in the first the table is faded in"),
-    ] = 2.5
+    approach_revolutions: Approach = 1.5
     mounting: Mounted = "circular-spline-fixed"
     acceleration: Acceleration = 100.0
     zero_time: ZeroTime = 3.0

@@ -17,6 +17,8 @@ from model.kinematic_error import output_sign
 
 LEAST_SPEEDS = 3
 """So that it is seen where a table stops helping."""
+FADE = 1.5
+"""Input revolutions between the approach and a traverse along the table; in the first of them it is faded in."""
 _ROOM = 0.1
 """Share of a traverse's time that it may take longer."""
 
@@ -98,14 +100,14 @@ def _turns(p: Parameters, gear: HarmonicDrive, table: CompensationTable) -> Iter
                     approach = SegmentLabel("approach", setpoint, direction, repeat)
                     at_most = longest(p.approach_revolutions, speed)
                     counted = longest(travel, speed, _ROOM)
+                    # The drive has settled before a table is laid on it: how far it lags is part of where it is.
+                    yield HoldRevolutions(p.approach_revolutions, at_most, approach)
                     if is_compensated:
-                        yield FollowTable(
-                            p.approach_revolutions, setpoint, table, at_most, 1.0, approach
-                        )
+                        fading = longest(FADE, speed)
+                        yield FollowTable(FADE, setpoint, table, fading, 1.0, approach)
                         label = SegmentLabel("compensated", setpoint, direction, repeat)
                         yield FollowTable(travel, setpoint, table, counted, 0.0, label)
                     else:
-                        yield HoldRevolutions(p.approach_revolutions, at_most, approach)
                         label = SegmentLabel("traverse", setpoint, direction, repeat)
                         yield HoldRevolutions(travel, counted, label)
                     yield stop(p.acceleration)

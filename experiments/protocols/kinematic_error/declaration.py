@@ -12,6 +12,7 @@ from experiments.need import BOTH_ANGLES, Need
 from experiments.parameters import Help, Unit
 from experiments.planning.shared_parameters import (
     Acceleration,
+    Approach,
     Mounted,
     OutputCounts,
     Repeats,
@@ -40,13 +41,7 @@ class Parameters:
         int, Ge(1), Le(100), Unit("rev"), Help("whole output revolutions each way")
     ] = 1
     repeats: Repeats = 1
-    approach_revolutions: Annotated[
-        float,
-        Ge(1.0),
-        Le(50.0),
-        Unit("rev"),
-        Help("input revolutions discarded after each reversal (wind-up)"),
-    ] = 1.5
+    approach_revolutions: Approach = 1.5
     mounting: Mounted = "circular-spline-fixed"
     mounted_at_deg: Annotated[
         float | None,
