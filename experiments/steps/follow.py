@@ -155,18 +155,27 @@ class FollowTable(Motion):
                 f"the output's index mark lies {gap:.3f} input revolutions behind that of the input, the table's "
                 f"{table.index_gap:.3f}: is this its gear, as it was mounted?",
             )
-        left, fade, within = self.revolutions * REVOLUTION, self.fade * REVOLUTION, self.at_most
+        left, turn, within = self.revolutions * REVOLUTION, REVOLUTION, self.at_most
+        fade = self.fade * REVOLUTION
         goal = Goal(f"{self.revolutions:g} revolutions", self.at_most)
-        while left > 1e-9:
+        while left > 0.0:
             found = rig.input_angle() - zero
             # Where nothing is laid on it yet the nominal angle is that of the input itself.
             at = found if fade else float(correction.nominal(np.array([found]))[0])
             # The latest count is that of the cycle before.
             begin = at + self.speed * rig.period
             profile = Corrected(self.speed, begin, rig.period, correction, fade)
-            until = Turned(min(left, fade or REVOLUTION), self.speed)
-            end = yield Leg(cycles_of(within, rig.period), profile, until, goal)
-            within = max(within - end.cycles * rig.period, rig.period)
+            cycles = cycles_of((fade or turn) / abs(self.speed), rig.period)
+            if left > 1.5 * turn and within > 0.0:
+                # By time: only where it ends is counted.
+                leg = Leg(cycles, profile)
+            else:
+                cycles = cycles_of(max(within, rig.period), rig.period)
+                leg = Leg(cycles, profile, Turned(left, self.speed), goal)
+            end = yield leg
+            if end.reached:
+                return
+            within -= end.cycles * rig.period
             left -= abs(end.turned)
             fade = 0.0
 

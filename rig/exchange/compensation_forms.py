@@ -11,7 +11,6 @@ Each names unit, sign, reference mark, direction, and the speed up to which it w
 
 from __future__ import annotations
 
-import io
 import json
 import math
 from collections.abc import Callable, Mapping
@@ -131,9 +130,11 @@ def fourier_text(table: CompensationTable) -> str:
 
 def read_csv(text: str) -> CorrectionForm:
     """What `csv_text` wrote."""
-    table = np.genfromtxt(io.StringIO(text), delimiter=",", comments="#", skip_header=0, names=True)
-    curves = {way: table[f"{way}_arcsec"] * ARCSEC for way in WAYS}
-    return CorrectionForm(_comments(text), table["output_angle_deg"] * DEGREE, curves)
+    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    columns = np.array([line.split(",") for line in rows[1:]], dtype=np.float64).T
+    named = dict(zip(rows[0].split(","), columns, strict=True))
+    curves = {way: named[f"{way}_arcsec"] * ARCSEC for way in WAYS}
+    return CorrectionForm(_comments(text), named["output_angle_deg"] * DEGREE, curves)
 
 
 def read_json(text: str) -> CorrectionForm:
