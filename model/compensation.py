@@ -28,6 +28,7 @@ _ROUNDS = 4
 """Of the fixed point theta = phi - N ke(theta), which gains two digits each: N ke' is some hundredths."""
 _PER_WAVE = 64
 """Points of the fastest order at which peaks are looked for: between two of them it rises by a thousandth."""
+_WHOLE = 1e-9
 _STEEPEST = 0.3
 """N ke' above which the fixed point is none that anybody should drive by."""
 
@@ -214,6 +215,11 @@ class Correction:
     def largest(self) -> float:
         """The largest |c| over an output revolution [rad of the input]."""
         return float(np.abs(self.added(self.turn(4096))).max())
+
+    @property
+    def counts_from_output(self) -> bool:
+        """Whether it has orders that are not whole, so that the output's index mark must say where they begin."""
+        return bool(np.any(np.abs(self.orders - np.rint(self.orders)) > _WHOLE))
 
     @property
     def rms(self) -> float:

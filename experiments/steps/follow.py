@@ -140,21 +140,15 @@ class FollowTable(Motion):
     def course(self, rig: RigView, note: Note) -> Course:
         """Revolution by revolution, each from where the input is found; refused where a mark has not passed before."""
         correction, table = self._correction, self.table
-        for which in ("input", "output"):
+        marks = ("input", "output") if correction.counts_from_output else ("input",)
+        for which in marks:
             if not rig.has_index(which):
                 goal = Goal(f"the {which} index mark before it", rig.period)
                 yield Leg(1, Constant(self.speed), IndexPassed(which), goal)
-        zero, gap = index_zero(rig, table)
-        if (
-            table.index_gap is not None
-            and abs(math.remainder(gap - table.index_gap, 1.0)) > INDEX_GAP
-        ):
-            note(
-                "warning",
-                "index-gap",
-                f"the output's index mark lies {gap:.3f} input revolutions behind that of the input, the table's "
-                f"{table.index_gap:.3f}: is this its gear, as it was mounted?",
-            )
+        zero = rig.index_angle("input")
+        if correction.counts_from_output:
+            zero, gap = index_zero(rig, table)
+            self._tell_gap(gap, note)
         left, turn, within = self.revolutions * REVOLUTION, REVOLUTION, self.at_most
         fade = self.fade * REVOLUTION
         goal = Goal(f"{self.revolutions:g} revolutions", self.at_most)
@@ -178,6 +172,16 @@ class FollowTable(Motion):
             within -= end.cycles * rig.period
             left -= abs(end.turned)
             fade = 0.0
+
+    def _tell_gap(self, gap: float, note: Note) -> None:
+        expected = self.table.index_gap
+        if expected is not None and abs(math.remainder(gap - expected, 1.0)) > INDEX_GAP:
+            note(
+                "warning",
+                "index-gap",
+                f"the output's index mark lies {gap:.3f} input revolutions behind that of the input, the table's "
+                f"{expected:.3f}: is this its gear, as it was mounted?",
+            )
 
     def pieces(self, forecast: StepForecast, left: float, drive: Drive) -> Iterator[Piece]:
         """The slowest and the fastest of every input revolution, in their order."""

@@ -46,6 +46,12 @@ def drill(
             help="Take every fault out: each drill that claims a detection must then fail.",
         ),
     ] = False,
+    compensated: Annotated[
+        bool,
+        typer.Option(
+            "--compensated", help="Turn along a compensation table while the fault happens."
+        ),
+    ] = False,
     seed: Annotated[
         int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")
     ] = 0,
@@ -99,6 +105,7 @@ def drill(
             output=output,
             offset=random_offset(seed) if random else None,
             without_faults=without,
+            is_compensated=compensated,
         ):
             rows.append(row)
             if not json:

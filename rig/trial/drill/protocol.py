@@ -21,9 +21,11 @@ from experiments.quantity import Quantity
 from experiments.recording import Recording, Segment
 from experiments.result import Result
 from experiments.steps import vocabulary as s
+from model.compensation import table_of_set
 from model.errors import ModelError
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
+from model.units import REVOLUTION
 from rig.errors import RigError
 from rig.run.parts import RunReport
 from rig.runfile.read import close_recording, open_run
@@ -39,9 +41,14 @@ of the input (3 deg).
 
 @dataclass(frozen=True)
 class DrillParameters:
-    """Whether the rig takes set-points of torque."""
+    """Whether the rig takes set-points of torque, and whether it turns along a compensation table."""
 
     has_torque: bool = True
+    is_compensated: bool = False
+
+
+_ONE_MARK = 0.126
+"""s in which the input passes its index mark at that speed."""
 
 
 def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
@@ -49,15 +56,32 @@ def plan(parameters: DrillParameters, gear: HarmonicDrive) -> Iterator[s.Step]:
     yield s.ServoOff(0.1, s.SegmentLabel("zero-before"))
     yield s.Ramp(SPEED, ACCELERATION)
     # Long enough for two index marks of the input before and after the middle.
-    yield s.HoldTime(0.61, s.SegmentLabel("hold", SPEED, 1))
+    yield from _turning(0.61, 1, parameters, gear)
     yield s.Ramp(-SPEED, ACCELERATION, s.SegmentLabel("reversal"))
-    yield s.HoldTime(0.15, s.SegmentLabel("hold", -SPEED, -1))
+    yield from _turning(0.15, -1, parameters, gear)
     yield s.Ramp(0.0, ACCELERATION)
     # Long enough for a creep that begins in the middle to be told from a drive that brakes.
     yield s.HoldTime(0.9, s.SegmentLabel("stand"))
     if parameters.has_torque:
         yield s.TorqueRamp(0.2, 0.02, 0.05, s.SegmentLabel("torque-ramp"))
     yield s.ServoOff(0.08, s.SegmentLabel("zero-after"))
+
+
+def _turning(
+    seconds: float, direction: int, parameters: DrillParameters, gear: HarmonicDrive
+) -> Iterator[s.Step]:
+    """A steady speed for so long, along the whole orders of the gear's own series where that is asked for."""
+    speed, label = direction * SPEED, s.SegmentLabel("hold", direction * SPEED, direction)
+    if not parameters.is_compensated:
+        yield s.HoldTime(seconds, label)
+        return
+    if direction > 0:
+        # One index mark of the input, from which the table counts.
+        yield s.HoldTime(_ONE_MARK)
+        seconds -= _ONE_MARK
+    table = table_of_set(gear, "circular-spline-fixed")
+    revolutions = seconds * SPEED / REVOLUTION
+    yield s.FollowTable(revolutions, speed, table, 2.0 * seconds, 0.0, label)
 
 
 QUANTITIES = (

@@ -131,6 +131,7 @@ class Stage:
 
     root: Path
     seed: int
+    is_compensated: bool = False
     references: dict[Carrier, Reference] = field(default_factory=dict)
     plans: dict[Carrier, PlannedRun] = field(default_factory=dict)
     staged: int = 0
@@ -138,7 +139,9 @@ class Stage:
     def planned(self, carrier: Carrier) -> PlannedRun:
         """The drill's run as this rig can do it; planned once."""
         if carrier not in self.plans:
-            parameters = DrillParameters(has_torque=carrier not in SPEED_ONLY)
+            parameters = DrillParameters(
+                has_torque=carrier not in SPEED_ONLY, is_compensated=self.is_compensated
+            )
             self.plans[carrier] = plan_run(EXPERIMENT, parameters, shipped_gear(), shipped_motor())
         return self.plans[carrier]
 
@@ -167,16 +170,24 @@ class Stage:
         ).run()
 
 
-_sound: dict[int, dict[Carrier, Reference]] = {}
-"""By seed and rig the runs with nothing going wrong that this process has made: they come out alike each time."""
+_sound: dict[tuple[int, bool], dict[Carrier, Reference]] = {}
+"""By seed, whether along a table, and rig: the runs with nothing going wrong that this process has made. They come out
+alike each time."""
 
 
 @contextmanager
-def stage(seed: int, output: Path | None = None) -> Iterator[Stage]:
+def stage(
+    seed: int, output: Path | None = None, *, is_compensated: bool = False
+) -> Iterator[Stage]:
     """Where runs are staged; their files stay in `output`, or nowhere."""
-    known = {} if output is not None else _sound.setdefault(seed, {})
+    known = {} if output is not None else _sound.setdefault((seed, is_compensated), {})
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-drill-") as scratch:
-        yield Stage(root=output or Path(scratch), seed=seed, references=known)
+        yield Stage(
+            root=output or Path(scratch),
+            seed=seed,
+            is_compensated=is_compensated,
+            references=known,
+        )
 
 
 def run_drills(
@@ -187,17 +198,20 @@ def run_drills(
     output: Path | None = None,
     offset: Callable[[Drill], int] | None = None,
     without_faults: bool = False,
+    is_compensated: bool = False,
 ) -> Iterator[DrillRow]:
     """Run each drill on a rig of its own and yield its row. The run files stay in `output`, or nowhere.
 
     `offset` moves the moment of a drill by so many cycles (random drills). `without_faults` takes
-    every fault out: a drill that still names its cause then proves nothing.
+    every fault out: a drill that still names its cause then proves nothing. `is_compensated` turns along a table.
     """
-    with stage(seed, output) as staged:
+    with stage(seed, output, is_compensated=is_compensated) as staged, stage(seed) as plain:
+        # Along a table a run takes as long: its faults happen at the same cycles.
+        timed = plain if is_compensated else staged
         for drill in drills:
             carrier = carrier_of(drill, backend)
             moved = offset(drill) if offset is not None else 0
-            row = max(0, staged.reference(carrier).rows[drill.moment] + moved)
+            row = max(0, timed.reference(carrier).rows[drill.moment] + moved)
             happening = drill.taken_out() if without_faults else drill
             ending = staged.run(
                 drill.name, carrier, (Placed(happening, row),), compares=drill.is_harmless
