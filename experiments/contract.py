@@ -94,6 +94,7 @@ class Experiment:
     `shapes` are the curves that it lays through the points of a run: a plan says beforehand where they are too few.
     `cuts_gaps` is an analysis that uses the stretches between gaps of time and draws nothing across them.
     `refuse_gear(parameters, serial)` raises `PlanError` where the parameters are for another gear than is mounted.
+    `goes_on` is the command that goes on from its run, with {run} for the file.
     `version` of the analysis is raised whenever the same recording gives other numbers.
     """
 
@@ -109,6 +110,7 @@ class Experiment:
     identified: Callable[[Result, HarmonicDrive], HarmonicDrive] | None = None
     has_plan: bool = True
     cuts_gaps: bool = False
+    goes_on: str = ""
     refuse_gear: Callable[[Any, str], None] | None = None
     quantities: tuple[Quantity, ...] = ()
     version: int = 1

@@ -58,6 +58,9 @@ class Digest:
         metadata, steps = self.fit.recording.metadata, []
         if self.fit.lacks_tare:
             steps.append(f"rig run {tare_kind()}, then rig fit {self.path}")
+        experiment = catalogue.declared(metadata.experiment)
+        if experiment is not None and experiment.goes_on:
+            steps.append(experiment.goes_on.format(run=self.path))
         if metadata.gear_serial and metadata.gear_mounted:
             steps.append(f"rig report --gear {metadata.gear_serial} --runs {self.path.parent}")
         else:

@@ -100,6 +100,10 @@ def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) 
     else:
         for line in _value_lines(ending, made):
             out.print(line, soft_wrap=True)
+    if proof := made.fit.result.options.get("proof"):
+        removed = 100.0 * made.fit.result.metrics["removed"]
+        told = f"{proof}; takes out {removed:.0f} % as seen"
+        out.print(Text.assemble(("  proof  ", "bold"), told), soft_wrap=True)
     for words in made.fit.tare_words:
         out.print(Text.assemble(("  tare  ", "bold"), words), soft_wrap=True)
     if made.not_stored:

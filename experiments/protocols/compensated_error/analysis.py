@@ -256,6 +256,7 @@ def _numbers(
     }
     metrics = {
         "predicted_seen": left.predicted,
+        "motor_part": _motor_part(ways),
         "predicted_true": math.hypot(left.predicted, math.sqrt(encoder)),
         "removed": 1.0 - left.seen / without,
     }
@@ -264,6 +265,12 @@ def _numbers(
         metrics[f"without_table_{one.name}_rpm"] = one.without
         metrics[f"predicted_{one.name}_rpm"] = one.left.predicted
     return estimates, metrics
+
+
+def _motor_part(ways: Sequence[OrdersLeft]) -> float:
+    """R.m.s. at the output of what the motor does otherwise than it is sent [rad]."""
+    squares = [0.5 * float(np.sum(np.abs(way.motor) ** 2)) for way in ways]
+    return math.sqrt(sum(squares) / len(squares))
 
 
 def _rms(name: str, value: float, uncertainty: float, freedom: float) -> Estimate:
@@ -284,6 +291,7 @@ def _speed_table(speeds: Sequence[AtSpeed]) -> Table:
             one.left.ratio,
             one.left.low,
             one.left.high,
+            _motor_part(one.ways) / ARCSEC,
             "helps" if one.left.seen < one.without else "harms",
         )
         for one in speeds
@@ -299,6 +307,7 @@ def _speed_table(speeds: Sequence[AtSpeed]) -> Table:
             "with over predicted",
             "from",
             "to",
+            "of it the motor's [arcsec]",
             "the table",
         ),
         rows=rows,

@@ -59,6 +59,7 @@ EXPERIMENT = Experiment(
     parameters=Parameters,
     plan=Deferred("experiments.protocols.compensated_error.plan:plan"),
     analyse=Deferred("experiments.protocols.compensated_error.analysis:analyse"),
+    goes_on="rig compensate {run} --output FILE",
     refuse_gear=Deferred("experiments.protocols.compensated_error.plan:refuse_gear"),
     asks=Need(
         channels=(*BOTH_ANGLES, ("input_index",), ("output_index",), ("target_speed",)),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from experiments.protocols.compensated_error.turns import Turn, waves_of
-from experiments.result import Panel, Plot, Series, way_of
+from experiments.result import Panel, Plot, Series
 from model.arrays import FloatArray
 from model.compensation import CompensationTable
 from model.units import ARCSEC, RPM
@@ -43,7 +43,7 @@ def over_output(turns: Sequence[Turn], table: CompensationTable) -> Plot:
             if turn is not None:
                 series.append(
                     Series(
-                        label=f"{label}, {way_of(direction)}",
+                        label=label if panel == 0 else "",
                         x=degrees,
                         y=_curve(turn, phi),
                         group=group,

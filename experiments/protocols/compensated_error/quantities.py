@@ -53,6 +53,13 @@ QUANTITIES = (
         shown="arcsec",
         definition="predicted as seen, with what the output encoder adds; this bench cannot prove the difference",
     ),
+    Quantity(
+        name="motor_part",
+        title="of it the motor's own",
+        unit="rad",
+        shown="arcsec",
+        definition="r.m.s. at the output of what the motor does otherwise than the table sends it: tracking, lag",
+    ),
     Quantity(name="removed", title="taken out, as seen", unit="1", is_signed=True),
     Quantity(
         name="helps_up_to",
