@@ -34,6 +34,8 @@ from model.identify.torsion import Spring
 from model.kinematic_error import order_of_label
 
 HIGHEST_ORDER = 12
+APART = 0.9
+"""Cycles per output turn by which two orders must differ to be told apart."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,10 +51,17 @@ class Turn:
 
 def basis_of(table: CompensationTable) -> Basis:
     """The orders that are looked for: those of every kinematic error, and those of the table."""
-    labels = dict.fromkeys((*table.forward.labels, *table.reverse.labels))
-    orders = tuple(order_of_label(label, table.ratio) for label in labels)
     standard = standard_basis(table.ratio, HIGHEST_ORDER)
-    return standard.united(Basis(table.ratio, orders, tuple(labels))) if labels else standard
+    known = np.array(standard.orders)
+    more: dict[str, float] = {}
+    for label in dict.fromkeys((*table.forward.labels, *table.reverse.labels)):
+        order = order_of_label(label, table.ratio)
+        # One output turn cannot tell it from a neighbour: what it leaves is seen there.
+        if np.abs(known - order).min() > APART / table.ratio:
+            more[label] = order
+    return (
+        standard.united(Basis(table.ratio, tuple(more.values()), tuple(more))) if more else standard
+    )
 
 
 def turns_of(
