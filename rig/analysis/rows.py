@@ -55,6 +55,14 @@ def estimate_grid(
     return Grid("Results", heads, rows)
 
 
+def proof_words(result: Result) -> str:
+    """What a run along a compensation table proved; "" of every other result."""
+    proof, removed = result.options.get("proof"), result.metrics.get("removed")
+    if proof is None or removed is None:
+        return ""
+    return f"{proof}; takes out {100.0 * removed:.0f} % as seen"
+
+
 def limit_words(line: Verdict) -> str:
     """The limit that a quantity was held against, and whose limit it is."""
     because = f"; {line.because}" if line.because else ""

@@ -93,17 +93,14 @@ def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) 
     made = ending.digest
     if made is None or made.fit is None:
         return
-    if everything:
-        from rig.commands.result_tables import print_result
+    from rig.commands.result_tables import print_proof, print_result
 
+    if everything:
         print_result(out, made.fit.result, verdict=ending.verdict, everything=True)
     else:
         for line in _value_lines(ending, made):
             out.print(line, soft_wrap=True)
-    if proof := made.fit.result.options.get("proof"):
-        removed = 100.0 * made.fit.result.metrics["removed"]
-        told = f"{proof}; takes out {removed:.0f} % as seen"
-        out.print(Text.assemble(("  proof  ", "bold"), told), soft_wrap=True)
+        print_proof(out, made.fit.result)
     for words in made.fit.tare_words:
         out.print(Text.assemble(("  tare  ", "bold"), words), soft_wrap=True)
     if made.not_stored:

@@ -7,7 +7,13 @@ from rich.console import Console
 from experiments.finding import Severity
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict
-from rig.analysis.rows import LIMIT, estimate_grid, metric_grid, statistical_grid
+from rig.analysis.rows import (
+    LIMIT,
+    estimate_grid,
+    metric_grid,
+    proof_words,
+    statistical_grid,
+)
 from rig.commands.judgement import verdict_text
 from rig.commands.terminal import painted, toned
 from rig.commands.visible import Text
@@ -42,10 +48,17 @@ def print_result(
     print_metrics(out, result)
     if verdict is not None:
         print_verdict(out, verdict)
+    print_proof(out, result)
     print_warnings(out, result.warnings)
     for check in result.checks:
         if check.severity is Severity.NOT_LOOKED_AT:
             out.print(Text(f"  not checked  {check.sentence}", style="dim"))
+
+
+def print_proof(out: Console, result: Result) -> None:
+    """What a run along a compensation table proved; nothing of every other."""
+    if words := proof_words(result):
+        out.print(Text.assemble(("  proof  ", "bold"), words), soft_wrap=True)
 
 
 def print_metrics(out: Console, result: Result) -> None:

@@ -52,6 +52,13 @@ THE_DIFFERENCE = (
 )
 
 
+_PROOF_WORDS = {
+    "PASS": "proof: PASS, as a right table",
+    "MARGINAL": "proof: MARGINAL, not proved",
+    "FAIL": "proof: FAIL, a wrong table",
+}
+
+
 @dataclass(frozen=True, kw_only=True)
 class AtSpeed:
     """One speed [rad/s]: r.m.s. without the table [rad], each direction with it, and both together."""
@@ -236,6 +243,7 @@ def _numbers(
             unit="1",
             low=left.low,
             high=left.high,
+            note=_PROOF_WORDS[left.verdict],
             budget=(
                 BudgetLine(
                     "what a right table leaves, by chance",

@@ -60,7 +60,7 @@ QUANTITIES = (
         shown="arcsec",
         definition="r.m.s. at the output of what the motor does otherwise than the table sends it: tracking, lag",
     ),
-    Quantity(name="removed", title="taken out, as seen", unit="1", is_signed=True),
+    Quantity(name="removed", title="taken out, as seen", unit="1", shown="%", is_signed=True),
     Quantity(
         name="helps_up_to",
         title="fastest speed at which the table helps",

@@ -89,6 +89,8 @@ class FieldRow(QObject):
         line = QLineEdit()
         if self.field.kind is tuple:
             line.setPlaceholderText("numbers, with spaces between them")
+        elif self.field.content:
+            line.setPlaceholderText(f"path of a {self.field.content} file")
         elif self._optional:
             line.setPlaceholderText("not known")
         line.textChanged.connect(lambda _: self.changed.emit(name))

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict, held_against
-from rig.analysis.rows import limit_words, metric_grid
+from rig.analysis.rows import limit_words, metric_grid, proof_words
 from rig.content.data import data_grid
 from rig.content.grid import Grid, capital, tone_of
 from rig.content.wording import readable
@@ -28,6 +28,8 @@ def result_page(result: Result, palette: Palette, judged: GearVerdict | None = N
         parts.append(f'<h4 style="color:{palette.warning}">To beware of</h4><ul>{lines}</ul>')
     if judged is not None:
         parts.append(f"<p>{html.escape(_verdict_words(judged))}</p>")
+    if proof := proof_words(result):
+        parts.append(f"<p><b>Proof: {html.escape(proof)}.</b></p>")
     for v in judged.of(result) if judged is not None else ():
         colour = getattr(palette, tone_of(v.outcome) or "muted")
         value, _ = held_against(v)
