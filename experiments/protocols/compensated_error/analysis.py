@@ -46,6 +46,8 @@ from model.units import ARCSEC, RPM
 
 PROVED_OCTAVE = 2.05
 """Times the fastest speed of the table's own runs up to which the proof is held: quasi-static as they are."""
+AS_WARM = 10.0
+"""K by which the housing may be warmer or colder than where the table was made before it is said."""
 THE_DIFFERENCE = (
     "What the output encoder adds stands in the table and in what is seen alike: "
     "this bench cannot prove the difference between seen and true."
@@ -130,7 +132,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     gap = 0.0
     if table.index_gap is not None:
         gap = math.remainder(reference.gap - table.index_gap, 1.0)
-    warnings += _remarks(left, judged, gap, helps)
+    warnings += [*_remarks(left, judged, gap, helps), *_warmth(recording, table)]
     estimates, metrics = _numbers(speeds, judged, left, table)
     if helps is not None:
         metrics["helps_up_to"] = helps
@@ -221,6 +223,19 @@ def _remarks(
             "another gear, or mounted anew?"
         )
     return said
+
+
+def _warmth(recording: Recording, table: CompensationTable) -> list[str]:
+    """A sentence where the housing is much warmer or colder than where the table was made."""
+    if table.temperature is None or not recording.has("housing_temperature"):
+        return []
+    now = float(np.mean(recording.si("housing_temperature", slice(0, recording.rows))))
+    if abs(now - table.temperature) <= AS_WARM:
+        return []
+    return [
+        f"The table was made at a housing temperature of {table.temperature:.1f} °C, this run at {now:.1f} °C: "
+        "what friction winds up is another one."
+    ]
 
 
 def _numbers(

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments import catalogue
 from experiments.errors import PlanError
 from model.compensation import CompensationTable
 from model.compensation_file import compensation_from, compensation_text
@@ -17,6 +18,7 @@ from model.motor import shipped_motor
 from model.units import ARCSEC, REVOLUTION, RPM
 from rig.analysis.compensation import proved_table, table_from
 from rig.analysis.digest import digest
+from rig.analysis.fit_run import evidence_for
 from rig.bench.backends.order import Order, WorldChoice
 from rig.errors import ConfigurationError
 from rig.exchange.compensation_forms import (
@@ -135,6 +137,28 @@ def test_wrong_ones_are_refused_by_the_proof(made: Made, tmp_path: Path) -> None
     table = proved_table(run)
     with pytest.raises(ConfigurationError, match="not proved"):
         form_of(table)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"temperature": 60.0}, "60.0 °C"),
+        ({"index_gap": 0.9}, "input revolutions from where the table has them"),
+        ({}, ""),
+    ],
+)
+def test_what_is_otherwise_than_the_table_has_it_is_said(
+    made: Made, changes: dict[str, float], words: str
+) -> None:
+    recording, evidence = evidence_for(made.proof, "compensated-error")
+    metadata = recording.metadata
+    table = replace(made.table, **changes)  # type: ignore[arg-type]
+    given = {**metadata.parameters, "table": compensation_text(table)}
+    told = replace(recording, metadata=replace(metadata, parameters=given))
+    warnings = catalogue.load("compensated-error").analyse(told, evidence).warnings
+    close_recording(recording)
+    found = [one for one in warnings if "°C" in one or "input revolutions from" in one]
+    assert [words in one for one in found] == ([True] if words else [])
 
 
 def test_it_is_for_its_gear_and_mounting_alone(made: Made) -> None:
