@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,8 +35,11 @@ from experiments.steps.kind import (
 )
 from experiments.steps.profile import Constant, cycles_of
 from model.arrays import FloatArray
-from model.compensation import CompensationTable, Correction
 from model.units import REVOLUTION
+
+if TYPE_CHECKING:
+    # Whoever lists protocols and their flags needs no table.
+    from model.compensation import CompensationTable, Correction
 
 _CHUNK = 256
 """Cycles that are computed at a time, always as many: a sine may differ in its last bit with the array's length."""

@@ -115,6 +115,9 @@ def test_it_is_proved_and_takes_out_what_it_says(made: Made) -> None:
     assert table.proof is not None
     assert table.proof.verdict == "PASS"
     assert table.proof.harms_from is None
+    between = replace(table, proof=replace(table.proof, verdict="MARGINAL"))
+    with pytest.raises(ConfigurationError, match="MARGINAL"):
+        form_of(between)
     assert replace(table, proof=None) == compensation_from(compensation_text(made.table))
 
 

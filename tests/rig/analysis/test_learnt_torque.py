@@ -41,9 +41,12 @@ SHORT = {"repeats": 2, "zero_time": 0.5, "accelerations": (300.0, 450.0, 600.0)}
 TARE = {"speeds_rpm": (500.0, 1000.0, 2000.0), "zero_time": 0.5, "measure_time": 0.2}
 
 
-def run(folder: Path, protocol: str, backend: str = "sim", **values: Any) -> Path:
+def run(
+    folder: Path, protocol: str, backend: str = "sim", rate: float = 1000.0, **values: Any
+) -> Path:
     order = Order(
         backend=backend,
+        sample_rate=rate,
         protocol=protocol,
         gear=shipped_gear(),
         motor=shipped_motor(),
@@ -158,7 +161,9 @@ def test_a_later_analysis_takes_the_scale_and_an_earlier_one_is_stale(
 def test_the_drivers_turn_it_too(tmp_path: Path) -> None:
     """Over the bus, by an analogue speed reference: the gain lies inside U there as well."""
     quick = {**SHORT, "accelerations": (450.0, 520.0, 600.0), "dwell_time": 0.6}
-    made = [run(tmp_path, "torque-scale", "wire-analog", **quick, **disc) for disc in ({}, DISC)]
+    made = [
+        run(tmp_path, "torque-scale", "wire-analog", 500.0, **quick, **disc) for disc in ({}, DISC)
+    ]
     gain = learn_torque(made).gains["torque"]
     true = 1.0 + truth(made[0])["torque_port"]["scale_error"]
     assert abs(gain.value - true) <= gain.expanded_uncertainty
