@@ -146,7 +146,6 @@ def _facts(table: CompensationTable) -> list[tuple[str, str]]:
     from model.units import ARCSEC, RPM
 
     spread = math.sqrt(0.5 * sum(c[0] + c[2] for c in table.forward.covariance))
-    encoder = math.sqrt(sum(u**2 for u in table.forward.encoder))
     slowest, fastest = (f"{speed / RPM:.4g}" for speed in table.speed)
     at = slowest if slowest == fastest else f"{slowest} to {fastest}"
     facts = [
@@ -157,7 +156,7 @@ def _facts(table: CompensationTable) -> list[tuple[str, str]]:
         ("noise of the table", f"{spread / ARCSEC:.2g} arcsec r.m.s."),
         (
             "output encoder",
-            f"may add {encoder / ARCSEC:.2g} arcsec r.m.s., which this bench can't show"
+            f"may add {table.encoder_rms / ARCSEC:.2g} arcsec r.m.s., which this bench can't show"
             + (f"; by {table.learnt}" if table.learnt else ""),
         ),
     ]

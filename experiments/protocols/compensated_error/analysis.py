@@ -244,9 +244,6 @@ def _numbers(
     ways = [way for one in judged for way in one.ways]
     without = math.sqrt(sum(one.without**2 for one in judged) / len(judged))
     own = math.hypot(*(one.without * one.without_uncertainty for one in judged))
-    encoder = 0.5 * sum(
-        float(np.sum(np.square(way.encoder))) for way in (table.forward, table.reverse)
-    )
     noise = math.sqrt(
         sum(0.5 * float(np.sum(np.abs(w.remainder) ** 2 * w.variance)) for w in ways)
     ) / (2.0 * left.seen * len(ways))
@@ -280,7 +277,7 @@ def _numbers(
     metrics = {
         "predicted_seen": left.predicted,
         "motor_part": _motor_part(ways),
-        "predicted_true": math.hypot(left.predicted, math.sqrt(encoder)),
+        "predicted_true": math.hypot(left.predicted, table.encoder_rms),
         "removed": 1.0 - left.seen / without,
     }
     for one in speeds:
