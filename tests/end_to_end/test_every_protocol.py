@@ -23,6 +23,7 @@ SHORT: dict[str, dict[str, Any]] = {
     "friction": {"points": 6, "highest_rpm": 1200.0, "lowest_rpm": 5.0, "up_and_down": False},
     "motor-tare": {"points": 6, "lowest_rpm": 5.0, "highest_rpm": 1200.0},
     "kinematic-error": {"speed_rpm": 118.3},
+    "compensated-error": {"speeds_rpm": (247.2, 494.4, 988.8)},
     "velocity-steps": {"speeds_rpm": (300.0, 1200.0)},
 }
 

@@ -74,7 +74,7 @@ EXPERIMENT = Experiment(
         "index_seen",
         "target_speed",
     ),
-    short={"zero_time": 0.5, "speeds_rpm": (61.8, 123.6, 247.2)},
+    short={"zero_time": 0.5, "speeds_rpm": (247.2, 494.4, 988.8)},
     quantities=QUANTITIES,
     live=("speed", "wave", "torque", "output"),
     terms=(
