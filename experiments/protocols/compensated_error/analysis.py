@@ -14,8 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.angle.certified import certified_angles
-from experiments.angle.phase_reference import phase_reference
+from experiments.angle.certified import CertifiedAngle, certified_angles
+from experiments.angle.phase_reference import PhaseReference, phase_reference
 from experiments.budget import budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
@@ -95,31 +95,35 @@ def table_in(recording: Recording) -> CompensationTable:
         ) from None
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Given:
+    """What a run is judged by: its table, where its angles count from, what corrects the output encoder."""
+
+    table: CompensationTable
+    reference: PhaseReference
+    certified: dict[str, CertifiedAngle]
+    warnings: tuple[str, ...]
+
+    @property
+    def gap(self) -> float:
+        """How far the index marks lie from where the table has them [input revolutions]."""
+        expected = self.table.index_gap
+        return 0.0 if expected is None else math.remainder(self.reference.gap - expected, 1.0)
+
+
 def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Remainder, its prediction, the proof, and from which speed on the table harms."""
     check_settings(evidence.settings, (), NAME)
-    recording.require(NAME, "input_angle", "output_angle", "target_speed", "input_index")
-    metadata = recording.metadata
-    warnings = list(check_recording(recording, NAME, evidence.maximum_missed_share).warnings)
-    table = table_in(recording)
-    reference = phase_reference(recording, table.index_gap)
-    if reference.what != "index marks":
-        raise AnalysisError(
-            "without both index marks nobody knows where the table lies",
-            where=metadata.run_id,
-            value=reference.what,
-            remedy="Run a whole output turn on a rig whose encoders show their marks.",
-        )
-    certified, sentences = certified_angles(recording)
-    warnings += sentences
-    certified.pop("input_angle", None)
+    given = _given(recording, evidence)
+    table, run = given.table, recording.metadata.run_id
     spring = spring_of(evidence.gear, table.ratio, is_simulated=is_simulated(recording))
-    with analysing(metadata.run_id):
-        speeds = _speeds(list(turns_of(recording, table, reference, certified)), table, spring)
+    with analysing(run):
+        turns = list(turns_of(recording, table, given.reference, given.certified))
+        speeds = _speeds(turns, table, spring)
         if not speeds:
             raise AnalysisError(
                 "holds no speed with whole traverses both without the table and with it",
-                where=metadata.run_id,
+                where=run,
                 remedy="Run it again; an aborted run proves nothing.",
             )
         judged = _judged(speeds, table)
@@ -129,39 +133,59 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         [one.without for one in speeds],
         [one.left.seen for one in speeds],
     )
-    gap = 0.0
-    if table.index_gap is not None:
-        gap = math.remainder(reference.gap - table.index_gap, 1.0)
-    warnings += [*_remarks(left, judged, gap, helps), *_warmth(recording, table)]
     estimates, metrics = _numbers(speeds, judged, left, table)
-    if helps is not None:
-        metrics["helps_up_to"] = helps
-    if harms is not None:
-        metrics["harms_from"] = harms
-    metrics["index_gap"] = reference.gap
-    corrected = [recording.signals[name].calibration.certificate for name in sorted(certified)]
+    ends = {"helps_up_to": helps, "harms_from": harms, "index_gap": given.reference.gap}
+    metrics |= {name: value for name, value in ends.items() if value is not None}
+    remarks = [*_remarks(left, judged, given.gap, helps), *_warmth(recording, table)]
     return Result(
-        run=metadata.run_id,
+        run=run,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
         metrics=metrics,
-        warnings=tuple(dict.fromkeys(warnings)),
+        warnings=tuple(dict.fromkeys((*given.warnings, *remarks))),
         plots=(
             over_output(judged[0].turns, table),
             by_order(judged[0].turns, table),
             by_speed([(o.speed, o.without, o.left.seen, o.left.predicted) for o in speeds]),
         ),
         tables=(_speed_table(speeds), budget_table(estimates.values())),
-        options={
-            "mounting": metadata.mounting,
-            "ratio": table.ratio,
-            "phases_count_from": reference.what,
-            "proof": left.verdict,
-            "true_and_seen": THE_DIFFERENCE,
-            **({"certificates": "; ".join(corrected)} if corrected else {}),
-        },
+        options=_options(recording, given, left),
     )
+
+
+def _given(recording: Recording, evidence: Evidence) -> _Given:
+    recording.require(NAME, "input_angle", "output_angle", "target_speed", "input_index")
+    checked = check_recording(recording, NAME, evidence.maximum_missed_share)
+    table = table_in(recording)
+    reference = phase_reference(recording, table.index_gap)
+    if reference.what != "index marks":
+        raise AnalysisError(
+            "without both index marks nobody knows where the table lies",
+            where=recording.metadata.run_id,
+            value=reference.what,
+            remedy="Run a whole output turn on a rig whose encoders show their marks.",
+        )
+    certified, sentences = certified_angles(recording)
+    # The drive follows the motor encoder as it counts.
+    certified.pop("input_angle", None)
+    warnings = (*checked.warnings, *sentences)
+    return _Given(table=table, reference=reference, certified=certified, warnings=warnings)
+
+
+def _options(recording: Recording, given: _Given, left: Remainder) -> dict[str, object]:
+    options: dict[str, object] = {
+        "mounting": recording.metadata.mounting,
+        "ratio": given.table.ratio,
+        "phases_count_from": given.reference.what,
+        "proof": left.verdict,
+        "true_and_seen": THE_DIFFERENCE,
+    }
+    if given.certified:
+        names = sorted(given.certified)
+        told = (recording.signals[name].calibration.certificate for name in names)
+        options["certificates"] = "; ".join(told)
+    return options
 
 
 def _speeds(turns: Sequence[Turn], table: CompensationTable, spring: Spring) -> list[AtSpeed]:
