@@ -43,18 +43,10 @@ def table_of(parameters: Parameters, gear: HarmonicDrive) -> CompensationTable:
     """The table that is driven by: the series of the parameter set where none is named. Raises `PlanError` for one that
     is none, and for one of another ratio or mounting.
     """
-    where = f"{NAME}.table"
-    if not parameters.table:
+    table = _named(parameters)
+    if table is None:
         # What the parameter set says of its gear: enough to plan by, and proved or refused as any other.
         return table_of_set(gear, parameters.mounting)  # type: ignore[arg-type]
-    try:
-        table = compensation_from(parameters.table, where)
-        for direction in (1.0, -1.0):
-            _ = table.of(direction).steepness
-    except ModelError as error:
-        raise PlanError(
-            error.what, where=error.where, value=error.value, limit=error.limit, remedy=error.remedy
-        ) from None
     ratio = gear.mounted_ratio(parameters.mounting)  # type: ignore[arg-type]
     wrong = {
         "mounting": (table.mounting, parameters.mounting),
@@ -65,7 +57,7 @@ def table_of(parameters: Parameters, gear: HarmonicDrive) -> CompensationTable:
         if its != mounted:
             raise PlanError(
                 "is a table for another",
-                where=f"{where}.{name}",
+                where=f"{NAME}.table.{name}",
                 value=its,
                 limit=f"{mounted}, as the gear is mounted",
                 remedy="Make a table from runs of this gear, as it is mounted.",
@@ -73,9 +65,24 @@ def table_of(parameters: Parameters, gear: HarmonicDrive) -> CompensationTable:
     return table
 
 
+def _named(parameters: Parameters) -> CompensationTable | None:
+    """The table that the parameters name; None for none. Raises `PlanError` for a content that is no table."""
+    if not parameters.table:
+        return None
+    try:
+        table = compensation_from(parameters.table, f"{NAME}.table")
+        for direction in (1.0, -1.0):
+            _ = table.of(direction)
+    except ModelError as error:
+        raise PlanError(
+            error.what, where=error.where, value=error.value, limit=error.limit, remedy=error.remedy
+        ) from None
+    return table
+
+
 def refuse_gear(parameters: Parameters, serial: str) -> None:
     """Raise `PlanError` for a table that was made of another gear."""
-    table = compensation_from(parameters.table, f"{NAME}.table") if parameters.table else None
+    table = _named(parameters)
     if table is not None and table.gear != serial:
         raise PlanError(
             "is a table of another gear",

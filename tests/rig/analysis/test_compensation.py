@@ -172,6 +172,9 @@ def test_it_is_for_its_gear_and_mounting_alone(made: Made) -> None:
         plan_order(replace(asked, serial="G-2"))
     with pytest.raises(PlanError, match="table for another"):
         plan_order(replace(asked, mounting="flexspline-fixed"))
+    for content, words in (("a,b\n1,2\n", "no TOML"), ('format = "x"\n', "missing")):
+        with pytest.raises(PlanError, match=words):
+            plan_order(replace(asked, values={"table": content}))
     with pytest.raises(PlanError, match="too few speeds"):
         plan_order(replace(asked, values={**values, "speeds_rpm": (60.0, 120.0)}))
 
