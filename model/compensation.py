@@ -104,7 +104,7 @@ class CompensationTable:
 
     @property
     def encoder_rms(self) -> float:
-        """R.m.s. of what the output encoder may have put into it: standard uncertainty of a place of its curve [rad]."""
+        """R.m.s. of what the output encoder may have put into it: u of any place of its curve [rad]."""
         ways = (self.forward, self.reverse)
         return math.sqrt(0.5 * sum(u**2 for way in ways for u in way.encoder))
 
