@@ -22,6 +22,8 @@ from model.units import DEGREE, REVOLUTION
 
 CERTIFIED_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8)
 """Orders of the encoder's own revolution that are taken out by its certificate."""
+CREST = 2.5
+"""Largest value of a curve of many orders over its r.m.s."""
 _LARGEST_GAP = REVOLUTION / (2 * len(CERTIFIED_ORDERS) + 1)
 """rad; points further apart do not tell the highest of these orders."""
 LARGEST_ERROR = 1.0 * DEGREE

@@ -19,6 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
+from model.angle_certificate import CREST
 from model.arrays import ComplexArray, FloatArray
 from model.errors import ModelError
 from model.gear import HarmonicDrive, Mounting
@@ -104,9 +105,14 @@ class CompensationTable:
 
     @property
     def encoder_rms(self) -> float:
-        """R.m.s. of what the output encoder may have put into it: u of any place of its curve [rad]."""
+        """R.m.s. of what the output encoder may have put into it [rad].
+
+        A certificate's uncertainty is of any place of the curve, so of its r.m.s. over all places. A class bounds the
+        largest value of the curve; the r.m.s. of a curve of several orders is that over its crest, not over sqrt 3.
+        """
         ways = (self.forward, self.reverse)
-        return math.sqrt(0.5 * sum(u**2 for way in ways for u in way.encoder))
+        place = math.sqrt(0.5 * sum(u**2 for way in ways for u in way.encoder))
+        return place if self.learnt else place * math.sqrt(3.0) / CREST
 
     @cached_property
     def _corrections(self) -> Mapping[bool, Correction]:

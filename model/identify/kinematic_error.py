@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.angle_certificate import CERTIFIED_ORDERS
+from model.angle_certificate import CERTIFIED_ORDERS, CREST
 from model.errors import IdentificationError
 from model.identify import polar, torsion
 from model.identify.angle_regression import (
@@ -64,8 +64,6 @@ _EXPECTED_ORDER = 6
 """Highest input order that a gear is expected to have."""
 _SLOWEST_SIDEBAND = 0.5
 """Order from which one belongs to an input order; below, to the output."""
-_CREST = 2.5
-"""Largest value of a curve of many orders over its r.m.s."""
 _SLOPE_SIGNIFICANCE = 4.0
 """Standard errors above which a slope is called significant."""
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
@@ -567,8 +565,8 @@ def _finish(
         line = BudgetLine(
             "residual that the fitted orders leave",
             "B",
-            2.0 * _CREST * rest / math.sqrt(3.0),
-            f"a curve of that r.m.s. above the noise reaches {_CREST:g} times it, on either side",
+            2.0 * CREST * rest / math.sqrt(3.0),
+            f"a curve of that r.m.s. above the noise reaches {CREST:g} times it, on either side",
             distribution=Distribution.RECTANGULAR,
         )
         accuracy = accuracy.with_budget([line])

@@ -85,10 +85,23 @@ def test_each_direction_has_its_own() -> None:
     assert back.waves[1].real == pytest.approx(1.1 * 12.0 * ARCSEC)
 
 
-def test_what_the_encoder_may_add_is_the_mean_of_both_directions() -> None:
-    back = replace(WAY, encoder=(0.0, 0.0, 0.0, 0.0))
-    assert replace(TABLE, reverse=WAY).encoder_rms == pytest.approx(1.6 * ARCSEC)
-    assert replace(TABLE, reverse=back).encoder_rms == pytest.approx(1.6 / np.sqrt(2.0) * ARCSEC)
+def test_a_class_is_a_bound_and_a_certificate_an_uncertainty() -> None:
+    """Shares of a class of 6 arcsec over eight orders: the r.m.s. of a curve that reaches it is 6 over its crest."""
+    share = 6.0 * ARCSEC / np.sqrt(3.0 * 8.0)
+    labels = tuple(f"{k}/N" for k in range(1, 9))
+    rows = (0.0,) * 8
+    way = replace(
+        WAY,
+        labels=labels,
+        cosine=rows,
+        sine=rows,
+        covariance=((0.0, 0.0, 0.0),) * 8,
+        encoder=(float(share),) * 8,
+    )
+    classed = replace(TABLE, forward=way, reverse=way)
+    assert classed.encoder_rms == pytest.approx(6.0 / 2.5 * ARCSEC)
+    certified = replace(classed, learnt="a certificate")
+    assert certified.encoder_rms == pytest.approx(6.0 / np.sqrt(3.0) * ARCSEC)
 
 
 def test_one_that_would_turn_the_input_back_is_refused() -> None:
