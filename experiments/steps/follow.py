@@ -162,6 +162,8 @@ class FollowTable(Motion):
             at = found if fade else float(correction.nominal(np.array([found]))[0])
             # The latest count is that of the cycle before.
             begin = at + self.speed * rig.period
+            if left == self.revolutions * REVOLUTION:
+                note("info", "nominal-angle", f"nominally at {begin:.9f} rad from the index marks")
             profile = Corrected(self.speed, begin, rig.period, correction, fade)
             cycles = cycles_of((fade or turn) / abs(self.speed), rig.period)
             if left > 1.5 * turn and within > 0.0:

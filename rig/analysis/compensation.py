@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.evidence import rotary_ratio
 from experiments.recording import Recording
 from model.compensation import CompensationTable, DirectionTable, Proof
 from model.compensation_file import compensation_from
@@ -123,7 +122,6 @@ def _seen(run: Path) -> _Seen:
             limit="both index marks, both directions",
             remedy="Run `kinematic-error` over a whole output turn.",
         )
-    rotary_ratio(recording, evidence.gear.mounted_ratio(recording.metadata.mounting))
     speed = abs(recording.labelled("traverse")[0].setpoint)
     return _Seen(
         path=run,

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from model.units import ARCSEC, RPM
 from rig.commands.analysis import Json
 from rig.commands.terminal import console, echo, fact_table, painted, print_json
 
 if TYPE_CHECKING:
-    from model.compensation import CompensationTable
+    from model.compensation import CompensationTable, Proof
     from rig.content.grid import Grid
 
 
@@ -105,27 +106,27 @@ def _table_of(sources: Sequence[Path]) -> CompensationTable:
     return proved_table(sources[0])
 
 
-def _as_json(table: CompensationTable) -> dict[str, Any]:
-    from model.units import ARCSEC, RPM
+def _proof_as_json(proof: Proof) -> dict[str, Any]:
+    helps, harms = (None if v is None else v / RPM for v in (proof.helps_up_to, proof.harms_from))
+    return {
+        "run": proof.run,
+        "verdict": proof.verdict,
+        "ratio": proof.ratio,
+        "interval": [proof.low, proof.high],
+        "removed": proof.removed,
+        "helps_up_to_rpm": helps,
+        "harms_from_rpm": harms,
+    }
 
-    proof = table.proof
+
+def _as_json(table: CompensationTable) -> dict[str, Any]:
     return {
         "gear": table.gear,
         "mounting": table.mounting,
         "ratio": table.ratio,
         "bench": table.bench,
         "runs": list(table.runs),
-        "proof": None
-        if proof is None
-        else {
-            "run": proof.run,
-            "verdict": proof.verdict,
-            "ratio": proof.ratio,
-            "interval": [proof.low, proof.high],
-            "removed": proof.removed,
-            "helps_up_to_rpm": None if proof.helps_up_to is None else proof.helps_up_to / RPM,
-            "harms_from_rpm": None if proof.harms_from is None else proof.harms_from / RPM,
-        },
+        "proof": None if table.proof is None else _proof_as_json(table.proof),
         "takes_out": {
             name: {"orders": list(way.labels), "rms_arcsec": table.of(sign).rms / ARCSEC}
             for name, way, sign in (
@@ -143,8 +144,6 @@ def _show(table: CompensationTable) -> None:
 
 
 def _facts(table: CompensationTable) -> list[tuple[str, str]]:
-    from model.units import ARCSEC, RPM
-
     spread = math.sqrt(0.5 * sum(c[0] + c[2] for c in table.forward.covariance))
     slowest, fastest = (f"{speed / RPM:.4g}" for speed in table.speed)
     at = slowest if slowest == fastest else f"{slowest} to {fastest}"
@@ -180,7 +179,6 @@ def _facts(table: CompensationTable) -> list[tuple[str, str]]:
 
 def orders_grid(table: CompensationTable) -> Grid:
     """Every order of a table: amplitude each way, its noise, and what the encoder may add [arcsec]."""
-    from model.units import ARCSEC
     from rig.content.grid import Grid, columns, number_columns
     from rig.content.wording import number
 

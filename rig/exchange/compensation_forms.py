@@ -21,7 +21,7 @@ import numpy as np
 
 from model.arrays import FloatArray
 from model.compensation import CompensationTable
-from model.units import ARCSEC, DEGREE, REVOLUTION, RPM
+from model.units import ARCSEC, DEGREE, RPM
 from rig.errors import ConfigurationError
 
 FORMAT: Final = "harmonic-rig-correction-1"
@@ -41,10 +41,6 @@ class CorrectionForm:
     facts: Mapping[str, Any]
     angle: FloatArray
     correction: Mapping[str, FloatArray]
-
-    def at(self, angle: FloatArray, way: str) -> FloatArray:
-        """c at output angles [rad], linear between the points, whole turns apart alike."""
-        return np.interp(angle, self.angle, self.correction[way], period=REVOLUTION)
 
 
 def refuse_unproved(table: CompensationTable) -> None:
@@ -126,42 +122,6 @@ def fourier_text(table: CompensationTable) -> str:
             wave = waves[cycles] / ARCSEC
             lines.append(f"{way},{cycles},{wave.real:.5f},{-wave.imag:.5f}")
     return "\n".join(lines) + "\n"
-
-
-def read_csv(text: str) -> CorrectionForm:
-    """What `csv_text` wrote."""
-    rows = [line for line in text.splitlines() if not line.startswith("#")]
-    columns = np.array([line.split(",") for line in rows[1:]], dtype=np.float64).T
-    named = dict(zip(rows[0].split(","), columns, strict=True))
-    curves = {way: named[f"{way}_arcsec"] * ARCSEC for way in WAYS}
-    return CorrectionForm(_comments(text), named["output_angle_deg"] * DEGREE, curves)
-
-
-def read_json(text: str) -> CorrectionForm:
-    """What `json_text` wrote."""
-    found = json.loads(text)
-    angle = np.array(found.pop("output_angle_deg")) * DEGREE
-    curves = {way: np.array(found.pop(f"{way}_arcsec")) * ARCSEC for way in WAYS}
-    return CorrectionForm(found, angle, curves)
-
-
-def read_fourier(text: str) -> CorrectionForm:
-    """What `fourier_text` wrote, at as many angles as its fastest wave asks for."""
-    rows = [line.split(",") for line in text.splitlines() if line.startswith(WAYS)]
-    fastest = max((int(row[1]) for row in rows), default=1)
-    angle = np.linspace(0.0, REVOLUTION, _PER_WAVE * max(fastest, 1), endpoint=False)
-    curves = {way: np.zeros_like(angle) for way in WAYS}
-    for way, cycles, cosine, sine in rows:
-        wave = float(cosine) * np.cos(int(cycles) * angle) + float(sine) * np.sin(
-            int(cycles) * angle
-        )
-        curves[way] += wave * ARCSEC
-    return CorrectionForm(_comments(text), angle, curves)
-
-
-def _comments(text: str) -> dict[str, str]:
-    pairs = (line[2:].partition(": ") for line in text.splitlines() if line.startswith("# "))
-    return {name: value for name, _, value in pairs}
 
 
 FORMS: Mapping[str, Callable[[CompensationTable], str]] = {

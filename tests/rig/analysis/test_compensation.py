@@ -21,19 +21,14 @@ from rig.analysis.digest import digest
 from rig.analysis.fit_run import evidence_for
 from rig.bench.backends.order import Order, WorldChoice
 from rig.errors import ConfigurationError
-from rig.exchange.compensation_forms import (
-    FORMS,
-    form_of,
-    read_csv,
-    read_fourier,
-    read_json,
-)
+from rig.exchange.compensation_forms import FORMS, form_of
 from rig.run.contents import with_contents
 from rig.run.start import plan_order, run_order
 from rig.runfile.facts import content_in_words, run_facts
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.sealed import write_sealed
 from tests.rig.commands.calling import Rig
+from tests.rig.exchange.corrections import at, read_csv, read_fourier, read_json
 
 SPEEDS = (185.4, 370.8, 741.6)
 NOW = "2026-01-01T12:00:00+00:00"
@@ -228,7 +223,7 @@ def test_every_form_reads_back_to_the_same_correction(made: Made, form: str, rea
     for way, sign in (("forward", 1.0), ("reverse", -1.0)):
         correction = table.of(sign)
         expected = correction.added(np.mod(angle, REVOLUTION) * table.ratio)
-        away = np.abs(again.at(angle, way) - expected).max()
+        away = np.abs(at(again, angle, way) - expected).max()
         assert away < 0.01 * correction.largest, way
     facts = again.facts
     assert facts["unit"] == "arcsec of the input"

@@ -93,6 +93,11 @@ def test_the_set_speeds_are_those_of_the_table(
     expected = SPEED + np.diff(correction.added(phi)) * 1e3
     first = slice(0, int(0.9 * REVOLUTION / SPEED * 1e3))
     assert np.ptp(expected) > 1.0
+    # Where it is nominally is said as it begins, so that every row's nominal angle can be told.
+    told = [e for e in run.events if e.code == "nominal-angle"]
+    assert len(told) == 2
+    away = float(told[1].text.split()[2]) - float(phi[0])
+    assert abs(math.remainder(away, REVOLUTION)) < 0.05
     assert np.abs(sent[first] - expected[first]).max() < 0.02
     # Between two turns the phase is found anew: what the drive lagged does not add up.
     assert np.abs(sent - expected[: len(sent)]).max() < 0.06
