@@ -158,24 +158,15 @@ def _carry_out(
     if way.json or (way.is_named and not way.opens):
         return
     from rig.library.folder import run_files
+    from rig.runfile.importing.accepting import good_for
 
-    good, newest = _good_for(kind, files, runs[0][1]), run_files(way.folder)[-1]
+    good, newest = good_for(kind, files, runs[0][1]), run_files(way.folder)[-1]
     if good:
         echo(f"  good for {', '.join(good)}")
     if way.opens:
         _open_page(good, newest)
     elif good:
         echo(f"  next  rig fit {good[0]} {newest}")
-
-
-def _good_for(kind: str, files: list[Path], options: ImportOptions) -> list[str]:
-    """The kinds of fit that the recording can bear, as far as its channels tell."""
-    from rig.runfile.importing.looking import look_at
-    from rig.runfile.importing.opening import open_tables
-    from rig.runfile.importing.reach import reach_of
-
-    reach = reach_of(look_at(open_tables(kind, files, options.form), options), options)
-    return [name for name, why in reach.items() if not why]
 
 
 def _open_page(good: Sequence[str], run: Path) -> None:
@@ -232,19 +223,20 @@ def _proposed(
 ) -> tuple[RunMap, ImportOptions]:
     """The run with the channels that were proposed and accepted. Raises `ConfigurationError` for what stays open."""
     from rig.commands import import_proposed as proposed
+    from rig.runfile.importing import accepting
     from rig.runfile.importing.opening import open_tables
     from rig.runfile.importing.proposal import propose
 
     name, options = run
     proposal = propose(open_tables(kind, files, options.form))
     if options.rate or options.no_time:
-        proposal = proposed.without_time(proposal)
+        proposal = accepting.without_time(proposal)
     if not way.json:
         proposed.show(proposal)
     said: tuple[ChannelSource, ...] = ()
     if way.accept or way.json or not proposed.asks():
-        proposed.refuse_useless(proposal, files)
-        proposed.refuse_open(proposal)
+        accepting.refuse_useless(proposal, files)
+        accepting.refuse_open(proposal)
         if not way.accept:
             raise typer.BadParameter(
                 "nobody is asked here: say --accept to take over what is proposed.",
@@ -253,11 +245,11 @@ def _proposed(
     else:
         proposal = proposed.settled(proposal, proposed.ask_at_the_terminal)
         said = proposed.said_beside(proposed.ask_at_the_terminal)
-    options = proposed.accepted(options, proposal, said)
+    options = accepting.accepted(options, proposal, said)
     if way.save_map is not None:
-        way.save_map.write_text(proposed.map_text(options), encoding="utf-8")
+        way.save_map.write_text(accepting.map_text(options), encoding="utf-8")
     if not way.json:
-        echo(f"  without a question: {proposed.command_of(kind, files, options)}")
+        echo(f"  without a question: {accepting.command_of(kind, files, options)}")
     return name, options
 
 

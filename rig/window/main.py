@@ -12,8 +12,15 @@ from pathlib import Path
 from types import TracebackType
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QLibraryInfo, QObject, Qt, QTimer, Slot
-from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtCore import QEvent, QLibraryInfo, QMimeData, QObject, Qt, QTimer, Slot
+from PySide6.QtGui import (
+    QCloseEvent,
+    QDragEnterEvent,
+    QDropEvent,
+    QKeyEvent,
+    QKeySequence,
+    QShortcut,
+)
 from PySide6.QtWidgets import (
     QAbstractButton,
     QApplication,
@@ -63,6 +70,7 @@ class MainWindow(QMainWindow):
         self.session = session
         self.setWindowTitle("harmonic-rig")
         self.setMinimumSize(*SMALLEST)
+        self.setAcceptDrops(True)
         self.stack = QStackedWidget()
         self.prepare = PreparePage(session)
         self.run = RunPage(session)
@@ -215,6 +223,18 @@ class MainWindow(QMainWindow):
             self.show_page("run")
             event.ignore()
 
+    def dragEnterEvent(self, event: QDragEnterEvent) -> None:
+        """Files may be dropped on the window."""
+        if dropped_files(event.mimeData()):
+            event.acceptProposedAction()
+
+    def dropEvent(self, event: QDropEvent) -> None:
+        """Files that were dropped are one recording: it is looked at on the page Review."""
+        if files := dropped_files(event.mimeData()):
+            event.acceptProposedAction()
+            self.show_page("review")
+            self.review.show_recording(files)
+
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         """Enter presses a button, as Space does: outside of dialogs Qt leaves it without effect. Consent is not
         given by it.
@@ -258,6 +278,12 @@ class MainWindow(QMainWindow):
     def _show_stop(self) -> None:
         """A STOP in the navigation while something may turn the rig and the page with the large one is not in front."""
         self.stop.setVisible(self.may_turn and self.stack.currentWidget() is not self.run)
+
+
+def dropped_files(data: QMimeData) -> list[Path]:
+    """The files of this computer among what is dropped; folders are none."""
+    paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
+    return [path for path in paths if path.is_file()]
 
 
 def refuse_a_screen_that_qt_cannot_use(

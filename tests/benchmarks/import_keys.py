@@ -13,7 +13,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from rig.commands.import_proposed import accepted, said_beside, settled
+from rig.commands.import_proposed import said_beside, settled
+from rig.runfile.importing.accepting import accepted
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.convert import import_tables
 from rig.runfile.importing.looking import look_at

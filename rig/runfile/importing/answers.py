@@ -70,6 +70,33 @@ def answered(proposal: Proposal, question: Question, answer: str) -> Proposal:
     return settle(replace(made, counts={**proposal.counts, question.about: number}))
 
 
+def corrected(proposal: Proposal, key: str, channel: str, unit: str) -> Proposal:
+    """The proposal in which somebody says what one column is; "" leaves it out, and frees its channel for another.
+
+    Raises `ConfigurationError` for a unit that the channel cannot have.
+    """
+    if channel and unit:
+        read, allowed = unit_of(unit, channel, dimensions_of(channel) or ()), dimensions_of(channel)
+        if allowed and read.si not in allowed and read.symbol != COUNT:
+            limit = ", ".join(_usual(channel))
+            raise ConfigurationError("is no unit of it", where=channel, value=unit, limit=limit)
+
+    def said(one: ProposedColumn) -> ProposedColumn:
+        if one.key == key:
+            return replace(one, channel=channel, unit=unit, evidence=(*one.evidence, "as said"))
+        return replace(one, channel="") if channel and one.channel == channel else one
+
+    columns = tuple(map(said, proposal.columns))
+    known = {one.channel for one in columns if one.channel}
+    # A question about what is left out, or which of several it is, has had its answer.
+    rest = (one for one in proposal.questions if one.why not in ("channel", "which"))
+    questions = tuple(q for q in rest if q.why != "rate" or TIME_CHANNEL not in known)
+    # What the numbers told was of the columns as they were.
+    return settle(
+        replace(proposal, columns=columns, questions=questions, slopes={}, slope_of_angles=math.nan)
+    )
+
+
 def only(columns: Sequence[ProposedColumn], member: str) -> list[ProposedColumn]:
     """The columns with the channels of one member, and those that belong to all."""
     several = {one.meant for one in columns if one.member == member and one.meant}

@@ -45,6 +45,11 @@ class Imported:
     dropped: int
     notes: tuple[str, ...]
 
+    @property
+    def brief_notes(self) -> tuple[str, ...]:
+        """The notes, each on one line."""
+        return tuple(map(_brief, self.notes))
+
 
 def import_tables(
     tables: Sequence[Table], options: ImportOptions, place: Callable[[], Path]

@@ -48,12 +48,15 @@ _SECONDS = (1e-5, 0.02)
 """Steps of a time that nobody gave a unit and that can hardly be anything but seconds: in ms it would be 50 kHz."""
 
 
-def propose(tables: Sequence[Table]) -> Proposal:
-    """What the columns of the files of one run are. Raises `RunFileError` for a file that cannot be read."""
+def propose(tables: Sequence[Table], heads: Sequence[Numbers] | None = None) -> Proposal:
+    """What the columns of the files of one run are, by their first rows (`head`, where they were read already).
+
+    Raises `RunFileError` for a file that cannot be read.
+    """
     columns: list[ProposedColumn] = []
     numbers: dict[str, Numbers] = {}
     for index, table in enumerate(tables):
-        values = _head(table)
+        values = head(table) if heads is None else heads[index]
         # What is no size of anything is no number either: its square would overflow.
         values = np.where(np.abs(values) < _LARGEST, values, np.nan)
         several = len(tables) > 1
@@ -69,7 +72,7 @@ def propose(tables: Sequence[Table]) -> Proposal:
     return _concluded(chosen, numbers, asked, tables)
 
 
-def _head(table: Table) -> Numbers:
+def head(table: Table) -> Numbers:
     """The first rows of all columns (n, columns); what is no number, or of another length than most, is NaN."""
     try:
         return _rows(table, range(len(table.headings)))

@@ -53,6 +53,13 @@ class Question:
     text: str
     usual: tuple[str, ...] = ()
 
+    @property
+    def by_evidence(self) -> str:
+        """The answer that has evidence; "" leaves a column without a unit out."""
+        if self.why == "which":
+            return self.about
+        return self.usual[0] if self.why == "channel" else ""
+
 
 @dataclass(frozen=True)
 class Proposal:
@@ -76,6 +83,11 @@ class Proposal:
     def used(self) -> tuple[ProposedColumn, ...]:
         """The columns that become channels."""
         return tuple(column for column in self.columns if column.channel)
+
+    @property
+    def used_first(self) -> tuple[ProposedColumn, ...]:
+        """All columns, those that become channels before the others."""
+        return (*self.used, *(column for column in self.columns if not column.channel))
 
     @property
     def sources(self) -> tuple[ChannelSource, ...]:

@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QSizePolicy, QWidget
 
 from experiments.finding import Finding, Severity
 from rig.window.shell.stack import (
+    emptied,
     set_tip,
     text_label,
 )
@@ -72,10 +73,7 @@ class Checklist(QWidget):
         focused = next((i for i, box in enumerate(self.boxes) if box.hasFocus()), None)
         self._checks = fresh
         self._ticked &= set(fresh)
-        while (item := self._grid.takeAt(0)) is not None:
-            if (widget := item.widget()) is not None:
-                widget.hide()
-                widget.deleteLater()
+        emptied(self._grid)
         for row in range(self._grid.rowCount()):
             self._grid.setRowStretch(row, 0)
         self.boxes = [self._add(row, check) for row, check in enumerate(fresh)]

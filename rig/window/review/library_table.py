@@ -175,6 +175,7 @@ class LibraryTable(QWidget):
     passport_requested = Signal(str)
     report_requested = Signal(object, str)
     """Carries the paths and the suffix of the report."""
+    import_requested = Signal()
 
     def __init__(self, session: WindowSession, today: Callable[[], date] = date.today) -> None:
         super().__init__()
@@ -187,6 +188,11 @@ class LibraryTable(QWidget):
         self.count = text_label("Reading the runs …", "muted", wraps=True)
         self.says = text_label(wraps=True, selectable=True)
         self.says.hide()
+        self.bring = push_button(
+            "&Import …",
+            tip="Make a run of somebody else's recording; a file can also be dropped on the window",
+            act=self.import_requested,
+        )
         self._pause = single_shot(self, _CHOSEN_PAUSE_MS, lambda: self.chosen.emit(self.selected))
         self._waited_for: Path | None = None
         self.setLayout(
@@ -194,7 +200,7 @@ class LibraryTable(QWidget):
                 self.filters,
                 (self.table, 1),
                 self._actions(),
-                self.count,
+                in_row((self.count, 1), self.bring),
                 self.says,
                 margins=(8, 8, 4, 6),
                 spacing=6,

@@ -1,5 +1,5 @@
-"""The Review page: the library of runs on the left; on the right a run, an overlay, a difference or
-a gear's passport.
+"""The Review page: the library of runs on the left; on the right a run, an overlay, a difference,
+a gear's passport, or a recording that is to become a run.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from PySide6.QtCore import Qt, QTimer, QUrl, Signal
 from PySide6.QtGui import QDesktopServices, QShowEvent
-from PySide6.QtWidgets import QStackedWidget, QWidget
+from PySide6.QtWidgets import QFileDialog, QStackedWidget, QWidget
 
 from rig.library.index import IndexedRun
 from rig.window.review.details.page import RunDetails
@@ -21,6 +21,7 @@ from rig.window.review.library_table import HTML, LibraryTable
 from rig.window.review.models import ModelsView
 from rig.window.review.overlay_view import OverlayView
 from rig.window.review.passport import PassportView
+from rig.window.review.recording.view import RecordingView
 from rig.window.review.results import ChooseFile
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_row, split, text_label
@@ -29,7 +30,8 @@ from rig.window.work.background import BackgroundCommand, in_words
 EMPTY = (
     "Choose a run on the left: its results, figures, signals and files appear here.\n\n"
     "Choose two or more to overlay their figures or to judge models by them, two to see what differs. "
-    "Search with Ctrl+F; the arrow keys go through the list."
+    "Search with Ctrl+F; the arrow keys go through the list.\n\n"
+    "Drop a recording of another rig on the window to see what its columns are, and to make a run of it."
 )
 SIZES = (570, 780)
 """Pixels of library and details at first."""
@@ -54,6 +56,8 @@ class ReviewPage(QWidget):
         super().__init__()
         self._session, self._opener = session, opener
         self._report: BackgroundCommand | None = None
+        self.choose_recording: Callable[[], Sequence[Path]] = self._ask_for_files
+        """Asks which files are one recording."""
         cache: ResultCache = {}
         self.library = LibraryTable(session, today)
         self.details = RunDetails(session, cache, opener, choose_file)
@@ -61,11 +65,12 @@ class ReviewPage(QWidget):
         self.difference = DifferenceView(session)
         self.models = ModelsView(session)
         self.passport = PassportView(session)
+        self.recording = RecordingView(session)
         self.empty = text_label(EMPTY, "muted", wraps=True, align=Qt.AlignmentFlag.AlignCenter)
         self.empty.setMargin(40)
         self.right = QStackedWidget()
         several = self.overlay, self.difference, self.models
-        for view in (self.empty, self.details, *several, self.passport):
+        for view in (self.empty, self.details, *several, self.passport, self.recording):
             self.right.addWidget(view)
         both = split(self.library, (self.right, 1), sizes=list(SIZES))
         self.setLayout(in_row(both, margins=(0, 0, 0, 0)))
@@ -84,6 +89,9 @@ class ReviewPage(QWidget):
         self.passport.run_requested.connect(self.run_requested)
         self.passport.report_requested.connect(self.make_gear_report)
         library.report_requested.connect(self.make_report)
+        library.import_requested.connect(self._ask_for_recording)
+        self.recording.opened.connect(self._open_imported)
+        self.recording.closed.connect(lambda: self.right.setCurrentWidget(self.empty))
         self.details.report_requested.connect(self.make_report)
 
     def showEvent(self, event: QShowEvent) -> None:
@@ -125,6 +133,28 @@ class ReviewPage(QWidget):
         """The runs of a gear over time."""
         self.right.setCurrentWidget(self.passport)
         self.passport.show_gear(serial, self.library.model.runs)
+
+    def show_recording(self, files: Sequence[Path]) -> None:
+        """What the columns of somebody else's recording are, to make a run of it; several files are one recording."""
+        self.right.setCurrentWidget(self.recording)
+        self.recording.show_files(files)
+
+    def _ask_for_recording(self) -> None:
+        if self._session.free_for("Choosing a recording"):
+            files = self.choose_recording()
+            if files:
+                self.show_recording(files)
+
+    def _ask_for_files(self) -> Sequence[Path]:
+        chosen, _ = QFileDialog.getOpenFileNames(self, "A recording: the files of one run")
+        return [Path(name) for name in chosen]
+
+    def _open_imported(self, run: Path, kind: str) -> None:
+        """Open the run that was made of a recording; fit it where a kind of fit is wanted."""
+        self.show_run(run)
+        if kind:
+            self.details.bar.choose_kind(kind)
+            self.details.fit(self.details.bar.order(keep=True))
 
     def make_report(self, paths: Sequence[Path], suffix: str = HTML) -> None:
         """Write the report of runs in a process of its own, then open it."""

@@ -135,6 +135,10 @@ class FitBar(QWidget):
             self.tare.setCurrentIndex(max(0, self.tare.findData(str(used.tare))))
         self.say("")
 
+    def choose_kind(self, kind: str) -> None:
+        """Fit as this kind next."""
+        self.kind.setCurrentIndex(max(0, self.kind.findData(kind)))
+
     def order(self, *, keep: bool) -> FitOrder:
         """The fit as it is set."""
         assert self._run is not None

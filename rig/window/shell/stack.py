@@ -172,6 +172,14 @@ def room_for(layout: QLayout) -> QWidget:
     return part
 
 
+def emptied(layout: QLayout) -> None:
+    """Take every part out of a layout, and away."""
+    while (item := layout.takeAt(0)) is not None:
+        if (part := item.widget()) is not None:
+            part.hide()
+            part.deleteLater()
+
+
 def push_button(
     text: str,
     part: str = "",

@@ -11,7 +11,7 @@ import pytest
 
 from rig.commands.import_proposed import settled
 from rig.errors import ConfigurationError, RunFileError
-from rig.runfile.importing.answers import answered
+from rig.runfile.importing.answers import answered, corrected
 from rig.runfile.importing.heading_words import read_heading
 from rig.runfile.importing.opening import kind_of, open_tables
 from rig.runfile.importing.proposal import propose
@@ -292,3 +292,18 @@ def test_the_kind_of_a_file_is_in_its_first_bytes(
     path = tmp_path / name
     path.write_bytes(head)
     assert kind_of(path) == kind
+
+
+def test_who_knows_better_says_what_a_column_is(write: Write) -> None:
+    t, angle, speed = motion()
+    made = proposed(write({"time [s]": t, "position [rad]": angle, "x": speed, "tau": -speed}))
+    by_heading = {one.heading: one.key for one in made.columns}
+    made = corrected(made, by_heading["x"], "position", "deg")
+    assert channels(made)["position"] == ("x", "deg")
+    assert "as said" in next(one for one in made.used if one.heading == "x").evidence
+    assert "position [rad]" not in {one.heading for one in made.used}
+    made = corrected(made, by_heading["x"], "", "")
+    assert "position" not in channels(made)
+    assert made.questions == proposed(write({"tau": t, "time [s]": t}, name="b")).questions
+    with pytest.raises(ConfigurationError, match="is no unit of it"):
+        corrected(made, by_heading["x"], "speed", "N m")
