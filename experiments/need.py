@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 ANGLES = ("input_angle", "position", "output_angle")
+NOMINAL_ANGLE = "nominal_angle"
+"""The angle of the input of a log at constant speed that has none: the stated speed times the time."""
+TURNING = (*ANGLES, NOMINAL_ANGLE)
+"""Angles over which orders are looked for."""
 SPEEDS = ("speed", "input_speed", "output_speed")
 EFFORTS = ("torque", "drive_torque", "force", "current", "motor_current", "voltage")
 TORQUES = ("torque", "drive_torque")

@@ -17,6 +17,24 @@ _MENTIONED = 0.01
 """Share of rows that stand still or belong to no stretch above which it is said."""
 
 
+BY_STATED_SPEED = (
+    "The angle is the stated speed times the time: where the speed was another, the orders are at its share of theirs, "
+    "and where it wandered they are smeared over their neighbours and too small."
+)
+
+
+def by_stated_speed(estimate: Estimate) -> Estimate:
+    """An order over an angle that nobody measured: at most "weakly", since nothing in the log tells the wandering."""
+    if estimate.identifiable != "yes":
+        return estimate
+    note = "over a stated speed, at which nobody looked"
+    return replace(
+        estimate,
+        identifiable="weakly",
+        note="; ".join(n for n in (estimate.note, note) if n),
+    )
+
+
 def order_estimates(
     fit: OrdersFit, recording: Recording, channel: str, unit: str
 ) -> dict[str, Estimate]:

@@ -86,6 +86,15 @@ Rate = Annotated[
     float | None,
     typer.Option("--rate", help="Sample rate in Hz, where there is no time column."),
 ]
+Speed = Annotated[
+    str,
+    typer.Option(
+        "--speed",
+        metavar="SPEED",
+        help='Speed of the input with its unit ("60 r/min"), of a log at constant speed that has no '
+        "angle; for orders.",
+    ),
+]
 NoTime = Annotated[
     bool, typer.Option("--no-time", help="The recording has no time base; only angles count.")
 ]

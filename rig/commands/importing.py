@@ -31,6 +31,7 @@ def import_(
     save_map: flags.SaveMap = None,
     output: flags.Folder = Path("runs"),
     rate: flags.Rate = None,
+    speed: flags.Speed = "",
     no_time: flags.NoTime = False,
     time_base: flags.TimeBaseFlag = None,
     start: flags.Start = "",
@@ -73,6 +74,7 @@ def import_(
     said = {
         "channels": tuple(parse_channel(text) for text in channel or ()),
         "rate": rate,
+        "speed": speed,
         "no_time": no_time or is_of_tables(protocol),
         "time_base": time_base and time_base.value,
         "start_time": start,

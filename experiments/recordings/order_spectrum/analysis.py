@@ -8,13 +8,18 @@ from dataclasses import replace
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, rotary_ratio
-from experiments.need import ANGLES, EFFORTS
+from experiments.need import EFFORTS, NOMINAL_ANGLE, TURNING
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
 from experiments.recordings.order_spectrum.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.recordings.orders_plots import orders_table, spectrum_plot
 from experiments.recordings.orders_source import KINEMATIC_ERROR, order_source
-from experiments.recordings.orders_words import order_estimates, said_of
+from experiments.recordings.orders_words import (
+    BY_STATED_SPEED,
+    by_stated_speed,
+    order_estimates,
+    said_of,
+)
 from experiments.result import Result, way_of
 from experiments.setting import names_of
 from model.identify.orders.fit import fit_samples
@@ -40,7 +45,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """
     settings = evidence.settings
     check_settings(settings, names_of(SETTINGS), NAME)
-    angle_name = chosen_channel(recording, settings, "angle", ANGLES, "an order spectrum")
+    angle_name = chosen_channel(recording, settings, "angle", TURNING, "an order spectrum")
     channel, unit = channel_of(recording, settings)
     warnings = list(
         check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings
@@ -48,7 +53,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     stated = rotary_ratio(recording, math.nan)
     ratio = evidence.gear.mounted_ratio(recording.metadata.mounting)
     source = order_source(recording, angle_name, channel, rotary_ratio(recording, ratio))
-    on_input = angle_name == "input_angle"
+    on_input = angle_name in ("input_angle", NOMINAL_ANGLE)
     with analysing(recording.metadata.run_id):
         highest = float(settings.get("highest_order", HIGHEST))
         samples = OrderSamples.gathered(source.pieces, highest, has_line=source.has_line)
@@ -58,6 +63,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     explained = near_two(fit, stated, _measured_ratio(recording)) if on_input else None
     chosen = replace(fit, orders=fit.orders[:STRONGEST])
     estimates = order_estimates(chosen, recording, channel, unit)
+    if angle_name == NOMINAL_ANGLE:
+        warnings.append(BY_STATED_SPEED)
+        estimates = {k: by_stated_speed(e) for k, e in estimates.items()}
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,

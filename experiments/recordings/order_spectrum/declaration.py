@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from experiments.contract import Deferred, Experiment, NoParameters, no_plan
-from experiments.need import ANGLES, MEASURED, Need
+from experiments.need import MEASURED, TURNING, Need
 from experiments.quantity import (
     Quantity,
 )
@@ -40,8 +40,8 @@ SETTINGS = (
     ),
     Setting(
         "angle",
-        "input_angle, output_angle",
-        "input_angle",
+        "input_angle, output_angle, nominal_angle",
+        "the first that is there",
         "",
         "orders of the output are asked for",
     ),
@@ -55,7 +55,7 @@ EXPERIMENT = Experiment(
     parameters=NoParameters,
     plan=no_plan,
     analyse=Deferred("experiments.recordings.order_spectrum.analysis:analyse"),
-    asks=Need(channels=(ANGLES, MEASURED), revolutions=True),
+    asks=Need(channels=(TURNING, MEASURED), revolutions=True),
     needs=(),
     has_plan=False,
     cuts_gaps=True,

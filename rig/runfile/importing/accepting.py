@@ -131,6 +131,8 @@ def command_of(kind: str, files: Sequence[Path], options: ImportOptions) -> str:
         words += ["-c", f"{one.option}{f':{one.unit}' if one.unit or scale else ''}{scale}"]
     if options.rate:
         words += ["--rate", f"{options.rate:g}"]
+    if options.speed:
+        words += ["--speed", str(options.speed)]
     if math.isfinite(options.ratio):
         words += ["--ratio", f"{options.ratio:g}"]
     if options.output_sense:
@@ -152,6 +154,7 @@ def map_text(options: ImportOptions) -> str:
         lines += [f"scale = {one.scale!r}"] if one.scale is not None else []
         lines.append("")
     recording = [f"rate = {options.rate!r}"] if options.rate else []
+    recording += [f"speed = {toml_value(options.speed)}"] if options.speed else []
     recording += ["no_time = true"] if options.no_time else []
     recording += [f"protocol = {toml_value(options.experiment)}"] if options.experiment else []
     gear = [f"ratio = {options.ratio!r}"] if math.isfinite(options.ratio) else []

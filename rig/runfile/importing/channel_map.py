@@ -63,6 +63,8 @@ class ImportOptions:
     reverse: tuple[ChannelSource, ...] = ()
     """The same channels for the reverse half of a table with both directions in one row."""
     rate: float | None = None
+    speed: str | float = ""
+    """Constant speed of the input, where a log at constant speed has no angle: a text with its unit, or in rad/s."""
     no_time: bool = False
     time_base: TimeBase | None = None
     """What stamped the rows; None: a device where there are times, the nominal rate where there is only that."""

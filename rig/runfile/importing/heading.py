@@ -18,6 +18,7 @@ from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.reading import Reading, Rows
+from rig.runfile.importing.stated import stated_speed
 from rig.runfile.seal import file_sha256
 
 _EARLIEST_CALENDAR_S = 978_307_200.0
@@ -31,7 +32,8 @@ def header_of(
     sense of the output angle has to be said.
     """
     names = {column.name for column in reading.columns}
-    _ask_for_output_sense(names, options)
+    if not any(one.column.name == "output_angle" for one in reading.derived):
+        _ask_for_output_sense(names, options)
     start_ns, start_time = _start(reading, options, first)
     timed = not options.no_time
     rate = reading.rate or (sample_rate(first.time_ns) if timed else math.nan)
@@ -144,6 +146,8 @@ def _stated(options: ImportOptions, ratio: float) -> dict[str, Any]:
         "ratio": math.isfinite(ratio),
         "lag_s": {s.name: s.lag_s for s in options.channels if s.lag_s is not None},
     }
+    if (speed := stated_speed(options)) is not None:
+        stated["speed_rad_s"] = speed
     for name in ("resonance_hz", "load_inertia_kg_m2"):
         value = getattr(options, name)
         if value is not None:

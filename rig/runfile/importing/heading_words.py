@@ -9,7 +9,7 @@ from model.errors import ParameterError
 from model.units import COUNT
 from rig.errors import ConfigurationError
 from rig.runfile.importing.adapters.table import split_heading
-from rig.runfile.importing.units import dimensions_of, unit_of
+from rig.runfile.importing.units import TRANSMISSION_ERROR, dimensions_of, unit_of
 
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[0-9]+|[^\W\d_]+")
 _SPOKEN = re.compile(r"(.*\S)\s+in\s+(\S+(?: \S+)?)")
@@ -44,6 +44,8 @@ _NOT_A_SIGNAL = frozenset(
     {"error", "err", "deviation", "fehler", "residual", "index", "status"}
     | {"enable", "enabled", "state", "mode", "flag", "limit", "max", "min", "gain"}
 )
+_OF_THE_GEAR = frozenset({"transmission", "kinematic", "te"})
+"""Words of an error that is a signal: that of the output beside the input over the ratio."""
 _CHANNELS: dict[tuple[str, str], str] = {
     ("time", ""): "time",
     ("angle", ""): "position",
@@ -118,6 +120,8 @@ _SIDES = (("input", _INPUT), ("output", _OUTPUT))
 
 def _channel_of(words: list[str]) -> str:
     there = frozenset(words)
+    if there & _OF_THE_GEAR and (there & {"error", "fehler"} or "te" in there):
+        return TRANSMISSION_ERROR
     if there & (_WANTED | _NOT_A_SIGNAL):
         return ""
     kind = next((kind for kind in _ORDER if _KINDS[kind] & there), "")

@@ -23,7 +23,9 @@ from rig.runfile.importing.heading import sample_rate
 from rig.runfile.importing.lag import lag_of_speed
 from rig.runfile.importing.proposing import BLOCK_S, propose
 from rig.runfile.importing.reading import Reading
+from rig.runfile.importing.streams import LeftOut
 from rig.runfile.importing.units import TIME_CHANNEL
+from rig.runfile.importing.wiring import wire
 from rig.runfile.importing.wraps import wraps
 
 STILL = 0.01
@@ -164,7 +166,7 @@ def _usable_channels(
             options, channels=(*time, source), reverse=(), segments_from=None
         )
         try:
-            Reading(tables, alone)
+            wire(tables, alone.channels, alone, LeftOut(is_allowed=True))
         except RigError as error:
             if str(error) not in found.problems:
                 found.problems.append(str(error))
@@ -179,7 +181,7 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
         _Watch(
             ChannelLook(
                 name=c.name,
-                column=columns[c.name],
+                column=columns.get(c.name, "made"),
                 unit=c.channel.unit,
                 factor=c.channel.gain,
                 offset=c.channel.offset,

@@ -100,6 +100,12 @@ SEGMENTS_FROM_KEYS = (
 
 RECORDING_KEYS = (
     Key("rate", "number", "sample rate in Hz, where there is no column of time", "rate"),
+    Key(
+        "speed",
+        "text or number",
+        "speed of the input with its unit, of a log at constant speed that has no angle",
+        "speed",
+    ),
     Key("no_time", "yes or no", "there is no time base", "no_time"),
     Key("time_base", "text", "what stamped the rows: hardware, device, host, nominal", "time_base"),
     Key("start", "text", "when the first row was recorded, ISO 8601", "start_time"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from experiments import catalogue
-from experiments.need import ANGLES, MEASURED, Need
+from experiments.need import MEASURED, TURNING, Need
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.looking import Look
 
@@ -46,7 +46,7 @@ def _why_not(need: Need, look: Look, options: ImportOptions) -> str:
         labels |= {*options.segments_from.labels.values(), options.segments_from.label}
     if need.labels and not labels & set(need.labels):
         return f"no segment labelled {' or '.join(need.labels)}"
-    angles = [c for c in look.channels if c.name in ANGLES]
+    angles = [c for c in look.channels if c.name in TURNING]
     if need.revolutions and not any(c.unit == "rad" for c in angles):
         return "no channel that is an angle"
     wrapped = [c.name for c in look.channels if c.wraps]

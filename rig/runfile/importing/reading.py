@@ -14,6 +14,7 @@ from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource
+from rig.runfile.importing.derived import derived_channels
 from rig.runfile.importing.segments import SteadyStretches, TimedSegments
 from rig.runfile.importing.streams import GAP, LeftOut, Piece, joined
 from rig.runfile.importing.wiring import Wiring, wire
@@ -47,7 +48,9 @@ class Reading:
         self._tables, self._options = tables, options
         self._left_out = LeftOut(options.drop_bad_rows)
         self._wiring: Wiring = wire(tables, sources or options.channels, options, self._left_out)
-        self.columns: tuple[Column, ...] = self._wiring.columns
+        self._recorded: tuple[Column, ...] = self._wiring.columns
+        self.derived = derived_channels(options, self._recorded)
+        self.columns: tuple[Column, ...] = (*self._recorded, *(one.column for one in self.derived))
         self.rate, self.start_ns = self._wiring.rate, self._wiring.start_ns
         self._is_timed = self._wiring.streams[0].time is not None
         self._turns = np.zeros(len(self.columns))
@@ -64,6 +67,7 @@ class Reading:
         self._jumps: dict[str, tuple[int, float]] = {}
         self.notes: list[str] = [note for table in tables for note in table.notes]
         self.notes += self._wiring.remarks
+        self.notes += [f"{one.column.name} is {one.origin}" for one in self.derived]
 
     @property
     def dropped(self) -> int:
@@ -78,13 +82,26 @@ class Reading:
             stored = [
                 self._stored(column, index, piece.values[:, place], piece)
                 for index, (column, place) in enumerate(
-                    zip(self.columns, wiring.places, strict=True)
+                    zip(self._recorded, wiring.places, strict=True)
                 )
             ]
+            stored += self._made(times, stored)
             self._watch(times, stored, piece)
             self.rows += len(times)
             self.last_ns = int(times[-1])
             yield Rows(times, piece.cycles, stored)
+
+    def _made(self, times: NDArray[np.int64], stored: list[NDArray[Any]]) -> list[NDArray[Any]]:
+        """The numbers of the channels that no column holds."""
+        if not self.derived:
+            return []
+        assert self._first_ns is not None
+        seconds = np.asarray((times - self._first_ns) * 1e-9, dtype=np.float64)
+        si = {
+            column.name: column.channel.to_si(values)
+            for column, values in zip(self._recorded, stored, strict=True)
+        }
+        return [one.values(si, seconds) for one in self.derived]
 
     def close_notes(self, rate: float) -> None:
         """What can be said only after the last row."""

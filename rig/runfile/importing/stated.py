@@ -41,6 +41,21 @@ def with_stated(
     return replace(options, channels=tuple(sources.values()))
 
 
+def stated_speed(options: ImportOptions) -> float | None:
+    """The constant speed of the input [rad/s] that was said; None where nobody did. Raises `ConfigurationError`."""
+    if options.speed in ("", None):
+        return None
+    speed, unit = _in_si("--speed", options.speed, "60 r/min")
+    if unit not in ("", "rad/s") or not speed:
+        raise ConfigurationError(
+            "is no speed that turns",
+            where="--speed",
+            value=options.speed,
+            limit=", ".join(understood(("rad/s",))),
+        )
+    return speed
+
+
 def _stated(source: ChannelSource, flag: str, value: str | float) -> ChannelSource:
     """The channel with one value stated."""
     if flag == "--modulus":

@@ -10,6 +10,8 @@ from model.units import COUNT, SI
 from rig.errors import ConfigurationError
 
 TIME_CHANNEL = "time"
+TRANSMISSION_ERROR = "transmission_error"
+"""theta_o - theta_i/N as one column, of which the output angle is made."""
 
 ISO_TIME, FILETIME = "iso", "filetime"
 TEXT_TIMES = (ISO_TIME, FILETIME)
@@ -21,6 +23,7 @@ DIMENSIONS: dict[str, tuple[str, ...]] = {
     "output_angle": ("rad",),
     "input_index": ("rad",),
     "output_index": ("rad",),
+    TRANSMISSION_ERROR: ("rad",),
     "input_speed": ("rad/s",),
     "output_speed": ("rad/s",),
     "speed": ("rad/s", "m/s"),
