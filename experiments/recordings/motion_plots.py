@@ -74,7 +74,8 @@ def _friction(fit: MotionFit, velocity: FloatArray) -> FloatArray:
         forward = value["viscous_forward"] * velocity + value["coulomb_forward"]
         reverse = value["viscous_reverse"] * velocity - value["coulomb_reverse"]
         return np.where(velocity > 0.0, forward, reverse)
-    friction = value["viscous"] * velocity + value["coulomb"] * sign + value["offset"]
+    friction = value["viscous"] * velocity + value["coulomb"] * sign
+    friction += value.get("offset", 0.0)
     if fit.variant == "stribeck":
         drop = value["static"] - value["coulomb"]
         friction = friction + drop * sign * np.exp(-((velocity / value["stribeck_velocity"]) ** 2))

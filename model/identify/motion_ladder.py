@@ -8,7 +8,7 @@ The Stribeck rung is taken by itself only where it predicts tenths of the time t
 better than the symmetric one: by twice the standard error of that gain over the tenths, by a tenth
 at least, with a friction that falls with speed (F_s > F_c), a positive Coulomb and viscous part,
 and a v_s inside the range that was searched. Forward and reverse are told apart where somebody asks
-for it: that changes the names of the parameters.
+for it: that changes the names of the parameters. A motion in one direction has no F_0: it is in F_c, and stays there.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ LEAST_GAIN = 0.1
 """By which a richer rung's error out of sample must be smaller."""
 _NEWTON_STEPS = 2
 BASE = ("acceleration", "speed", "sign", "one")
-_REGRESSORS: Mapping[str, tuple[str, ...]] = {
-    "symmetric": BASE,
-    "asymmetric": (*BASE, "speed_size"),
-    "stribeck": (*BASE, "stribeck_0", "stribeck_0_slope"),
+_ADDED: Mapping[str, tuple[str, ...]] = {
+    "symmetric": (),
+    "asymmetric": ("speed_size",),
+    "stribeck": ("stribeck_0", "stribeck_0_slope"),
 }
 
 
@@ -75,7 +75,8 @@ class Fitted:
                 drop = self.fit.value("stribeck_0")
                 rows["static"] = {"sign": 1.0, "stribeck_0": 1.0}
                 rows["stribeck_velocity"] = {"stribeck_0_slope": 1.0 / drop if drop else math.nan}
-            rows["offset"] = {"one": 1.0}
+            if "one" in self.fit.names:
+                rows["offset"] = {"one": 1.0}
         rows |= {name: {name: 1.0} for name in self.basis.load_names}
         matrix = np.array(
             [[row.get(name, 0.0) for name in self.fit.names] for row in rows.values()]
@@ -113,8 +114,15 @@ def gathered(source: MotionSource, recipe: MotionFilter, basis: Basis) -> Moment
     return gather(samples(source, recipe, basis), basis.names(with_instrument), expected)
 
 
-def _check_motion(moments: Moments) -> None:
-    """Refuse too little motion, and motion in one direction only."""
+def base_of(moments: Moments) -> tuple[str, ...]:
+    """What every rung is made of; in one direction the offset is one with the Coulomb friction, and stays there."""
+    sign = moments.shown[:, moments.names.index("sign")]
+    is_one_way = bool(sign.min() >= 0.0 or sign.max() <= 0.0)
+    return tuple(name for name in BASE if name != "one" or not is_one_way)
+
+
+def _check_motion(moments: Moments, rung: str) -> None:
+    """Refuse too little motion, and to tell directions apart of which there is one."""
     if moments.kept < LEAST_SAMPLES:
         raise IdentificationError(
             "too little motion is left after filter, dead zone and decimation",
@@ -123,10 +131,9 @@ def _check_motion(moments: Moments) -> None:
             limit=f">= {LEAST_SAMPLES}",
             remedy="Record more motion, or lower least_speed or decimation.",
         )
-    sign = moments.shown[:, moments.names.index("sign")]
-    if sign.min() >= 0.0 or sign.max() <= 0.0:
+    if rung == "asymmetric" and "one" not in base_of(moments):
         raise IdentificationError(
-            "moves in one direction only: Coulomb friction and offset cannot be separated",
+            "moves in one direction only: two directions cannot be told apart",
             where="position",
             limit="motion both ways",
             remedy="Use a recording that reverses.",
@@ -164,7 +171,7 @@ class Ladder:
         """With the v_s that fits best; None where no speed of the range can carry it."""
         errors: dict[float, float] = {}
         for k, speed in enumerate(self.speeds):
-            names = (*BASE, f"stribeck_{k}", *self.basis.load_names)
+            names = (*base_of(self.moments), f"stribeck_{k}", *self.basis.load_names)
             try:
                 fit = self._solve(self.moments, names)
             except IdentificationError:
@@ -249,8 +256,8 @@ class Ladder:
         return self._fitted("stribeck", gathered(self.source, self.recipe, basis), basis)
 
     def _fitted(self, rung: str, moments: Moments, basis: Basis) -> Fitted:
-        _check_motion(moments)
-        names = (*_REGRESSORS[rung], *self.basis.load_names)
+        _check_motion(moments, rung)
+        names = (*base_of(moments), *_ADDED[rung], *self.basis.load_names)
         return Fitted(rung, self._solve(moments, names), moments, self.recipe, basis)
 
     def _solve(self, moments: Moments, names: tuple[str, ...]) -> MomentFit:

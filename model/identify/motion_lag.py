@@ -18,7 +18,7 @@ import numpy as np
 from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.motion_columns import LEAST_SAMPLES, Basis, MotionFilter
-from model.identify.motion_ladder import BASE, gathered
+from model.identify.motion_ladder import base_of, gathered
 from model.identify.motion_moments import Moments, lagged_sum, noise_sums, solve_moments
 from model.identify.motion_source import MotionSource
 
@@ -88,7 +88,7 @@ class Alignment:
 
     def _regressors(self, moments: Moments) -> tuple[str, ...]:
         """With the friction that falls where the data carry it."""
-        plain = (*BASE, *self.basis.load_names)
+        plain = (*base_of(moments), *self.basis.load_names)
         whole = (*plain, *(f"stribeck_{k}" for k in range(len(self.speeds))))
         try:
             solve_moments(moments, whole, with_instrument=self.with_instrument)

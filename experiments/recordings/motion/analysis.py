@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.assumed import ONE_WAY
 from experiments.budget import STATED, budget_table, scale_line, zero_uncertainty
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
@@ -182,6 +183,10 @@ def _remarks(motion: RecordedMotion, fit: MotionFit) -> list[str]:
             f"{100.0 * share:.2g} % of the samples are at standstill (below {fit.recipe.least_speed:.3g} {unit}/s) "
             "and were left out: they are no samples of sliding friction."
         )
+    if _is_one_way(fit):
+        remarks.append(
+            "The motion goes one way: an offset (gravity, a zero) is one with the Coulomb friction, and is in it."
+        )
     axis = motion.axis
     if axis.gaps:
         remarks.append(
@@ -223,6 +228,12 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
             lines.append(scale_line(motion.recording, estimate.value, motion.effort))
         if name == "offset":
             lines.append(_zero_line(motion))
+        if _is_one_way(fit) and name in ("coulomb", "static"):
+            lines.append(
+                ONE_WAY.line(
+                    "offset, in it", ONE_WAY.standard_uncertainty * fit.estimates["coulomb"].value
+                )
+            )
         unit = estimate.unit if motion.is_mechanical else _unit(name, motion)
         estimates[name] = dataclasses.replace(estimate, unit=unit).with_budget(lines)
     if fit.speed_channel is not None and not motion.instrument_is_position:
@@ -237,6 +248,11 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
             note="" if np.isfinite(u) else "too little motion to tell",
         )
     return estimates
+
+
+def _is_one_way(fit: MotionFit) -> bool:
+    """Whether its motion goes in one direction alone, so that no offset is told."""
+    return fit.variant != "asymmetric" and "offset" not in fit.estimates
 
 
 def _zero_line(motion: RecordedMotion) -> BudgetLine:

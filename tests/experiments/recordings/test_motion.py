@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from experiments.assumed import ONE_WAY
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.recording import Recording
@@ -41,6 +42,7 @@ def moved(
     noise: float = 2e-5,
     gravity: float = 0.0,
     dip: float = 0.0,
+    ways: tuple[int, ...] = (-1, 1),
 ) -> Moved:
     random = np.random.default_rng(seed)
     time = np.arange(int(seconds * rate)) / rate
@@ -48,7 +50,7 @@ def moved(
     standing = np.ones(len(time), dtype=bool)
     at, place = 0.0, 0.0
     while at < seconds:
-        length, size = random.uniform(0.5, 1.5), random.uniform(0.3, 1.5) * random.choice([-1, 1])
+        length, size = random.uniform(0.5, 1.5), random.uniform(0.3, 1.5) * random.choice(ways)
         rows = (time >= at) & (time < at + length)
         x = (time[rows] - at) / length
         position[rows] = place + size * (10 * x**3 - 15 * x**4 + 6 * x**5)
@@ -244,6 +246,24 @@ def test_the_stribeck_rung_is_taken_where_the_data_show_a_dip(gear: HarmonicDriv
     assert value(dipped, "coulomb") == pytest.approx(COULOMB, rel=0.02)
     assert value(dipped, "static") == pytest.approx(COULOMB + 0.6, rel=0.05)
     assert value(dipped, "stribeck_velocity") == pytest.approx(0.15, rel=0.1)
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_strokes_in_one_direction_are_fitted_with_the_offset_in_the_friction(
+    gear: HarmonicDrive, way: int
+) -> None:
+    truth = {"inertia": INERTIA, "viscous": VISCOUS, "coulomb": COULOMB}
+    for seed in (3, 4, 5):
+        result = fitted(moved(seed, ways=(way,), noise=0.0).recording(), gear)
+        assert set(result.estimates) == set(truth)
+        for name, number in truth.items():
+            away = abs(value(result, name) - number)
+            assert away <= result.estimates[name].expanded_uncertainty
+        assert value(result, "coulomb") == pytest.approx(COULOMB + way * OFFSET, abs=0.02)
+        lines = {line.source: line for line in result.estimates["coulomb"].budget}
+        assert lines["offset, in it"].assumed == ONE_WAY.kind
+        assert not any("offset" in one.source for one in result.estimates["viscous"].budget)
+        assert any("goes one way" in warning for warning in result.warnings)
 
 
 def test_a_sign_that_is_wrong_is_no_result(gear: HarmonicDrive) -> None:

@@ -81,8 +81,11 @@ def test_the_truth_of_a_simulated_axis_is_covered() -> None:
 
 def test_bad_motion_is_refused() -> None:
     time, position, force = axis(0)
-    with pytest.raises(IdentificationError, match="one direction"):
+    with pytest.raises(IdentificationError, match="cannot separate"):
         fit_motion(time, 2.0 * time, force)
+    one_way = position - position.min() + 40.0 * time
+    with pytest.raises(IdentificationError, match="asymmetric"):
+        fit_motion(time, one_way, force, variant="asymmetric")
     with pytest.raises(IdentificationError, match="does not move"):
         fit_motion(time, 0.0 * time, force)
     with pytest.raises(IdentificationError, match="does not increase"):
