@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +75,18 @@ class RunMetadata:
     """Of the bytes of the file; "" for one that is being written, and for a recording that is no file."""
     is_sealed: bool = False
     """Whether this SHA-256 is the one that was noted when the run was sealed."""
+
+    def is_said(self, name: str) -> bool:
+        """Whether "mounting" or "output_sense" was said: a rig knows it, of an import a person may have."""
+        stated = self.process.get("stated")
+        return not isinstance(stated, Mapping) or bool(
+            cast(Mapping[str, Any], stated).get(name, True)
+        )
+
+    @property
+    def mounting_said(self) -> str:
+        """The mounting, "not stated" where an import took the usual one."""
+        return self.mounting if self.is_said("mounting") else "not stated"
 
     @property
     def seal(self) -> str:

@@ -156,7 +156,9 @@ def print_recording(recording: Recording, path: Path, verdict: GearVerdict | Non
         out.print(painted(segment_grid(segments[:_SHOWN_SEGMENTS], title)))
     if events:
         title = _cut("Events", f"the last {_SHOWN_EVENTS}", len(events) - _SHOWN_EVENTS)
-        out.print(painted(event_grid(events[-_SHOWN_EVENTS:], title=title).without("time [s]")))
+        # A recording without a date has seconds since its first row, and no time of day.
+        unknown = "time [s]" if recording.metadata.start_time else "time (UTC)"
+        out.print(painted(event_grid(events[-_SHOWN_EVENTS:], title=title).without(unknown)))
 
 
 def _cut(title: str, shown: str, left: int) -> str:
@@ -179,7 +181,9 @@ def _facts(recording: Recording, path: Path) -> list[tuple[str, str]]:
         ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
         gear = _gear_text(m.gear.name if m.gear else "", m.gear_serial) + ratio
         way = "with" if m.output_sense > 0 else "against"
-        mounting = f"{m.mounting}, output encoder counts {way} the input"
+        mounting = m.mounting_said
+        if m.is_said("output_sense"):
+            mounting += f", output encoder counts {way} the input"
     backend = {k: m.process[k] for k in ("backend", "seed", "program_version") if k in m.process}
     made = (
         *world_facts(m.process.get("world")),

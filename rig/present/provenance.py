@@ -112,7 +112,7 @@ def _identity(fit: Fit) -> Iterator[Fact]:
         "gear": f"{gear}, serial {m.gear_serial or 'not stated'}"
         if m.gear_mounted
         else "none mounted",
-        "mounting": m.mounting.replace("-", " ") if m.gear_mounted else "none",
+        "mounting": m.mounting_said.replace("-", " ") if m.gear_mounted else "none",
         "file": fit.path.name if fit.path else "in memory",
         "analysis": fit.stored or "not stored",
         "tare": tare_of(fit),

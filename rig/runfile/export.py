@@ -129,8 +129,8 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
         "gear": m.gear.name if m.gear else "",
         "gear_serial": m.gear_serial,
         "ratio": m.ratio,
-        "mounting": m.mounting,
-        "output_sense": float(m.output_sense),
+        "mounting": m.mounting_said,
+        "output_sense": float(m.output_sense) if m.is_said("output_sense") else math.nan,
         "sample_rate": m.sample_rate,
         "sha256": m.sha256,
         "sealed": m.is_sealed,
@@ -199,7 +199,7 @@ def _description(recording: Recording) -> Iterator[str]:
     yield f"protocol: {m.experiment or '-'}, outcome: {m.outcome or '-'}, operator: {m.operator or '-'}"
     yield f"started: {m.start_time or '-'}, ended: {m.end_time or '-'}"
     ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
-    yield f"gear: {m.gear.name if m.gear else '-'}, serial {m.gear_serial or '-'}{ratio}, {m.mounting}"
+    yield f"gear: {m.gear.name if m.gear else '-'}, serial {m.gear_serial or '-'}{ratio}, mounting {m.mounting_said}"
     yield f"sample rate: {m.sample_rate:g} Hz, time base: {m.time_base}, SHA-256 of the run: {m.seal}"
     yield "SI units; angles as each encoder counts them; flags: 0 is a complete cycle on time; segment: -1 is none"
 

@@ -147,7 +147,7 @@ def _gear_facts(m: RunMetadata) -> Iterator[Fact]:
     facts: dict[str, Any] = {
         "serial number": m.gear_serial,
         "mounted": m.gear_mounted,
-        "mounting": m.mounting,
+        "mounting": m.mounting_said,
         "ratio": m.ratio,
     }
     if m.gear is not None:

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from nptdms import ChannelObject, TdmsWriter
+from nptdms import ChannelObject, RootObject, TdmsWriter
 
 import rig
 from rig.errors import RunFileError
@@ -26,6 +26,8 @@ TORQUE = np.round(np.sin(TIME), 6)
 START = datetime(2025, 11, 21, 8, 30, tzinfo=UTC)
 START_NS = int(START.timestamp()) * 10**9
 STARTED = np.datetime64("2025-11-21T08:30:00")
+OIL, LINK = "oil changed on Monday", "behind the gear"
+"""What stands in a file beside its numbers."""
 CHANNELS = {"position": "q", "torque": "M:N m"}
 
 
@@ -47,9 +49,11 @@ def tdms_file(path: Path) -> None:
     wave = {"wf_increment": 5e-4, "wf_start_offset": 0.0, "wf_start_time": STARTED}
     with TdmsWriter(path) as file:
         for part in (slice(0, 25_000), slice(25_000, ROWS)):
+            said = {**wave, "unit_string": "deg", "description": LINK}
             file.write_segment(
                 [
-                    ChannelObject("log", "q", ANGLE[part], {**wave, "unit_string": "deg"}),
+                    RootObject({"comment": OIL}),
+                    ChannelObject("log", "q", ANGLE[part], said),
                     ChannelObject("log", "M", TORQUE[part], wave),
                     ChannelObject("log", "name", ["x", "y"]),
                 ]
@@ -62,9 +66,10 @@ def mdf_file(path: Path) -> None:
 
     with asammdf.MDF(version=version) as file:
         file.header.start_time = START
+        file.header.comment = OIL
         file.append(
             [
-                asammdf.Signal(ANGLE, TIME, unit="deg", name="q"),
+                asammdf.Signal(ANGLE, TIME, unit="deg", name="q", comment=LINK),
                 asammdf.Signal(TORQUE, TIME, unit="Nm", name="M"),
             ]
         )
@@ -98,6 +103,20 @@ def test_units_time_and_start_are_those_of_the_file(kind: str, tmp_path: Path) -
     assert run.metadata.sample_rate == pytest.approx(2000.0)
     assert run.metadata.start_time.startswith("2025-11-21T08:30:00")
     assert run.metadata.time_base == "device"
+
+
+@pytest.mark.parametrize("name", ["bench.tdms", "bench.mf4", "bench.mdf"])
+def test_comments_and_units_are_kept_as_they_were_written(name: str, tmp_path: Path) -> None:
+    kind = "tdms" if name.endswith("tdms") else "mdf"
+    (tdms_file if kind == "tdms" else mdf_file)(tmp_path / name)
+    run = READERS[kind](tmp_path / name, channels=CHANNELS)
+    told = " ".join(event.text for event in run.recording.events)
+    assert OIL in told
+    assert f"q {LINK}" in told
+    (position,) = (
+        one for one in run.metadata.process["channel_map"] if one["channel"] == "position"
+    )
+    assert (position["unit"], position["unit_as_written"]) == ("", "deg")
 
 
 @pytest.mark.parametrize("kind", WRITERS)

@@ -94,7 +94,9 @@ def item_of(gathered: Certified, words: Words = ENGLISH) -> str:
         ratio=words.numbers(number(metadata.ratio))
         if math.isfinite(metadata.ratio)
         else words.NOT_STATED,
-        mounting=words.name(metadata.mounting.replace("-", " ")) or words.NOT_STATED,
+        mounting=words.name(metadata.mounting.replace("-", " "))
+        if metadata.is_said("mounting")
+        else words.NOT_STATED,
     )
 
 

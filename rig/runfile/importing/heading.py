@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -57,7 +57,7 @@ def header_of(
         sample_rate=rate,
         time_base=_time_base(tables, options),
         conditions=options.conditions,
-        process=_process(tables, options, ratio),
+        process=_process(tables, options, ratio, reading.written),
     )
     return RunHeader(metadata, reading.columns, epoch_ns=start_ns)
 
@@ -114,7 +114,9 @@ def _time_base(tables: Sequence[Table], options: ImportOptions) -> TimeBase:
     return options.time_base or ("nominal" if options.rate else "device")
 
 
-def _process(tables: Sequence[Table], options: ImportOptions, ratio: float) -> dict[str, Any]:
+def _process(
+    tables: Sequence[Table], options: ImportOptions, ratio: float, written: Mapping[str, str]
+) -> dict[str, Any]:
     """Where the numbers are from, and what was stated of the device."""
     return {
         "backend": "import",
@@ -126,6 +128,7 @@ def _process(tables: Sequence[Table], options: ImportOptions, ratio: float) -> d
                 "column": s.column,
                 "file": s.file,
                 "unit": s.unit,
+                "unit_as_written": written.get(s.name, ""),
                 "scale": s.scale,
                 "offset": s.offset,
                 "modulus": s.modulus,

@@ -49,6 +49,10 @@ class Reading:
         self._left_out = LeftOut(options.drop_bad_rows)
         self._wiring: Wiring = wire(tables, sources or options.channels, options, self._left_out)
         self._recorded: tuple[Column, ...] = self._wiring.columns
+        self.written = {
+            column.name: text
+            for column, text in zip(self._recorded, self._wiring.written, strict=True)
+        }
         self.derived = derived_channels(options, self._recorded)
         self.columns: tuple[Column, ...] = (*self._recorded, *(one.column for one in self.derived))
         self.rate, self.start_ns = self._wiring.rate, self._wiring.start_ns

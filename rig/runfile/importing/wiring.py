@@ -57,6 +57,8 @@ class Wiring:
     rate: float | None
     start_ns: int
     remarks: tuple[str, ...]
+    written: tuple[str, ...]
+    """The unit of each channel as its heading or its file has it, "" where neither does."""
 
 
 def wire(
@@ -103,6 +105,7 @@ def wire(
         rate=rate,
         start_ns=_begin(wires[0].table, wires[0].time),
         remarks=remarks,
+        written=tuple(w.heading_unit for w in wires[: len(columns)]),
     )
 
 

@@ -36,6 +36,10 @@ DAMAGE = (
 """What reading packages raise of a file that is damaged."""
 
 
+MOST_SAID, LONGEST_SAID = 12, 200
+"""Comments of a file that are kept, and letters of each."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class FileColumn:
     """One column: heading, unit as the file says it, number of rows, heading of its column of time.
@@ -81,6 +85,12 @@ class BlockTable(ABC):
     def take_note(self, said: Sequence[str]) -> None:
         """Keep what the reading package says of the file, each once."""
         self.notes += tuple(note for note in said if note not in self.notes)
+
+    def take_said(self, said: Mapping[str, object]) -> None:
+        """Keep what the file says of itself in words, by name; nothing for what it leaves empty."""
+        texts = {name: " ".join(str(text).split()) for name, text in said.items() if text}
+        listed = [f"{name} {text[:LONGEST_SAID]}" for name, text in texts.items() if text]
+        self.take_note([f"the file says: {', '.join(listed[:MOST_SAID])}"] if listed else [])
 
     @abstractmethod
     def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:

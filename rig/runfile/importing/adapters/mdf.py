@@ -29,6 +29,7 @@ from rig.runfile.importing.adapters.listening import heard
 
 KIND = "MDF file"
 _SYNC_BY_TIME = 1
+_WHOSE = ("author", "department", "project", "subject")
 NUMBERS_3, NUMBERS_4 = (*range(4), *range(9, 17)), tuple(range(6))
 """Types of data that are numbers."""
 
@@ -55,6 +56,7 @@ class MdfTable(BlockTable):
         found: list[tuple[str, str, str, _Place]] = []
         with self._open(path) as file:
             start_ns = calendar_ns(file.header.start_time)
+            said = _said(file)
             for number, group in enumerate(file.groups):
                 found += _channels_of(file, number, group)
         headings = headings_of([(group, name) for group, name, _, _ in found])
@@ -71,6 +73,7 @@ class MdfTable(BlockTable):
             for heading, (_, _, unit, place) in zip(headings, found, strict=True)
         ]
         super().__init__(path, columns, KIND, start_ns)
+        self.take_said(said)
 
     @contextmanager
     def _open(self, path: Path) -> Iterator[Any]:
@@ -126,6 +129,20 @@ class MdfTable(BlockTable):
         if invalid is not None:
             values[np.asarray(invalid, dtype=bool)] = np.nan
         return values
+
+
+def _said(file: Any) -> dict[str, object]:
+    """The comment of the file, who made it and of what, and the comment of each channel."""
+    own = {"comment": file.header.description}
+    own |= {name: getattr(file.header, name, "") for name in _WHOSE}
+    channels = [channel for group in file.groups for channel in group.channels]
+    return own | {channel.name: channel.comment or _older(channel) for channel in channels}
+
+
+def _older(channel: Any) -> str:
+    """The description of a channel of version 3, which has no comment."""
+    text = getattr(channel, "description", b"")
+    return text.rstrip(b"\0").decode("latin-1") if isinstance(text, bytes) else ""
 
 
 def _channels_of(file: Any, number: int, group: Any) -> list[tuple[str, str, str, _Place]]:

@@ -57,6 +57,7 @@ class TdmsTable(BlockTable):
                 if len(channel) and (channel.dtype.kind in NUMERIC or _is_moment(channel))
             ]
             is_cut = bool(file.file_status.incomplete_final_segment)
+            said = _said(file, channels)
             start_ns = min((found for c in channels if (found := _start(c))), default=0)
         names = headings_of([(channel.group_name, channel.name) for channel in channels])
         self._places: dict[str, tuple[str, str]] = {
@@ -80,6 +81,7 @@ class TdmsTable(BlockTable):
             for name, step in self._steps.items()
         ]
         super().__init__(path, [*columns, *stated], KIND, start_ns)
+        self.take_said(said)
         if is_cut:
             self.notes += ("WARNING: the file was cut off while it was written",)
         if untimed:
@@ -148,6 +150,13 @@ class TdmsTable(BlockTable):
         if np.asarray(values).dtype.kind == "M":
             return seconds_since(np.asarray(values), self.start_ns)
         return as_numbers(values, self.path, name)
+
+
+def _said(file: Any, channels: Sequence[Any]) -> dict[str, object]:
+    """What stands in the properties of the file in words, and the description of each channel."""
+    own = {name: text for name, text in file.properties.items() if isinstance(text, str)}
+    of_channels = {c.name: c.properties.get("description") for c in channels}
+    return {**own, **{name: text for name, text in of_channels.items() if isinstance(text, str)}}
 
 
 def _is_moment(channel: Any) -> bool:

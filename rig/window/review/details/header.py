@@ -79,7 +79,7 @@ class RunHeaderView(QFrame):
         facts = [
             m.experiment or "no protocol",
             gear if m.gear_mounted else "no gear mounted",
-            m.mounting.replace("-", " "),
+            m.mounting.replace("-", " ") if m.is_said("mounting") else "mounting not stated",
             local_time(m.start_time) or "time not stated",
             duration_text(duration_of(recording)),
             m.operator or "nobody named",
