@@ -217,7 +217,7 @@ def _read(
     wanted = _options(channels or {}, map_file, run, options)
     with tempfile.TemporaryDirectory(prefix="harmonic-rig-") as folder:
         made = import_tables(
-            open_tables(kind, files, wanted.form),
+            open_tables(kind, files, wanted),
             wanted,
             lambda: Path(folder) / f"{files[0].stem}.h5",
         )

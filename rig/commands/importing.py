@@ -230,7 +230,7 @@ def _proposed(
     from rig.runfile.importing.proposal import propose
 
     name, options = run
-    proposal = propose(open_tables(kind, files, options.form))
+    proposal = propose(open_tables(kind, files, options))
     if options.rate or options.no_time:
         proposal = accepting.without_time(proposal)
     if not way.json:
@@ -306,7 +306,7 @@ def _import(
     made: list[Imported] = []
     for one, options in runs:
         serial = options.gear_serial or one.name or files[0].stem
-        tables = open_tables(kind, files, options.form)
+        tables = open_tables(kind, files, options)
         recording = import_tables(
             tables,
             options,
@@ -342,7 +342,7 @@ def _check(
 
     told: list[dict[str, Any]] = []
     for one, options in runs:
-        tables = open_tables(kind, files, options.form)
+        tables = open_tables(kind, files, options)
         if not options.channels:
             listed = columns_of(tables)
             notes = [note for table in tables for note in table.notes]

@@ -73,7 +73,7 @@ def bring(
     options = ImportOptions(**{"channels": channels, **broken.options})
     said = [replace(c, **(stated or {}).get(c.name, {})) for c in options.channels]
     options = replace(options, channels=tuple(said))
-    tables = open_tables("csv", paths, options.form)
+    tables = open_tables("csv", paths, options)
     return open_run(import_tables(tables, options, lambda: folder / "00001-import-x.h5").path)
 
 

@@ -19,7 +19,7 @@ TORQUES = np.array([0.5, -0.25, 0.125, 1.0, 2.5, -1e-3])
 
 def import_csv(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:
     """Make a run of a delimited text file; `place()` names the run file once the first rows have been understood."""
-    return import_tables((open_table("csv", path, options.form),), options, place)
+    return import_tables((open_table("csv", path, options.form_of(path, 1)),), options, place)
 
 
 def import_mat(path: Path, options: ImportOptions, place: Callable[[], Path]) -> Imported:

@@ -166,5 +166,5 @@ def map_text(options: ImportOptions) -> str:
 
 def good_for(kind: str, files: Sequence[Path], options: ImportOptions) -> list[str]:
     """The kinds of fit that the recording can bear, as far as its channels tell."""
-    reach = reach_of(look_at(open_tables(kind, files, options.form), options), options)
+    reach = reach_of(look_at(open_tables(kind, files, options), options), options)
     return [name for name, why in reach.items() if not why]

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from experiments.recording import TimeBase
 from model.gear import HarmonicDrive, Mounting
 from rig.errors import ConfigurationError
-from rig.runfile.importing.adapters.text_form import TextForm
+from rig.runfile.importing.adapters.text_form import TextForm, is_named
 from rig.runfile.importing.channel_source import ChannelSource
 from rig.runfile.importing.map_keys import (
     CHANNEL_KEYS,
     CONDITIONS,
+    FILE_KEYS,
     GEAR_KEYS,
     PYTHON_KINDS,
     RECORDING_KEYS,
@@ -81,6 +82,8 @@ class ImportOptions:
     interpolate: bool = False
     allow_jumps: bool = False
     ignore_headings: bool = False
+    files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """Of single files of the run, by name, stem or number: what of the form and of `time_unit` is theirs alone."""
     experiment: str = ""
     title: str = ""
     operator: str = ""
@@ -98,16 +101,18 @@ class ImportOptions:
     """What the program proposed of the columns, with its evidence; `accepted_by` is who took it over."""
     accepted_by: str = ""
 
-    @property
-    def form(self) -> TextForm:
-        """What is said of the form of a text file."""
-        return TextForm(
-            delimiter=self.delimiter,
-            decimal=self.decimal,
-            skip=self.skip,
-            header=self.header,
-            is_ragged=self.is_ragged,
-        )
+    def said_of(self, path: Path, number: int) -> Mapping[str, Any]:
+        """What is said of one file of the run alone, the `number`th."""
+        return next((said for name, said in self.files.items() if is_named(path, number, name)), {})
+
+    def form_of(self, path: Path, number: int) -> TextForm:
+        """What is said of the form of a text file, the `number`th of the run."""
+        common = {name: getattr(self, name) for name in _FORM}
+        own = {k: v for k, v in self.said_of(path, number).items() if k in _FORM}
+        return TextForm(**{**common, **own})
+
+
+_FORM = tuple(one.name for one in fields(TextForm))
 
 
 @dataclass(frozen=True)
@@ -183,6 +188,8 @@ def _values(content: dict[str, Any], where: str, *, needs_channels: bool) -> dic
         entry = _entry(content.get(table, {}), keys, f"{where}: {table}")
         fields = {key.name: key.field for key in keys}
         values |= {fields[name]: value for name, value in entry.items()}
+    if "files" in content:
+        values["files"] = _files(content["files"], f"{where}: files")
     if CONDITIONS in content:
         values[CONDITIONS] = _conditions(content[CONDITIONS], f"{where}: {CONDITIONS}")
     return values
@@ -197,6 +204,17 @@ def _sources(content: object, where: str) -> tuple[ChannelSource, ...]:
         texts = {key: str(checked[key]) for key in ("column", "time") if key in checked}
         sources.append(ChannelSource(name=name, **{**checked, **texts}))
     return tuple(sources)
+
+
+def _files(content: object, where: str) -> dict[str, dict[str, Any]]:
+    if not isinstance(content, dict):
+        raise ConfigurationError("is not a table of files", where=where)
+    by_key = {key.name: key.field for key in FILE_KEYS}
+    entries = {name: _entry(one, FILE_KEYS, f"{where}.{name}") for name, one in content.items()}
+    return {
+        name: {by_key[key]: value for key, value in entry.items()}
+        for name, entry in entries.items()
+    }
 
 
 def _segments(listed: object, where: str) -> tuple[ForeignSegment, ...]:

@@ -132,6 +132,18 @@ RECORDING_KEYS = (
 )
 """`[recording]`"""
 
+_FORM = ("delimiter", "decimal", "skip", "header", "ragged")
+FILE_KEYS = (
+    *(key for key in RECORDING_KEYS if key.name in _FORM),
+    Key(
+        "time_unit",
+        "text",
+        "unit of the file's column of time, where its heading does not say it",
+        "time_unit",
+    ),
+)
+"""`[files.NAME]`: one of several files of a run, by name, stem or number; goes before `[recording]`."""
+
 GEAR_KEYS = (
     Key("serial", "text", "serial number of the gear, or name of the joint", "gear_serial"),
     Key("ratio", "number", "input revolutions per output revolution", "ratio"),
@@ -149,6 +161,7 @@ TABLES = {
     "segments": SEGMENT_KEYS,
     "segments_from": SEGMENTS_FROM_KEYS,
     "recording": RECORDING_KEYS,
+    "files": FILE_KEYS,
     "gear": GEAR_KEYS,
 }
 CONDITIONS, RUNS = "conditions", "runs"

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from experiments import extensions
-from rig.errors import RunFileError
+from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import Table
-from rig.runfile.importing.adapters.text_form import TextForm
+from rig.runfile.importing.adapters.text_form import TextForm, is_named
+from rig.runfile.importing.channel_map import ImportOptions
 
 FORMATS = {
     "csv": "delimited text of any kind, TwinCAT scope exports, LabVIEW .lvm; also packed (.gz)",
@@ -132,9 +133,22 @@ def open_table(kind: str, path: Path, form: TextForm = TextForm()) -> Table:
     raise RunFileError("is no kind of file", where=kind, limit=", ".join(formats()))
 
 
-def open_tables(kind: str, paths: Sequence[Path], form: TextForm = TextForm()) -> tuple[Table, ...]:
-    """The columns of the files of one run."""
-    return tuple(open_table(kind, path, form) for path in paths)
+def open_tables(
+    kind: str, paths: Sequence[Path], options: ImportOptions | None = None
+) -> tuple[Table, ...]:
+    """The columns of the files of one run, each by what is said of its form. Raises `ConfigurationError` for what is
+    said of a file that is none of them, `RunFileError` for one that cannot be read.
+    """
+    options = options or ImportOptions(channels=())
+    numbered = list(enumerate(paths, 1))
+    for name in options.files:
+        if not any(is_named(path, number, name) for number, path in numbered):
+            raise ConfigurationError(
+                "there is no such file among those that are imported",
+                where=f"files.{name}",
+                limit=", ".join(f"{number} {path.name}" for number, path in numbered),
+            )
+    return tuple(open_table(kind, path, options.form_of(path, number)) for number, path in numbered)
 
 
 def _open_text(path: Path, form: TextForm) -> Table:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from model.unit_text import understood
 from model.units import COUNT
 from rig.errors import ConfigurationError
 from rig.runfile.importing.adapters.table import Table, column_named, find_column, split_heading
+from rig.runfile.importing.adapters.text_form import is_named
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource, column_of, source_unit
 from rig.runfile.importing.clocks import NumberClock, TextClock
@@ -91,7 +92,7 @@ def wire(
         label = ChannelSource(name=_LABEL_COLUMN, column=wanted.column, file=wanted.file)
         wires.append(_wire(tables, label, time, options))
     words = Words()
-    streams, places = _streams(wires, columns, time, words, left_out, options)
+    streams, places = _streams(tables, wires, columns, time, words, left_out, options)
     if options.interpolate:
         _check_lines(streams[1:], sources, has_label=len(wires) > len(columns))
     has_label = len(wires) > len(columns)
@@ -169,7 +170,7 @@ def _wire(
 def _place(tables: Sequence[Table], source: ChannelSource) -> tuple[Table, int]:
     """The file and the column of a channel."""
     if source.file:
-        chosen = [t for n, t in enumerate(tables, 1) if _is_named(t, n, source.file)]
+        chosen = [t for n, t in enumerate(tables, 1) if is_named(t.path, n, source.file)]
         if len(chosen) == 1:
             return chosen[0], find_column(chosen[0], source.column)
         if len(tables) > 1 or column_named(tables[0], f"{source.column}@{source.file}") is None:
@@ -199,10 +200,6 @@ def _place(tables: Sequence[Table], source: ChannelSource) -> tuple[Table, int]:
             remedy=f"Write {source.name}={source.column}@FILE, with the file's name or number.",
         )
     return found[0]
-
-
-def _is_named(table: Table, number: int, name: str) -> bool:
-    return name in (table.path.name, table.path.stem, str(number))
 
 
 def _time_of(
@@ -238,6 +235,7 @@ def _time_of(
 
 
 def _streams(
+    tables: Sequence[Table],
     wires: Sequence[Wire],
     columns: Sequence[Column],
     time: ChannelSource | None,
@@ -255,7 +253,7 @@ def _streams(
     begin = _begin(wires[0].table, wires[0].time)
     for indices in groups.values():
         members = [wires[index] for index in indices]
-        clock = _clock(members[0], time, options)
+        clock = _clock(members[0], time, options, _time_unit(tables, members[0].table, options))
         if isinstance(clock, NumberClock):
             own = _begin(members[0].table, members[0].time)
             clock.origin_ns = own - begin if own and begin else 0
@@ -319,14 +317,22 @@ def _holds_words(label: Wire, channels: Sequence[Wire]) -> bool:
     return label.table.line_word == "line" and label.column not in {w.column for w in channels}
 
 
+def _time_unit(tables: Sequence[Table], table: Table, options: ImportOptions) -> str:
+    """The unit that is said of the time of one file alone."""
+    number = next(n for n, one in enumerate(tables, 1) if one is table)
+    return str(options.said_of(table.path, number).get("time_unit", ""))
+
+
 def _clock(
-    wire: Wire, time: ChannelSource | None, options: ImportOptions
+    wire: Wire, time: ChannelSource | None, options: ImportOptions, own_unit: str
 ) -> NumberClock | TextClock | None:
     """What reads the column of time. Raises `ConfigurationError` where nobody says its unit."""
     if wire.time is None:
         return None
     table = wire.table
     said = time or ChannelSource(name=TIME_CHANNEL, column=table.headings[wire.time])
+    if own_unit:
+        said = replace(said, unit=own_unit)
     heading = _agreed(said, _said_by_heading(table, wire.time, options, TIME_CHANNEL))
     unit = source_unit(said, heading, ("s",))
     if unit.symbol in TEXT_TIMES:

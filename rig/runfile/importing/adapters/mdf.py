@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,7 +131,7 @@ class MdfTable(BlockTable):
         return values
 
 
-def _said(file: Any) -> dict[str, object]:
+def _said(file: Any) -> Mapping[str, object]:
     """The comment of the file, who made it and of what, and the comment of each channel."""
     own = {"comment": file.header.description}
     own |= {name: getattr(file.header, name, "") for name in _WHOSE}

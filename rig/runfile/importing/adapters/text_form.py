@@ -63,6 +63,11 @@ class TextForm:
     is_ragged: bool = False
 
 
+def is_named(path: Path, number: int, name: str) -> bool:
+    """Whether one of several files is meant by its name, its stem, or its number from 1."""
+    return name in (path.name, path.stem, str(number))
+
+
 @contextmanager
 def open_text(path: Path, encoding: str) -> Iterator[io.TextIOBase]:
     """The lines of a text file, unpacked where it is compressed (gzip). Raises `RunFileError`."""

@@ -30,7 +30,9 @@ def bring(kind: str, path: Path, *columns: str, **changes: object) -> Recording:
     options = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
     run = path.with_name("00001-import-x.h5")
     return open_run(
-        import_tables((open_table(kind, path, options.form),), options, lambda: run).path
+        import_tables(
+            (open_table(kind, path, options.form_of(path, 1)),), options, lambda: run
+        ).path
     )
 
 
@@ -253,7 +255,7 @@ def test_lines_that_end_early_only_where_that_is_said(tmp_path: Path) -> None:
         bring("csv", path, "t", "q", "M")
     options = ImportOptions(channels=(parse_channel("torque=M:N m"),), rate=500.0, is_ragged=True)
     run = tmp_path / "00001-import-x.h5"
-    made = import_tables((open_table("csv", path, options.form),), options, lambda: run)
+    made = import_tables((open_table("csv", path, options.form_of(path, 1)),), options, lambda: run)
     assert made.rows == len(TORQUES)
     assert any("ended at line 7" in note for note in made.notes)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rig.errors import ConfigurationError, RunFileError
-from rig.runfile.importing.channel_map import ImportOptions, SegmentsFrom
+from rig.runfile.importing.channel_map import ImportOptions, SegmentsFrom, read_channel_map
 from rig.runfile.importing.channel_source import parse_channel
 from rig.runfile.importing.convert import Imported, import_tables
 from rig.runfile.importing.opening import open_tables
@@ -31,7 +31,7 @@ def join(tmp_path: Path) -> Join:
             paths[-1].write_text(text)
         if options is None:
             options = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
-        tables = open_tables("csv", paths, options.form)
+        tables = open_tables("csv", paths, options)
         return import_tables(tables, options, lambda: tmp_path / "00001-import-x.h5")
 
     return of
@@ -157,3 +157,44 @@ def test_a_hole_in_one_file_is_named_there(join: Join) -> None:
         join(texts, *CHANNELS)
     made = join(texts, *CHANNELS, drop_bad_rows=True)
     assert made.rows == 39
+
+
+MAP = """
+[channels.time]
+column = "t"
+unit = "s"
+[channels.position]
+column = "x"
+file = "a"
+unit = "m"
+[channels.force]
+column = "x"
+file = "2"
+unit = "N"
+[files."b.csv"]
+skip = 3
+delimiter = "semicolon"
+decimal = ","
+time_unit = "ms"
+"""
+
+
+def test_each_file_of_a_run_may_have_a_form_and_a_time_unit_of_its_own(
+    join: Join, tmp_path: Path
+) -> None:
+    other = "made by;a logger\n1;2\n3;4\nt;x\n"
+    other += "".join(f"{1e3 * t:.0f};{-2.0 * t!r}\n".replace(".", ",") for t in EVEN)
+    (tmp_path / "map.toml").write_text(MAP)
+    (of_map,) = read_channel_map(tmp_path / "map.toml")
+    made = join(
+        {"a.csv": rows(EVEN).replace(" [s]", ""), "b.csv": other}, options=of_map.options({})
+    )
+    np.testing.assert_array_equal(open_run(made.path).si("force"), -2.0 * np.array(EVEN))
+    assert made.rows == len(EVEN)
+
+
+def test_what_is_said_of_a_file_that_is_not_there_is_refused(join: Join, tmp_path: Path) -> None:
+    (tmp_path / "map.toml").write_text(MAP.replace("b.csv", "c.csv"))
+    (of_map,) = read_channel_map(tmp_path / "map.toml")
+    with pytest.raises(ConfigurationError, match=r"files\.c\.csv.*1 a\.csv, 2 b\.csv"):
+        join({"a.csv": rows(EVEN), "b.csv": rows(EVEN)}, options=of_map.options({}))

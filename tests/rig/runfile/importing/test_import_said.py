@@ -27,7 +27,7 @@ def text_file(folder: Path, text: str, name: str = "bench.csv") -> Path:
 def by_map(folder: Path, text: str, map_text: str, **given: Any) -> Imported:
     (run,) = read_channel_map(text_file(folder, map_text, "map.toml"))
     options = run.options(given)
-    tables = open_tables("csv", [text_file(folder, text)], options.form)
+    tables = open_tables("csv", [text_file(folder, text)], options)
     return import_tables(tables, options, lambda: folder / "00001-import-x.h5")
 
 
