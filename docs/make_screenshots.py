@@ -398,6 +398,16 @@ def review_passport(stage: Stage) -> None:
     stage.wait(lambda: page.passport.passport and not page.passport.is_busy)
 
 
+def review_recording(stage: Stage) -> None:
+    """A recording of another rig: its columns with their pictures, and what stays open."""
+    stage.window.show_page("review")
+    page = stage.window.review
+    page.show_recording([HERE.parent / "tests" / "data" / "tiago_arm" / "arm_1.csv"])
+    stage.wait(lambda: page.recording.proposal is not None)
+    page.recording.columns.selectRow(2)
+    stage.settle()
+
+
 def fleet_lot(stage: Stage) -> None:
     """A lot of sixty gears on two benches."""
     sys.path.insert(0, str(HERE.parent))
@@ -503,6 +513,7 @@ STATES: dict[str, Callable[[Stage], None]] = {
     "review-difference": review_difference,
     "review-models": review_models,
     "review-passport": review_passport,
+    "review-recording": review_recording,
     "fleet-lot": fleet_lot,
 }
 """Every state that is shown, by the name of its picture."""

@@ -316,7 +316,7 @@ def _import(
         if not json:
             echo(f"{recording.rows} rows imported into {recording.path} (IMPORTED)")
             for note in recording.notes:
-                echo(f"  {note}")
+                echo("  " + note.replace("\n", "\n    "))
     if json:
         told = [
             {

@@ -47,7 +47,13 @@ def _gear(page: Path, folder: Path) -> None:
     analyse(write(folder / "runs", 1), estimate(RUNNING, 0.08))
 
 
+def _joint(page: Path, folder: Path) -> None:
+    """Joint 1 of the TIAGo arm."""
+    (folder / "arm_1.csv").write_bytes((FOREIGN.parent / "tiago_arm" / "arm_1.csv").read_bytes())
+
+
 GIVEN: dict[str, Callable[[Path, Path], None]] = {
     "import-a-recording": _recordings,
     "sign-a-manifest": _gear,
+    "your-own-recording": _joint,
 }
