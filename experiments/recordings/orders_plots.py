@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from experiments.result import Plot, Series, Table, way_of
+from model.identify.orders.by_speed import ChangingOrder
 from model.identify.orders.fit import OrdersFit
 from model.units import DEGREE
 
@@ -34,6 +37,31 @@ def spectrum_plot(
         y_label=f"amplitude [{unit}]",
         series=tuple(series),
         y_scale="log",
+    )
+
+
+def by_speed_plots(
+    changing: Mapping[int, tuple[ChangingOrder, ...]], channel: str, unit: str
+) -> tuple[Plot, ...]:
+    """The amplitude over the speed of orders whose amplitude changes with it; no plot where none does."""
+    series: list[Series] = []
+    for direction, orders in changing.items():
+        for one in orders:
+            speed = np.linspace(one.slow, one.fast, 101)
+            label = f"order {one.order:.6g}, {way_of(direction)}"
+            series.append(Series(label=label, x=speed, y=one.amplitude(speed), group=len(series)))
+    if not series:
+        return ()
+    title = f"Orders of the {channel.replace('_', ' ')} whose amplitude changes with speed"
+    return (
+        Plot(
+            name="amplitude-over-speed",
+            title=title,
+            x_label="speed of the angle [rad/s]",
+            y_label=f"amplitude [{unit}]",
+            series=tuple(series),
+            note="A parabola over the speed for each, fitted with all other orders.",
+        ),
     )
 
 

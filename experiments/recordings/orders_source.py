@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from experiments.angle.phase_reference import phase_reference
 from experiments.errors import AnalysisError
@@ -14,8 +15,9 @@ from experiments.evidence import rotary_ratio, usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording
 from experiments.torque.zero import torque_zero
-from model.arrays import FloatArray
-from model.identify.orders.samples import CHUNK, Piece, Source
+from model.arrays import BoolArray, FloatArray
+from model.identify.orders.by_speed import ChangingOrder, Moved
+from model.identify.orders.samples import CHUNK, Piece
 from model.identify.orders.turning import DeadZone, runs_of
 
 LABELS = ("traverse", "hold")
@@ -28,6 +30,21 @@ STILL = 0.1
 """rad within which a segment has not turned."""
 
 
+SMOOTHED_S = 0.05
+"""Seconds over which the speed of an angle is the mean."""
+
+
+@dataclass(frozen=True)
+class SourcePart:
+    """Rows of one stretch: its number and direction, angle [rad] and value (n,), and what gives the speed (n,)."""
+
+    number: int
+    direction: int
+    angle: FloatArray
+    value: FloatArray
+    speed: Callable[[], FloatArray]
+
+
 @dataclass(frozen=True, kw_only=True)
 class OrderSource:
     """The pieces of a channel over an angle, and what has to be said of them.
@@ -38,11 +55,30 @@ class OrderSource:
     with the orders, so that its doubt is in each of theirs.
     """
 
-    pieces: Source
+    parts: Callable[[], Iterator[SourcePart]]
+    quantum: float
     reference: str
     left_out: float
     warnings: tuple[str, ...]
     has_line: bool = True
+
+    def pieces(self) -> Iterator[Piece]:
+        """The samples, in the order they were recorded."""
+        return self.without({})
+
+    def moved(self, direction: int) -> Iterator[Moved]:
+        """The samples of one direction with the speed of the angle."""
+        for part in self.parts():
+            if part.direction == direction:
+                yield Moved(part.angle, part.value, part.speed())
+
+    def without(self, changing: Mapping[int, tuple[ChangingOrder, ...]]) -> Iterator[Piece]:
+        """The samples without what orders have beyond their amplitude at the middle speed, by direction."""
+        for part in self.parts():
+            value = part.value
+            for one in changing.get(part.direction, ()):
+                value = value - one.beyond(part.angle, part.speed())
+            yield Piece.of(part.number, part.direction, part.angle, value, self.quantum)
 
 
 def order_source(recording: Recording, angle_name: str, channel: str, ratio: float) -> OrderSource:
@@ -71,22 +107,37 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
     stretches = labelled if zone is None else _found(recording, angle, zone)
     quantum = recording.signals[angle_name].quantum or (0.0 if zone is None else zone.rounding)
 
-    def pieces() -> Iterator[Piece]:
+    def parts() -> Iterator[SourcePart]:
         for number, (start, stop, direction) in enumerate(stretches):
             for rows in recording.blocks(slice(start, stop), size=CHUNK):
                 good = usable(recording, rows)
                 if good.any():
                     turned = angle(rows)[good] - reference
-                    yield Piece.of(number, direction, turned, value(rows)[good], quantum)
+
+                    def speed(rows: slice = rows, good: BoolArray = good) -> FloatArray:
+                        return _speed(recording, angle, rows)[good]
+
+                    yield SourcePart(number, direction, turned, value(rows)[good], speed)
 
     kept = sum(stop - start for start, stop, _ in stretches)
     return OrderSource(
-        pieces=pieces,
+        parts=parts,
+        quantum=quantum,
         reference=what,
         left_out=0.0 if labelled else 1.0 - kept / max(recording.rows, 1),
         warnings=tuple(warnings),
         has_line=not is_exact,
     )
+
+
+def _speed(recording: Recording, angle: Callable[[slice], FloatArray], rows: slice) -> FloatArray:
+    """Speed of the angle [rad/s], its mean over some samples: of encoders that count each step would be one."""
+    time, turned = recording.time(rows), angle(rows)
+    if len(time) < 3:
+        return np.zeros(len(time))
+    width = max(5, round(SMOOTHED_S / max(float(np.median(np.diff(time))), 1e-9)))
+    single: FloatArray = np.asarray(np.gradient(turned, time), dtype=np.float64)
+    return np.asarray(scipy.ndimage.uniform_filter1d(single, width, mode="nearest"))
 
 
 def angle_of(recording: Recording, name: str) -> Callable[[slice], FloatArray]:

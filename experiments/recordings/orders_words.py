@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+
+import numpy as np
 
 from experiments.budget import scale_line
 from experiments.need import EFFORTS
 from experiments.recording import Recording
 from experiments.result import way_of
 from model.identify.estimate import Estimate
+from model.identify.orders.by_speed import ChangingOrder
 from model.identify.orders.fit import OrdersFit, Wave
 from model.identify.orders.samples import HELD
 from model.identify.polar import polar
@@ -33,6 +37,30 @@ def by_stated_speed(estimate: Estimate) -> Estimate:
         identifiable="weakly",
         note="; ".join(n for n in (estimate.note, note) if n),
     )
+
+
+def by_speed(
+    estimates: dict[str, Estimate], changing: Mapping[int, tuple[ChangingOrder, ...]], unit: str
+) -> tuple[dict[str, Estimate], list[str]]:
+    """The estimates with how the amplitude of an order changes with the speed, and a sentence for each."""
+    said: list[str] = []
+    found = dict(estimates)
+    for direction, orders in changing.items():
+        for one in orders:
+            slow, fast = one.amplitude(np.array([one.slow, one.fast])).tolist()
+            words = (
+                f"{way_of(direction)} {slow:.3g} {unit} at {one.slow:.3g} rad/s "
+                f"to {fast:.3g} {unit} at {one.fast:.3g} rad/s"
+            )
+            said.append(
+                f"The amplitude of order {one.order:.6g} changes with speed: {words}; the line is that at "
+                f"{one.middle:.3g} rad/s, and what the change lays beside it is no line."
+            )
+            name = f"amplitude_{one.order:.6g}"
+            if (estimate := found.get(name)) is not None:
+                note = "; ".join(n for n in (estimate.note, f"changes with speed, {words}") if n)
+                found[name] = replace(estimate, note=note)
+    return found, said
 
 
 def order_estimates(

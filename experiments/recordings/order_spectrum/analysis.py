@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 
@@ -12,16 +13,18 @@ from experiments.need import EFFORTS, NOMINAL_ANGLE, TURNING
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
 from experiments.recordings.order_spectrum.declaration import NAME, QUANTITIES, SETTINGS
-from experiments.recordings.orders_plots import orders_table, spectrum_plot
-from experiments.recordings.orders_source import KINEMATIC_ERROR, order_source
+from experiments.recordings.orders_plots import by_speed_plots, orders_table, spectrum_plot
+from experiments.recordings.orders_source import KINEMATIC_ERROR, OrderSource, order_source
 from experiments.recordings.orders_words import (
     BY_STATED_SPEED,
+    by_speed,
     by_stated_speed,
     order_estimates,
     said_of,
 )
 from experiments.result import Result, way_of
 from experiments.setting import names_of
+from model.identify.orders.by_speed import ChangingOrder, changing_orders, speed_range
 from model.identify.orders.fit import fit_samples
 from model.identify.orders.near_two import near_two
 from model.identify.orders.samples import OrderSamples
@@ -31,6 +34,8 @@ STRONGEST = 12
 """Orders that are listed as results; the table has all."""
 
 HIGHEST = 64.0
+FIRST_ROUNDS = 2
+"""Rounds of the search that find the lines whose amplitude may change with the speed."""
 
 PERIODS = 50.0
 """Periods of the highest order that an angle below one revolution must cover."""
@@ -58,11 +63,18 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         highest = float(settings.get("highest_order", HIGHEST))
         samples = OrderSamples.gathered(source.pieces, highest, has_line=source.has_line)
         _require_turns(recording, samples, highest)
-        fit = fit_samples(samples, Search(highest, stated if on_input else math.nan))
+        search = Search(highest, stated if on_input else math.nan)
+        changing = _changing(recording, source, samples, search)
+        if changing:
+            rest = functools.partial(source.without, changing)
+            samples = OrderSamples.gathered(rest, highest, has_line=source.has_line)
+        fit = fit_samples(samples, search)
     warnings += [*source.warnings, *said_of(fit, source.left_out)]
     explained = near_two(fit, stated, _measured_ratio(recording)) if on_input else None
     chosen = replace(fit, orders=fit.orders[:STRONGEST])
     estimates = order_estimates(chosen, recording, channel, unit)
+    estimates, said = by_speed(estimates, changing, unit)
+    warnings += said
     if angle_name == NOMINAL_ANGLE:
         warnings.append(BY_STATED_SPEED)
         estimates = {k: by_stated_speed(e) for k, e in estimates.items()}
@@ -73,10 +85,29 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         estimates={k: e for k, e in estimates.items() if not k.startswith("phase")},
         metrics={f"revolutions_{way_of(d)}": samples.revolutions(d) for d in samples.directions},
         warnings=(*warnings, *([explained] if explained else [])),
-        plots=(spectrum_plot(fit, channel, unit, angle_name),),
+        plots=(
+            spectrum_plot(fit, channel, unit, angle_name),
+            *by_speed_plots(changing, channel, unit),
+        ),
         tables=(orders_table(fit, unit),),
         options={"channel": channel, "angle": angle_name},
     )
+
+
+def _changing(
+    recording: Recording, source: OrderSource, samples: OrderSamples, search: Search
+) -> dict[int, tuple[ChangingOrder, ...]]:
+    """By direction the orders whose amplitude changes with the speed; empty where the speed is steady, or not known."""
+    if recording.metadata.time_base == "none" or recording.has(NOMINAL_ANGLE):
+        return {}
+    varied = [d for d in samples.directions if speed_range(source.moved(d)) is not None]
+    if not varied:
+        return {}
+    # The strongest lines are enough here: with all of them every sidelobe would be searched first.
+    first = fit_samples(samples, replace(search, rounds=FIRST_ROUNDS))
+    strongest = [order.order for order in first.orders]
+    found = {d: changing_orders(functools.partial(source.moved, d), strongest) for d in varied}
+    return {d: orders for d, orders in found.items() if orders}
 
 
 def channel_of(recording: Recording, settings: dict[str, object]) -> tuple[str, str]:

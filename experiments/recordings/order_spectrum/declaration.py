@@ -60,9 +60,10 @@ EXPERIMENT = Experiment(
     has_plan=False,
     cuts_gaps=True,
     quantities=QUANTITIES,
-    version=6,
+    version=7,
     settings=SETTINGS,
 )
 """Version 3: one least squares at the samples' own angles, orders refined between lines, directions apart.
 Version 6: no slope beside the orders of the kinematic error of a stated ratio.
+Version 7: an order whose amplitude changes with speed is one line, at the middle speed; its sidelobes are none.
 """

@@ -62,11 +62,14 @@ class Line:
 
 @dataclass(frozen=True)
 class Search:
-    """What is looked for: orders up to `highest`, in a gear of `ratio` (NaN: unknown), whole ones preferred or not."""
+    """What is looked for: orders up to `highest`, in a gear of `ratio` (NaN: unknown), whole ones preferred or not, in
+    so many rounds at most.
+    """
 
     highest: float
     ratio: float = math.nan
     prefers_whole: bool = False
+    rounds: int = ROUNDS
 
 
 def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
@@ -77,7 +80,7 @@ def find_orders(samples: OrderSamples, search: Search) -> list[Line]:
     lowest = lowest_order(samples)
     resolution = min(1.0 / max(samples.revolutions(d), 1e-6) for d in samples.directions)
     apart = APART / max(samples.held_revolutions, 1e-6)
-    for _ in range(ROUNDS):
+    for _ in range(search.rounds):
         taken = np.array([line.order for line in lines])
         found = _strongest(samples, search, taken, lowest)
         only_whole = search.prefers_whole and _BETWEEN_WHOLE < resolution <= 1.0 / WHOLE_TURN

@@ -1,0 +1,73 @@
+"""An order whose amplitude changes with the speed is found as that, and one that does not is left alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from model.identify.orders.by_speed import ChangingOrder, Moved, changing_orders, speed_range
+
+
+def swung(
+    seed: int = 4,
+    *,
+    swing: float = 0.4,
+    growth: float = 1.0,
+    noise: float = 0.02,
+    rows: int = 40_000,
+) -> Moved:
+    """Orders 1 and 2 over an angle whose speed swings about 60 rad/s; that of 2 grows with the speed."""
+    random = np.random.default_rng(seed)
+    time = np.arange(rows) * 1e-3
+    share = swing * np.sin(2.0 * np.pi * time / 9.0)
+    speed = 60.0 * (1.0 + share)
+    angle = np.cumsum(speed) * 1e-3
+    value = 0.4 + 0.1 * share + 0.2 * (1.0 + growth * share) * np.cos(2.0 * angle - 0.3)
+    value += 0.03 * np.cos(angle) + noise * random.standard_normal(rows)
+    return Moved(angle, value, speed)
+
+
+def changing(one: Moved, orders: tuple[float, ...] = (2.0, 1.0)) -> tuple[ChangingOrder, ...]:
+    return changing_orders(lambda: [one], orders)
+
+
+@pytest.mark.parametrize("growth", [1.0, -0.8])
+def test_the_amplitude_at_every_speed_is_recovered(growth: float) -> None:
+    (found,) = changing(swung(growth=growth))
+    assert found.order == 2.0
+    speeds = np.linspace(found.slow, found.fast, 9)
+    truth = 0.2 * (1.0 + growth * (speeds / 60.0 - 1.0))
+    np.testing.assert_allclose(found.amplitude(speeds), truth, atol=2e-3)
+
+
+def test_what_lies_beyond_the_middle_speed_is_taken_off() -> None:
+    one = swung(noise=0.0)
+    (found,) = changing(one)
+    left = one.value - found.beyond(one.angle, one.speed)
+    middle = 0.2 * (found.middle / 60.0)
+    constant = 0.4 + 0.1 * (one.speed / 60.0 - 1.0) + 0.03 * np.cos(one.angle)
+    inside = (one.speed > found.slow) & (one.speed < found.fast)
+    rest = left - constant - middle * np.cos(2.0 * one.angle - 0.3)
+    assert np.abs(rest[inside]).max() < 1e-6
+
+
+def test_an_amplitude_that_stays_is_left_alone() -> None:
+    """On forty recordings nothing is found where nothing changes."""
+    assert [changing(swung(seed, growth=0.0, noise=0.1, rows=8000)) for seed in range(40)] == [
+        ()
+    ] * 40
+
+
+def test_a_small_change_stays_in_one_amplitude() -> None:
+    assert changing(swung(growth=0.2)) == ()
+
+
+def test_a_steady_speed_tells_nothing() -> None:
+    assert speed_range([swung(swing=0.05)]) is None
+    assert changing(swung(swing=0.05)) == ()
+    assert changing(swung(), ()) == ()
+
+
+def test_a_sidelobe_is_not_looked_at_beside_its_line() -> None:
+    (found,) = changing(swung(), (2.0, 2.0116, 1.9884, 1.0))
+    assert found.order == 2.0
