@@ -74,7 +74,7 @@ class ChangingOrder:
 def changing_orders(
     samples: Callable[[], Iterable[Moved]], orders: Sequence[float]
 ) -> tuple[ChangingOrder, ...]:
-    """Of one direction's orders, the strongest first, those whose amplitude changes with speed; none where it is steady."""
+    """Of one direction, strongest first, the orders whose amplitude changes with speed; none where that is steady."""
     found_range = speed_range(samples())
     looked = _strongest(orders)
     if found_range is None or not looked:
