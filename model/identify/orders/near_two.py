@@ -24,16 +24,49 @@ def near_two(fit: OrdersFit, ratio: float, measured_ratio: float = math.nan) -> 
 
     `ratio` is the stated one, `measured_ratio` that of two angles of this recording; NaN where there is none.
     """
-    if fit.order(2.0) is not None:
-        return None
     near = [o for o in fit.orders if abs(o.order - 2.0) < NEAR and abs(o.order - 2.0) > WHOLE]
     if not near:
         return None
-    line = near[0]
+    line, whole = near[0], fit.order(2.0)
+    if whole is not None:
+        return _larger_beside(line, whole, fit, ratio)
     words = "; ".join(
         [_mesh(line, fit, ratio), _ratio(line, fit, ratio, measured_ratio), _alias(line, fit)]
     )
     return f"Order {line.name} stands near 2 and none at 2. It may be one of three: {words}."
+
+
+def _larger_beside(line: Order, whole: Order, fit: OrdersFit, ratio: float) -> str | None:
+    """What a larger line beside one at 2 may be, where its own multiple is there and none of 2; else None.
+
+    With a ratio of one tooth too many the mesh, 2 (1 + 1/N), comes to stand at 2, and order 2 beside it.
+    """
+    if line.mean.amplitude <= whole.mean.amplitude or fit.order(4.0) is not None:
+        return None
+    near = 0.1 * _resolution(fit)
+    multiple = next(
+        (
+            other
+            for share in (2.0, 0.5)
+            for other in fit.orders
+            if abs(other.order - share * line.order)
+            <= near + CERTAIN * math.hypot(other.line.uncertainty, share * line.line.uncertainty)
+        ),
+        None,
+    )
+    if multiple is None:
+        return None
+    return (
+        f"Order {line.name} is larger than that at 2, and {multiple.name} goes with it: "
+        f"{_of_a_wrong_ratio(line, ratio)}. What stands at 2 may be the mesh then."
+    )
+
+
+def _of_a_wrong_ratio(line: Order, ratio: float) -> str:
+    text = f"order 2 of a gear whose ratio is {0.5 * line.order:.5g} times the one that made this angle"
+    if math.isfinite(ratio):
+        text += f" ({0.5 * line.order * ratio:.5g} for {ratio:g}; N and N ± 1 by the mounting)"
+    return text
 
 
 def _mesh(line: Order, fit: OrdersFit, ratio: float) -> str:
@@ -50,9 +83,7 @@ def _of_mesh(order: float) -> str:
 
 
 def _ratio(line: Order, fit: OrdersFit, ratio: float, measured: float) -> str:
-    text = f"order 2 of a gear whose ratio is {0.5 * line.order:.5g} times the one that made this angle"
-    if math.isfinite(ratio):
-        text += f" ({0.5 * line.order * ratio:.5g} for {ratio:g}; N and N ± 1 by the mounting)"
+    text = _of_a_wrong_ratio(line, ratio)
     if (
         math.isfinite(measured)
         and math.isfinite(ratio)

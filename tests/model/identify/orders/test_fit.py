@@ -202,6 +202,24 @@ def test_a_line_near_two_names_three_explanations_until_one_is_ruled_out() -> No
     assert "stands elsewhere" in elsewhere
 
 
+@pytest.mark.parametrize(("true", "said"), [(100.0, 101.0), (120.0, 121.0)])
+def test_a_tooth_too_many_lays_the_mesh_on_two_and_is_named_by_the_larger_line(
+    true: float, said: float
+) -> None:
+    """The angle was made of the joint's by a ratio that is one tooth too large."""
+    angle = np.linspace(0.0, 2.0 * np.pi * 600.0, 60_000)
+    wheel = angle * true / said
+    mesh = 0.006 * np.cos(2.0 * (1.0 + 1.0 / true) * wheel)
+    whole = 0.05 * np.cos(2.0 * wheel) + mesh
+    words = near_two_of(whole + 0.01 * np.cos(wheel), angle, ratio=said)
+    assert words is not None
+    assert "is larger than that at 2" in words
+    assert f"({true:.5g} for {said:g}" in words
+    right = 0.006 * np.cos(2.0 * angle) + 0.05 * np.cos(2.0 * (1.0 - 1.0 / said) * angle)
+    assert near_two_of(right, angle, ratio=said) is None
+    assert near_two_of(right + 0.01 * np.cos(4.0 * angle), angle, ratio=said) is None
+
+
 def test_an_image_near_two_is_one_of_the_three() -> None:
     angle = constant_speed(100.0, 5.55)
     words = near_two_of(0.05 * np.cos(16.0 * angle), angle)
