@@ -26,6 +26,8 @@ RINGS_ON = 1.15
 """Ratio of what a fit leaves in the two beyond which the mode is not explained; noise alone makes it 1 within 0.03."""
 _UNEXPLAINED = 2.0
 """Power that a fit leaves near the mode over what it leaves beside it beyond which the mode is not explained."""
+ALIKE = 0.1
+"""Of their standard error, by which the numbers of two starts may differ that led to one answer."""
 _SHARE_DOUBT = 0.3
 """Relative standard uncertainty of the share of the compliance that is damped."""
 
@@ -150,7 +152,7 @@ def read_rung(problem: Problem, answers: Sequence[Solution], amplitude: float) -
     error, freedom = _standard_error(solution, slopes, louder)
     return Reading(
         centre=numbers(solution.vector),
-        error=np.hypot(error, _between_answers(answers, numbers, louder)),
+        error=np.hypot(error, _between_answers(answers, numbers, louder, error)),
         freedom=freedom,
         counts=counts,
         louder=louder,
@@ -367,12 +369,22 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
 
 
 def _between_answers(
-    answers: Sequence[Solution], numbers: Callable[[Array], Array], louder: float
+    answers: Sequence[Solution], numbers: Callable[[Array], Array], louder: float, error: Array
 ) -> Array:
-    """Standard deviation of the numbers over several answers, each as likely as its cost has it."""
-    likely = _likely(answers, louder)
-    stated = np.array([numbers(a.vector) for a in answers])
-    return np.sqrt(likely @ (stated - likely @ stated) ** 2)
+    """Standard deviation of the numbers (n,) over several answers, each as likely as its cost has it.
+
+    Starts that led to one answer count once: no number of theirs is apart by more than a share of its `error` (n,).
+    """
+    apart: list[Solution] = []
+    stated: list[Array] = []
+    for answer in answers:
+        its = numbers(answer.vector)
+        if not any(np.all(np.abs(its - other) <= ALIKE * error) for other in stated):
+            apart.append(answer)
+            stated.append(its)
+    likely = _likely(apart, louder)
+    values = np.array(stated)
+    return np.sqrt(likely @ (values - likely @ values) ** 2)
 
 
 def _likely(fits: Sequence[Solution], louder: float) -> Array:
