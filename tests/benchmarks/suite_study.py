@@ -6,7 +6,7 @@
     python -m tests.benchmarks.suite_study -- tests/rig/run   # what follows is for pytest
     python -m tests.benchmarks.suite_study --whole          # as the gate does: with all that pytest says
 
-It makes the load itself. Prints what pytest says at its end, processor time (user and system, with all processes that the tests
+It makes the load itself. Prints what pytest says of what failed, and at its end; processor time (user and system, with all processes that the tests
 start), the largest resident memory of one worker, the wall time, and the load average before. Its exit code is that of pytest.
 Linux: memory is read from /proc.
 """  # noqa: E501
@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -32,6 +33,8 @@ INTERVAL = 1.0
 """s between two looks at the memory of the workers."""
 BUDGET_SECONDS, BUDGET_MEGABYTES = 800.0, 600.0
 """Processor time of the whole suite on quiet cores, and what one worker may hold."""
+_TELLS = re.compile(r"=+ (ERRORS|FAILURES) =+")
+"""Where pytest begins to tell what failed, and why."""
 IGNORED = {"nohup": (signal.SIGHUP,), "background": (signal.SIGINT, signal.SIGQUIT), "terminal": ()}
 """What a process is started to ignore: by `nohup`, by a shell that starts it with `&`."""
 
@@ -118,8 +121,8 @@ def main() -> int:
     code = os.waitstatus_to_exitcode(status)
     suite.returncode = code
     if not order.whole:
-        failed = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
-        print("\n".join(failed + lines[-1:]))
+        began_to_tell = next((k for k, line in enumerate(lines) if _TELLS.match(line)), -1)
+        print("\n".join(lines[began_to_tell:]))
     processor, memory = used.ru_utime + used.ru_stime, most[0] / 1e6
     print(
         f"processor time: {used.ru_utime:.0f} s user + {used.ru_stime:.0f} s system, "
