@@ -24,6 +24,37 @@ if TYPE_CHECKING:
     from rig.trial.doctor.examine import Examination
 
 
+Confirm = Annotated[
+    str,
+    typer.Option(
+        metavar="SERIAL", help="Arms motion on hardware: the gear's serial number once more."
+    ),
+]
+
+Move = Annotated[
+    bool | None,
+    typer.Option(
+        "--move/--no-move",
+        "--motion/--no-motion",
+        help="Whether the rig may turn; without it only a simulated one does.",
+    ),
+]
+
+Bundle = Annotated[
+    Path | None,
+    typer.Option(
+        "--bundle",
+        metavar="FILE",
+        help="Pack checklist, description, nodes, frames and versions for a report of a device; names no person.",
+    ),
+]
+
+Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 @outliving_the_terminal()
 @with_order(
     "backend",
@@ -38,34 +69,12 @@ if TYPE_CHECKING:
 )
 def doctor(
     said: Said,
-    confirm: Annotated[
-        str,
-        typer.Option(
-            metavar="SERIAL", help="Arms motion on hardware: the gear's serial number once more."
-        ),
-    ] = "",
-    move: Annotated[
-        bool | None,
-        typer.Option(
-            "--move/--no-move",
-            "--motion/--no-motion",
-            help="Whether the rig may turn; without it only a simulated one does.",
-        ),
-    ] = None,
-    bundle: Annotated[
-        Path | None,
-        typer.Option(
-            "--bundle",
-            metavar="FILE",
-            help="Pack checklist, description, nodes, frames and versions for a report of a device; names no person.",
-        ),
-    ] = None,
+    confirm: Confirm = "",
+    move: Move = None,
+    bundle: Bundle = None,
     no_card: NoCard = False,
     stdin_control: StdinControl = False,
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed, 4 when it was stopped.
 

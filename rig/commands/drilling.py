@@ -13,59 +13,74 @@ if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
 
 
+Backend = Annotated[
+    str | None,
+    typer.Option(help="Which simulated rig: sim or wire; without it, whichever carries the fault."),
+]
+
+Fault = Annotated[
+    list[str] | None,
+    typer.Option("--fault", metavar="NAME", help="Only this fault; may be given again."),
+]
+
+Random = Annotated[
+    int,
+    typer.Option(
+        "--random", metavar="N", min=0, help="N faults drawn at random, at random cycles."
+    ),
+]
+
+Pairs = Annotated[
+    int,
+    typer.Option(
+        "--pairs",
+        metavar="N",
+        min=0,
+        help="N pairs of faults drawn at random, at random moments of one run.",
+    ),
+]
+
+WithoutFaults = Annotated[
+    bool,
+    typer.Option(
+        "--without-faults",
+        help="Take every fault out: each drill that claims a detection must then fail.",
+    ),
+]
+
+Compensated = Annotated[
+    bool,
+    typer.Option("--compensated", help="Turn along a compensation table while the fault happens."),
+]
+
+Seed = Annotated[int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")]
+
+Output = Annotated[
+    Path | None, typer.Option("--runs", metavar="DIR", help="Keep the run files here.")
+]
+
+Markdown = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")
+]
+
+Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 def drill(
-    backend: Annotated[
-        str | None,
-        typer.Option(
-            help="Which simulated rig: sim or wire; without it, whichever carries the fault."
-        ),
-    ] = None,
-    fault: Annotated[
-        list[str] | None,
-        typer.Option("--fault", metavar="NAME", help="Only this fault; may be given again."),
-    ] = None,
-    random: Annotated[
-        int,
-        typer.Option(
-            "--random", metavar="N", min=0, help="N faults drawn at random, at random cycles."
-        ),
-    ] = 0,
-    pairs: Annotated[
-        int,
-        typer.Option(
-            "--pairs",
-            metavar="N",
-            min=0,
-            help="N pairs of faults drawn at random, at random moments of one run.",
-        ),
-    ] = 0,
-    without_faults: Annotated[
-        bool,
-        typer.Option(
-            "--without-faults",
-            help="Take every fault out: each drill that claims a detection must then fail.",
-        ),
-    ] = False,
-    compensated: Annotated[
-        bool,
-        typer.Option(
-            "--compensated", help="Turn along a compensation table while the fault happens."
-        ),
-    ] = False,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")
-    ] = 0,
-    output: Annotated[
-        Path | None, typer.Option("--runs", metavar="DIR", help="Keep the run files here.")
-    ] = None,
-    markdown: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")
-    ] = None,
+    backend: Backend = None,
+    fault: Fault = None,
+    random: Random = 0,
+    pairs: Pairs = 0,
+    without_faults: WithoutFaults = False,
+    compensated: Compensated = False,
+    seed: Seed = 0,
+    output: Output = None,
+    markdown: Markdown = None,
     list_: Annotated[bool, typer.Option("--list", help="List the faults and exit.")] = False,
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Let every fault happen on a simulated rig: what is detected, how soon, how the rig is made
     safe, what the file says.

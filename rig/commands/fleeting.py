@@ -133,6 +133,40 @@ def _print_failures(failed: Sequence[tuple[str, str]]) -> None:
         echo(f"  and {len(failed) - SHOWN} more")
 
 
+Protocols = Annotated[
+    str, typer.Option(metavar="NAME,...", help="By which protocols each gear is measured.")
+]
+
+PerDay = Annotated[int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")]
+
+Crossed = Annotated[
+    bool,
+    typer.Option("--crossed", help="A study of the gauge: every gear goes to every bench."),
+]
+
+Mountings = Annotated[int, typer.Option(min=1, help="How often each gear is mounted on its bench.")]
+
+Repeats = Annotated[int, typer.Option(min=1, help="How often it is measured in each mounting.")]
+
+Spread = Annotated[
+    bool,
+    typer.Option("--spread", help="Each gear at a stated angle of its own, spread over the turn."),
+]
+
+Short = Annotated[
+    bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
+]
+
+Setting = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="PROTOCOL.NAME=VALUE",
+        help="A parameter of a protocol: friction.points=10.",
+    ),
+]
+
+
 @fleet.command("simulate")
 @with_order(
     "seed",
@@ -147,39 +181,14 @@ def simulate(
     gears: Annotated[int, typer.Option(min=1, help="How many gears are made.")],
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the production.")],
     benches: Annotated[int, typer.Option(min=1, help="On how many benches, in turn.")] = 1,
-    protocols: Annotated[
-        str, typer.Option(metavar="NAME,...", help="By which protocols each gear is measured.")
-    ] = "home,friction",
-    per_day: Annotated[
-        int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")
-    ] = 20,
-    crossed: Annotated[
-        bool,
-        typer.Option("--crossed", help="A study of the gauge: every gear goes to every bench."),
-    ] = False,
-    mountings: Annotated[
-        int, typer.Option(min=1, help="How often each gear is mounted on its bench.")
-    ] = 1,
-    repeats: Annotated[
-        int, typer.Option(min=1, help="How often it is measured in each mounting.")
-    ] = 1,
-    spread: Annotated[
-        bool,
-        typer.Option(
-            "--spread", help="Each gear at a stated angle of its own, spread over the turn."
-        ),
-    ] = False,
-    short: Annotated[
-        bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
-    ] = False,
-    setting: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="PROTOCOL.NAME=VALUE",
-            help="A parameter of a protocol: friction.points=10.",
-        ),
-    ] = None,
+    protocols: Protocols = "home,friction",
+    per_day: PerDay = 20,
+    crossed: Crossed = False,
+    mountings: Mountings = 1,
+    repeats: Repeats = 1,
+    spread: Spread = False,
+    short: Short = False,
+    setting: Setting = None,
     workers: Workers = 0,
     scheduler: Scheduler = "",
     json: Json = False,

@@ -75,39 +75,48 @@ StdinControl = Annotated[
 ]
 
 
+Repeat = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RUN",
+        rich_help_panel="Simulated world",
+        help="Make a simulated run again, count by count: its number or its file says the protocol and all else.",
+    ),
+]
+
+Confirm = Annotated[
+    str,
+    typer.Option(
+        metavar="SERIAL",
+        help="Arms a run on hardware: the gear's serial number, letter for letter, once more.",
+    ),
+]
+
+Uncommissioned = Annotated[
+    str,
+    typer.Option(
+        metavar="SENTENCE",
+        help="Turns hardware further than `rig commission` has looked at; the refusal says the sentence.",
+    ),
+]
+
+Everything = Annotated[
+    bool,
+    typer.Option("--all", help="All that was found and every margin, not only what matters."),
+]
+
+
 @with_protocol_flags
 @outliving_the_terminal()
 @with_order(*ORDERED)
 def run(
     context: typer.Context,
     said: Said,
-    repeat: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RUN",
-            rich_help_panel="Simulated world",
-            help="Make a simulated run again, count by count: its number or its file says the protocol and all else.",
-        ),
-    ] = None,
-    confirm: Annotated[
-        str,
-        typer.Option(
-            metavar="SERIAL",
-            help="Arms a run on hardware: the gear's serial number, letter for letter, once more.",
-        ),
-    ] = "",
-    uncommissioned: Annotated[
-        str,
-        typer.Option(
-            metavar="SENTENCE",
-            help="Turns hardware further than `rig commission` has looked at; the refusal says the sentence.",
-        ),
-    ] = "",
+    repeat: Repeat = None,
+    confirm: Confirm = "",
+    uncommissioned: Uncommissioned = "",
     require_verdict: RequireVerdict = False,
-    everything: Annotated[
-        bool,
-        typer.Option("--all", help="All that was found and every margin, not only what matters."),
-    ] = False,
+    everything: Everything = False,
     no_card: NoCard = False,
     json: Json = False,
     events: Events = False,

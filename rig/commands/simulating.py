@@ -30,6 +30,66 @@ sim.command(
 )(certificate)
 
 
+Port = Annotated[
+    int,
+    typer.Option(min=0, max=65535, help="TCP port of the socketcand hub; 0 takes a free one."),
+]
+
+Channel = Annotated[str, typer.Option(metavar="NAME", help="Name of the bus that clients open.")]
+
+Readout = Annotated[
+    Literal["pty", "socket", "none"],
+    typer.Option(help="Where the ND 287's serial line is: a pseudo-terminal, a socket."),
+]
+
+Time = Annotated[
+    Literal["wall", "sync"],
+    typer.Option(
+        help="wall: the motor turns on while no SYNC comes; sync: it waits, and counts do not depend on speed."
+    ),
+]
+
+SampleRate = Annotated[
+    float,
+    typer.Option(
+        "--sample-rate",
+        metavar="HZ",
+        min=50.0,
+        max=20000.0,
+        help="SYNC rate that it expects [Hz].",
+    ),
+]
+
+Lifetime = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C."),
+]
+
+Faults = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--fault",
+        metavar="NAME@SYNC",
+        help="Let a fault of `rig sim drill` happen at that SYNC; may be repeated.",
+    ),
+]
+
+Expose = Annotated[
+    bool, typer.Option("--expose", help="Allow an address that other computers can reach.")
+]
+
+Eds = Annotated[Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")]
+
+ConfigOut = Annotated[
+    Path | None,
+    typer.Option("--config-out", metavar="FILE", help="Write the rig.toml that reaches this rig."),
+]
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Tell where it is as one JSON object on one line.")
+]
+
+
 @sim.command("serve")
 @with_order(
     "serial",
@@ -42,61 +102,18 @@ sim.command(
 def serve(
     said: Said,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
-    port: Annotated[
-        int,
-        typer.Option(min=0, max=65535, help="TCP port of the socketcand hub; 0 takes a free one."),
-    ] = 29536,
-    channel: Annotated[
-        str, typer.Option(metavar="NAME", help="Name of the bus that clients open.")
-    ] = "can0",
-    readout: Annotated[
-        Literal["pty", "socket", "none"],
-        typer.Option(help="Where the ND 287's serial line is: a pseudo-terminal, a socket."),
-    ] = "pty",
-    time: Annotated[
-        Literal["wall", "sync"],
-        typer.Option(
-            help="wall: the motor turns on while no SYNC comes; sync: it waits, and counts do not depend on speed."
-        ),
-    ] = "wall",
+    port: Port = 29536,
+    channel: Channel = "can0",
+    readout: Readout = "pty",
+    time: Time = "wall",
     without_gear: Annotated[bool, typer.Option("--no-gear", help="The bare motor.")] = False,
-    sample_rate: Annotated[
-        float,
-        typer.Option(
-            "--sample-rate",
-            metavar="HZ",
-            min=50.0,
-            max=20000.0,
-            help="SYNC rate that it expects [Hz].",
-        ),
-    ] = 250.0,
-    lifetime: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C."),
-    ] = None,
-    faults: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--fault",
-            metavar="NAME@SYNC",
-            help="Let a fault of `rig sim drill` happen at that SYNC; may be repeated.",
-        ),
-    ] = None,
-    expose: Annotated[
-        bool, typer.Option("--expose", help="Allow an address that other computers can reach.")
-    ] = False,
-    eds: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")
-    ] = None,
-    config_out: Annotated[
-        Path | None,
-        typer.Option(
-            "--config-out", metavar="FILE", help="Write the rig.toml that reaches this rig."
-        ),
-    ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Tell where it is as one JSON object on one line.")
-    ] = False,
+    sample_rate: SampleRate = 250.0,
+    lifetime: Lifetime = None,
+    faults: Faults = None,
+    expose: Expose = False,
+    eds: Eds = None,
+    config_out: ConfigOut = None,
+    json: Json = False,
 ) -> None:
     """Serve drive, counter, analogue inputs and readout behind a socketcand hub, in real time.
 

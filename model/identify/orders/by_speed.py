@@ -16,8 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
-from model.arrays import ComplexArray
+from model.arrays import ComplexArray, IntArray
 from model.identify.checks import Array
+from model.units import REVOLUTION
 
 LEAST_RANGE = 0.25
 """Of the middle speed: narrower a range of speeds tells no change."""
@@ -29,8 +30,10 @@ MOST_ORDERS = 6
 """The strongest orders, of which the change is looked for."""
 LOWEST, BESIDE = 0.5, 0.25
 """The lowest order that is looked at: a slower one is the trend over the speed; and how far from a stronger one."""
-BLOCKS = 24
-"""Parts of the recording that tell how much a coefficient is pulled."""
+BLOCKS, LEAST_BLOCKS = 24, 8
+"""Parts of the recording that tell how much a coefficient is pulled, and what it predicts of what it has not seen."""
+PERIODS = 2.0
+"""Of the order, that a part must hold to tell its amplitude."""
 _SLOW, _FAST = 5.0, 95.0
 """Percentiles between which the speeds of a recording lie."""
 _EVERY = 8
@@ -81,22 +84,22 @@ def changing_orders(
         return ()
     slow, fast, rows = found_range
     middle = 0.5 * (slow + fast)
-    sums = list(_block_sums(samples(), looked, middle, rows))
-    squares, cross = sum(s for s, _ in sums), sum(c for _, c in sums)
-    assert not isinstance(squares, int)
-    if len(sums) < 2 or np.linalg.cond(squares) > 1e12:
+    blocks = list(_blocks(samples(), looked, (slow, fast), rows))
+    if len(blocks) < LEAST_BLOCKS or np.linalg.cond(_total(blocks)[0]) > 1e12:
         return ()
-    found: Array = np.asarray(np.linalg.solve(squares, cross), dtype=np.float64)
-    pulls = np.stack([c - s @ found for s, c in sums])
-    inverse = np.linalg.inv(squares)
-    covariance: Array = inverse @ (pulls.T @ pulls) @ inverse * len(sums) / (len(sums) - 1.0)
+    found, covariance = _fitted(blocks)
+    turned = float(np.median([one.turned for one in blocks]))
     changing: list[ChangingOrder] = []
     for k, order in enumerate(looked):
-        own = slice(_TREND + _PER_ORDER * k, _TREND + _PER_ORDER * (k + 1))
-        cosine, sine = found[own][::2], found[own][1::2]
-        one = ChangingOrder(order, middle, slow, fast, np.asarray(cosine - 1j * sine))
-        if _is_changed(one, found[own][2:], covariance[own, own][2:, 2:], len(sums)):
-            changing.append(one)
+        own = np.arange(_TREND + _PER_ORDER * k, _TREND + _PER_ORDER * (k + 1))
+        powers = np.asarray(found[own[::2]] - 1j * found[own[1::2]])
+        one, change = ChangingOrder(order, middle, slow, fast, powers), own[2:]
+        if turned * order >= PERIODS * REVOLUTION and _is_changed(
+            one, found[change], covariance[np.ix_(change, change)], len(blocks)
+        ):
+            without = np.setdiff1d(np.arange(len(found)), change)
+            if _unseen_error(blocks, np.arange(len(found))) < _unseen_error(blocks, without):
+                changing.append(one)
     return tuple(changing)
 
 
@@ -119,21 +122,66 @@ def _strongest(orders: Sequence[float]) -> list[float]:
     return kept[:MOST_ORDERS]
 
 
-def _block_sums(
-    samples: Iterable[Moved], orders: Sequence[float], middle: float, expected: int
-) -> Iterator[tuple[Array, Array]]:
-    """Normal equations (p, p) and (p,) of each block."""
-    size = max(1, expected // BLOCKS)
+@dataclass(frozen=True)
+class _Block:
+    """Normal equations of some samples: squares (p, p), cross (p,), square of the values; and the angle they turn."""
+
+    squares: Array
+    cross: Array
+    power: float
+    turned: float
+
+
+def _blocks(
+    samples: Iterable[Moved], orders: Sequence[float], reach: tuple[float, float], rows: int
+) -> Iterator[_Block]:
+    """The samples in blocks; a speed beyond the reach, which a jump of angle or time makes, counts as its end."""
+    size, middle = max(1, rows // BLOCKS), 0.5 * sum(reach)
     for one in samples:
+        speed = np.clip(np.abs(one.speed), *reach)
         for first in range(0, len(one.angle), size):
-            rows = slice(first, first + size)
-            columns = _columns(one.angle[rows], one.speed[rows], orders, middle)
-            yield columns.T @ columns, columns.T @ one.value[rows]
+            part = slice(first, first + size)
+            columns = _columns(one.angle[part], speed[part], orders, middle)
+            value = one.value[part]
+            turned = abs(float(one.angle[part][-1] - one.angle[part][0]))
+            yield _Block(columns.T @ columns, columns.T @ value, float(value @ value), turned)
+
+
+def _total(blocks: Sequence[_Block]) -> tuple[Array, Array]:
+    """Normal equations of all blocks: (p, p) and (p,)."""
+    squares = np.stack([one.squares for one in blocks]).sum(axis=0)
+    cross = np.stack([one.cross for one in blocks]).sum(axis=0)
+    return np.asarray(squares, dtype=np.float64), np.asarray(cross, dtype=np.float64)
+
+
+def _fitted(blocks: Sequence[_Block]) -> tuple[Array, Array]:
+    """The coefficients (p,), and their covariance (p, p) by what each block pulls."""
+    squares, cross = _total(blocks)
+    found: Array = np.asarray(np.linalg.solve(squares, cross), dtype=np.float64)
+    pulls: Array = np.stack([one.cross - one.squares @ found for one in blocks])
+    inverse: Array = np.asarray(np.linalg.inv(squares), dtype=np.float64)
+    covariance: Array = inverse @ (pulls.T @ pulls) @ inverse * len(blocks) / (len(blocks) - 1.0)
+    return found, covariance
+
+
+def _unseen_error(blocks: Sequence[_Block], columns: IntArray) -> float:
+    """Sum of squares that a fit of some columns leaves of each block when it is fitted to all others."""
+    square = np.ix_(columns, columns)
+    whole, right = _total(blocks)
+    squares, cross = whole[square], right[columns]
+    left = 0.0
+    for one in blocks:
+        found = np.linalg.lstsq(
+            squares - one.squares[square], cross - one.cross[columns], rcond=None
+        )[0]
+        left += one.power - 2.0 * float(found @ one.cross[columns])
+        left += float(found @ one.squares[square] @ found)
+    return left
 
 
 def _columns(angle: Array, speed: Array, orders: Sequence[float], middle: float) -> Array:
     """Trend over the speed; then cosine and sine of each order: times 1, x and x^2."""
-    x = (np.abs(speed) - middle) / middle
+    x = (speed - middle) / middle
     powers = (np.ones_like(x), x, x**2)
     waves = [
         part * power

@@ -48,7 +48,8 @@ def test_what_lies_beyond_the_middle_speed_is_taken_off() -> None:
     constant = 0.4 + 0.1 * (one.speed / 60.0 - 1.0) + 0.03 * np.cos(one.angle)
     inside = (one.speed > found.slow) & (one.speed < found.fast)
     rest = left - constant - middle * np.cos(2.0 * one.angle - 0.3)
-    assert np.abs(rest[inside]).max() < 1e-6
+    # Beyond the range the speed counts as its end, which a twentieth of the samples at each end feel.
+    assert np.abs(rest[inside]).max() < 1e-3
 
 
 def test_an_amplitude_that_stays_is_left_alone() -> None:
@@ -71,3 +72,22 @@ def test_a_steady_speed_tells_nothing() -> None:
 def test_a_sidelobe_is_not_looked_at_beside_its_line() -> None:
     (found,) = changing(swung(), (2.0, 2.0116, 1.9884, 1.0))
     assert found.order == 2.0
+
+
+def test_jumps_of_an_angle_make_no_change() -> None:
+    """A few samples whose speed is a hundred times the others pull no parabola."""
+    one = swung(growth=0.0)
+    speed = one.speed.copy()
+    speed[::977] *= 100.0
+    assert changing(Moved(one.angle, one.value, speed)) == ()
+    (found,) = changing(Moved(one.angle, swung().value, speed))
+    assert found.amplitude(np.array([60.0])) == pytest.approx(0.2, abs=3e-3)
+
+
+def test_a_short_recording_tells_no_change() -> None:
+    one = swung()
+    few = [
+        Moved(one.angle[k : k + 60], one.value[k : k + 60], one.speed[k : k + 60])
+        for k in (0, 3000)
+    ]
+    assert changing_orders(lambda: few, (2.0, 1.0)) == ()
