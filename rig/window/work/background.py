@@ -18,6 +18,8 @@ PATIENCE = 3000
 """ms that a command is given to end by itself when it is called off."""
 LONGEST_COMPLAINT = 1200
 """Characters of what a command said that are shown, the last ones."""
+TASK = "latest task"
+"""Name of the threads that work for a window."""
 LONGEST_WAIT = 5.0
 """s that the end of the window waits for a file that is being read."""
 
@@ -143,7 +145,7 @@ class LatestTask(QObject):
         self._count += 1
         self._awaited = self._count
         thread = threading.Thread(
-            target=self._work, args=(self._count, work), name="latest task", daemon=True
+            target=self._work, args=(self._count, work), name=TASK, daemon=True
         )
         self._threads = [*(one for one in self._threads if one.is_alive()), thread]
         thread.start()

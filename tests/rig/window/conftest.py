@@ -8,6 +8,7 @@ import io
 import os
 import shutil
 import sys
+import threading
 
 os.environ["QT_QPA_PLATFORM"] = "offscreen"  # before Qt is imported anywhere
 
@@ -32,7 +33,7 @@ from rig.window.main import MainWindow
 from rig.window.review.page import ReviewPage
 from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import apply_theme
-from rig.window.work.background import BackgroundCommand
+from rig.window.work.background import TASK, BackgroundCommand
 from rig.window.work.child import RunProcess
 from rig.window.work.prepared import PreparedRun
 from tests.rig.window.reviewing import destroy
@@ -74,7 +75,12 @@ def collector_in_the_main_thread(what_stays: None) -> Iterator[None]:
 
 @pytest.fixture(autouse=True)
 def windows_of_the_test_before(collector_in_the_main_thread: None) -> None:
-    """At its end a test still holds its windows: a collection then would make them too old for the next one's."""
+    """At its end a test still holds its windows: a collection then would make them too old for the next one's. What
+    its windows still do beside it comes to its end before the next one replaces a function of the program.
+    """
+    for thread in threading.enumerate():
+        if thread.name == TASK:
+            thread.join(LONGEST / 1e3)
     gc.collect(1)
 
 
