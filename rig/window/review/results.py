@@ -23,7 +23,7 @@ from rig.library.index import IndexedRun
 from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
-from rig.window.review.words import result_page
+from rig.window.review.words import budget_page, result_page
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -240,7 +240,10 @@ class FitBar(QWidget):
 
 
 class ResultsView(QWidget):
-    """The numbers of one analysis over what there is to beware of."""
+    """The numbers of one analysis over what there is to beware of; of a number that is chosen, over its budget."""
+
+    points_requested = Signal(str)
+    """Carries the name of the chosen number."""
 
     def __init__(self, session: WindowSession, bar: FitBar) -> None:
         super().__init__()
@@ -251,6 +254,8 @@ class ResultsView(QWidget):
         self.page = QTextBrowser()
         self.page.setAccessibleName("Warnings, figures of merit, tables")
         self.page.setOpenLinks(False)
+        self.page.anchorClicked.connect(lambda _: self._ask_for_points())
+        self.table.itemSelectionChanged.connect(self._write_page)
         self.hint = text_label("", "muted", wraps=True, align=Qt.AlignmentFlag.AlignCenter)
         self.table.setMinimumHeight(90)
         self.page.setMinimumHeight(70)
@@ -283,8 +288,22 @@ class ResultsView(QWidget):
         self.hint.setText(why)
         self.hint.show()
 
+    @property
+    def chosen(self) -> str:
+        """The name of the number that is chosen in the table; "" for none."""
+        rows = self.table.selectionModel().selectedRows() if self.table.rowCount() else []
+        names = list(self._shown[0].estimates) if self._shown else []
+        return names[rows[0].row()] if rows and rows[0].row() < len(names) else ""
+
+    def _ask_for_points(self) -> None:
+        if self.chosen:
+            self.points_requested.emit(self.chosen)
+
     def _write_page(self) -> None:
         if self._shown is not None:
-            text = result_page(self._shown[0], self._session.palette, self._shown[1])
+            result, judged = self._shown
+            palette = self._session.palette
+            text = budget_page(result, self.chosen, palette) if self.chosen else ""
+            text += result_page(result, palette, judged)
             self.page.setHtml(text)
             self.page.setVisible(bool(text))

@@ -5,9 +5,9 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
-from experiments.result import Result
+from experiments.result import Plot, Result
 from rig.analysis.judging import GearVerdict, held_against
-from rig.analysis.rows import limit_words, metric_grid, proof_words
+from rig.analysis.rows import budget_grid, limit_words, metric_grid, proof_words
 from rig.content.data import data_grid
 from rig.content.grid import Grid, capital, tone_of
 from rig.content.wording import readable
@@ -18,6 +18,26 @@ def _verdict_words(judged: GearVerdict) -> str:
     """The verdict with its reasons in one sentence."""
     because = "; ".join(judged.because)
     return f"Verdict: {judged.verdict}" + (f". {because}." if because else ".")
+
+
+POINTS = "points"
+"""Target of the link from a number to the figure that shows its points."""
+
+
+def budget_page(result: Result, name: str, palette: Palette) -> str:
+    """What the uncertainty of one number is made of, and the way to its points."""
+    title = html.escape(capital(result.quantity(name).titled(name)))
+    grid = budget_grid(result, (name,))
+    body = grid_html(grid, palette) if grid else "<p>It has no budget.</p>"
+    way = f'<p><a href="{POINTS}" style="color:{palette.accent}">Its points</a></p>'
+    return f"<h3>{title}</h3>{way}{body}"
+
+
+def plot_of(plots: Sequence[Plot], name: str) -> str:
+    """The figure that shows the points of a number: the one whose name shares most words with it, else the first."""
+    words = set(name.replace("_", " ").replace("-", " ").split())
+    alike = [(len(words & set(plot.name.replace("-", " ").split())), plot) for plot in plots]
+    return max(alike, key=lambda pair: pair[0])[1].name
 
 
 def result_page(result: Result, palette: Palette, judged: GearVerdict | None = None) -> str:

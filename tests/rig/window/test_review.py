@@ -16,6 +16,7 @@ from model.gear_file import save_gear, shipped_gear
 from rig.analysis.store import read_analyses
 from rig.window.review.page import ReviewPage
 from rig.window.review.signals.data import shapes_of
+from rig.window.review.words import POINTS, plot_of
 from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import write_run
 from tests.rig.window.reviewing import LONGEST, drawn
@@ -53,6 +54,28 @@ def test_a_stored_analysis_shows_verdict_interval_and_catalogue(
     assert "20 degC" in catalogue["running torque 500 r/min"]
     assert catalogue["Coulomb friction"] == ""
     assert "Without a valid tare" in results.page.toPlainText()
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_number_that_is_chosen_shows_its_budget_and_leads_to_its_points(
+    opened: Callable[..., ReviewPage], friction: list[Path], qtbot: QtBot
+) -> None:
+    page = opened()
+    page.show_run(friction[1])
+    details, results = page.details, page.details.results
+    assert "Uncertainty budget" not in results.page.toPlainText().partition("To beware of")[0]
+    row = results.table.texts("quantity").index("running torque 500 r/min")
+    results.table.selectRow(row)
+    shown = results.page.toPlainText().partition("To beware of")[0]
+    assert shown.startswith("Running torque 500 r/min")
+    assert "Uncertainty budget" in shown
+    assert "U (95 %)" in shown
+    results.page.anchorClicked.emit(QUrl(POINTS))
+    assert details.tabs.currentWidget() is details.figures
+    qtbot.waitUntil(lambda: not details.is_busy and bool(details.gallery.plots), timeout=LONGEST)
+    chosen = details.gallery.plots[details.gallery.titles.currentRow()]
+    assert chosen.name == plot_of(details.gallery.plots, results.chosen)
+    assert "torque" in chosen.title.lower()
 
 
 def test_a_run_is_fitted_beside_the_window_and_its_figures_are_marked(

@@ -41,6 +41,7 @@ from rig.window.review.fit import (
 from rig.window.review.library_table import HTML, PDF
 from rig.window.review.results import ChooseFile, FitBar, ResultsView
 from rig.window.review.signals.view import SignalsView
+from rig.window.review.words import plot_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, text_label
 from rig.window.work.background import BackgroundCommand, LatestTask, in_words
@@ -74,6 +75,7 @@ class RunDetails(QWidget):
         self._analyses: tuple[Analysis, ...] = ()
         self._wanted: FitOrder | None = None
         self._facts: Facts | None = None
+        self._points_of = ""
         self._comparing: BackgroundCommand | None = None
         self._recovery = Recovery(self)
         self.header = RunHeaderView(session)
@@ -120,6 +122,7 @@ class RunDetails(QWidget):
         self._recovery.recovered.connect(self._take_recovered)
         self._recovery.refused.connect(self._take_not_recovered)
         self.bar.renew_requested.connect(self.fit)
+        self.results.points_requested.connect(self._show_points)
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
         self.bar.compare_requested.connect(self.compare)
@@ -428,6 +431,7 @@ class RunDetails(QWidget):
         self.gallery.show_plots(plots, self._mark, keep=True)  # type: ignore[arg-type]
         self.figure_hint.setText(hint)
         self._figure_stack.setCurrentWidget(self.gallery if plots else self.figure_hint)
+        self._choose_points()
 
     def _take_result(self, order: FitOrder, result: Result) -> None:
         if order != self._wanted:
@@ -477,6 +481,17 @@ class RunDetails(QWidget):
         place = self.tabs.indexOf(self.comparison)
         if place >= 0:
             self.tabs.removeTab(place)
+
+    def _show_points(self, number: str) -> None:
+        """The figure that shows the points of a number, as soon as figures are there."""
+        self._points_of = number
+        self.tabs.setCurrentWidget(self.figures)
+        self._choose_points()
+
+    def _choose_points(self) -> None:
+        if self._points_of and self.gallery.plots:
+            self.gallery.choose(plot_of(self.gallery.plots, self._points_of))
+            self._points_of = ""
 
     def _jump(self, moment: float) -> None:
         self.tabs.setCurrentWidget(self.signals)
