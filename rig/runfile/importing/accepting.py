@@ -18,9 +18,10 @@ from rig.runfile.importing.looking import look_at
 from rig.runfile.importing.opening import open_tables
 from rig.runfile.importing.proposed import Proposal, Question
 from rig.runfile.importing.reach import reach_of
-from rig.runfile.importing.units import TIME_CHANNEL
+from rig.runfile.importing.units import TIME_CHANNEL, TRANSMISSION_ERROR
 
 _TABLE_KIND = "friction-curve"
+_LEFT_OUT = f"{TRANSMISSION_ERROR} is left out: it needs the input angle, and --ratio"
 
 
 def proposal_grid(proposal: Proposal, *, all_columns: bool = False) -> Grid:
@@ -102,16 +103,24 @@ def accepted(
     options: ImportOptions, proposal: Proposal, said: Sequence[ChannelSource] = ()
 ) -> ImportOptions:
     """The options of the import with all that was proposed and accepted, and by whom; what was said goes before it."""
-    ratio, names = options.ratio, {one.name for one in said}
+    names = {one.name for one in said}
+    ratio = options.ratio if math.isfinite(options.ratio) else proposal.ratio
+    taken = [one for one in proposal.sources if one.name not in names]
+    left: tuple[str, ...] = ()
+    has_input = any(one.name == "input_angle" for one in (*taken, *said))
+    if not (has_input and (math.isfinite(ratio) or options.gear is not None)):
+        # Nothing follows from it then: what was proposed must not hinder the rest.
+        left = tuple(_LEFT_OUT for one in taken if one.name == TRANSMISSION_ERROR)
+        taken = [one for one in taken if one.name != TRANSMISSION_ERROR]
     return replace(
         options,
-        channels=(*(one for one in proposal.sources if one.name not in names), *said),
+        channels=(*taken, *said),
         rate=options.rate or proposal.rate or None,
-        ratio=ratio if math.isfinite(ratio) else proposal.ratio,
+        ratio=ratio,
         output_sense=options.output_sense or proposal.output_sense,
         no_time=options.no_time or proposal.is_table,
         experiment=options.experiment or (_TABLE_KIND if proposal.is_table else ""),
-        proposed=proposal.sentences,
+        proposed=(*proposal.sentences, *left),
         accepted_by=options.operator or _who(),
     )
 

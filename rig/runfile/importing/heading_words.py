@@ -44,7 +44,7 @@ _NOT_A_SIGNAL = frozenset(
     {"error", "err", "deviation", "fehler", "residual", "index", "status"}
     | {"enable", "enabled", "state", "mode", "flag", "limit", "max", "min", "gain"}
 )
-_OF_THE_GEAR = frozenset({"transmission", "kinematic", "te"})
+_OF_THE_GEAR = frozenset({"transmission", "kinematic"})
 """Words of an error that is a signal: that of the output beside the input over the ratio."""
 _CHANNELS: dict[tuple[str, str], str] = {
     ("time", ""): "time",
@@ -120,7 +120,7 @@ _SIDES = (("input", _INPUT), ("output", _OUTPUT))
 
 def _channel_of(words: list[str]) -> str:
     there = frozenset(words)
-    if there & _OF_THE_GEAR and (there & {"error", "fehler"} or "te" in there):
+    if there & _OF_THE_GEAR and there & {"error", "fehler"}:
         return TRANSMISSION_ERROR
     if there & (_WANTED | _NOT_A_SIGNAL):
         return ""

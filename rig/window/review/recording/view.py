@@ -103,6 +103,12 @@ class RecordingView(QWidget):
         """Whether a file is being read or a run made."""
         return self._looking.is_running or self._making.is_running
 
+    @property
+    def _may_make(self) -> bool:
+        """Whether a run can be made of what is shown: nothing stays open, and something is recognised."""
+        made_of = self.proposal
+        return made_of is not None and not made_of.questions and not is_useless(made_of)
+
     def show_files(self, files: Sequence[Path]) -> None:
         """Look at the files of one recording, beside the window."""
         self._looked = self.proposal = None
@@ -149,7 +155,7 @@ class RecordingView(QWidget):
             self._say("No column is recognised: choose one in the table and say what it is.")
         else:
             self._say(_OPEN if proposal.questions else "Nothing stays open.")
-        self.make.setEnabled(not proposal.questions and not is_useless(proposal))
+        self.make.setEnabled(self._may_make)
 
     def _choose(self) -> None:
         rows = self.columns.selectionModel().selectedRows()
@@ -214,7 +220,7 @@ class RecordingView(QWidget):
 
     def _refuse(self, why: str) -> None:
         self._say(why, "bad")
-        self.make.setEnabled(self.proposal is not None and not self.proposal.questions)
+        self.make.setEnabled(self._may_make)
 
     def _say(self, text: str, part: str = "muted") -> None:
         self.says.setText(text)

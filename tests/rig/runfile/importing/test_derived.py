@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -136,9 +137,17 @@ def test_what_was_said_stands_in_the_map_and_in_what_it_is_good_for(
     assert again.options({}).speed == SPEED
 
 
-def test_its_heading_is_known(log: Path) -> None:
+def test_its_heading_is_known_and_without_a_ratio_it_is_left_out(log: Path) -> None:
     proposal = propose(open_tables("csv", [log]))
-    options = accepted(ImportOptions(channels=()), proposal)
+    alone = replace(
+        proposal,
+        columns=tuple(one for one in proposal.columns if one.channel != "output_angle"),
+        ratio=math.nan,
+    )
+    left = accepted(ImportOptions(channels=()), alone)
+    assert "transmission_error" not in {one.name for one in left.channels}
+    assert any("needs the input angle, and --ratio" in text for text in left.proposed)
+    options = accepted(ImportOptions(channels=(), ratio=RATIO), proposal)
     assert {"transmission_error", "output_angle", "input_angle"} <= {
         c.name for c in options.channels
     }
