@@ -15,31 +15,38 @@ if TYPE_CHECKING:
     from rig.analysis.next_run import Advice
 
 
+_Source = Annotated[
+    str,
+    typer.Argument(
+        metavar="GEAR|RUN",
+        help="Serial number of a gear, or an analysed run: file, number, name.",
+    ),
+]
+
+_Target = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--target",
+        metavar="QUANTITY=U",
+        help="A U that is wanted, such as running_torque_1000_rpm=3% or transmission_accuracy=0.1 arcmin; may be "
+        "given several times.",
+    ),
+]
+
+_Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 def next_(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="GEAR|RUN",
-            help="Serial number of a gear, or an analysed run: file, number, name.",
-        ),
-    ],
-    target: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--target",
-            metavar="QUANTITY=U",
-            help="A U that is wanted, such as running_torque_1000_rpm=3% or transmission_accuracy=0.1 arcmin; may be "
-            "given several times.",
-        ),
-    ] = None,
+    source: _Source,
+    target: _Target = None,
     folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
         "runs"
     ),
     acceptance: AcceptanceFile = "",
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: _Json = False,
 ) -> None:
     """Say what to run next: for every limit that is open or MARGINAL, and for each --target, one sentence, one command.
 

@@ -23,28 +23,39 @@ if TYPE_CHECKING:
     from rig.trial.campaign.walk import Walk
 
 
+_Name = Annotated[
+    str, typer.Argument(metavar="[CAMPAIGN]", help="A campaign that ships; or give --plan.")
+]
+
+_Plan = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="A campaign plan of your own (TOML)."),
+]
+
+_DryRun = Annotated[
+    bool,
+    typer.Option("--dry-run", help="Walk all of it without a rig: times and limits, and stop."),
+]
+
+_Anew = Annotated[
+    bool, typer.Option("--anew", help="Begin again where an unfinished one could go on.")
+]
+
+_Junit = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI."),
+]
+
+
 @outliving_the_terminal()
 @with_order(*(name for name in ORDERED if name != "block_cycles"), world=OF_MANY_RUNS)
 def campaign(
     said: Said,
-    name: Annotated[
-        str, typer.Argument(metavar="[CAMPAIGN]", help="A campaign that ships; or give --plan.")
-    ] = "",
-    plan: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A campaign plan of your own (TOML)."),
-    ] = None,
-    dry_run: Annotated[
-        bool,
-        typer.Option("--dry-run", help="Walk all of it without a rig: times and limits, and stop."),
-    ] = False,
-    anew: Annotated[
-        bool, typer.Option("--anew", help="Begin again where an unfinished one could go on.")
-    ] = False,
-    junit: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write runs and limits as JUnit XML, for CI."),
-    ] = None,
+    name: _Name = "",
+    plan: _Plan = None,
+    dry_run: _DryRun = False,
+    anew: _Anew = False,
+    junit: _Junit = None,
     require_verdict: RequireVerdict = False,
     no_card: NoCard = False,
     json: Json = False,

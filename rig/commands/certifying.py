@@ -21,40 +21,49 @@ class PaperSize(str, Enum):  # noqa: UP042  StrEnum has another str() that shows
     letter = "letter"
 
 
+_Gear = Annotated[str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")]
+
+_Output = Annotated[
+    Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .pdf or .html.")
+]
+
+_Format = Annotated[
+    ReportFormat | None,
+    typer.Option(
+        "--format", help="Instead of the suffix of FILE; both writes the two side by side."
+    ),
+]
+
+_Config = Annotated[
+    Path | None,
+    typer.Option(
+        "--config",
+        metavar="FILE",
+        help="Description of the rig whose [laboratory] stands on the page; rig.toml, where there is one.",
+    ),
+]
+
+_Paper = Annotated[PaperSize, typer.Option("--paper", help="Size of the two pages.")]
+
+_Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 def certificate(
-    gear: Annotated[
-        str, typer.Option("--gear", metavar="SERIAL", help="Serial number of the gear.")
-    ],
-    output: Annotated[
-        Path, typer.Option("--output", "-o", metavar="FILE", help="What to write: .pdf or .html.")
-    ] = Path("certificate.pdf"),
-    format_: Annotated[
-        ReportFormat | None,
-        typer.Option(
-            "--format", help="Instead of the suffix of FILE; both writes the two side by side."
-        ),
-    ] = None,
+    gear: _Gear,
+    output: _Output = Path("certificate.pdf"),
+    format_: _Format = None,
     folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
         "runs"
     ),
     acceptance: AcceptanceFile = "",
-    config: Annotated[
-        Path | None,
-        typer.Option(
-            "--config",
-            metavar="FILE",
-            help="Description of the rig whose [laboratory] stands on the page; rig.toml, where there is one.",
-        ),
-    ] = None,
-    paper: Annotated[
-        PaperSize, typer.Option("--paper", help="Size of the two pages.")
-    ] = PaperSize.a4,
+    config: _Config = None,
+    paper: _Paper = PaperSize.a4,
     require_verdict: RequireVerdict = False,
     unsealed: Unsealed = False,
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: _Json = False,
 ) -> None:
     """Write the certificate of a gear: exactly two pages; all else is the report.
 

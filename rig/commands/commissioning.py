@@ -24,6 +24,26 @@ if TYPE_CHECKING:
     from rig.trial.commission.work import Seen, Work
 
 
+_Stages = Annotated[
+    list[str] | None,
+    typer.Argument(metavar="[STAGE]...", help="Only these; without, every one that is missing."),
+]
+
+_Confirm = Annotated[
+    str,
+    typer.Option(metavar="SERIAL", help="Arms it: the gear's serial number once more."),
+]
+
+_List = Annotated[
+    bool, typer.Option("--list", help="The stages, what each shows, what is missing; exit.")
+]
+
+_Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 @outliving_the_terminal()
 @with_order(
     "backend",
@@ -39,24 +59,11 @@ if TYPE_CHECKING:
 )
 def commission(
     said: Said,
-    stages: Annotated[
-        list[str] | None,
-        typer.Argument(
-            metavar="[STAGE]...", help="Only these; without, every one that is missing."
-        ),
-    ] = None,
-    confirm: Annotated[
-        str,
-        typer.Option(metavar="SERIAL", help="Arms it: the gear's serial number once more."),
-    ] = "",
-    list_: Annotated[
-        bool, typer.Option("--list", help="The stages, what each shows, what is missing; exit.")
-    ] = False,
+    stages: _Stages = None,
+    confirm: _Confirm = "",
+    list_: _List = False,
     no_card: NoCard = False,
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: _Json = False,
     events: Events = False,
     stdin_control: StdinControl = False,
 ) -> None:

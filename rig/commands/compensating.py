@@ -27,26 +27,33 @@ class FormWord(str, Enum):  # noqa: UP042  StrEnum has another str() that shows 
     fourier = "fourier"
 
 
+_Sources = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="RUN...|TABLE",
+        help="Runs of kinematic-error of one gear as it is mounted; or one of compensated-error; or a table.",
+    ),
+]
+
+_Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="A new file; without it nothing is written."
+    ),
+]
+
+_To = Annotated[
+    FormWord | None,
+    typer.Option(
+        "--to", help="Not the table (TOML) but the correction of a proved one, for a drive."
+    ),
+]
+
+
 def compensate(
-    sources: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="RUN...|TABLE",
-            help="Runs of kinematic-error of one gear as it is mounted; or one of compensated-error; or a table.",
-        ),
-    ],
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="A new file; without it nothing is written."
-        ),
-    ] = None,
-    to: Annotated[
-        FormWord | None,
-        typer.Option(
-            "--to", help="Not the table (TOML) but the correction of a proved one, for a drive."
-        ),
-    ] = None,
+    sources: _Sources,
+    output: _Output = None,
+    to: _To = None,
     json: Json = False,
 ) -> None:
     """Make a table that takes a gear's kinematic error out of the motion, and say what it will leave.

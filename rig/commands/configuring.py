@@ -31,35 +31,44 @@ Json = Annotated[
 ]
 
 
+_Example = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="A worked example of some devices in place of the template, such as epos4; "
+        "a name that there is not lists them.",
+    ),
+]
+
+_Motor = Annotated[
+    str,
+    typer.Option(
+        metavar="NAME",
+        help="Make the parameter set of this type of motor instead, from its nameplate.",
+    ),
+]
+
+_By = Annotated[
+    str, typer.Option("--by", metavar="NAME", help="With --motor: who read the nameplate.")
+]
+
+_Set = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help='With --motor: a value of the plate: --set rated_torque="0.637 N m"; that one is needed.',
+    ),
+]
+
+
 @config.command("new")
 def new(
     file: File = Path("rig.toml"),
-    example: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="A worked example of some devices in place of the template, such as epos4; "
-            "a name that there is not lists them.",
-        ),
-    ] = "",
-    motor: Annotated[
-        str,
-        typer.Option(
-            metavar="NAME",
-            help="Make the parameter set of this type of motor instead, from its nameplate.",
-        ),
-    ] = "",
-    by: Annotated[
-        str, typer.Option("--by", metavar="NAME", help="With --motor: who read the nameplate.")
-    ] = "",
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="NAME=VALUE",
-            help='With --motor: a value of the plate: --set rated_torque="0.637 N m"; that one is needed.',
-        ),
-    ] = None,
+    example: _Example = "",
+    motor: _Motor = "",
+    by: _By = "",
+    set_: _Set = None,
     json: Json = False,
 ) -> None:
     """Write a description with every word explained, to be filled in, and with an identity of its own for this bench.

@@ -16,40 +16,49 @@ if TYPE_CHECKING:
     from rig.trial.doctor.discover.proposal import Bus, FoundNode, Proposal
 
 
+_Interface = Annotated[
+    str,
+    typer.Option(help="As python-can names it: socketcan, pcan, kvaser, slcan, socketcand, ..."),
+]
+
+_BitRate = Annotated[
+    int,
+    typer.Option(
+        min=0,
+        metavar="BIT/S",
+        help="Bit rate of the bus; 0: found by listening, where the interface can listen without disturbing "
+        "(slcan, kvaser). socketcan and socketcand have their own: 1000000 is written where none is given.",
+    ),
+]
+
+_Argument = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="Handed to python-can, such as host=127.0.0.1 and port=29536.",
+    ),
+]
+
+_Write = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Write the description here; a file that exists is left alone."
+    ),
+]
+
+_Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 def discover(
-    interface: Annotated[
-        str,
-        typer.Option(
-            help="As python-can names it: socketcan, pcan, kvaser, slcan, socketcand, ..."
-        ),
-    ] = "socketcan",
+    interface: _Interface = "socketcan",
     channel: Annotated[str, typer.Option(help="The channel of the interface.")] = "can0",
-    bit_rate: Annotated[
-        int,
-        typer.Option(
-            min=0,
-            metavar="BIT/S",
-            help="Bit rate of the bus; 0: found by listening, where the interface can listen without disturbing "
-            "(slcan, kvaser). socketcan and socketcand have their own: 1000000 is written where none is given.",
-        ),
-    ] = 0,
-    argument: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="NAME=VALUE",
-            help="Handed to python-can, such as host=127.0.0.1 and port=29536.",
-        ),
-    ] = None,
-    write: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="Write the description here; a file that exists is left alone."
-        ),
-    ] = None,
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    bit_rate: _BitRate = 0,
+    argument: _Argument = None,
+    write: _Write = None,
+    json: _Json = False,
 ) -> None:
     """Find out who is on a bus and propose a description of the rig; what only a person knows is marked in it.
 

@@ -24,14 +24,14 @@ if TYPE_CHECKING:
     from rig.trial.doctor.examine import Examination
 
 
-Confirm = Annotated[
+_Confirm = Annotated[
     str,
     typer.Option(
         metavar="SERIAL", help="Arms motion on hardware: the gear's serial number once more."
     ),
 ]
 
-Move = Annotated[
+_Move = Annotated[
     bool | None,
     typer.Option(
         "--move/--no-move",
@@ -40,7 +40,7 @@ Move = Annotated[
     ),
 ]
 
-Bundle = Annotated[
+_Bundle = Annotated[
     Path | None,
     typer.Option(
         "--bundle",
@@ -49,7 +49,7 @@ Bundle = Annotated[
     ),
 ]
 
-Json = Annotated[
+_Json = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
 ]
@@ -69,12 +69,12 @@ Json = Annotated[
 )
 def doctor(
     said: Said,
-    confirm: Confirm = "",
-    move: Move = None,
-    bundle: Bundle = None,
+    confirm: _Confirm = "",
+    move: _Move = None,
+    bundle: _Bundle = None,
     no_card: NoCard = False,
     stdin_control: StdinControl = False,
-    json: Json = False,
+    json: _Json = False,
 ) -> None:
     """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed, 4 when it was stopped.
 

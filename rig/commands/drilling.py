@@ -13,24 +13,24 @@ if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
 
 
-Backend = Annotated[
+_Backend = Annotated[
     str | None,
     typer.Option(help="Which simulated rig: sim or wire; without it, whichever carries the fault."),
 ]
 
-Fault = Annotated[
+_Fault = Annotated[
     list[str] | None,
     typer.Option("--fault", metavar="NAME", help="Only this fault; may be given again."),
 ]
 
-Random = Annotated[
+_Random = Annotated[
     int,
     typer.Option(
         "--random", metavar="N", min=0, help="N faults drawn at random, at random cycles."
     ),
 ]
 
-Pairs = Annotated[
+_Pairs = Annotated[
     int,
     typer.Option(
         "--pairs",
@@ -40,7 +40,7 @@ Pairs = Annotated[
     ),
 ]
 
-WithoutFaults = Annotated[
+_WithoutFaults = Annotated[
     bool,
     typer.Option(
         "--without-faults",
@@ -48,39 +48,39 @@ WithoutFaults = Annotated[
     ),
 ]
 
-Compensated = Annotated[
+_Compensated = Annotated[
     bool,
     typer.Option("--compensated", help="Turn along a compensation table while the fault happens."),
 ]
 
-Seed = Annotated[int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")]
+_Seed = Annotated[int, typer.Option(min=0, help="Seed of the simulated rig and of what is random.")]
 
-Output = Annotated[
+_Output = Annotated[
     Path | None, typer.Option("--runs", metavar="DIR", help="Keep the run files here.")
 ]
 
-Markdown = Annotated[
+_Markdown = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")
 ]
 
-Json = Annotated[
+_Json = Annotated[
     bool,
     typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
 ]
 
 
 def drill(
-    backend: Backend = None,
-    fault: Fault = None,
-    random: Random = 0,
-    pairs: Pairs = 0,
-    without_faults: WithoutFaults = False,
-    compensated: Compensated = False,
-    seed: Seed = 0,
-    output: Output = None,
-    markdown: Markdown = None,
+    backend: _Backend = None,
+    fault: _Fault = None,
+    random: _Random = 0,
+    pairs: _Pairs = 0,
+    without_faults: _WithoutFaults = False,
+    compensated: _Compensated = False,
+    seed: _Seed = 0,
+    output: _Output = None,
+    markdown: _Markdown = None,
     list_: Annotated[bool, typer.Option("--list", help="List the faults and exit.")] = False,
-    json: Json = False,
+    json: _Json = False,
 ) -> None:
     """Let every fault happen on a simulated rig: what is detected, how soon, how the rig is made
     safe, what the file says.

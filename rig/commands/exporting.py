@@ -37,53 +37,68 @@ class FormWord(str, Enum):  # noqa: UP042
     linear = "linear"
 
 
+_Source = Annotated[
+    str,
+    typer.Argument(
+        metavar="GEAR|RUN",
+        help="Serial number of a gear with analysed runs, an analysed run file, or a parameter set (TOML, name).",
+    ),
+]
+
+_Side = Annotated[
+    SideWord, typer.Option("--side", help="Friction and inertia at the motor or at the joint.")
+]
+
+_Form = Annotated[
+    FormWord,
+    typer.Option(
+        "--form", help="MJCF's law of friction; linear is all that MuJoCo before 4 reads."
+    ),
+]
+
+_Samples = Annotated[
+    int,
+    typer.Option(
+        "--samples", metavar="N", help="Draw N gears from what is known, as a table beside."
+    ),
+]
+
+_Check = Annotated[
+    bool,
+    typer.Option(
+        "--check", help="Simulate it in the target, and print the difference (extra: export)."
+    ),
+]
+
+_Output = Annotated[
+    Path | None,
+    typer.Option(
+        "--output",
+        "-o",
+        metavar="FILE",
+        help="What to write; by default the gear's name with .json, .xml or .urdf.",
+    ),
+]
+
+_Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+
+
 def export_model(
-    source: Annotated[
-        str,
-        typer.Argument(
-            metavar="GEAR|RUN",
-            help="Serial number of a gear with analysed runs, an analysed run file, or a parameter set (TOML, name).",
-        ),
-    ],
+    source: _Source,
     to: Annotated[TargetWord, typer.Option("--to", help="The tool.")],
-    side: Annotated[
-        SideWord, typer.Option("--side", help="Friction and inertia at the motor or at the joint.")
-    ] = SideWord.joint,
-    form: Annotated[
-        FormWord,
-        typer.Option(
-            "--form", help="MJCF's law of friction; linear is all that MuJoCo before 4 reads."
-        ),
-    ] = FormWord.lugre,
-    samples: Annotated[
-        int,
-        typer.Option(
-            "--samples", metavar="N", help="Draw N gears from what is known, as a table beside."
-        ),
-    ] = 0,
+    side: _Side = SideWord.joint,
+    form: _Form = FormWord.lugre,
+    samples: _Samples = 0,
     seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check", help="Simulate it in the target, and print the difference (extra: export)."
-        ),
-    ] = False,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            metavar="FILE",
-            help="What to write; by default the gear's name with .json, .xml or .urdf.",
-        ),
-    ] = None,
+    check: _Check = False,
+    output: _Output = None,
     folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
         "runs"
     ),
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: _Json = False,
 ) -> None:
     """Write an identified gear for a simulator: JSON with covariance, MuJoCo's MJCF, or URDF.
 

@@ -30,42 +30,57 @@ class _TableFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sh
     parquet = "parquet"
 
 
+_Place = Annotated[
+    Path | None, typer.Argument(metavar="[DIR]", help="Folder of runs; runs without it.")
+]
+
+_Folder = Annotated[
+    Path | None, typer.Option("--runs", metavar="DIR", help="The same, as everywhere else.")
+]
+
+_Text = Annotated[
+    str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")
+]
+
+_Outcome = Annotated[
+    str,
+    typer.Option(metavar="WORD", help="Only runs that ended so: COMPLETED, ABORTED, TRIPPED, ..."),
+]
+
+_Origin = Annotated[
+    str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported.")
+]
+
+_Since = Annotated[
+    str | None, typer.Option(metavar="DAY", help="Only runs from this day on (YYYY-MM-DD).")
+]
+
+_Until = Annotated[
+    str | None, typer.Option(metavar="DAY", help="Only runs up to this day, itself included.")
+]
+
+_Last = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        metavar="N",
+        help="Only the newest N of what was found; 0 is all. "
+        "50 on a terminal, all with --json, unless said.",
+    ),
+]
+
+
 def runs(
-    place: Annotated[
-        Path | None, typer.Argument(metavar="[DIR]", help="Folder of runs; runs without it.")
-    ] = None,
-    folder: Annotated[
-        Path | None, typer.Option("--runs", metavar="DIR", help="The same, as everywhere else.")
-    ] = None,
-    text: Annotated[
-        str, typer.Option(metavar="WORDS", help="Only runs in which every word is found somewhere.")
-    ] = "",
+    place: _Place = None,
+    folder: _Folder = None,
+    text: _Text = "",
     gear: Annotated[str, typer.Option(metavar="SERIAL", help="Only runs of this gear.")] = "",
     protocol: Annotated[str, typer.Option(metavar="NAME", help="Only runs of this protocol.")] = "",
-    outcome: Annotated[
-        str,
-        typer.Option(
-            metavar="WORD", help="Only runs that ended so: COMPLETED, ABORTED, TRIPPED, ..."
-        ),
-    ] = "",
-    origin: Annotated[
-        str, typer.Option(metavar="WORD", help="hardware, simulated, replay or imported.")
-    ] = "",
-    since: Annotated[
-        str | None, typer.Option(metavar="DAY", help="Only runs from this day on (YYYY-MM-DD).")
-    ] = None,
-    until: Annotated[
-        str | None, typer.Option(metavar="DAY", help="Only runs up to this day, itself included.")
-    ] = None,
-    last: Annotated[
-        int | None,
-        typer.Option(
-            min=0,
-            metavar="N",
-            help="Only the newest N of what was found; 0 is all. "
-            "50 on a terminal, all with --json, unless said.",
-        ),
-    ] = None,
+    outcome: _Outcome = "",
+    origin: _Origin = "",
+    since: _Since = None,
+    until: _Until = None,
+    last: _Last = None,
     json: JsonFlag = False,
 ) -> None:
     """List the runs of a folder and the folders in it: number, protocol, gear, when, outcome, verdict; unreadable

@@ -14,48 +14,61 @@ if TYPE_CHECKING:
     from rig.fleet.gauge.study import Studies, Study
 
 
+_Results = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="[DATASET|CSV]",
+        help="Folder of results, or of the runs with them; or a table with the columns gear, bench, value.",
+    ),
+]
+
+_Quantity = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KIND.NAME", help="Only this quantity; key and limited ones without it."),
+]
+
+_Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Write a page: .html or .pdf."),
+]
+
+_Plan = Annotated[
+    bool,
+    typer.Option("--plan", help="Propose a study instead; by the one that is named, if any."),
+]
+
+_Within = Annotated[
+    float,
+    typer.Option(
+        min=1.0, max=50.0, metavar="POINTS", help="Wished half-width of %GRR, with --plan."
+    ),
+]
+
+_Benches = Annotated[
+    int, typer.Option(min=2, max=20, help="How many benches there are at most, with --plan.")
+]
+
+_Percent = Annotated[
+    float,
+    typer.Option(
+        min=1.0, max=99.0, metavar="%", help="%GRR to be expected, with --plan and no study."
+    ),
+]
+
+_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+
+
 def rr(
-    results: Annotated[
-        Path | None,
-        typer.Argument(
-            metavar="[DATASET|CSV]",
-            help="Folder of results, or of the runs with them; or a table with the columns gear, bench, value.",
-        ),
-    ] = None,
-    quantity: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="KIND.NAME", help="Only this quantity; key and limited ones without it."
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Write a page: .html or .pdf."),
-    ] = None,
+    results: _Results = None,
+    quantity: _Quantity = None,
+    output: _Output = None,
     origin: Origin = "",
     part: PartName = "",
-    plan: Annotated[
-        bool,
-        typer.Option("--plan", help="Propose a study instead; by the one that is named, if any."),
-    ] = False,
-    within: Annotated[
-        float,
-        typer.Option(
-            min=1.0, max=50.0, metavar="POINTS", help="Wished half-width of %GRR, with --plan."
-        ),
-    ] = 10.0,
-    benches: Annotated[
-        int, typer.Option(min=2, max=20, help="How many benches there are at most, with --plan.")
-    ] = 4,
-    percent: Annotated[
-        float,
-        typer.Option(
-            min=1.0, max=99.0, metavar="%", help="%GRR to be expected, with --plan and no study."
-        ),
-    ] = 30.0,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output.")
-    ] = False,
+    plan: _Plan = False,
+    within: _Within = 10.0,
+    benches: _Benches = 4,
+    percent: _Percent = 30.0,
+    json: _Json = False,
 ) -> None:
     """Say how well benches, mountings and repeats tell gears apart: %GRR, ndc, and what each part adds.
 

@@ -48,40 +48,47 @@ def _group() -> None:
     """Thousands of runs: fitted in parallel, asked as one table, simulated as a production."""
 
 
+_Names = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="DIR|GLOB|LIST...",
+        help="Folders of runs, patterns, lists (.txt, a path a line) or run files.",
+    ),
+]
+
+_Kind = Annotated[
+    str,
+    typer.Option(metavar="KIND", help="Kind of fit instead of that of each run's protocol."),
+]
+
+_Mapped = Annotated[
+    str,
+    typer.Option("--map", metavar="FROM=TO", help="Under which other path workers see the runs."),
+]
+
+_Output = Annotated[
+    Path | None,
+    typer.Option(metavar="DIR", help="Folder of the results; fleet-results in the first folder."),
+]
+
+_Stored = Annotated[
+    bool,
+    typer.Option("--store", help="Keep each analysis beside its run too, as `rig fit` does."),
+]
+
+
 @fleet.command("fit")
 def fit(
-    names: Annotated[
-        list[str],
-        typer.Argument(
-            metavar="DIR|GLOB|LIST...",
-            help="Folders of runs, patterns, lists (.txt, a path a line) or run files.",
-        ),
-    ],
-    kind: Annotated[
-        str,
-        typer.Option(metavar="KIND", help="Kind of fit instead of that of each run's protocol."),
-    ] = "",
+    names: _Names,
+    kind: _Kind = "",
     workers: Workers = 0,
     scheduler: Scheduler = "",
-    mapped: Annotated[
-        str,
-        typer.Option(
-            "--map", metavar="FROM=TO", help="Under which other path workers see the runs."
-        ),
-    ] = "",
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of the results; fleet-results in the first folder."
-        ),
-    ] = None,
+    mapped: _Mapped = "",
+    output: _Output = None,
     no_tare: NoTare = False,
     setting: Settings = None,
     acceptance: AcceptanceFile = "",
-    stored: Annotated[
-        bool,
-        typer.Option("--store", help="Keep each analysis beside its run too, as `rig fit` does."),
-    ] = False,
+    stored: _Stored = False,
     json: Json = False,
 ) -> None:
     """Fit every run that is not fitted yet, and keep the results as one table (Parquet).
@@ -133,31 +140,33 @@ def _print_failures(failed: Sequence[tuple[str, str]]) -> None:
         echo(f"  and {len(failed) - SHOWN} more")
 
 
-Protocols = Annotated[
+_Protocols = Annotated[
     str, typer.Option(metavar="NAME,...", help="By which protocols each gear is measured.")
 ]
 
-PerDay = Annotated[int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")]
+_PerDay = Annotated[int, typer.Option("--per-day", min=1, help="Gears a day on each bench.")]
 
-Crossed = Annotated[
+_Crossed = Annotated[
     bool,
     typer.Option("--crossed", help="A study of the gauge: every gear goes to every bench."),
 ]
 
-Mountings = Annotated[int, typer.Option(min=1, help="How often each gear is mounted on its bench.")]
+_Mountings = Annotated[
+    int, typer.Option(min=1, help="How often each gear is mounted on its bench.")
+]
 
-Repeats = Annotated[int, typer.Option(min=1, help="How often it is measured in each mounting.")]
+_Repeats = Annotated[int, typer.Option(min=1, help="How often it is measured in each mounting.")]
 
-Spread = Annotated[
+_Spread = Annotated[
     bool,
     typer.Option("--spread", help="Each gear at a stated angle of its own, spread over the turn."),
 ]
 
-Short = Annotated[
+_Short = Annotated[
     bool, typer.Option("--short", help="Short runs: fewer points, less time at each.")
 ]
 
-Setting = Annotated[
+_Setting = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
@@ -181,14 +190,14 @@ def simulate(
     gears: Annotated[int, typer.Option(min=1, help="How many gears are made.")],
     output: Annotated[Path, typer.Option(metavar="DIR", help="Folder of the production.")],
     benches: Annotated[int, typer.Option(min=1, help="On how many benches, in turn.")] = 1,
-    protocols: Protocols = "home,friction",
-    per_day: PerDay = 20,
-    crossed: Crossed = False,
-    mountings: Mountings = 1,
-    repeats: Repeats = 1,
-    spread: Spread = False,
-    short: Short = False,
-    setting: Setting = None,
+    protocols: _Protocols = "home,friction",
+    per_day: _PerDay = 20,
+    crossed: _Crossed = False,
+    mountings: _Mountings = 1,
+    repeats: _Repeats = 1,
+    spread: _Spread = False,
+    short: _Short = False,
+    setting: _Setting = None,
     workers: Workers = 0,
     scheduler: Scheduler = "",
     json: Json = False,

@@ -29,44 +29,55 @@ Json = Annotated[
 ]
 
 
+_Product = Annotated[
+    str,
+    typer.Argument(
+        metavar="PRODUCT", help="Part number with its unit type, such as SHG-32-100-2UH."
+    ),
+]
+
+_Serial = Annotated[
+    str, typer.Option("--serial", metavar="SERIAL", help="Serial number of the gear.")
+]
+
+_By = Annotated[
+    str, typer.Option("--by", metavar="NAME", help="Who says so; kept in set and card.")
+]
+
+_Mounting = Annotated[
+    str,
+    typer.Option("--mounting", metavar="WORD", help="circular-spline-fixed or flexspline-fixed."),
+]
+
+_Acceptance = Annotated[
+    str,
+    typer.Option(
+        "--acceptance",
+        metavar="FILE",
+        help="What it must show: a shipped acceptance file, or a TOML file.",
+    ),
+]
+
+_DespiteRuns = Annotated[
+    bool,
+    typer.Option("--despite-runs", help="Though runs of this serial number name another part."),
+]
+
+_Output = Annotated[
+    Path,
+    typer.Option("--runs", metavar="DIR", help="Folder of the run files; cards lie in its .gears."),
+]
+
+
 def new(
-    product: Annotated[
-        str,
-        typer.Argument(
-            metavar="PRODUCT", help="Part number with its unit type, such as SHG-32-100-2UH."
-        ),
-    ],
-    serial: Annotated[
-        str, typer.Option("--serial", metavar="SERIAL", help="Serial number of the gear.")
-    ],
-    by: Annotated[
-        str, typer.Option("--by", metavar="NAME", help="Who says so; kept in set and card.")
-    ],
+    product: _Product,
+    serial: _Serial,
+    by: _By,
     set_: Stated = None,
-    mounting: Annotated[
-        str,
-        typer.Option(
-            "--mounting", metavar="WORD", help="circular-spline-fixed or flexspline-fixed."
-        ),
-    ] = "",
-    acceptance: Annotated[
-        str,
-        typer.Option(
-            "--acceptance",
-            metavar="FILE",
-            help="What it must show: a shipped acceptance file, or a TOML file.",
-        ),
-    ] = "",
-    despite_runs: Annotated[
-        bool,
-        typer.Option("--despite-runs", help="Though runs of this serial number name another part."),
-    ] = False,
-    output: Annotated[
-        Path,
-        typer.Option(
-            "--runs", metavar="DIR", help="Folder of the run files; cards lie in its .gears."
-        ),
-    ] = Path("runs"),
+    mounting: _Mounting = "",
+    acceptance: _Acceptance = "",
+    despite_runs: _DespiteRuns = False,
+    output: _Output = Path("runs"),
     json: Json = False,
 ) -> None:
     """Make the parameter set and the card of a gear from its part number.

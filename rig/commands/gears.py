@@ -83,6 +83,11 @@ def show(serial: Serial, output: Folder = Path("runs"), json: Json = False) -> N
     _answer(card, json)
 
 
+_Serial = Annotated[str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")]
+
+_Confirm = Annotated[bool, typer.Option("--confirm", help="Confirm the card as it then is.")]
+
+
 @gear.command(
     "set",
     context_settings={
@@ -93,14 +98,10 @@ def show(serial: Serial, output: Folder = Path("runs"), json: Json = False) -> N
 )
 def set_(
     context: typer.Context,
-    serial: Annotated[
-        str, typer.Argument(metavar="SERIAL", help="Serial number of the gear.")
-    ] = "",
+    serial: _Serial = "",
     by: By = "",
     output: Folder = Path("runs"),
-    confirm: Annotated[
-        bool, typer.Option("--confirm", help="Confirm the card as it then is.")
-    ] = False,
+    confirm: _Confirm = False,
     json: Json = False,
     show_help: _HelpFlag = False,
 ) -> None:

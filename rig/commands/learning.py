@@ -30,36 +30,43 @@ def _group() -> None:
     """What a bench knows of itself: its output encoder, its torque scale."""
 
 
+_Runs = Annotated[
+    list[Path] | None,
+    typer.Argument(
+        metavar="[RUN]...",
+        help="Runs of kinematic-error or torque-scale; all of the folder without.",
+    ),
+]
+
+_BenchId = Annotated[
+    str, typer.Option("--bench", metavar="ID", help="Which bench, where there are several.")
+]
+
+_Output = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="A new file; beside the runs without it."),
+]
+
+_Due = Annotated[
+    datetime | None,
+    typer.Option(
+        formats=["%Y-%m-%d"],
+        metavar="YYYY-MM-DD",
+        help="Until when it is taken; a year without it.",
+    ),
+]
+
+_DryRun = Annotated[bool, typer.Option("--dry-run", help="Say what is learnt, write nothing.")]
+
+
 @bench.command("learn")
 def learn(
-    runs: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            metavar="[RUN]...",
-            help="Runs of kinematic-error or torque-scale; all of the folder without.",
-        ),
-    ] = None,
+    runs: _Runs = None,
     folder: Annotated[Path, _RUNS] = Path("runs"),
-    bench_id: Annotated[
-        str, typer.Option("--bench", metavar="ID", help="Which bench, where there are several.")
-    ] = "",
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output", "-o", metavar="FILE", help="A new file; beside the runs without it."
-        ),
-    ] = None,
-    due: Annotated[
-        datetime | None,
-        typer.Option(
-            formats=["%Y-%m-%d"],
-            metavar="YYYY-MM-DD",
-            help="Until when it is taken; a year without it.",
-        ),
-    ] = None,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say what is learnt, write nothing.")
-    ] = (False),
+    bench_id: _BenchId = "",
+    output: _Output = None,
+    due: _Due = None,
+    dry_run: _DryRun = (False),
     json: Json = False,
 ) -> None:
     """Learn the output encoder from gears that were mounted at stated angles, and the torque scale from known inertias.

@@ -75,7 +75,7 @@ StdinControl = Annotated[
 ]
 
 
-Repeat = Annotated[
+_Repeat = Annotated[
     str | None,
     typer.Option(
         metavar="RUN",
@@ -84,7 +84,7 @@ Repeat = Annotated[
     ),
 ]
 
-Confirm = Annotated[
+_Confirm = Annotated[
     str,
     typer.Option(
         metavar="SERIAL",
@@ -92,7 +92,7 @@ Confirm = Annotated[
     ),
 ]
 
-Uncommissioned = Annotated[
+_Uncommissioned = Annotated[
     str,
     typer.Option(
         metavar="SENTENCE",
@@ -100,7 +100,7 @@ Uncommissioned = Annotated[
     ),
 ]
 
-Everything = Annotated[
+_Everything = Annotated[
     bool,
     typer.Option("--all", help="All that was found and every margin, not only what matters."),
 ]
@@ -112,11 +112,11 @@ Everything = Annotated[
 def run(
     context: typer.Context,
     said: Said,
-    repeat: Repeat = None,
-    confirm: Confirm = "",
-    uncommissioned: Uncommissioned = "",
+    repeat: _Repeat = None,
+    confirm: _Confirm = "",
+    uncommissioned: _Uncommissioned = "",
     require_verdict: RequireVerdict = False,
-    everything: Everything = False,
+    everything: _Everything = False,
     no_card: NoCard = False,
     json: Json = False,
     events: Events = False,

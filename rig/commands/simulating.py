@@ -30,26 +30,26 @@ sim.command(
 )(certificate)
 
 
-Port = Annotated[
+_Port = Annotated[
     int,
     typer.Option(min=0, max=65535, help="TCP port of the socketcand hub; 0 takes a free one."),
 ]
 
-Channel = Annotated[str, typer.Option(metavar="NAME", help="Name of the bus that clients open.")]
+_Channel = Annotated[str, typer.Option(metavar="NAME", help="Name of the bus that clients open.")]
 
-Readout = Annotated[
+_Readout = Annotated[
     Literal["pty", "socket", "none"],
     typer.Option(help="Where the ND 287's serial line is: a pseudo-terminal, a socket."),
 ]
 
-Time = Annotated[
+_Time = Annotated[
     Literal["wall", "sync"],
     typer.Option(
         help="wall: the motor turns on while no SYNC comes; sync: it waits, and counts do not depend on speed."
     ),
 ]
 
-SampleRate = Annotated[
+_SampleRate = Annotated[
     float,
     typer.Option(
         "--sample-rate",
@@ -60,12 +60,12 @@ SampleRate = Annotated[
     ),
 ]
 
-Lifetime = Annotated[
+_Lifetime = Annotated[
     float | None,
     typer.Option(metavar="SECONDS", min=0.0, help="End after so long; without it, on Ctrl-C."),
 ]
 
-Faults = Annotated[
+_Faults = Annotated[
     list[str] | None,
     typer.Option(
         "--fault",
@@ -74,18 +74,20 @@ Faults = Annotated[
     ),
 ]
 
-Expose = Annotated[
+_Expose = Annotated[
     bool, typer.Option("--expose", help="Allow an address that other computers can reach.")
 ]
 
-Eds = Annotated[Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")]
+_Eds = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Write the devices' EDS files here.")
+]
 
-ConfigOut = Annotated[
+_ConfigOut = Annotated[
     Path | None,
     typer.Option("--config-out", metavar="FILE", help="Write the rig.toml that reaches this rig."),
 ]
 
-Json = Annotated[
+_Json = Annotated[
     bool, typer.Option("--json", help="Tell where it is as one JSON object on one line.")
 ]
 
@@ -102,18 +104,18 @@ Json = Annotated[
 def serve(
     said: Said,
     host: Annotated[str, typer.Option(metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
-    port: Port = 29536,
-    channel: Channel = "can0",
-    readout: Readout = "pty",
-    time: Time = "wall",
+    port: _Port = 29536,
+    channel: _Channel = "can0",
+    readout: _Readout = "pty",
+    time: _Time = "wall",
     without_gear: Annotated[bool, typer.Option("--no-gear", help="The bare motor.")] = False,
-    sample_rate: SampleRate = 250.0,
-    lifetime: Lifetime = None,
-    faults: Faults = None,
-    expose: Expose = False,
-    eds: Eds = None,
-    config_out: ConfigOut = None,
-    json: Json = False,
+    sample_rate: _SampleRate = 250.0,
+    lifetime: _Lifetime = None,
+    faults: _Faults = None,
+    expose: _Expose = False,
+    eds: _Eds = None,
+    config_out: _ConfigOut = None,
+    json: _Json = False,
 ) -> None:
     """Serve drive, counter, analogue inputs and readout behind a socketcand hub, in real time.
 

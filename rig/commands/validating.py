@@ -24,36 +24,45 @@ if TYPE_CHECKING:
     from rig.analysis.validate import Validation
 
 
+_Runs = Annotated[
+    list[Path], typer.Argument(metavar="RUN...", help="Runs of one protocol, to be fitted.")
+]
+
+_On = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--on",
+        metavar="RUN",
+        help="Judge on this run, which is not fitted; repeat it. Without it each run is held out in its turn.",
+    ),
+]
+
+_Against = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Fit nothing: hold this parameter set (TOML) against one run, and say how far apart they are.",
+    ),
+]
+
+_Kind = Annotated[str, typer.Option(help="Kind of fit, where the runs' protocol does not say it.")]
+
+_Plot = Annotated[
+    Path | None, typer.Option("--plot", metavar="FILE", help="Draw it as a picture (.png).")
+]
+
+
 def validate(
-    runs: Annotated[
-        list[Path], typer.Argument(metavar="RUN...", help="Runs of one protocol, to be fitted.")
-    ],
-    on: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--on",
-            metavar="RUN",
-            help="Judge on this run, which is not fitted; repeat it. Without it each run is held out in its turn.",
-        ),
-    ] = None,
-    against: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Fit nothing: hold this parameter set (TOML) against one run, and say how far apart they are.",
-        ),
-    ] = None,
-    kind: Annotated[
-        str, typer.Option(help="Kind of fit, where the runs' protocol does not say it.")
-    ] = "",
+    runs: _Runs,
+    on: _On = None,
+    against: _Against = None,
+    kind: _Kind = "",
     tare: Tare = None,
     no_tare: NoTare = False,
     parameters: Parameters = None,
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
-    plot: Annotated[
-        Path | None, typer.Option("--plot", metavar="FILE", help="Draw it as a picture (.png).")
-    ] = None,
+    plot: _Plot = None,
     unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:

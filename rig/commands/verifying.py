@@ -19,39 +19,44 @@ if TYPE_CHECKING:
     from rig.trial.manifest import HeldManifest
 
 
+_Places = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="FILE|FOLDER...",
+        help="Runs, analyses, journals, certificates, or their folders.",
+    ),
+]
+
+_Recompute = Annotated[
+    bool,
+    typer.Option("--recompute", help="Fit each stored analysis again and compare every number."),
+]
+
+_Manifest = Annotated[
+    Path | None,
+    typer.Option(
+        "--manifest",
+        metavar="FILE",
+        help="List all evidence of the folder in FILE by name, kind and SHA-256; "
+        "where FILE is there already, tell what is missing, changed or added since instead.",
+    ),
+]
+
+_Gear = Annotated[
+    str,
+    typer.Option(metavar="SERIAL", help="List only this gear, with the tares that it rests on."),
+]
+
+_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+
+
 def verify(
-    places: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE|FOLDER...",
-            help="Runs, analyses, journals, certificates, or their folders.",
-        ),
-    ],
-    recompute: Annotated[
-        bool,
-        typer.Option(
-            "--recompute", help="Fit each stored analysis again and compare every number."
-        ),
-    ] = False,
-    manifest: Annotated[
-        Path | None,
-        typer.Option(
-            "--manifest",
-            metavar="FILE",
-            help="List all evidence of the folder in FILE by name, kind and SHA-256; "
-            "where FILE is there already, tell what is missing, changed or added since instead.",
-        ),
-    ] = None,
-    gear: Annotated[
-        str,
-        typer.Option(
-            metavar="SERIAL", help="List only this gear, with the tares that it rests on."
-        ),
-    ] = "",
+    places: _Places,
+    recompute: _Recompute = False,
+    manifest: _Manifest = None,
+    gear: _Gear = "",
     unsealed: Unsealed = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output.")
-    ] = False,
+    json: _Json = False,
 ) -> None:
     """Check that runs are what was recorded, and what was found of them what was stored; names the first broken link.
 
