@@ -162,10 +162,17 @@ def _is_size(name: str) -> bool:
 
 def _warnings(fit: MomentFit, estimates: Mapping[str, Estimate]) -> tuple[str, ...]:
     """What a reader must know of the fit."""
+    sizes = [estimate for name, estimate in estimates.items() if _is_size(name)]
+    negative = [estimate for estimate in sizes if estimate.value < 0.0]
+    # A force of the wrong sign turns all of them round; of one alone something else is the cause.
+    cause = (
+        "check the sign of the force"
+        if len(negative) == len(sizes)
+        else "what moves this axis beside inertia and friction is in it (a load over position, another axis, a lag)"
+    )
     warnings = [
-        f"{name} is {estimate.value:.4g} {estimate.unit}, which is not physical: check the sign of the force."
-        for name, estimate in estimates.items()
-        if _is_size(name) and estimate.value < 0.0
+        f"{one.name} is {one.value:.4g} {one.unit}, which is not physical: {cause}."
+        for one in negative
     ]
     if not fit.relative_error <= LARGEST_ERROR:
         warnings.append(

@@ -275,6 +275,18 @@ def test_a_sign_that_is_wrong_is_no_result(gear: HarmonicDrive) -> None:
     assert any("not physical" in warning for warning in turned.warnings)
 
 
+def test_the_sign_is_named_where_it_decides_and_nothing_else(gear: HarmonicDrive) -> None:
+    turned = moved()
+    turned = replace(turned, torque=-turned.torque)
+    said = [w for w in fitted(turned.recording(), gear).warnings if "not physical" in w]
+    assert len(said) >= 3
+    assert all("check the sign" in w for w in said)
+    heavy = moved(gravity=40.0)
+    said = [w for w in fitted(heavy.recording(), gear).warnings if "not physical" in w]
+    assert said
+    assert all("a load over position" in w and "sign" not in w for w in said)
+
+
 def test_the_filter_is_a_line_of_every_budget(gear: HarmonicDrive) -> None:
     result = fitted(moved(dwell=0.2).recording(), gear)
     for name in ("inertia", "viscous", "coulomb", "offset"):
