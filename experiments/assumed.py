@@ -8,6 +8,7 @@ assumed lines for more than half of its U^2 is at most "weakly" (`rests_on`, `ex
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -238,6 +239,13 @@ def assumed_kinds(estimate: Estimate) -> tuple[str, ...]:
     lines = [line for line in estimate.budget if line.assumed and line.standard_uncertainty > 0.0]
     lines.sort(key=lambda line: -line.standard_uncertainty)
     return tuple(dict.fromkeys(line.assumed for line in lines))
+
+
+def replacing(estimates: Iterable[Estimate]) -> dict[str, str]:
+    """By kind of what numbers rest on although nobody said it: what states it."""
+    kinds = dict.fromkeys(k for e in estimates if rests_on(e) for k in assumed_kinds(e)[:2])
+    told = {row.kind: row.replaced_by for row in TABLE}
+    return {kind: told[kind] for kind in kinds if kind in told}
 
 
 def rests_on(estimate: Estimate) -> str:

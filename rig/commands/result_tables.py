@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich.console import Console
 
+from experiments.assumed import replacing
 from experiments.finding import Severity
 from experiments.result import Result
 from rig.analysis.judging import GearVerdict
@@ -45,6 +46,8 @@ def print_result(
     ]
     for name, note in notes:
         out.print(Text(f"  {name}: {note}", style="dim"))
+    for kind, how in replacing(result.estimates.values()).items():
+        out.print(Text(f"  {kind} is assumed; what states it: {how}", style="dim"))
     print_metrics(out, result)
     if verdict is not None:
         print_verdict(out, verdict)

@@ -19,6 +19,7 @@ from experiments.assumed import (
     TORQUE_SCALE,
     TORQUE_ZERO,
     assumed_kinds,
+    replacing,
     rests_on,
 )
 from experiments.budget import scale_line, timed, zero_uncertainty
@@ -215,3 +216,14 @@ def test_an_accuracy_class_is_divided_once_on_its_way_into_the_budget(
     (line,) = [line for line in lines if line.cause is Cause.OUTPUT_ENCODER]
     assert line.standard_uncertainty == pytest.approx(half_width / math.sqrt(3.0), rel=0.02)
     assert not line.assumed
+
+
+def test_what_states_it_is_named_by_kind() -> None:
+    one = Estimate(name="torque", value=1.0, unit="N m", low=0.9, high=1.1).with_budget(
+        [TORQUE_SCALE.line("scale", 0.04), BudgetLine("noise", "A", 0.001)]
+    )
+    known = Estimate(name="angle", value=1.0, unit="rad", low=0.9, high=1.1).with_budget(
+        [BudgetLine("noise", "A", 0.01)]
+    )
+    assert replacing([one, known, one]) == {TORQUE_SCALE.kind: TORQUE_SCALE.replaced_by}
+    assert replacing([known]) == {}

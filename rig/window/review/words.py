@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
+from experiments.assumed import replacing
 from experiments.result import Plot, Result
 from rig.analysis.judging import GearVerdict, held_against
 from rig.analysis.rows import budget_grid, limit_words, metric_grid, proof_words
@@ -46,6 +47,8 @@ def result_page(result: Result, palette: Palette, judged: GearVerdict | None = N
     if result.warnings:
         lines = "".join(f"<li>{html.escape(w)}</li>" for w in result.warnings)
         parts.append(f'<h4 style="color:{palette.warning}">To beware of</h4><ul>{lines}</ul>')
+    if unsaid := replacing(result.estimates.values()):
+        parts.append(facts_html("Assumed, and what states it", unsaid.items(), palette))
     if judged is not None:
         parts.append(f"<p>{html.escape(_verdict_words(judged))}</p>")
     if proof := proof_words(result):
