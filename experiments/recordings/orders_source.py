@@ -16,7 +16,7 @@ from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording
 from experiments.torque.zero import torque_zero
 from model.arrays import BoolArray, FloatArray
-from model.identify.orders.by_speed import ChangingOrder, Moved
+from model.identify.orders.by_speed import ChangingOrder, Moved, SpeedTrend
 from model.identify.orders.samples import CHUNK, Piece
 from model.identify.orders.turning import DeadZone, runs_of
 
@@ -64,7 +64,7 @@ class OrderSource:
 
     def pieces(self) -> Iterator[Piece]:
         """The samples, in the order they were recorded."""
-        return self.without({})
+        return self.without({}, {})
 
     def moved(self, direction: int) -> Iterator[Moved]:
         """The samples of one direction with the speed of the angle."""
@@ -72,12 +72,22 @@ class OrderSource:
             if part.direction == direction:
                 yield Moved(part.angle, part.value, part.speed())
 
-    def without(self, changing: Mapping[int, tuple[ChangingOrder, ...]]) -> Iterator[Piece]:
-        """The samples without what orders have beyond their amplitude at the middle speed, by direction."""
+    def without(
+        self,
+        trends: Mapping[int, SpeedTrend],
+        changing: Mapping[int, tuple[ChangingOrder, ...]],
+    ) -> Iterator[Piece]:
+        """The samples without the trend over the speed, and without what orders have beyond their amplitude at the
+        middle speed, by direction.
+        """
         for part in self.parts():
-            value = part.value
-            for one in changing.get(part.direction, ()):
-                value = value - one.beyond(part.angle, part.speed())
+            value, trend = part.value, trends.get(part.direction)
+            orders = changing.get(part.direction, ())
+            if trend is not None or orders:
+                speed = part.speed()
+                value = value - (0.0 if trend is None else trend.value(speed))
+                for one in orders:
+                    value = value - one.beyond(part.angle, speed)
             yield Piece.of(part.number, part.direction, part.angle, value, self.quantum)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 from experiments.contract import Evidence
@@ -24,7 +25,13 @@ from experiments.recordings.orders_words import (
 )
 from experiments.result import Result, way_of
 from experiments.setting import names_of
-from model.identify.orders.by_speed import ChangingOrder, changing_orders, speed_range
+from model.identify.orders.by_speed import (
+    ChangingOrder,
+    SpeedTrend,
+    changing_orders,
+    speed_range,
+    speed_trend,
+)
 from model.identify.orders.fit import fit_samples
 from model.identify.orders.near_two import near_two
 from model.identify.orders.samples import OrderSamples
@@ -64,10 +71,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         samples = OrderSamples.gathered(source.pieces, highest, has_line=source.has_line)
         _require_turns(recording, samples, highest)
         search = Search(highest, stated if on_input else math.nan)
-        changing = _changing(recording, source, samples, search)
-        if changing:
-            rest = functools.partial(source.without, changing)
-            samples = OrderSamples.gathered(rest, highest, has_line=source.has_line)
+        samples, changing = _at_one_speed(recording, source, samples, search, channel)
         fit = fit_samples(samples, search)
     warnings += [*source.warnings, *said_of(fit, source.left_out)]
     explained = near_two(fit, stated, _measured_ratio(recording)) if on_input else None
@@ -94,20 +98,42 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     )
 
 
-def _changing(
-    recording: Recording, source: OrderSource, samples: OrderSamples, search: Search
-) -> dict[int, tuple[ChangingOrder, ...]]:
-    """By direction the orders whose amplitude changes with the speed; empty where the speed is steady, or not known."""
+def _at_one_speed(
+    recording: Recording, source: OrderSource, samples: OrderSamples, search: Search, channel: str
+) -> tuple[OrderSamples, dict[int, tuple[ChangingOrder, ...]]]:
+    """The samples as the middle speed would have them, and by direction the orders whose amplitude changes with it.
+
+    They are what they were where the speed is steady, or not known.
+    """
     if recording.metadata.time_base == "none" or recording.has(NOMINAL_ANGLE):
-        return {}
+        return samples, {}
     varied = [d for d in samples.directions if speed_range(source.moved(d)) is not None]
+    trends = {
+        d: trend
+        for d in (varied if channel in EFFORTS else ())
+        if (trend := speed_trend(functools.partial(source.moved, d))) is not None
+    }
+    if trends:
+        samples = _gathered(source, search, trends, {})
     if not varied:
-        return {}
+        return samples, {}
     # The strongest lines are enough here: with all of them every sidelobe would be searched first.
     first = fit_samples(samples, replace(search, rounds=FIRST_ROUNDS))
     strongest = [order.order for order in first.orders]
     found = {d: changing_orders(functools.partial(source.moved, d), strongest) for d in varied}
-    return {d: orders for d, orders in found.items() if orders}
+    changing = {d: orders for d, orders in found.items() if orders}
+    return (_gathered(source, search, trends, changing) if changing else samples), changing
+
+
+def _gathered(
+    source: OrderSource,
+    search: Search,
+    trends: Mapping[int, SpeedTrend],
+    changing: Mapping[int, tuple[ChangingOrder, ...]],
+) -> OrderSamples:
+    """The samples without what changes with the speed."""
+    rest = functools.partial(source.without, trends, changing)
+    return OrderSamples.gathered(rest, search.highest, has_line=source.has_line)
 
 
 def channel_of(recording: Recording, settings: dict[str, object]) -> tuple[str, str]:

@@ -74,6 +74,39 @@ class ChangingOrder:
         return np.asarray(self.powers @ np.stack([np.ones_like(x), x, x**2]), dtype=np.complex128)
 
 
+@dataclass(frozen=True)
+class SpeedTrend:
+    """What a channel has over the speed besides waves (viscous friction): `powers` of x and x^2 (2,) about the middle.
+
+    Over an angle that is turned at a changing speed it would be lines of orders far below one.
+    """
+
+    middle: float
+    slow: float
+    fast: float
+    powers: Array
+
+    def value(self, speed: Array) -> Array:
+        """At speeds (n,) [rad/s], beside that at the middle speed."""
+        x = (np.clip(np.abs(speed), self.slow, self.fast) - self.middle) / self.middle
+        return np.asarray(self.powers[0] * x + self.powers[1] * x**2, dtype=np.float64)
+
+
+def speed_trend(samples: Callable[[], Iterable[Moved]]) -> SpeedTrend | None:
+    """The trend of one direction over the speed; None where that is steady, or where it predicts nothing unseen."""
+    found_range = speed_range(samples())
+    if found_range is None:
+        return None
+    slow, fast, rows = found_range
+    blocks = list(_blocks(samples(), (), (slow, fast), rows))
+    if len(blocks) < LEAST_BLOCKS or np.linalg.cond(_total(blocks)[0]) > 1e12:
+        return None
+    if not _unseen_error(blocks, np.arange(_TREND)) < _unseen_error(blocks, np.arange(1)):
+        return None
+    found, _ = _fitted(blocks)
+    return SpeedTrend(0.5 * (slow + fast), slow, fast, found[1:_TREND])
+
+
 def changing_orders(
     samples: Callable[[], Iterable[Moved]], orders: Sequence[float]
 ) -> tuple[ChangingOrder, ...]:

@@ -19,6 +19,8 @@ def test_it_is_one_row_and_its_sidelobes_are_none(gear: HarmonicDrive) -> None:
     result = analyse(recording, Evidence(gear, settings={"highest_order": 8}))
     near = [name for name in result.estimates if name.startswith(("amplitude_2", "amplitude_1.9"))]
     assert near == ["amplitude_2"]
+    # What follows the speed is no order: far below one there is no line.
+    assert set(result.estimates) == {"amplitude_1", "amplitude_2"}
     assert result.estimates["amplitude_2"].value == pytest.approx(0.2, abs=2e-3)
     assert "changes with speed, forward 0.12" in result.estimates["amplitude_2"].note
     plot = next(plot for plot in result.plots if plot.name == "amplitude-over-speed")

@@ -5,7 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from model.identify.orders.by_speed import ChangingOrder, Moved, changing_orders, speed_range
+from model.identify.orders.by_speed import (
+    ChangingOrder,
+    Moved,
+    changing_orders,
+    speed_range,
+    speed_trend,
+)
 
 
 def swung(
@@ -91,3 +97,13 @@ def test_a_short_recording_tells_no_change() -> None:
         for k in (0, 3000)
     ]
     assert changing_orders(lambda: few, (2.0, 1.0)) == ()
+
+
+def test_the_trend_over_the_speed_is_told_where_it_predicts() -> None:
+    one = swung(noise=0.0, growth=0.0)
+    trend = speed_trend(lambda: [one])
+    assert trend is not None
+    speeds = np.linspace(trend.slow, trend.fast, 9)
+    middle = trend.middle / 60.0
+    np.testing.assert_allclose(trend.value(speeds), 0.1 * (speeds / 60.0 - middle), atol=2e-3)
+    assert speed_trend(lambda: [swung(swing=0.05)]) is None
