@@ -25,6 +25,10 @@ BY_STATED_SPEED = (
     "The angle is the stated speed times the time: where the speed was another, the orders are at its share of theirs, "
     "and where it wandered they are smeared over their neighbours and too small."
 )
+BESIDE_TREND = (
+    "What follows the speed (viscous friction) was taken off before the orders were looked for: it would be lines of "
+    "orders far below one."
+)
 
 
 def by_stated_speed(estimate: Estimate) -> Estimate:

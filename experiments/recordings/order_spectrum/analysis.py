@@ -17,6 +17,7 @@ from experiments.recordings.order_spectrum.declaration import NAME, QUANTITIES, 
 from experiments.recordings.orders_plots import by_speed_plots, orders_table, spectrum_plot
 from experiments.recordings.orders_source import KINEMATIC_ERROR, OrderSource, order_source
 from experiments.recordings.orders_words import (
+    BESIDE_TREND,
     BY_STATED_SPEED,
     by_speed,
     by_stated_speed,
@@ -71,14 +72,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         samples = OrderSamples.gathered(source.pieces, highest, has_line=source.has_line)
         _require_turns(recording, samples, highest)
         search = Search(highest, stated if on_input else math.nan)
-        samples, changing = _at_one_speed(recording, source, samples, search, channel)
+        samples, trends, changing = _at_one_speed(recording, source, samples, search, channel)
         fit = fit_samples(samples, search)
     warnings += [*source.warnings, *said_of(fit, source.left_out)]
     explained = near_two(fit, stated, _measured_ratio(recording)) if on_input else None
     chosen = replace(fit, orders=fit.orders[:STRONGEST])
     estimates = order_estimates(chosen, recording, channel, unit)
     estimates, said = by_speed(estimates, changing, unit)
-    warnings += said
+    warnings += [*said, *([BESIDE_TREND] if trends else [])]
     if angle_name == NOMINAL_ANGLE:
         warnings.append(BY_STATED_SPEED)
         estimates = {k: by_stated_speed(e) for k, e in estimates.items()}
@@ -100,13 +101,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
 def _at_one_speed(
     recording: Recording, source: OrderSource, samples: OrderSamples, search: Search, channel: str
-) -> tuple[OrderSamples, dict[int, tuple[ChangingOrder, ...]]]:
-    """The samples as the middle speed would have them, and by direction the orders whose amplitude changes with it.
+) -> tuple[OrderSamples, dict[int, SpeedTrend], dict[int, tuple[ChangingOrder, ...]]]:
+    """The samples as the middle speed would have them, and by direction the trend over the speed and the orders whose
+    amplitude changes with it.
 
     They are what they were where the speed is steady, or not known.
     """
     if recording.metadata.time_base == "none" or recording.has(NOMINAL_ANGLE):
-        return samples, {}
+        return samples, {}, {}
     varied = [d for d in samples.directions if speed_range(source.moved(d)) is not None]
     trends = {
         d: trend
@@ -116,13 +118,15 @@ def _at_one_speed(
     if trends:
         samples = _gathered(source, search, trends, {})
     if not varied:
-        return samples, {}
+        return samples, {}, {}
     # The strongest lines are enough here: with all of them every sidelobe would be searched first.
     first = fit_samples(samples, replace(search, rounds=FIRST_ROUNDS))
     strongest = [order.order for order in first.orders]
     found = {d: changing_orders(functools.partial(source.moved, d), strongest) for d in varied}
     changing = {d: orders for d, orders in found.items() if orders}
-    return (_gathered(source, search, trends, changing) if changing else samples), changing
+    if changing:
+        samples = _gathered(source, search, trends, changing)
+    return samples, trends, changing
 
 
 def _gathered(

@@ -25,4 +25,5 @@ def test_it_is_one_row_and_its_sidelobes_are_none(gear: HarmonicDrive) -> None:
     assert "changes with speed, forward 0.12" in result.estimates["amplitude_2"].note
     plot = next(plot for plot in result.plots if plot.name == "amplitude-over-speed")
     assert [series.label for series in plot.series] == ["order 2, forward"]
+    assert any("What follows the speed" in warning for warning in result.warnings)
     assert any("order 2 changes with speed" in warning for warning in result.warnings)
