@@ -44,6 +44,8 @@ STRONGEST = 12
 HIGHEST = 64.0
 FIRST_ROUNDS = 2
 """Rounds of the search that find the lines whose amplitude may change with the speed."""
+TURNS_OF_A_TREND = 20.0
+"""Revolutions from which on a trend over the speed is taken off: over fewer that of each stretch follows it."""
 
 PERIODS = 50.0
 """Periods of the highest order that an angle below one revolution must cover."""
@@ -113,7 +115,8 @@ def _at_one_speed(
     trends = {
         d: trend
         for d in (varied if channel in EFFORTS else ())
-        if (trend := speed_trend(functools.partial(source.moved, d))) is not None
+        if samples.revolutions(d) >= TURNS_OF_A_TREND
+        and (trend := speed_trend(functools.partial(source.moved, d))) is not None
     }
     if trends:
         samples = _gathered(source, search, trends, {})
