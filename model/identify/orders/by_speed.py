@@ -9,6 +9,7 @@ recording, each with what it pulls (a sandwich), so that what moves slowly count
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ LOWEST, BESIDE = 0.5, 0.25
 """The lowest order that is looked at: a slower one is the trend over the speed; and how far from a stronger one."""
 BLOCKS, LEAST_BLOCKS = 24, 8
 """Parts of the recording that tell how much a coefficient is pulled, and what it predicts of what it has not seen."""
+UNSEEN_PARTS = 4
+"""Parts of the way, each of which the others must predict better with the change than without it."""
 PERIODS = 2.0
 """Of the order, that a part must hold to tell its amplitude."""
 _SLOW, _FAST = 5.0, 95.0
@@ -101,7 +104,7 @@ def speed_trend(samples: Callable[[], Iterable[Moved]]) -> SpeedTrend | None:
     blocks = list(_blocks(samples(), (), (slow, fast), rows))
     if len(blocks) < LEAST_BLOCKS or np.linalg.cond(_total(blocks)[0]) > 1e12:
         return None
-    if not _unseen_error(blocks, np.arange(_TREND)) < _unseen_error(blocks, np.arange(1)):
+    if not _is_predicted(blocks, np.arange(_TREND), np.arange(1)):
         return None
     found, _ = _fitted(blocks)
     return SpeedTrend(0.5 * (slow + fast), slow, fast, found[1:_TREND])
@@ -131,7 +134,7 @@ def changing_orders(
             one, found[change], covariance[np.ix_(change, change)], len(blocks)
         ):
             without = np.setdiff1d(np.arange(len(found)), change)
-            if _unseen_error(blocks, np.arange(len(found))) < _unseen_error(blocks, without):
+            if _is_predicted(blocks, np.arange(len(found)), without):
                 changing.append(one)
     return tuple(changing)
 
@@ -197,19 +200,30 @@ def _fitted(blocks: Sequence[_Block]) -> tuple[Array, Array]:
     return found, covariance
 
 
-def _unseen_error(blocks: Sequence[_Block], columns: IntArray) -> float:
-    """Sum of squares that a fit of some columns leaves of each block when it is fitted to all others."""
+def _is_predicted(blocks: Sequence[_Block], columns: IntArray, without: IntArray) -> bool:
+    """Whether every part of the way is predicted better by the others with all of the columns than with some."""
+    return bool(np.all(_unseen_errors(blocks, columns) < _unseen_errors(blocks, without)))
+
+
+def _unseen_errors(blocks: Sequence[_Block], columns: IntArray) -> Array:
+    """Sum of squares that a fit of some columns leaves of each part of the way when it is fitted to all others.
+
+    Parts are long: what wanders with time or place is alike in neighbouring blocks, and would predict itself.
+    """
     square = np.ix_(columns, columns)
     whole, right = _total(blocks)
     squares, cross = whole[square], right[columns]
-    left = 0.0
-    for one in blocks:
-        found = np.linalg.lstsq(
-            squares - one.squares[square], cross - one.cross[columns], rcond=None
-        )[0]
-        left += one.power - 2.0 * float(found @ one.cross[columns])
-        left += float(found @ one.squares[square] @ found)
-    return left
+    left: list[float] = []
+    ends = [len(blocks) * k // UNSEEN_PARTS for k in range(UNSEEN_PARTS + 1)]
+    for begin, end in itertools.pairwise(ends):
+        part = blocks[begin:end]
+        own, power = _total(part), math.fsum(block.power for block in part)
+        one = _Block(*own, power, 0.0)
+        others, rest = squares - one.squares[square], cross - one.cross[columns]
+        found: Array = np.asarray(np.linalg.lstsq(others, rest, rcond=None)[0], dtype=np.float64)
+        cross_left = 2.0 * float(found @ one.cross[columns])
+        left.append(one.power - cross_left + float(found @ one.squares[square] @ found))
+    return np.array(left)
 
 
 def _columns(angle: Array, speed: Array, orders: Sequence[float], middle: float) -> Array:

@@ -76,6 +76,9 @@ def test_a_number_that_is_chosen_shows_its_budget_and_leads_to_its_points(
     chosen = details.gallery.plots[details.gallery.titles.currentRow()]
     assert chosen.name == plot_of(details.gallery.plots, results.chosen)
     assert "torque" in chosen.title.lower()
+    details.gallery.choose(next(p.name for p in details.gallery.plots if p.name != chosen.name))
+    results.page.anchorClicked.emit(QUrl(POINTS))
+    assert details.gallery.plots[details.gallery.titles.currentRow()] is chosen
 
 
 def test_a_run_is_fitted_beside_the_window_and_its_figures_are_marked(

@@ -107,3 +107,23 @@ def test_the_trend_over_the_speed_is_told_where_it_predicts() -> None:
     middle = trend.middle / 60.0
     np.testing.assert_allclose(trend.value(speeds), 0.1 * (speeds / 60.0 - middle), atol=2e-3)
     assert speed_trend(lambda: [swung(swing=0.05)]) is None
+
+
+def wandering(seed: int) -> Moved:
+    """Order 2 whose size and phase wander with time while the speed swings once or less."""
+    random = np.random.default_rng(seed)
+    time = np.arange(12_000) * 1e-3
+    swing = 2.0 * np.pi * time / random.uniform(8.0, 30.0) + random.uniform(0.0, 6.0)
+    speed = 60.0 * (1.0 + 0.4 * np.sin(swing))
+    angle = np.cumsum(speed) * 1e-3
+    places = np.linspace(0.0, len(time), 7)
+    rows = np.arange(len(time))
+    size = np.interp(rows, places, 0.2 + 0.15 * random.standard_normal(7))
+    phase = np.interp(rows, places, np.cumsum(0.8 * random.standard_normal(7)))
+    noise = 0.02 * random.standard_normal(len(time))
+    return Moved(angle, 0.4 + size * np.cos(2.0 * angle + phase) + noise, speed)
+
+
+def test_what_wanders_with_time_is_hardly_taken_for_a_change_with_speed() -> None:
+    """Every part of the way must be predicted by the others: neighbours alone would let four of five through."""
+    assert sum(changing(wandering(seed), (2.0,)) != () for seed in range(40)) <= 6
