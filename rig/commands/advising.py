@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.judgement import AcceptanceFile
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from rig.analysis.advised import Advised
@@ -33,11 +33,6 @@ _Target = Annotated[
     ),
 ]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 def next_(
     source: _Source,
@@ -46,7 +41,7 @@ def next_(
         "runs"
     ),
     acceptance: AcceptanceFile = "",
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Say what to run next: for every limit that is open or MARGINAL, and for each --target, one sentence, one command.
 

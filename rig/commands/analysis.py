@@ -14,7 +14,7 @@ from rig.commands.judgement import (
     refuse_unknown_acceptance,
 )
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import console, echo, nearest, painted, print_json
+from rig.commands.terminal import Json, console, echo, nearest, painted, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     from rig.analysis.fit_run import Choices
     from rig.analysis.judging import GearVerdict
 
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
-]
 Parameters = Annotated[
     Path | None,
     typer.Option(

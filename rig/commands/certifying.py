@@ -11,7 +11,7 @@ import typer
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.reporting import ReportFormat, suffixes_of
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import console, echo, print_json
+from rig.commands.terminal import Json, console, echo, print_json
 
 
 class PaperSize(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -45,11 +45,6 @@ _Config = Annotated[
 
 _Paper = Annotated[PaperSize, typer.Option("--paper", help="Size of the two pages.")]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 def certificate(
     gear: _Gear,
@@ -63,7 +58,7 @@ def certificate(
     paper: _Paper = PaperSize.a4,
     require_verdict: RequireVerdict = False,
     unsealed: Unsealed = False,
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Write the certificate of a gear: exactly two pages; all else is the report.
 

@@ -11,7 +11,7 @@ import typer
 
 from rig.commands.ordering import NoCard, Said, with_order
 from rig.commands.running import Events, StdinControl
-from rig.commands.terminal import console, echo, outliving_the_terminal, painted, print_json
+from rig.commands.terminal import Json, console, echo, outliving_the_terminal, painted, print_json
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,11 +38,6 @@ _List = Annotated[
     bool, typer.Option("--list", help="The stages, what each shows, what is missing; exit.")
 ]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 @outliving_the_terminal()
 @with_order(
@@ -63,7 +58,7 @@ def commission(
     confirm: _Confirm = "",
     list_: _List = False,
     no_card: NoCard = False,
-    json: _Json = False,
+    json: Json = False,
     events: Events = False,
     stdin_control: StdinControl = False,
 ) -> None:

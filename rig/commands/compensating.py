@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from model.units import ARCSEC, RPM
-from rig.commands.analysis import Json
-from rig.commands.terminal import console, echo, fact_table, painted, print_json
+from rig.commands.terminal import Json, console, echo, fact_table, painted, print_json
 
 if TYPE_CHECKING:
     from model.compensation import CompensationTable, Proof

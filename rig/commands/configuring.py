@@ -11,7 +11,7 @@ import typer
 from rig.bench.backends.order import Order
 from rig.commands.discovering import discover
 from rig.commands.ordering import Said, with_order
-from rig.commands.terminal import console, echo, print_json
+from rig.commands.terminal import Json, console, echo, print_json
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
@@ -26,11 +26,6 @@ config = typer.Typer(
 config.command("discover")(discover)
 
 File = Annotated[Path, typer.Argument(metavar="[FILE]", help="The description of the rig.")]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
-]
-
-
 _Example = Annotated[
     str,
     typer.Option(

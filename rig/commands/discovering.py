@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, echo, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -46,11 +46,6 @@ _Write = Annotated[
     ),
 ]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 def discover(
     interface: _Interface = "socketcan",
@@ -58,7 +53,7 @@ def discover(
     bit_rate: _BitRate = 0,
     argument: _Argument = None,
     write: _Write = None,
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Find out who is on a bus and propose a description of the rig; what only a person knows is marked in it.
 

@@ -14,7 +14,7 @@ import typer
 
 from rig.commands.ordering import NoCard, Said, with_order
 from rig.commands.running import StdinControl
-from rig.commands.terminal import echo, outliving_the_terminal, print_json
+from rig.commands.terminal import Json, echo, outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
@@ -49,11 +49,6 @@ _Bundle = Annotated[
     ),
 ]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 @outliving_the_terminal()
 @with_order(
@@ -74,7 +69,7 @@ def doctor(
     bundle: _Bundle = None,
     no_card: NoCard = False,
     stdin_control: StdinControl = False,
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Look a rig over and print a checklist with evidence; exit code 6 when a line of it failed, 4 when it was stopped.
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import console, echo, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from rig.trial.drill.suite import DrillRow
@@ -63,11 +63,6 @@ _Markdown = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Write the table for the documentation.")
 ]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 def drill(
     backend: _Backend = None,
@@ -80,7 +75,7 @@ def drill(
     output: _Output = None,
     markdown: _Markdown = None,
     list_: Annotated[bool, typer.Option("--list", help="List the faults and exit.")] = False,
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Let every fault happen on a simulated rig: what is detected, how soon, how the rig is made
     safe, what the file says.
@@ -172,10 +167,7 @@ def acknowledge(
     remark: Annotated[
         str, typer.Option(metavar="TEXT", help="What was found and done; kept with the name.")
     ] = "",
-    json: Annotated[
-        bool,
-        typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Acknowledge a latched trip, or a run that was cut off in motion, by name, so that the next run may be started.
 

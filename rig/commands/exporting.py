@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import console, echo, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from rig.exchange.exporting import Export
@@ -80,11 +80,6 @@ _Output = Annotated[
     ),
 ]
 
-_Json = Annotated[
-    bool,
-    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
-]
-
 
 def export_model(
     source: _Source,
@@ -98,7 +93,7 @@ def export_model(
     folder: Annotated[Path, typer.Option("--runs", metavar="DIR", help="Folder of runs.")] = Path(
         "runs"
     ),
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Write an identified gear for a simulator: JSON with covariance, MuJoCo's MJCF, or URDF.
 

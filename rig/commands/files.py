@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
     from rig.analysis.judging import GearVerdict, JudgedRun
     from rig.library.index import IndexedRun
 
-JsonFlag = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+JsonFlag = Json
 _RunArgument = Annotated[
     Path, typer.Argument(metavar="RUN", help="Run file (.h5), or a growing or dead one (.h5.part).")
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from rig.fleet.lot import Lot
@@ -35,9 +35,7 @@ def report(
     ] = Path("lot.html"),
     origin: Origin = "",
     part: PartName = "",
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output.")
-    ] = False,
+    json: Json = False,
 ) -> None:
     """Write the report of a lot: verdicts, capability of each key quantity, benches, time, the gears to look at.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.fleet_report import Origin, PartName
-from rig.commands.terminal import console, echo, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from rig.fleet.gauge.study import Studies, Study
@@ -55,8 +55,6 @@ _Percent = Annotated[
     ),
 ]
 
-_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
-
 
 def rr(
     results: _Results = None,
@@ -68,7 +66,7 @@ def rr(
     within: _Within = 10.0,
     benches: _Benches = 4,
     percent: _Percent = 30.0,
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Say how well benches, mountings and repeats tell gears apart: %GRR, ndc, and what each part adds.
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.analysis import Json, NoTare, Settings, settings_of
+from rig.commands.analysis import NoTare, Settings, settings_of
 from rig.commands.fleet_report import report
 from rig.commands.fleet_rr import rr
 from rig.commands.judgement import AcceptanceFile
 from rig.commands.ordering import Said, with_order
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.terminal import console, echo, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from model.catalogue.contradictions import Contradiction
@@ -24,11 +24,6 @@ Stated = Annotated[
         help='A value from the nameplate or the papers, with its unit: --set ratings.rated_torque="137 N m".',
     ),
 ]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
-]
-
-
 _Product = Annotated[
     str,
     typer.Argument(

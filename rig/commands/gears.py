@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands import gear_sets
-from rig.commands.terminal import console, echo, fact_table, painted, print_json
+from rig.commands.terminal import Json, console, echo, fact_table, painted, print_json
 
 if TYPE_CHECKING:
     from rig.gears.card import GearCard
@@ -27,9 +27,6 @@ Folder = Annotated[
 ]
 By = Annotated[
     str, typer.Option("--by", metavar="NAME", help="Who says so; kept in the history of the card.")
-]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
 ]
 _HelpFlag = Annotated[
     bool, typer.Option("--help", "-h", help="Show this and the flags of every fact, and exit.")

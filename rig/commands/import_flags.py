@@ -208,4 +208,3 @@ DropBadRows = Annotated[
 ]
 Operator = Annotated[str, typer.Option("--operator", help="Who recorded it.")]
 Title = Annotated[str, typer.Option("--title", help="What it is, in a few words.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]

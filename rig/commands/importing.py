@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from rig.commands import import_flags as flags
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -61,7 +61,7 @@ def import_(
     operator: flags.Operator = "",
     title: flags.Title = "",
     open_page: flags.OpenPage = False,
-    json: flags.Json = False,
+    json: Json = False,
 ) -> None:
     """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
     or says what it lacks. Units, signs and ratios are asked for, never guessed.

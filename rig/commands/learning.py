@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Protocol
 
 import typer
 
-from rig.commands.analysis import Json
-from rig.commands.terminal import console, echo, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from rig.analysis.learnt_encoder import Learnt

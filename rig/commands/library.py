@@ -9,7 +9,7 @@ import typer
 
 from rig.bench.config.ranges import ALARM_RANGES
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,9 +20,7 @@ if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport
     from rig.library.index import IndexedRun
 
-JsonFlag = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
-]
+JsonFlag = Json
 
 
 def diff(

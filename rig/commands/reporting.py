@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.analysis import Json, Parameters
+from rig.commands.analysis import Parameters
 from rig.commands.judgement import AcceptanceFile, RequireVerdict
 from rig.commands.library import (
     Analyse,
@@ -24,7 +24,7 @@ from rig.commands.library import (
 )
 from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import console, echo, print_json
+from rig.commands.terminal import Json, console, echo, print_json
 
 if TYPE_CHECKING:
     from rig.present.build import Reports
@@ -289,9 +289,7 @@ def suffixes_of(output: Path, format_: ReportFormat | None) -> tuple[str, ...]:
 )
 def demo(
     said: Said,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print one JSON object on standard output.")
-    ] = False,
+    json: Json = False,
     everything: Annotated[
         bool,
         typer.Option("--all", help="Every number beside the truth, every warning, every file."),

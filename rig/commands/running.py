@@ -13,7 +13,7 @@ import typer
 
 from rig.commands.judgement import RequireVerdict
 from rig.commands.ordering import NoCard, Said, with_order
-from rig.commands.terminal import echo, nearest, outliving_the_terminal, print_json
+from rig.commands.terminal import Json, echo, nearest, outliving_the_terminal, print_json
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField
@@ -55,9 +55,6 @@ ORDERED = (
 Help = Annotated[
     bool,
     typer.Option("--help", "-h", help="Show this, and with a PROTOCOL its own flags, and exit."),
-]
-Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")
 ]
 Events = Annotated[
     bool,

@@ -7,7 +7,7 @@ import itertools
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -173,6 +173,13 @@ def fact_table(facts: Iterable[tuple[str, str]], title: str = "") -> Table:
     grid = Grid(title, columns(("", "name"), ""), list(facts))
     look = {"box": None, "show_header": False, "padding": (0, 2, 0, 0)}
     return FittedTable(grid, look).table(grid)
+
+
+Json = Annotated[
+    bool,
+    typer.Option("--json", help="Print one JSON object on standard output and nothing else."),
+]
+"""The flag of every command that a script calls."""
 
 
 def print_json(value: Any) -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import echo, print_json
+from rig.commands.terminal import Json, echo, print_json
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
@@ -47,8 +47,6 @@ _Gear = Annotated[
     typer.Option(metavar="SERIAL", help="List only this gear, with the tares that it rests on."),
 ]
 
-_Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
-
 
 def verify(
     places: _Places,
@@ -56,7 +54,7 @@ def verify(
     manifest: _Manifest = None,
     gear: _Gear = "",
     unsealed: Unsealed = False,
-    json: _Json = False,
+    json: Json = False,
 ) -> None:
     """Check that runs are what was recorded, and what was found of them what was stored; names the first broken link.
 
