@@ -125,7 +125,7 @@ def identify_motion(
             cutoffs[factor * cutoff] = other
     effect = _lag_effect(chosen, lag, source.period)
     fit = _with_lag(reported(chosen, rotary, ladder.rungs()), *effect)
-    warnings = [*fit.warnings, *_lag_words(chosen.basis, lag)]
+    warnings = [*fit.warnings, *_lag_words(chosen.basis, lag, source.period)]
     if speed is not None and not ladder.with_instrument:
         warnings.append(
             f"The measured speed follows the motion too loosely to guide the fit (correlation of the accelerations "
@@ -195,9 +195,10 @@ def _with_look(source: MotionSource, choice: MotionChoice, look: Look) -> _Prepa
     if choice.lag is None:
         speeds = tuple(share * look.top_speed for share in FALLING)
         lag = Alignment(source, recipe, basis, with_instrument, speeds).lag()
-    taken_off = (
-        choice.lag or 0.0 if lag is None else lag.lag * lag.is_clear(_LAG_TOLD * source.period)
-    )
+    taken_off = choice.lag or 0.0
+    if lag is not None:
+        is_clear = lag.is_clear(_LAG_TOLD * source.period) and lag.is_of_both_halves
+        taken_off = lag.lag if is_clear else 0.0
     basis = replace(basis, lag=taken_off)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
     chosen, shared = ladder.chosen(choice.variant), None
@@ -305,9 +306,15 @@ def _instrument(
     return replace(basis, instrument_lag=speed.lag), speed
 
 
-def _lag_words(basis: Basis, lag: LagEstimate | None) -> list[str]:
-    if lag is None or basis.lag == 0.0:
+def _lag_words(basis: Basis, lag: LagEstimate | None, period: float) -> list[str]:
+    if lag is None or not lag.is_clear(_LAG_TOLD * period):
         return []
+    if not lag.is_of_both_halves:
+        first, second = (f"{1e3 * half:.3g} ms" for half in lag.halves)
+        return [
+            f"The first half shows an effort {first} late beside the motion, the second {second}: nothing was brought "
+            "forward, and what a lag may change is in U. Fit the halves apart, or state lag_s."
+        ]
     u = lag.standard_uncertainty
     return [
         f"The effort is {1e3 * lag.lag:.3g} ± {2e3 * u:.2g} ms late beside the motion; it was brought forward by that."

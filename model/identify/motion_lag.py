@@ -30,6 +30,8 @@ CLEAR = 4.0
 """Standard uncertainties of a lag that is taken off."""
 LEAST_GAIN, LEAST_GAIN_OF_USUAL = 0.06, 0.15
 """Share of the error out of sample that a lag must explain, and that one by which devices latch apart must."""
+_ALIKE = 0.5
+"""Of a lag by which what one half of the recording shows may differ from it: noise of few reversals is less alike."""
 _SETTLED = 0.05
 """Of its own standard uncertainty below which nothing of a lag is left."""
 
@@ -41,10 +43,19 @@ class LagEstimate:
     lag: float
     standard_uncertainty: float
     gain: float = 0.0
-    """By which share the error on data that the fit has not seen is smaller with this lag taken off."""
+    """By which share the error on data that the fit has not seen is smaller with this lag taken off: in that half of
+    the recording in which it gains less.
+    """
+    halves: tuple[float, ...] = ()
+    """s: what each half of the recording shows alone."""
+
+    @property
+    def is_of_both_halves(self) -> bool:
+        return all(abs(half - self.lag) < _ALIKE * abs(self.lag) for half in self.halves)
 
     def is_clear(self, usual: float) -> bool:
-        """Whether it is the lag of a device: a wrong friction looks like one too, but explains less by it.
+        """Whether it is the lag of a device, if both halves show it: a wrong friction looks like one too, but
+        explains less by it.
 
         Devices latch apart by the `usual` [s] anyway: a shorter lag has to explain more.
         """
@@ -69,7 +80,7 @@ class Alignment:
         if moments.kept < LEAST_SAMPLES:
             return LagEstimate(0.0, math.inf)
         names = self._regressors(moments)
-        lag, without = _least(moments, names), self._error(moments, names)
+        lag, without = _least(moments, names), self._errors(moments, names)
         for _ in range(ROUNDS):
             basis = replace(self.basis, stribeck=self.speeds, lag=lag)
             moments = gathered(self.source, self.recipe, basis)
@@ -79,12 +90,19 @@ class Alignment:
                 break
             lag += left.lag
             if abs(left.lag) <= _SETTLED * left.standard_uncertainty:
-                gain = 1.0 - fit.hold_out_error / without
-                return LagEstimate(lag, left.standard_uncertainty, gain)
+                gain = (
+                    float(np.min(1.0 - fit.half_errors / without))
+                    if np.all(without > 0.0)
+                    else math.nan
+                )
+                halves = tuple(
+                    lag + _lag_left(half, names, fit.values).lag for half in moments.halves()
+                )
+                return LagEstimate(lag, left.standard_uncertainty, gain, halves)
         return LagEstimate(0.0, math.inf)
 
-    def _error(self, moments: Moments, names: Sequence[str]) -> float:
-        return solve_moments(moments, names, with_instrument=self.with_instrument).hold_out_error
+    def _errors(self, moments: Moments, names: Sequence[str]) -> Array:
+        return solve_moments(moments, names, with_instrument=self.with_instrument).half_errors
 
     def _regressors(self, moments: Moments) -> tuple[str, ...]:
         """With the friction that falls where the data carry it."""

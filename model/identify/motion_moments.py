@@ -24,9 +24,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.arrays import BoolArray
 from model.errors import IdentificationError
@@ -68,6 +69,16 @@ class Moments:
     def places(self, names: Sequence[str]) -> list[int]:
         """Where columns stand."""
         return [self.names.index(name) for name in names]
+
+    def halves(self) -> tuple[Moments, Moments]:
+        """The first and the second half of the time; the counts stay those of the whole."""
+        first = 2 * _folds(len(self.sums)) < FOLDS
+        return replace(self, sums=self.sums[first]), replace(self, sums=self.sums[~first])
+
+
+def _folds(blocks: int) -> NDArray[np.int_]:
+    """Which tenth of the time each of so many blocks is in."""
+    return np.arange(blocks) * FOLDS // blocks
 
 
 def gather(samples: Iterable[Samples], names: tuple[str, ...], expected: int) -> Moments:
@@ -125,6 +136,11 @@ class MomentFit:
         """Relative error on data that the fit has not seen."""
         total = math.sqrt(float(self.fold_errors.sum()))
         return total / self.effort_norm if self.effort_norm > 0.0 else math.nan
+
+    @property
+    def half_errors(self) -> Array:
+        """The norm of the errors on unseen data (2,) in each of the two halves of `Moments.halves`."""
+        return np.sqrt(self.fold_errors.reshape(2, -1).sum(axis=1))
 
     def value(self, name: str) -> float:
         return float(self.values[self.names.index(name)])
@@ -262,7 +278,7 @@ class _System:
         return np.array(found)
 
     def fold_errors(self) -> Array:
-        fold = np.arange(len(self.left)) * FOLDS // len(self.left)
+        fold = _folds(len(self.left))
         errors = np.full(FOLDS, math.nan)
         for k in range(FOLDS):
             try:

@@ -134,7 +134,7 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=6,
+    version=7,
     cuts_gaps=True,
     settings=SETTINGS,
 )

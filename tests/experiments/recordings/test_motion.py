@@ -122,6 +122,27 @@ def test_a_late_torque_is_brought_forward(gear: HarmonicDrive) -> None:
     assert value(fitted(late.recording(), gear, lag_s=0.0), "inertia") < 0.95 * INERTIA
 
 
+def test_a_lag_that_only_one_half_shows_moves_nothing_and_is_bounded(gear: HarmonicDrive) -> None:
+    """The fast half outweighs the slow one, which is not late: brought forward, that one would be early."""
+    fast = moved(seconds=20.0, dwell=0.1)
+    acceleration, speed = np.gradient(fast.speed, fast.time) / 4.0, fast.speed / 4.0
+    slow = INERTIA * acceleration + VISCOUS * speed + COULOMB * np.sign(speed) + OFFSET
+    noise = 0.02 * np.random.default_rng(9722).standard_normal(len(slow))
+    late = np.interp(fast.time - 0.06, fast.time, fast.torque)
+    both = Moved(
+        np.concatenate([fast.time, 20.0 + fast.time]),
+        np.concatenate([fast.position, fast.position[-1] + fast.position / 4.0]),
+        np.concatenate([fast.speed, speed]),
+        np.concatenate([late, slow + noise]),
+    )
+    result = fitted(both.recording(), gear)
+    assert result.metrics["effort_lag"] == 0.0
+    (words,) = (text for text in result.warnings if "The first half shows" in text)
+    assert "nothing was brought forward" in words
+    inertia = result.estimates["inertia"]
+    assert abs(inertia.value - INERTIA) < inertia.expanded_uncertainty
+
+
 def test_a_load_over_position_has_a_basis(gear: HarmonicDrive) -> None:
     run = moved(gravity=4.0).recording()
     without = fitted(run, gear)
