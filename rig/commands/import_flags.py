@@ -202,6 +202,14 @@ Interpolate = Annotated[
         help="Bring channels with other times onto those of the first, by straight lines.",
     ),
 ]
+Gap = Annotated[
+    float | None,
+    typer.Option(
+        "--gap",
+        metavar="STEPS",
+        help="Steps of the time longer than so many usual ones are gaps, across which nothing is interpolated (1.5).",
+    ),
+]
 DropBadRows = Annotated[
     bool,
     typer.Option("--drop-bad-rows", help="Leave out rows with holes, count and list them."),

@@ -57,6 +57,7 @@ def import_(
     header: flags.Header = 0,
     ragged: flags.Ragged = False,
     interpolate: flags.Interpolate = False,
+    gap: flags.Gap = None,
     drop_bad_rows: flags.DropBadRows = False,
     operator: flags.Operator = "",
     title: flags.Title = "",
@@ -86,12 +87,14 @@ def import_(
         "header": header or None,
         "is_ragged": ragged,
         "interpolate": interpolate,
+        "gap": gap,
         "allow_jumps": allow_jumps,
         "ignore_headings": ignore_headings,
         "experiment": protocol,
         "title": title,
         "operator": operator,
         "gear": _gear_set(parameters),
+        "gear_file": parameters,
         "gear_serial": gear,
         "gear_mounted": not no_gear,
         "ratio": _finite(ratio),
@@ -109,6 +112,7 @@ def import_(
     is_named = bool(channel) or map_file is not None
     way = _Way(
         is_named=is_named,
+        stated=stated,
         check=check,
         accept=accept,
         save_map=save_map,
@@ -116,16 +120,17 @@ def import_(
         opens=open_page,
         json=json,
     )
-    _carry_out(*_kind_and_files(words), _runs(map_file, said, stated), way)
+    _carry_out(*_kind_and_files(words), _runs(map_file, said, way), way)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Way:
     """How an import is carried out: channels named, only a look, proposals taken over and kept, where to, how told,
-    and whether the page of it is opened.
+    and whether the page of it is opened; `stated` are range, lag and accuracy by channel.
     """
 
     is_named: bool
+    stated: Mapping[str, Mapping[str, Any]]
     check: bool
     accept: bool
     save_map: Path | None
@@ -228,6 +233,7 @@ def _proposed(
     from rig.runfile.importing import accepting
     from rig.runfile.importing.opening import open_tables
     from rig.runfile.importing.proposal import propose
+    from rig.runfile.importing.stated import with_stated
 
     name, options = run
     proposal = propose(open_tables(kind, files, options))
@@ -247,7 +253,7 @@ def _proposed(
     else:
         proposal = proposed.settled(proposal, proposed.ask_at_the_terminal)
         said = proposed.said_beside(proposed.ask_at_the_terminal)
-    options = accepting.accepted(options, proposal, said)
+    options = with_stated(accepting.accepted(options, proposal, said), **way.stated)
     if way.save_map is not None:
         way.save_map.write_text(accepting.map_text(options), encoding="utf-8")
     if not way.json:
@@ -256,15 +262,20 @@ def _proposed(
 
 
 def _runs(
-    map_file: Path | None, said: Mapping[str, Any], stated: Mapping[str, Mapping[str, Any]]
+    map_file: Path | None, said: Mapping[str, Any], way: _Way
 ) -> list[tuple[RunMap, ImportOptions]]:
-    """The runs of the map, or the one that needs none, each with its options; what was said goes before the map."""
+    """The runs of the map, or the one that needs none, each with its options; what was said goes before the map.
+
+    What is stated of channels waits until there are some, where they are to be proposed.
+    """
     from rig.runfile.importing.channel_map import RunMap, read_channel_map
     from rig.runfile.importing.stated import with_stated
 
     given = {key: value for key, value in said.items() if _is_said(key, value)}
     maps = read_channel_map(map_file) if map_file else (RunMap("", {}),)
-    return [(one, with_stated(one.options(given), **stated)) for one in maps]
+    if not way.is_named:
+        return [(one, one.options(given)) for one in maps]
+    return [(one, with_stated(one.options(given), **way.stated)) for one in maps]
 
 
 def _is_said(key: str, value: object) -> bool:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import getpass
 import math
 import shlex
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields, replace
 from pathlib import Path
+from typing import Any
 
 from model.toml_text import toml_value
 from rig.content.grid import Grid, columns
@@ -15,6 +16,13 @@ from rig.errors import ConfigurationError
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource
 from rig.runfile.importing.looking import look_at
+from rig.runfile.importing.map_keys import (
+    CHANNEL_KEYS,
+    CONDITIONS,
+    GEAR_KEYS,
+    RECORDING_KEYS,
+    Key,
+)
 from rig.runfile.importing.opening import open_tables
 from rig.runfile.importing.proposed import Proposal, Question
 from rig.runfile.importing.reach import reach_of
@@ -22,6 +30,10 @@ from rig.runfile.importing.units import TIME_CHANNEL, TRANSMISSION_ERROR
 
 _TABLE_KIND = "friction-curve"
 _LEFT_OUT = f"{TRANSMISSION_ERROR} is left out: it needs the input angle, and --ratio"
+
+_USUAL = {one.name: one.default for one in fields(ImportOptions)}
+FLAGS = {"serial": "--gear", "mounted": "--no-gear", "load_inertia_kg_m2": "--load-inertia"}
+"""Keys of a map whose flag has another name."""
 
 
 def proposal_grid(proposal: Proposal, *, all_columns: bool = False) -> Grid:
@@ -136,41 +148,64 @@ def command_of(kind: str, files: Sequence[Path], options: ImportOptions) -> str:
     """The one command that does the same without a question."""
     words = ["rig", "import", kind, *map(str, files)]
     for one in options.channels:
-        scale = "" if one.scale is None else f":{one.scale:g}"
+        scale = "" if one.scale is None else f":{_written(one.scale)}"
         words += ["-c", f"{one.option}{f':{one.unit}' if one.unit or scale else ''}{scale}"]
-    if options.rate:
-        words += ["--rate", f"{options.rate:g}"]
-    if options.speed:
-        words += ["--speed", str(options.speed)]
-    if math.isfinite(options.ratio):
-        words += ["--ratio", f"{options.ratio:g}"]
-    if options.output_sense:
-        words += ["--output-sense", str(options.output_sense)]
-    if options.experiment:
-        words += ["--protocol", options.experiment]
-    if options.gear_serial:
-        words += ["--gear", options.gear_serial]
+        stated = (
+            ("--modulus", _written(one.modulus) if one.modulus else ""),
+            ("--lag", "" if one.lag_s is None else f"{_written(one.lag_s)}s"),
+            (
+                "--accuracy",
+                "" if one.accuracy is None else f"{_written(one.accuracy)}{one.accuracy_unit}",
+            ),
+        )
+        for flag, text in stated:
+            words += [flag, f"{one.name}={text}"] if text else []
+    for key, value in _said(options, (*RECORDING_KEYS, *GEAR_KEYS)):
+        flag = FLAGS.get(key, f"--{key.replace('_', '-')}")
+        words += [flag] if isinstance(value, bool) else [flag, _written(value)]
+    for name, value in options.conditions.items():
+        words += ["--condition", f"{name}={_written(value)}"]
+    if options.gear_file is not None:
+        words += ["--parameters", str(options.gear_file)]
     return shlex.join(words)
 
 
 def map_text(options: ImportOptions) -> str:
-    """The same as a channel map (TOML)."""
+    """The same as a channel map (TOML); a parameter set of the gear stays a file of its own."""
     lines = []
     for one in options.channels:
-        lines.append(f"[channels.{one.name}]\ncolumn = {toml_value(one.column)}")
-        lines += [f"unit = {toml_value(one.unit)}"] if one.unit else []
-        lines += [f"file = {toml_value(one.file)}"] if one.file else []
-        lines += [f"scale = {one.scale!r}"] if one.scale is not None else []
-        lines.append("")
-    recording = [f"rate = {options.rate!r}"] if options.rate else []
-    recording += [f"speed = {toml_value(options.speed)}"] if options.speed else []
-    recording += ["no_time = true"] if options.no_time else []
-    recording += [f"protocol = {toml_value(options.experiment)}"] if options.experiment else []
-    gear = [f"ratio = {options.ratio!r}"] if math.isfinite(options.ratio) else []
-    gear += [f"output_sense = {options.output_sense}"] if options.output_sense else []
-    for name, found in (("recording", recording), ("gear", gear)):
-        lines += [f"[{name}]", *found, ""] if found else []
+        lines.append(f"[channels.{one.name}]")
+        entry = [(key.name, getattr(one, key.name)) for key in CHANNEL_KEYS]
+        lines += _entries((key, value) for key, value in entry if value not in ("", None, 0.0))
+    for table, said in (
+        ("recording", _said(options, RECORDING_KEYS)),
+        ("gear", _said(options, GEAR_KEYS)),
+        (CONDITIONS, options.conditions.items()),
+    ):
+        entries = _entries(said)
+        lines += [f"[{table}]", *entries] if entries[:-1] else []
     return "\n".join(lines)
+
+
+def _said(options: ImportOptions, keys: Sequence[Key]) -> Iterator[tuple[str, Any]]:
+    """What was said beside the channels, by its key in a map: what is not as it is without."""
+    for key in keys:
+        value = getattr(options, key.field)
+        if value not in (_USUAL[key.field], None) and not (
+            isinstance(value, float) and math.isnan(value)
+        ):
+            yield key.name, value
+
+
+def _entries(said: Iterable[tuple[str, Any]]) -> list[str]:
+    return [*(f"{key} = {toml_value(value)}" for key, value in said), ""]
+
+
+def _written(value: object) -> str:
+    """A value as a flag takes it: a number short where that says all of it."""
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:g}" if float(f"{value:g}") == value else repr(value)
 
 
 def good_for(kind: str, files: Sequence[Path], options: ImportOptions) -> list[str]:

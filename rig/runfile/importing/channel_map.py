@@ -80,6 +80,8 @@ class ImportOptions:
     header: int = 0
     is_ragged: bool = False
     interpolate: bool = False
+    gap: float = 1.5
+    """A step of the time that is longer than so many usual ones is a gap: nothing is interpolated across it."""
     allow_jumps: bool = False
     ignore_headings: bool = False
     files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
@@ -88,6 +90,8 @@ class ImportOptions:
     title: str = ""
     operator: str = ""
     gear: HarmonicDrive | None = None
+    gear_file: Path | None = None
+    """Where `gear` was read from."""
     gear_serial: str = ""
     gear_mounted: bool = True
     ratio: float = math.nan
@@ -312,6 +316,13 @@ def check_said(options: ImportOptions) -> None:
             where="--mounting",
             value=options.mounting,
             limit="circular-spline-fixed, flexspline-fixed",
+        )
+    if not options.gap > 1.0:
+        raise ConfigurationError(
+            "is no length of a gap",
+            where="--gap",
+            value=options.gap,
+            limit="> 1 usual step of the time",
         )
     if options.skip < 0 or options.header < 0:
         raise ConfigurationError("is negative", where="--skip, --header", limit=">= 0")

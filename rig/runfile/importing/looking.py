@@ -199,13 +199,11 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
                 size = max(2, round(BLOCK_S * found.rate_hz))
         found.rows += len(rows.time_ns)
         last_ns = int(rows.time_ns[-1])
-        if not options.no_time and len(rows.time_ns) > 1:
-            steps = np.diff(rows.time_ns)
-            found.gaps += int(np.count_nonzero(steps > 1.5 * np.median(steps)))
         seconds = np.asarray((rows.time_ns - first_ns) * 1e-9, dtype=np.float64)
         clock.see(seconds, size)
         for watch, column, stored in zip(watches, reading.columns, rows.stored, strict=True):
             watch.see(column.channel.to_si(stored), size)
+    found.gaps = reading.gaps
     reading.close_notes(found.rate_hz)
     found.notes = list(reading.notes)
     found.channels = [watch.look for watch in watches]

@@ -123,6 +123,12 @@ RECORDING_KEYS = (
     Key("ragged", "yes or no", "lines may end early", "is_ragged"),
     Key("interpolate", "yes or no", "bring channels onto the times of the first", "interpolate"),
     Key(
+        "gap",
+        "number",
+        "steps of the time longer than so many usual ones are gaps, across which nothing is interpolated (1.5)",
+        "gap",
+    ),
+    Key(
         "allow_jumps", "yes or no", "angles that jump as if they were wrapped are so", "allow_jumps"
     ),
     Key("ignore_headings", "yes or no", "units in headings are not believed", "ignore_headings"),

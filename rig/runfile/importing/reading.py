@@ -16,7 +16,7 @@ from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource
 from rig.runfile.importing.derived import derived_channels
 from rig.runfile.importing.segments import SteadyStretches, TimedSegments
-from rig.runfile.importing.streams import GAP, LeftOut, Piece, joined
+from rig.runfile.importing.streams import LeftOut, Piece, joined
 from rig.runfile.importing.wiring import Wiring, wire
 from rig.runfile.importing.wraps import range_like, wraps
 from rig.runfile.layout import Column
@@ -60,7 +60,7 @@ class Reading:
         self._turns = np.zeros(len(self.columns))
         self._last = np.full(len(self.columns), np.nan)
         self._tails = [np.zeros(0) for _ in self.columns]
-        self._gaps = 0
+        self.gaps = 0
         self._timed_segments = TimedSegments(options.segments)
         self._stretches = SteadyStretches()
         self._deciding = self._deciding_channel()
@@ -81,7 +81,10 @@ class Reading:
     def batches(self) -> Iterator[Rows]:
         """The rows that are kept, a batch at a time."""
         wiring = self._wiring
-        for piece in joined(wiring.streams, self._left_out, interpolate=self._options.interpolate):
+        options = self._options
+        for piece in joined(
+            wiring.streams, self._left_out, interpolate=options.interpolate, gap=options.gap
+        ):
             times = self._times(piece)
             stored = [
                 self._stored(column, index, piece.values[:, place], piece)
@@ -127,9 +130,9 @@ class Reading:
             self.notes.append(
                 f"WARNING: the sample rate is {rate:.3g} Hz: is the unit of the time column right?"
             )
-        if self._is_timed and self._gaps:
+        if self._is_timed and self.gaps:
             self.notes.append(
-                f"WARNING: {self._gaps} steps of the time are longer than {GAP:g} times the usual one"
+                f"WARNING: {self.gaps} steps of the time are longer than {self._options.gap:g} times the usual one"
             )
 
     def segments(self, rows: int) -> Iterator[Segment]:
@@ -228,7 +231,9 @@ class Reading:
         if len(times) < 2 or self._options.no_time:
             return
         steps = np.diff(times) * 1e-9
-        self._gaps += int(np.count_nonzero(steps > GAP * np.median(steps)))
+        longest = self._options.gap * float(np.median(steps))
+        since = (int(times[0]) - self.last_ns) * 1e-9 if self.rows else 0.0
+        self.gaps += int(np.count_nonzero(steps > longest)) + (since > longest)
         for column, values in zip(self.columns, stored, strict=True):
             if column.channel.unit == "rad":
                 fastest = float(np.median(np.abs(np.diff(values) * column.channel.scale) / steps))

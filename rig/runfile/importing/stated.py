@@ -28,17 +28,18 @@ def with_stated(
     a number is in SI. Raises `ConfigurationError` for a channel that is not imported, and for a value
     without its unit.
     """
-    sources = {source.name: source for source in options.channels}
+    names = [source.name for source in options.channels if source.name != TIME_CHANNEL]
+    sources = list(options.channels)
     for flag, said in (("--modulus", modulus), ("--lag", lag), ("--accuracy", accuracy)):
         for name, value in said.items():
-            if name not in sources or name == TIME_CHANNEL:
+            if name not in names:
                 raise ConfigurationError(
                     "is no channel of the import",
                     where=f"{flag} {name}",
-                    limit=", ".join(name for name in sources if name != TIME_CHANNEL),
+                    limit=", ".join(names),
                 )
-            sources[name] = _stated(sources[name], flag, value)
-    return replace(options, channels=tuple(sources.values()))
+            sources = [_stated(one, flag, value) if one.name == name else one for one in sources]
+    return replace(options, channels=tuple(sources))
 
 
 def stated_speed(options: ImportOptions) -> float | None:

@@ -20,8 +20,6 @@ from rig.runfile.importing.wraps import wraps
 _LISTED_ROWS = 5
 _OUTSIDE = "no sample of the other channels before, after or near enough"
 _LARGEST_EXACT = 2.0**53
-GAP = 1.5
-"""A step of the time that is longer than so many usual ones is a gap: nothing is interpolated across it."""
 FIRST_STAYS = "Name it as the first channel, whose samples stay as they are, or import it as a run of its own."
 """What to do with a channel that has no values between its samples."""
 
@@ -216,18 +214,20 @@ class Stream:
             self.left_out.refuse(self.table, BadCell(int(batch.lines[row]), heading, text, why))
 
 
-def joined(streams: Sequence[Stream], left_out: LeftOut, *, interpolate: bool) -> Iterator[Piece]:
+def joined(
+    streams: Sequence[Stream], left_out: LeftOut, *, interpolate: bool, gap: float
+) -> Iterator[Piece]:
     """The rows of all streams together, on the stamps of the first one.
 
     Rows whose stamp is not in all of them are refused (or left out, where that was asked for).
     With `interpolate` the others are brought onto the stamps of the first by straight lines; rows
-    before their first sample, after their last, and in their gaps are left out.
+    before their first sample, after their last, and in their gaps (steps longer than `gap` usual ones) are left out.
     """
     if len(streams) == 1:
         yield from streams[0].pieces()
         return
     if interpolate:
-        others = [_Line(stream) for stream in streams[1:]]
+        others = [_Line(stream, gap) for stream in streams[1:]]
         for piece in streams[0].pieces():
             parts = [other.at(piece.stamps) for other in others]
             inside = np.all([np.isfinite(part).all(axis=1) for part in parts], axis=0)
@@ -331,8 +331,9 @@ def _without_jumps(stream: Stream) -> Iterator[Piece]:
 class _Line:
     """A stream as straight lines between its samples."""
 
-    def __init__(self, stream: Stream) -> None:
+    def __init__(self, stream: Stream, gap: float) -> None:
         self._source = _without_jumps(stream)
+        self._gap = gap
         self._columns = len(stream.columns)
         self._held: Piece | None = next(self._source, None)
         self._step = float("nan")
@@ -354,7 +355,7 @@ class _Line:
         width = held.stamps[right] - held.stamps[right - 1]
         inside = (stamps >= held.stamps[0]) & (stamps <= held.stamps[-1])
         exact = (stamps == held.stamps[right]) | (stamps == held.stamps[right - 1])
-        inside &= exact | (width <= GAP * self._step)
+        inside &= exact | (width <= self._gap * self._step)
         share = ((stamps - held.stamps[right - 1]) / width)[:, np.newaxis]
         lines = (1.0 - share) * held.values[right - 1] + share * held.values[right]
         values[inside] = lines[inside]

@@ -9,9 +9,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+import typer
 
 from rig import main
 from rig.commands import import_proposed
+from rig.runfile.importing.accepting import FLAGS
+from rig.runfile.importing.map_keys import GEAR_KEYS, RECORDING_KEYS
 
 
 @pytest.fixture(autouse=True)
@@ -88,6 +91,47 @@ def test_a_script_takes_over_what_has_evidence(capsys: pytest.CaptureFixture[str
         assert other.keys() == rows[0].keys()
         assert all(np.array_equal(other[name], rows[0][name]) for name in other)
     assert "proposed" not in stated(next(Path("second").glob("*.h5")))
+
+
+SAID = (
+    *("--lag", "torque=2ms", "--accuracy", "position=5arcsec", "--modulus", "position=40"),
+    *("--skip", "1", "--decimal", ".", "--drop-bad-rows", "--interpolate", "--gap", "2.5", "--allow-jumps"),
+    *("--start", "2026-03-01T10:00:00+00:00", "--time-base", "host", "--torque-constant", "0.1234567891"),
+    *("--gear", "R7", "--ratio", "100", "--mounting", "flexspline-fixed", "--resonance-hz", "31.5"),
+    *("--load-inertia", "0.25", "--condition", "load_kg=2.5", "--condition", "oil=4 B No. 2"),
+    *("--title", "a joint, swinging", "--operator", "A. Example"),
+)  # fmt: skip
+
+
+def test_what_was_said_beside_a_proposal_is_in_the_command_and_in_the_map(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    path = swinging(units=True)
+    path.write_text("made by a logger\n" + path.read_text())
+    words = ("import", str(path), "--accept", *SAID, "--save-map", "map.toml")
+    code, out, err = called(capsys, *words)
+    assert (code, err) == (0, "")
+    (line,) = (line for line in out.splitlines() if "without a question" in line)
+    again = shlex.split(line.partition(": ")[2])[1:]
+    assert called(capsys, *again, "--runs", "second")[0] == 0
+    assert called(capsys, "import", str(path), "--map", "map.toml", "--runs", "third")[0] == 0
+    proposals = ("proposed", "accepted_by")
+    (run,), *others = (list(Path(folder).glob("*.h5")) for folder in ("runs", "second", "third"))
+    said = {key: value for key, value in stated(run).items() if key not in proposals}
+    with h5py.File(run) as first:
+        for (other,) in others:
+            assert stated(other) == said
+            with h5py.File(other) as second:
+                assert first["entry/title"][()] == second["entry/title"][()]
+                assert first["entry/start_time"][()] == second["entry/start_time"][()]
+
+
+def test_every_key_of_a_map_is_a_flag() -> None:
+    """So that what stands in a map can be said at the terminal too, and written down as a command."""
+    command = typer.main.get_command(main.app).commands["import"]  # type: ignore[attr-defined]
+    flags = {flag for one in command.params for flag in one.opts}
+    for key in (*RECORDING_KEYS, *GEAR_KEYS):
+        assert FLAGS.get(key.name, f"--{key.name.replace('_', '-')}") in flags
 
 
 def test_a_script_is_refused_what_stays_open(capsys: pytest.CaptureFixture[str]) -> None:
@@ -201,6 +245,8 @@ def test_a_rate_stands_for_the_time_of_the_file(capsys: pytest.CaptureFixture[st
     [
         (("csv",), "which file?"),
         (("joint.csv", "-c", "position=2:rad", "--accept"), "nothing is proposed"),
+        (("joint.csv", *("-c", "torque=tau") * 2), "a channel is given twice"),
+        (("joint.csv", "--accept", "--lag", "tau=2ms"), "is no channel of the import"),
         (("joint.csv", "--accept", "--save-map", "joint.csv"), "is there already"),
         (("joint.csv", "--accept", "--save-map", "no/map.toml"), "its folder is not"),
         (("joint.csv", "--accept", "--save-map", "aux.toml"), "device on Windows"),

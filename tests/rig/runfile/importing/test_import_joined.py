@@ -1,5 +1,6 @@
 """Several files of one run: joined where their times are equal, resampled only when that is asked for."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from rig.errors import ConfigurationError, RunFileError
+from rig.runfile.importing.adapters.table import BATCH_ROWS
 from rig.runfile.importing.channel_map import ImportOptions, SegmentsFrom, read_channel_map
 from rig.runfile.importing.channel_source import parse_channel
 from rig.runfile.importing.convert import Imported, import_tables
@@ -23,16 +25,17 @@ def join(tmp_path: Path) -> Join:
         texts: dict[str, str],
         *channels: str,
         options: ImportOptions | None = None,
+        name: str = "00001-import-x.h5",
         **changes: object,
     ) -> Imported:
         paths = []
-        for name, text in texts.items():
-            paths.append(tmp_path / name)
+        for file, text in texts.items():
+            paths.append(tmp_path / file)
             paths[-1].write_text(text)
         if options is None:
             options = ImportOptions(channels=tuple(map(parse_channel, channels)), **changes)  # type: ignore[arg-type]
         tables = open_tables("csv", paths, options)
-        return import_tables(tables, options, lambda: tmp_path / "00001-import-x.h5")
+        return import_tables(tables, options, lambda: tmp_path / name)
 
     return of
 
@@ -82,6 +85,31 @@ def test_nothing_is_interpolated_across_a_gap(join: Join) -> None:
     times = open_run(made.path).si("position")
     assert not ((times > 0.104) & (times < 0.202)).any()
     assert len(times) == 29
+
+
+def test_how_long_a_gap_is_can_be_said(join: Join) -> None:
+    """A logger that skips every third sample has no gaps; the same steps are some of 1.5 usual ones."""
+    jittering = [t for k, t in enumerate(EVEN) if k % 3]
+    texts = {"a.csv": rows(EVEN), "b.csv": rows(jittering)}
+    usual = join(texts, *CHANNELS, interpolate=True)
+    bridged = join(texts, *CHANNELS, interpolate=True, gap=3.0, name="00002-import-x.h5")
+    assert bridged.rows > usual.rows
+    assert np.diff(open_run(bridged.path).si("position")).max() < 0.011
+    for words in (0.5, 1.0, math.nan):
+        with pytest.raises(ConfigurationError, match=r"--gap.*> 1 usual step"):
+            join(texts, *CHANNELS, interpolate=True, gap=words)
+
+
+def test_a_gap_between_two_blocks_of_a_long_file_is_counted(join: Join) -> None:
+    times = np.arange(BATCH_ROWS + 1000) * 1e-3
+    times[BATCH_ROWS:] += 0.5
+    text = "t [s],x [N]\n" + "\n".join(f"{t:.3f},1.0" for t in times)
+    counted = [
+        note
+        for note in join({"a.csv": text}, "time=t", "force=x").notes
+        if "longer than 1.5 times" in note
+    ]
+    assert counted == ["WARNING: 1 steps of the time are longer than 1.5 times the usual one"]
 
 
 SHIFTED = [t + 0.003 for t in EVEN]
