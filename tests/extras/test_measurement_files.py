@@ -16,6 +16,7 @@ from nptdms import ChannelObject, RootObject, TdmsWriter
 import rig
 from rig.errors import RunFileError
 from rig.runfile.importing.opening import open_table
+from tests.rig.runfile.importing import ugly
 
 ROWS = 40_000
 """More than two batches."""
@@ -88,6 +89,53 @@ READERS: dict[str, Callable[..., rig.Run]] = {
     "tdms": rig.read_tdms,
     "mdf": rig.read_mdf,
 }
+
+
+def ugly_parquet(path: Path) -> None:
+    names = ("time [s]", "angle [rad]", "torque [N m]")
+    columns = dict(zip(names, (ugly.TIME, ugly.ANGLE, ugly.TORQUE), strict=True))
+    pq.write_table(pa.table(columns), path)
+
+
+def ugly_tdms(path: Path) -> None:
+    wave = {"wf_increment": 4e-3, "wf_start_offset": 0.0, "wf_start_time": STARTED}
+    angle, torque = {**wave, "unit_string": "rad"}, {**wave, "unit_string": "N m"}
+    with TdmsWriter(path) as file:
+        channels = [
+            ChannelObject("log", "angle", ugly.ANGLE, angle),
+            ChannelObject("log", "torque", ugly.TORQUE, torque),
+        ]
+        file.write_segment([RootObject({"comment": OIL}), *channels])
+
+
+def ugly_mdf(path: Path) -> None:
+    import asammdf
+
+    with asammdf.MDF(version="4.10") as file:
+        file.header.comment = OIL
+        angle = asammdf.Signal(ugly.ANGLE, ugly.TIME, unit="rad", name="angle", comment=LINK)
+        file.append([angle, asammdf.Signal(ugly.TORQUE, ugly.TIME, unit="Nm", name="torque")])
+        file.save(path, overwrite=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [("a.parquet", ugly_parquet), ("a.tdms", ugly_tdms), ("a.mf4", ugly_mdf)],
+)
+def test_a_recording_gives_the_numbers_of_its_text(
+    name: str, write: Callable[[Path], None], tmp_path: Path
+) -> None:
+    """Proposed, accepted and fitted like the ugly texts of `test_ugly_variants`."""
+    write(tmp_path / name)
+    plain = np.column_stack([ugly.TIME, ugly.ANGLE, ugly.TORQUE])
+    head = "time [s],pos [rad],tau [N m]"
+    np.savetxt(tmp_path / "a.csv", plain, delimiter=",", header=head, comments="", fmt="%.10g")
+    found, expected = (
+        ugly.motion_of(ugly.run_of([tmp_path / file], tmp_path / folder)).estimates
+        for file, folder in ((name, "one"), ("a.csv", "other"))
+    )
+    for key in ("inertia", "viscous", "coulomb", "offset"):
+        assert found[key].value == pytest.approx(expected[key].value, rel=1e-6), key
 
 
 @pytest.mark.parametrize("kind", WRITERS)

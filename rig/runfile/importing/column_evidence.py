@@ -16,15 +16,15 @@ _EVEN = 0.2
 
 
 def never_falls(values: Numbers) -> bool:
-    """Whether a column that is called a time can be one."""
-    return (
-        len(values) > 1 and bool(np.isfinite(values).all()) and float(np.diff(values).min()) >= 0.0
-    )
+    """Whether a column that is called a time can be one; a line that is none of the table is a matter of the import."""
+    values = values[np.isfinite(values)]
+    return len(values) > 1 and float(np.diff(values).min()) >= 0.0
 
 
 def rises_evenly(values: Numbers) -> bool:
     """Whether a column is a time: it only rises, and mostly by the same."""
-    if len(values) < _LEAST_ROWS or not np.isfinite(values).all():
+    values = values[np.isfinite(values)]
+    if len(values) < _LEAST_ROWS:
         return False
     steps = np.diff(values)
     middle = float(np.median(steps))

@@ -140,7 +140,7 @@ def _times(
             evidence = (*(word for word in one.evidence if word != NO_NUMBERS), BY_FILE)
             one = replace(one, channel=TIME_CHANNEL, evidence=evidence)
         elif one is chosen:
-            step = float(np.median(np.diff(numbers[one.key])))
+            step = float(np.nanmedian(np.diff(numbers[one.key])))
             evidence = (*one.evidence, f"rises by {step:.4g} from row to row")
             one = replace(one, channel=TIME_CHANNEL, evidence=evidence)
             if not one.unit and _SECONDS[0] <= step <= _SECONDS[1]:

@@ -10,6 +10,7 @@ from typing import Final, Literal
 from rig.runfile.importing.channel_source import ChannelSource
 
 ANGLES = ("input_angle", "output_angle", "position")
+_TURNING = ANGLES[:2]
 SPEEDS = ("input_speed", "output_speed", "speed")
 EFFORTS = ("torque", "output_torque", "current", "motor_current", "force", "voltage")
 NO_NUMBERS, BY_FILE = "no numbers", "the file says so"
@@ -92,15 +93,15 @@ class Proposal:
     @property
     def sources(self) -> tuple[ChannelSource, ...]:
         """The channels, as an import takes them."""
-        return tuple(
-            ChannelSource(
-                name=one.channel,
-                column=one.reference,
-                unit=one.unit,
-                file=one.file,
-                scale=self.counts.get(one.channel),
-            )
-            for one in self.used
+        return tuple(self._source(one) for one in self.used)
+
+    def _source(self, one: ProposedColumn) -> ChannelSource:
+        unit, scale = one.unit, self.counts.get(one.channel)
+        if scale is not None and one.channel not in _TURNING:
+            # Counts of a position may be of a scale: those of a turn are said as turns.
+            unit, scale = "rev", 1.0 / scale
+        return ChannelSource(
+            name=one.channel, column=one.reference, unit=unit, file=one.file, scale=scale
         )
 
     @property

@@ -208,6 +208,8 @@ class Reading:
         jumps = wraps(seen, column.channel.scale)
         # What lies in the tail was looked at with the rows before.
         jumps = jumps[jumps + 1 >= len(tail)] - len(tail)
+        # Across a gap it may have gone anywhere.
+        jumps = jumps[~np.isin(jumps, self._after_gaps(piece))]
         if not len(jumps):
             return
         size = float(np.abs(seen[jumps + len(tail)] - seen[jumps + len(tail) - 1]).max())
@@ -224,6 +226,13 @@ class Reading:
             )
         count, largest = self._jumps.get(column.name, (0, 0.0))
         self._jumps[column.name] = (count + len(jumps), max(largest, size))
+
+    def _after_gaps(self, piece: Piece) -> NDArray[np.intp]:
+        """The rows of a piece that come after a gap of the time."""
+        steps = np.diff(piece.stamps)
+        if not self._is_timed or not len(steps):
+            return np.zeros(0, dtype=np.intp)
+        return np.flatnonzero(steps > self._options.gap * np.median(steps)) + 1
 
     def _watch(self, times: NDArray[np.int64], stored: list[NDArray[Any]], piece: Piece) -> None:
         """Look for numbers that point to a wrong unit, for gaps, and for stretches with labels."""
