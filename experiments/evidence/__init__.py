@@ -188,12 +188,18 @@ def require_time_base(recording: Recording, purpose: str) -> None:
     if recording.metadata.time_base in TRUE_TIME:
         return
     time_base = recording.metadata.time_base
+    remedy = "Record device or hardware stamps."
+    if recording.metadata.origin == "imported":
+        remedy = (
+            "If a clock of the device took the rows at that rate, say so at the import: "
+            "--time-base hardware."
+        )
     raise AnalysisError(
         f"{purpose} needs the true time of each cycle",
         where=recording.metadata.run_id,
         value=f'time base "{time_base}"',
         limit=", ".join(TRUE_TIME),
-        remedy="Jitter of 0.3 ms on a nominal axis is 167 arcsec at 3000 r/min. Record device or hardware stamps.",
+        remedy=f"Jitter of 0.3 ms on a nominal axis is 167 arcsec at 3000 r/min. {remedy}",
     )
 
 

@@ -365,13 +365,16 @@ def _stribeck_speeds(look: Look, recipe: MotionFilter) -> tuple[float, ...]:
 def _again(
     source: MotionSource, chosen: Fitted, recipe: MotionFilter, with_instrument: bool
 ) -> dict[str, float]:
-    """The parameters of the same rung with another filter; empty where the recording does not allow that filter."""
+    """The parameters of the same rung with another filter; empty where the recording does not allow that filter, or
+    leaves motion one way with it, where the offset is in the Coulomb friction.
+    """
     try:
         recipe.check(source.period)
         ladder = Ladder(source, recipe, chosen.basis, with_instrument, ())
-        return ladder.refitted(chosen).named()
+        other = ladder.refitted(chosen).named()
     except IdentificationError:
         return {}
+    return other if other.keys() == chosen.named().keys() else {}
 
 
 def _filter_uncertainty(cutoffs: Mapping[float, Mapping[str, float]]) -> dict[str, float]:

@@ -143,6 +143,14 @@ def test_a_lag_that_only_one_half_shows_moves_nothing_and_is_bounded(gear: Harmo
     assert abs(inertia.value - INERTIA) < inertia.expanded_uncertainty
 
 
+def test_a_twitch_backwards_that_half_the_bandwidth_does_not_show(gear: HarmonicDrive) -> None:
+    """With one filter the motion goes both ways and has an offset, with the other it has none to compare with."""
+    run = moved(dwell=0.1, ways=(1,), noise=2e-6)
+    twitch = 0.01 * np.exp(-(((run.time - 20.0) / 0.01) ** 2))
+    result = fitted(replace(run, position=run.position + twitch).recording(), gear)
+    assert "offset" in result.estimates
+
+
 def test_a_load_over_position_has_a_basis(gear: HarmonicDrive) -> None:
     run = moved(gravity=4.0).recording()
     without = fitted(run, gear)
