@@ -27,7 +27,7 @@ from experiments.load import carrying
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Result, Table, checks_to_mapping
-from model.identify.estimate import Estimate
+from model.identify.estimate import NOT_FROM_ZERO, Estimate
 from model.identify.orders.aliases import SamplingWindow
 from model.unit_text import amount_in_words
 
@@ -147,7 +147,22 @@ def _called(
     order = _order(quantity.member(name)) if quantity.placeholder == ORDER else None
     if order is not None:
         estimate = sampled(estimate, order, angle(), ratio)
-    return judged(quantity, estimate) if estimate.identifiable == "yes" else estimate
+    if estimate.identifiable == "yes":
+        return judged(quantity, estimate)
+    if estimate.note.startswith(NOT_FROM_ZERO) and not quantity.is_circular:
+        # What the fit said of it was before the lines that came after it.
+        return replace(estimate, note=_below_words(quantity, estimate))
+    return estimate
+
+
+def _words(quantity: Quantity, estimate: Estimate, amount: float) -> str:
+    size = max(abs(estimate.value), estimate.expanded_uncertainty)
+    return amount_in_words(amount, estimate.unit, size, quantity.shown)
+
+
+def _below_words(quantity: Quantity, estimate: Estimate) -> str:
+    largest = abs(estimate.value) + estimate.expanded_uncertainty
+    return f"{NOT_FROM_ZERO}, below {_words(quantity, estimate, largest)}"
 
 
 def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
@@ -160,21 +175,19 @@ def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
     if not (math.isfinite(estimate.value) and math.isfinite(u)):
         return replace(estimate, identifiable="no", note="no value with an uncertainty")
 
-    def words(amount: float) -> str:
-        size = max(abs(estimate.value), u)
-        return amount_in_words(amount, estimate.unit, size, quantity.shown)
-
     target = quantity.target_for(estimate.value, estimate.unit)
     is_within_target = target is not None and u <= target
     if abs(estimate.value) <= u and quantity.is_above_zero:
-        note = f"must be above zero, and U of {words(u)} reaches it: not measured"
+        note = (
+            f"must be above zero, and U of {_words(quantity, estimate, u)} reaches it: not measured"
+        )
         return replace(estimate, identifiable="no", note=note)
     if abs(estimate.value) <= u and not quantity.is_circular:
-        note = f"not distinguishable from zero, below {words(abs(estimate.value) + u)}"
+        note = _below_words(quantity, estimate)
         estimate = replace(estimate, note=note)
         return _not_on_assumed(estimate) if is_within_target else _weakly(estimate, note)
     if target is not None and not is_within_target:
-        return _weakly(estimate, f"U is above {words(target)}")
+        return _weakly(estimate, f"U is above {_words(quantity, estimate, target)}")
     share = u / abs(estimate.value) if estimate.value else 0.0
     if target is None and share > LARGEST_SHARE and not quantity.is_circular:
         return _weakly(estimate, f"U is {100.0 * share:.0f} % of the value")

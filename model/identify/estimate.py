@@ -27,6 +27,8 @@ Identifiable = Literal["yes", "weakly", "no"]
 
 NORMAL_COVERAGE_FACTOR = 1.959963984540054
 """k of U = k u at 95 % where the degrees of freedom have no end."""
+NOT_FROM_ZERO = "not distinguishable from zero"
+"""How the note begins of a number whose interval holds zero; below which size it lies follows."""
 DOMINANT = 0.8
 """Share of the combined standard uncertainty from which on one line alone gives the sum its shape."""
 

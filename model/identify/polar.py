@@ -14,7 +14,7 @@ import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import NOT_FROM_ZERO, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.unit_text import amount_in_words
 
@@ -97,7 +97,7 @@ def polar(
     significant = distance > _SIGNIFICANT
     verdict = "yes" if significant else "weakly"
     below = amount_in_words(high, unit, high)
-    note = "" if significant else f"not distinguishable from zero, below {below}"
+    note = "" if significant else f"{NOT_FROM_ZERO}, below {below}"
     amplitude = Estimate(
         name=f"amplitude_{label}",
         value=size,
@@ -118,7 +118,7 @@ def polar(
             low=phase - turn,
             high=phase + turn,
             identifiable=verdict,
-            note=note,
+            note="" if significant else f"of an amplitude {NOT_FROM_ZERO}",
             budget=over_amplitude((first, *turned), size),
         ),
         significant=significant,

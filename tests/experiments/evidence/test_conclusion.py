@@ -115,6 +115,16 @@ def test_a_number_is_called_identified_where_its_uncertainty_says_so(
     assert note in found.note if note else not found.note
 
 
+def test_what_the_fit_called_small_is_as_small_as_its_whole_uncertainty_says() -> None:
+    """Lines that came after the fit (a curve of the encoder, a delay) are in the size below which it lies."""
+    early = "not distinguishable from zero, below 100 mN m"
+    one = dataclasses.replace(estimate("amplitude_2", 0.1, 2.0), identifiable="weakly", note=early)
+    result = of(one)
+    found = concluded(result, (), recorded(result)).estimates["amplitude_2"]
+    assert found.identifiable == "weakly"
+    assert found.note == "not distinguishable from zero, below 2.1 N m"
+
+
 @pytest.mark.parametrize("kind", catalogue.kinds())
 def test_an_interval_that_holds_zero_is_called_so_of_every_declared_quantity(kind: str) -> None:
     declared = catalogue.load(kind).quantities
