@@ -26,6 +26,8 @@ RINGS_ON = 1.15
 """Ratio of what a fit leaves in the two beyond which the mode is not explained; noise alone makes it 1 within 0.03."""
 _UNEXPLAINED = 2.0
 """Power that a fit leaves near the mode over what it leaves beside it beyond which the mode is not explained."""
+_UNEXPLAINED_LOSS = 1.2
+"""The same for its damping: a frequency stands beside a small ringing that no rung holds, how fast it dies does not."""
 ALIKE = 0.1
 """Of their standard error, by which the numbers of two starts may differ that led to one answer."""
 _SHARE_DOUBT = 0.3
@@ -320,7 +322,7 @@ class _Told:
         if self.ringing > RINGS_ON:
             note = f"while the steps ring the model leaves {self.ringing:.3g} times what it leaves later"
             return "weakly", note
-        if self.left > _UNEXPLAINED:
+        if self.left > (_UNEXPLAINED_LOSS if name == "damping_ratio" else _UNEXPLAINED):
             note = f"near the mode the model leaves {self.left:.3g} times the power that it leaves beside it"
             return "weakly", note
         return "yes", ""

@@ -88,6 +88,21 @@ def test_a_damping_ratio_is_told_within_its_own_target() -> None:
     assert WANTED["damping_ratio"] == quantity.target_uncertainty
 
 
+def test_what_is_left_near_the_mode_leaves_its_damping_open_before_its_frequency() -> None:
+    size = len(STATED)
+    centre = np.full(size, np.log(0.02))
+    names = ("frequency", "damping_ratio")
+    index = [[name for name, _ in STATED].index(name) for name in names]
+
+    def called(left: float) -> list[str]:
+        told = _Told(centre, np.full(size, 0.01), np.full(size, 50.0), (), 1.0, left)
+        return [told.estimate(at).identifiable for at in index]
+
+    assert called(1.1) == ["yes", "yes"]
+    assert called(1.5) == ["yes", "weakly"]
+    assert called(2.5) == ["weakly", "weakly"]
+
+
 RUNGS = ("linear", "hardening", "hysteresis")
 
 
