@@ -73,6 +73,12 @@ def _doubt_of_set_point(setpoint: float, recorded: Recorded) -> float:
     )
 
 
+_RATIO_NOT_STATED = (
+    "nobody states the ratio, and the encoders show another than the parameter set's: "
+    "state it, --ratio at the import"
+)
+
+
 def encoders_against_ratio(recorded: Recorded) -> Finding:
     """Travel of the output times the ratio against travel of the input, over all that turns.
 
@@ -99,7 +105,9 @@ def encoders_against_ratio(recorded: Recorded) -> Finding:
         abs(seen - ratio) > _RATIO_TOLERANCE + doubt,
         f"{seen:.5g} input revolutions per output revolution",
         f"{ratio:g} ± {_RATIO_TOLERANCE + doubt:.2g}",
-        "the encoders show another ratio than the one stated",
+        "the encoders show another ratio than the one stated"
+        if math.isfinite(recording.metadata.ratio)
+        else _RATIO_NOT_STATED,
     )
 
 

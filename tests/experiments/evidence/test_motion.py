@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -99,3 +100,19 @@ def test_the_kinematic_error_of_a_short_turn_is_no_other_ratio(
         # From row to row it would be a tooth pair and more.
         assert abs(hold.input_travel / hold.output_travel - gear.ratio) > 1.0
     assert encoders_against_ratio(recorded).severity == severity
+
+
+def test_a_ratio_that_nobody_stated_is_not_called_stated(bench: Bench, gear: HarmonicDrive) -> None:
+    run = part_of_a_pass(bench, gear, 0.0, 1.75)
+    # Without a ratio that of the set stands in, here with the mounting of one tooth more.
+    others = (
+        ("than the one stated", {"ratio": gear.ratio + 1.0}),
+        ("nobody states", {"ratio": math.nan, "mounting": "flexspline-fixed"}),
+    )
+    for said, changes in others:
+        metadata = dataclasses.replace(run.metadata, **changes)  # type: ignore[arg-type]
+        recording = dataclasses.replace(run, metadata=metadata)
+        recorded = Recorded(recording, catalogue.load("home"), Evidence(gear))
+        found = encoders_against_ratio(recorded)
+        assert found.severity == "blocks"
+        assert said in found.follows
