@@ -212,7 +212,8 @@ def ladder_table(steps: list[RecordedStep], ladder: LadderFit) -> Table:
     columns = ("speed [r/min]", *(f"{rung.name} [arcsec]" for rung in ladder.rungs))
     note = (
         f"Root mean square of the output angle that each model leaves; chosen: {ladder.chosen}. Rigid and paper "
-        "(equation 2 with the set's values) have nothing fitted; the others are shown on steps left out of their fit."
+        "(equation 2 with the set's values) have nothing fitted; the others are shown on steps left out of their fit. "
+        "In the last row a step that no model explains counts by its weight only."
     )
     return Table("ladder", "What each rung of the ladder gains", columns, tuple(rows), note)
 
