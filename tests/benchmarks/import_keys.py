@@ -102,7 +102,8 @@ RECORDINGS: tuple[Recorded, ...] = (
     Recorded(title="tribometer", files=("tribometer/test_data_2.txt",), quantities=(("coulomb", 1.0),),
              published="nothing; 2.32 while it slides, by hand"),
     *(Recorded(title=f"servo and pendulum, {name}", files=(f"servo_pendulum/2026-01-15_10h29m{name}.json",),
-               answers=("rad", "rad/s", "degC")) for name in ("04", "21", "29")),
+               answers=("rad", "rad/s", "degC"), quantities=(("inertia", 1.0), ("coulomb", 1.0)),
+               published="nothing of a supply voltage") for name in ("04", "21", "29")),
 )  # fmt: skip
 NO_JOINT = ("labview_lvm", "twincat_scope")
 """Folders whose files hold no joint: hammer and process records, counting test signals."""

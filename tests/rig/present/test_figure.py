@@ -18,6 +18,7 @@ from rig.present.decimate import peak_rows, scatter_rows
 from rig.present.paper_figures import paper_figures
 from rig.present.series import LIMIT, NULL, PALETTE
 from tests.rig.handmade import friction_plot
+from tests.rig.present.overlap import unreadable
 
 
 def text_of(svg: str) -> str:
@@ -285,3 +286,18 @@ def test_a_label_is_no_longer_than_its_panel(monkeypatch: pytest.MonkeyPatch) ->
 def test_the_legend_names_the_series_of_every_panel() -> None:
     shown = text_of(figures.draw_svg(layered(), "hardware", "f1").svg)
     assert all(word in shown for word in ("forward", "reverse", "rigid gear", "limit"))
+
+
+def test_what_cannot_be_read_is_found() -> None:
+    """So that the figures of the whole chain can be held against it."""
+    sound = figures.draw_figure(friction_plot(), "simulated")
+    assert not unreadable(sound)
+    axes = sound.axes[0]
+    axes.text(0.5, 0.5, "first", transform=axes.transAxes)
+    axes.text(0.5, 0.51, "second", transform=axes.transAxes)
+    sound.text(0.99, 0.5, "beyond the edge")
+    axes.legend(loc="center")
+    axes.plot(*np.mean([axes.get_xlim(), axes.get_ylim()], axis=1)[:, None], "o")
+    faults = " ".join(unreadable(sound))
+    for words in ("'first' lies over 'second'", "'beyond the edge' goes over", "the legend hides"):
+        assert words in faults

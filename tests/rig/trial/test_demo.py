@@ -6,6 +6,7 @@ import dataclasses
 import json
 import re
 import threading
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from rig.analysis.judging import not_judged
 from rig.analysis.store import json_text, read_analyses
 from rig.commands.demo_tables import Lines, beating, print_demonstration
 from rig.errors import RigError
+from rig.present.figure import FULL_WIDTH, HALF_WIDTH, draw_figure
 from rig.run.start import run_order
 from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
@@ -27,6 +29,7 @@ from rig.trial.campaign.journal import DoneStage
 from rig.trial.demo import chain as demo
 from rig.trial.demo.chain import Demonstration, DemoOrder, Finished, Step, demonstrate
 from rig.trial.demo.first_screen import HEIGHT, ROWS, SENTENCES, first_screen
+from tests.rig.present.overlap import unreadable
 
 SHORT = {
     "motor-tare": {"lowest_rpm": 5.0, "points": 9, "measure_time": 0.3, "settle_time": 0.2},
@@ -52,6 +55,22 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     assert [m.protocol for m in seen if isinstance(m, Finished)] == list(demo.ORDER)
     assert {m.protocol for m in seen if isinstance(m, Step)} == set(demo.ORDER)
     return found
+
+
+def test_every_figure_of_every_protocol_can_be_read(made: Demonstration) -> None:
+    """At the size in which the report has it, its title in the caption."""
+    plots = [plot for fit in made.fits for plot in fit.result.plots]
+    siblings = Counter(plot.figure for plot in plots if plot.figure)
+    faults = {
+        plot.name: found
+        for plot in plots
+        for size in ((FULL_WIDTH, HALF_WIDTH) if siblings[plot.figure] >= 3 else (FULL_WIDTH,))
+        if (
+            found := unreadable(draw_figure(dataclasses.replace(plot, title=""), "simulated", size))
+        )
+    }
+    assert not faults
+    assert len(plots) > 15
 
 
 def test_every_protocol_is_run_in_order_and_fitted(made: Demonstration) -> None:
