@@ -39,14 +39,17 @@ def unreadable(figure: Figure) -> list[str]:
 
 def _words(figure: Figure) -> Iterator[tuple[Text, Bbox]]:
     """The texts that are drawn, but for the pale mark across; ticks beyond an axis are kept and not drawn."""
-    ticks: set[Text] = set()
-    drawn: set[Text] = set()
-    for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis):
-            ticks |= {one.label1 for one in (*axis.majorTicks, *axis.minorTicks)}
-            drawn |= {one.label1 for one in axis._update_ticks() if one.label1.get_visible()}
+    ticks = [
+        (tick.label1, low - slack <= tick.get_loc() <= high + slack)
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        for low, high in (sorted(axis.get_view_interval()),)
+        for slack in (1e-9 * (high - low),)
+        for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())
+    ]
+    beyond = {label for label, is_inside in ticks if not is_inside}
     for text in figure.findobj(Text):
-        is_drawn = text.get_visible() and (text not in ticks or text in drawn)
+        is_drawn = text.get_visible() and text not in beyond
         if is_drawn and text.get_text().strip() and text.get_alpha() in (None, 1.0):
             box = text.get_window_extent()
             if box.width > WIDE and box.height > WIDE:
