@@ -12,6 +12,7 @@ the statement cautious, and U_c without what is shared stands beside it (`rig.an
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -44,6 +45,8 @@ _SUBJECT = (
     "kinematic_error",
 )
 """Options of an analysis that change what its numbers mean."""
+_HASH = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
+"""A hash whose beginning tells it from another; the whole of it stands in `--json`."""
 SAME_NUMBER = 1e-12
 """Relative; numbers nearer than this are one number."""
 
@@ -139,7 +142,10 @@ def _change_row(change: Change, *, several_kinds: bool) -> tuple[str, ...]:
     kind, _, name = change.name.partition(": ") if is_result else ("", "", change.name)
     words = change.title or readable(name) or kind
     what = f"{kind}: {words}" if name and kind and several_kinds else words
-    row = (change.group, what, change.in_words(change.first), change.in_words(change.second))
+    first, second = (
+        _HASH.sub(r"\1…", change.in_words(one)) for one in (change.first, change.second)
+    )
+    row = (change.group, what, first, second)
     if change.difference is None or change.uncertainty is None:
         return (*row, "", "", change.note)
     meaning = {None: "", True: "significant", False: "within U"}[change.significant]

@@ -24,6 +24,7 @@ from experiments.result import Plot, Series, Table
 from model.unit_text import scale_in
 from rig.analysis.fit import kind_of
 from rig.analysis.fit_run import Choices, evidence_for
+from rig.analysis.store import read_analyses
 from rig.errors import RigError
 from rig.runfile import read
 
@@ -263,14 +264,16 @@ def _units(ladder: Ladder, samples: Sequence[Sample]) -> tuple[str, str]:
 
 
 def _one_kind(paths: Sequence[Path], kind: str) -> str:
-    """The kind of all runs. Raises `RigError` where they are of several protocols."""
+    """The kind of all runs: of their protocol, or of their newest fit. Raises `RigError` where they are of several."""
     if kind:
         return kind
     kinds: dict[str, str] = {}
     for path in paths:
         recording = read.open_run(path)
+        # A recording of another rig has no protocol: what it was fitted as stands beside it.
+        fits = () if recording.metadata.experiment else read_analyses(path)
         try:
-            kinds.setdefault(kind_of(recording), path.name)
+            kinds.setdefault(kind_of(recording, fits[-1].kind if fits else ""), path.name)
         finally:
             read.close_recording(recording)
     if len(kinds) > 1:

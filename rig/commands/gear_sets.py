@@ -276,8 +276,18 @@ def _print_made(made: NewGear) -> None:
         )
         for path in made.open_questions:
             out.print(f"  {path}: {gear.value(path).description}", soft_wrap=True)
+    serial, facts = made.card.serial, made.card.facts
+    missing = [
+        words
+        for words, is_said in (
+            ("--mounting circular-spline-fixed", facts.mounting),
+            ("--acceptance FILE", facts.acceptance),
+        )
+        if not is_said
+    ]
+    if missing:
+        out.print(f"Next: rig gear set {serial} --by NAME {' '.join(missing)}", soft_wrap=True)
     out.print(
-        f"Next: rig gear set {made.card.serial} --by NAME --mounting circular-spline-fixed, "
-        "then look at the gear and confirm the card.",
+        f"{'then' if missing else 'Next:'} look at the gear, and rig gear confirm {serial} --by NAME",
         soft_wrap=True,
     )

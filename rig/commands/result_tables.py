@@ -45,9 +45,10 @@ def print_result(
         if e.note and e.identifiable != "yes"
     ]
     for name, note in notes:
-        out.print(Text(f"  {name}: {note}", style="dim"))
+        out.print(Text(f"  {name}: {note}", style="dim"), soft_wrap=True)
     for kind, how in replacing(result.estimates.values()).items():
-        out.print(Text(f"  {kind} is assumed; what states it: {how}", style="dim"))
+        words = f"  {kind} is assumed; what states it: {how}"
+        out.print(Text(words, style="dim"), soft_wrap=True)
     print_metrics(out, result)
     if verdict is not None:
         print_verdict(out, verdict)
@@ -55,7 +56,7 @@ def print_result(
     print_warnings(out, result.warnings)
     for check in result.checks:
         if check.severity is Severity.NOT_LOOKED_AT:
-            out.print(Text(f"  not checked  {check.sentence}", style="dim"))
+            out.print(Text(f"  not checked  {check.sentence}", style="dim"), soft_wrap=True)
 
 
 def print_proof(out: Console, result: Result) -> None:
@@ -102,4 +103,4 @@ def _not_yet_told(verdict: GearVerdict) -> list[str]:
 def print_warnings(out: Console, warnings: tuple[str, ...] | list[str]) -> None:
     """Warnings, each on its own line."""
     for warning in warnings:
-        out.print(Text.assemble(("  warning  ", "bold yellow"), warning))
+        out.print(Text.assemble(("  warning  ", "bold yellow"), warning), soft_wrap=True)

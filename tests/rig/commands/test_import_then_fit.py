@@ -53,3 +53,13 @@ def test_the_kind_is_named_once(rig: Rig, recording: Path, named: str) -> None:
         assert "Coulomb friction" in page
         assert "CSF-25-120" not in page
         assert "IMPORTED" in page
+
+
+def test_models_are_judged_by_imports_of_the_kind_that_they_were_fitted_as(
+    rig: Rig, recording: Path
+) -> None:
+    runs = [rig.json("import", "csv", recording, *CHANNELS)["run"] for _ in range(2)]
+    assert rig("validate", *runs) == 6
+    for run in runs:
+        rig.json("fit", "motion", run)
+    assert rig.json("validate", *runs)["kind"] == "motion"
