@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import h5py
@@ -130,13 +130,23 @@ _CHUNK_RULES: Final[tuple[_ChunkRule, ...]] = (
 
 @dataclass
 class _Walk:
-    """What was met so far: objects, and the bytes that all chunks together say they take."""
+    """What was met so far: objects, and the bytes that all chunks together say they take.
 
-    file_size: int
+    A file that grows is as large as it is when that is asked: its writer goes on while it is walked.
+    """
+
+    file: str
     grows: bool
+    file_size: int = 0
     objects: int = 0
     stored: int = 0
     groups: list[tuple[str, Any]] = field(default_factory=list)
+
+    def size(self) -> int:
+        """Bytes of the file. Ask after its index was read: what that names was written before it."""
+        if self.grows or not self.file_size:
+            self.file_size = os.stat(self.file).st_size
+        return self.file_size
 
 
 def refuse_foreign_structure(file: h5py.File, *, grows: bool, leave_out: str = "") -> None:
@@ -145,7 +155,7 @@ def refuse_foreign_structure(file: h5py.File, *, grows: bool, leave_out: str = "
     `grows`: a writer may be at work, so that columns may be ahead of their chunks. `leave_out`: the
     path of a group that the caller never looks into.
     """
-    walk = _Walk(os.stat(file.filename).st_size, grows)
+    walk = _Walk(file.filename, grows)
     walk.groups.append(("", h5g.open(file.id, b"/")))
     while walk.groups:
         path, group = walk.groups.pop()
@@ -165,7 +175,7 @@ def examined_members(file: h5py.File, members: Mapping[str, Sequence[str]]) -> d
     `members`: names of datasets by the path of their group. Raises `KeyError` for one that is not there, `RunFileError`
     as `refuse_foreign_structure` does.
     """
-    walk = _Walk(os.stat(file.filename).st_size, grows=False)
+    walk = _Walk(file.filename, grows=False)
     found: dict[str, Any] = {"": h5g.open(file.id, b"/")}
     for path, names in members.items():
         place = ""
@@ -227,7 +237,7 @@ def _check_dataset(walk: _Walk, path: str, dataset: Any) -> None:
         itemsize=dataset.get_type().get_size(),
         kind=dataset.dtype.kind if layout != h5d.VIRTUAL else "V",
         chunk=chunk[0] if len(chunk) == 1 else 0,
-        file_size=walk.file_size,
+        file_size=walk.size(),
         grows=walk.grows,
     )
     for what, breaks in _RULES:
@@ -238,6 +248,7 @@ def _check_dataset(walk: _Walk, path: str, dataset: Any) -> None:
     chunks = _Chunks()
     dataset.chunk_iter(chunks.add)
     walk.stored += chunks.stored
+    stored = replace(stored, file_size=walk.size())
     for what, breaks_chunks in _CHUNK_RULES:
         if breaks_chunks(stored, chunks):
             _refuse(what, path, f"{_described(stored)}, {chunks.stored} stored")

@@ -10,6 +10,7 @@ import pytest
 
 from rig.errors import RunFileError
 from rig.library.index import LibraryIndex
+from rig.runfile import structure
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.recover import recover_run
 from rig.runfile.seal import part_path
@@ -242,4 +243,27 @@ def test_a_file_that_grows_is_examined_and_followed(tmp_path: Path) -> None:
         recording = open_run(writer.part)
         assert recording.rows == first + 50
         close_recording(recording)
+    writer.abandon()
+
+
+def test_a_file_that_grows_while_it_is_examined_is_no_damaged_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Between the look at its size and that at its chunks the writer goes on: then these lie beyond that size."""
+    writer = RunWriter(tmp_path / "1-x-y.h5", header(), compress=False, chunk_rows=64)
+    writer.append(block(0, 50))
+    writer.flush()
+    check, first = structure._check_attributes, iter((50,))
+
+    def going_on(path: str, item: Any) -> None:
+        for begin in first:
+            for row in range(begin, 2000, 50):
+                writer.append(block(row, 50))
+            writer.flush()
+        check(path, item)
+
+    monkeypatch.setattr(structure, "_check_attributes", going_on)
+    recording = open_run(writer.part)
+    assert recording.rows >= 50
+    close_recording(recording)
     writer.abandon()
