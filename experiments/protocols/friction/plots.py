@@ -57,8 +57,8 @@ def _beside_raw(plot: Plot, fit: FrictionFit, raw: list[Hold], tare: Tare | None
     points = pair_directions([hold.torque for hold in raw])
     own = np.zeros(len(points.speed)) if tare is None else tare.at(points.speed)[0]
     torque = points.friction - own
-    fitted = np.interp(points.speed, fit.speed, fit.torque)
-    moved = float(np.abs(torque - fitted).max()) / MILLI
+    # The same points in the same order: between visits to one speed nothing may be interpolated.
+    moved = float(np.abs(torque - fit.torque).max()) / MILLI
     there = plot.of_panel(0)[0].x
     if not moved > _SEEN or not len(there):
         return plot

@@ -73,8 +73,10 @@ from model.identify.running_torque import (
 from model.identify.stribeck import stribeck_curve, stribeck_jacobian
 from model.units import DEGREE, RPM
 
-PLACE_ORDERS = (1, 2, 3, 4)
-"""Orders of the output revolution that friction is looked at over."""
+PLACE_ORDERS = tuple(range(1, 9))
+"""Orders of the output revolution that friction is looked at over. A slow hold covers a small part of a turn, the same
+each time: what is not looked for there bends the curve.
+"""
 SAME_SPEED = 0.03
 """Relative difference of two speeds up to which they are visits to one."""
 _REPETITIONS_PER_ORDER = 3
