@@ -26,7 +26,7 @@ from rig.analysis.rows import (
     truth_grid,
 )
 from rig.content.data import data_grid
-from rig.content.grid import Grid, columns, tone_of
+from rig.content.grid import Grid, capital, columns, tone_of
 from rig.content.page import Figure, Page, Section, Signature, State, annexes_of
 from rig.content.wording import days_text, readable, show
 from rig.errors import RigError
@@ -187,7 +187,7 @@ def overall(verdict: GearVerdict, fits: Sequence[Fit] = ()) -> State:
         "FAIL": "At least one quantity breaks its limit by more than its expanded uncertainty.",
         "NOT JUDGED": "Nothing is claimed of the gear; the values stand for themselves.",
     }[verdict.verdict]
-    because = f" {'; '.join(verdict.because)}." if verdict.because else ""
+    because = f" {capital('; '.join(verdict.because))}." if verdict.because else ""
     broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
     runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
     unfinished = f" Not every run reached its end: {runs}." if runs else ""
