@@ -78,34 +78,6 @@ def test_pairs_with_presliding_do_not_collapse() -> None:
 
 
 @needs_data
-@pytest.mark.parametrize(
-    ("joint", "ratio", "viscous", "coulomb", "load"),
-    [
-        (1, 32, 8.0278, 7.2318, {}),
-        (2, 32, 5.5201, 8.2505, {"load": "gravity"}),
-        (3, 45, 1.9963, 6.2877, {}),
-        (4, -48, 1.1087, 2.5145, {}),
-    ],
-)
-def test_every_joint_of_the_staubli(
-    gear: HarmonicDrive,
-    joint: int,
-    ratio: int,
-    viscous: float,
-    coulomb: float,
-    load: dict[str, str],
-) -> None:
-    angle, torque = (
-        columns(DATA / "staubli_tx40" / name)[joint - 1]
-        for name in ("pos_read_data.csv", "curr_data.csv")
-    )
-    time = 2e-4 * np.arange(len(angle))
-    run = foreign(time, position=(angle / ratio, "rad"), torque=(ratio * torque, "N m"))
-    result = analysed(run, gear, **load)
-    assert values(result, "viscous", "coulomb") == pytest.approx([viscous, coulomb], rel=WITHIN)
-
-
-@needs_data
 def test_the_speed_of_a_robot_is_late(gear: HarmonicDrive) -> None:
     time, position = columns(DATA / "tiago_arm" / "tiago_position.csv")[:2]
     speed = columns(DATA / "tiago_arm" / "tiago_velocity.csv")[1]
