@@ -21,6 +21,8 @@ from rig.runfile.importing.wiring import Wiring, wire
 from rig.runfile.importing.wraps import range_like, wraps
 from rig.runfile.layout import Column
 
+_FASTER = 1.5
+"""How many times the speed elsewhere an angle may have gone in a gap; a wrap would be far faster."""
 _FASTEST_RAD_S = 4000.0
 """An angle that turns faster than this (38 000 r/min) has the wrong unit."""
 ANGLES = ("input_angle", "output_angle", "position")
@@ -208,8 +210,7 @@ class Reading:
         jumps = wraps(seen, column.channel.scale)
         # What lies in the tail was looked at with the rows before.
         jumps = jumps[jumps + 1 >= len(tail)] - len(tail)
-        # Across a gap it may have gone anywhere.
-        jumps = jumps[~np.isin(jumps, self._after_gaps(piece))]
+        jumps = jumps[~np.isin(jumps, self._gone_in_gaps(piece, values))]
         if not len(jumps):
             return
         size = float(np.abs(seen[jumps + len(tail)] - seen[jumps + len(tail) - 1]).max())
@@ -227,12 +228,14 @@ class Reading:
         count, largest = self._jumps.get(column.name, (0, 0.0))
         self._jumps[column.name] = (count + len(jumps), max(largest, size))
 
-    def _after_gaps(self, piece: Piece) -> NDArray[np.intp]:
-        """The rows of a piece that come after a gap of the time."""
-        steps = np.diff(piece.stamps)
-        if not self._is_timed or not len(steps):
+    def _gone_in_gaps(self, piece: Piece, values: NDArray[np.float64]) -> NDArray[np.intp]:
+        """The rows of a piece before which a gap of the time was long enough for the way that was gone in it."""
+        lasting, way = np.diff(piece.stamps), np.abs(np.diff(values))
+        if not self._is_timed or not len(lasting):
             return np.zeros(0, dtype=np.intp)
-        return np.flatnonzero(steps > self._options.gap * np.median(steps)) + 1
+        is_gap = lasting > self._options.gap * np.median(lasting)
+        fastest = float((way / lasting)[~is_gap].max(initial=0.0))
+        return np.flatnonzero(is_gap & (way <= _FASTER * fastest * lasting)) + 1
 
     def _watch(self, times: NDArray[np.int64], stored: list[NDArray[Any]], piece: Piece) -> None:
         """Look for numbers that point to a wrong unit, for gaps, and for stretches with labels."""

@@ -226,3 +226,15 @@ def test_what_is_said_of_a_file_that_is_not_there_is_refused(join: Join, tmp_pat
     (of_map,) = read_channel_map(tmp_path / "map.toml")
     with pytest.raises(ConfigurationError, match=r"files\.c\.csv.*1 a\.csv, 2 b\.csv"):
         join({"a.csv": rows(EVEN), "b.csv": rows(EVEN)}, options=of_map.options({}))
+
+
+def test_a_wrap_that_falls_into_a_short_gap_is_a_wrap_all_the_same(join: Join) -> None:
+    """A logger that left out a row or two: the angle cannot have gone back by a turn in that time."""
+    times = np.delete(np.arange(400) * 0.01, 200)
+    angle = np.mod(90.0 * times + 0.1 - 180.0, 360.0)
+    assert angle[199] - angle[200] > 300.0
+    text = "t [s],q [deg]\n" + "\n".join(
+        f"{t:.3f},{a:.6f}" for t, a in zip(times, angle, strict=True)
+    )
+    with pytest.raises(RunFileError, match="jumps as if it were wrapped"):
+        join({"a.csv": text}, "time=t", "position=q")
