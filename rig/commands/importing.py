@@ -231,6 +231,7 @@ def _proposed(
     """The run with the channels that were proposed and accepted. Raises `ConfigurationError` for what stays open."""
     from rig.commands import import_proposed as proposed
     from rig.runfile.importing import accepting
+    from rig.runfile.importing.channel_map import check_said
     from rig.runfile.importing.opening import open_tables
     from rig.runfile.importing.proposal import propose
     from rig.runfile.importing.stated import with_stated
@@ -254,6 +255,8 @@ def _proposed(
         proposal = proposed.settled(proposal, proposed.ask_at_the_terminal)
         said = proposed.said_beside(proposed.ask_at_the_terminal)
     options = with_stated(accepting.accepted(options, proposal, said), **way.stated)
+    # Before anything is written: a map of what is refused would stand in the way of the next try.
+    check_said(options)
     if way.save_map is not None:
         way.save_map.write_text(accepting.map_text(options), encoding="utf-8")
     if not way.json:

@@ -247,6 +247,7 @@ def test_a_rate_stands_for_the_time_of_the_file(capsys: pytest.CaptureFixture[st
         (("joint.csv", "-c", "position=2:rad", "--accept"), "nothing is proposed"),
         (("joint.csv", *("-c", "torque=tau") * 2), "a channel is given twice"),
         (("joint.csv", "--accept", "--lag", "tau=2ms"), "is no channel of the import"),
+        (("joint.csv", "--accept", "--gap", "1", "--save-map", "gap.toml"), "no length of a gap"),
         (("joint.csv", "--accept", "--save-map", "joint.csv"), "is there already"),
         (("joint.csv", "--accept", "--save-map", "no/map.toml"), "its folder is not"),
         (("joint.csv", "--accept", "--save-map", "aux.toml"), "device on Windows"),
@@ -260,6 +261,7 @@ def test_what_cannot_be_meant_is_refused(
     assert code == 2
     assert told in " ".join(errors.replace("│", " ").split())
     assert not Path("runs").exists()
+    assert not list(Path().glob("*.toml"))
 
 
 def test_a_word_that_is_neither_kind_nor_file_is_refused(
