@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from model.errors import WordedError
 
 
@@ -35,3 +37,14 @@ class ConfigurationError(RigError):
 
 class BenchInUseError(RigError):
     """A bench that another process has; nothing was connected."""
+
+
+def nearest(word: str, words: Iterable[str]) -> str:
+    """What may have been meant by a word that there is not, else all that there are."""
+    import difflib
+
+    words = tuple(words)
+    # The dashes of a flag are no letters that it shares with another.
+    bare = {one.lstrip("-"): one for one in words}
+    near = [bare[one] for one in difflib.get_close_matches(word.lstrip("-"), bare, n=2)]
+    return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(words)}."

@@ -33,6 +33,7 @@ from rig.commands import (
     modelling,
     motors,
     planning,
+    refusing,
     reporting,
     running,
     simulating,
@@ -253,6 +254,7 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
     """Print the one-screen message for an error, as JSON the object of it too, and return its exit code."""
     if os.environ.get("HARMONIC_RIG_DEBUG"):
         traceback.print_exception(error)
+    refusing.reword(error)
     known = _refusal(error) or exits.explain(error)
     from rig.content.wording import visible
 
@@ -260,7 +262,7 @@ def _tell(error: BaseException, *, as_json: bool = False) -> int:
     if as_json:
         _tell_as_json(error, "\n".join([known[1] if known is not None else str(error), *notes]))
     elif hasattr(error, "format_message"):
-        _show_refusal(error)
+        refusing.show(error)
         return exits.USAGE
     if known is not None:
         code, sentence = known
@@ -289,26 +291,6 @@ def _refusal(error: BaseException) -> tuple[int, str] | None:
         return exits.ABORTED, f"Stopped by the operator{standing}."
     words = getattr(error, "format_message", None)
     return None if words is None else (exits.USAGE, str(words()))
-
-
-def _show_refusal(error: BaseException) -> None:
-    """What the command-line library refuses: how the command is used, and the reason in a frame."""
-    if type(error).__name__ == "NoArgsIsHelpError":
-        # A page of the library's own was printed while it was made.
-        sys.stdout.write(cast("Any", error).format_message().rstrip() + "\n")
-        return
-    from rich.panel import Panel
-
-    from rig.commands.terminal import console
-    from rig.commands.visible import Text
-
-    out, refusal = console(errors=True), cast("Any", error)
-    context = getattr(refusal, "ctx", None)
-    if context is not None:
-        out.print(Text(context.get_usage(), style="yellow"))
-        out.print(Text(f"Try '{context.command_path} --help' for help.", style="dim"))
-    message = Text(refusal.format_message())
-    out.print(Panel(message, title="Error", title_align="left", border_style="red"))
 
 
 def _tell_as_json(error: BaseException, sentence: str) -> None:

@@ -14,7 +14,8 @@ from rig.commands.judgement import (
     refuse_unknown_acceptance,
 )
 from rig.commands.sealing import Unsealed
-from rig.commands.terminal import Json, console, echo, nearest, painted, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.errors import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from rig.commands.terminal import echo, nearest
+from rig.commands.terminal import echo
+from rig.errors import nearest
 
 _SHORT = 20
 """Letters that a line has at least before it ends at a stop, a comma or a bracket."""

@@ -20,7 +20,7 @@ from rig.bench.backends.order import (
     world_said,
 )
 from rig.commands.judgement import refuse_unknown_acceptance
-from rig.commands.terminal import echo, nearest
+from rig.commands.terminal import echo
 
 if TYPE_CHECKING:
     from rig.bench.backends.order import Order, WorldChoice
@@ -179,7 +179,7 @@ def _refuse_path(serial: str) -> None:
 
 def _require_card(order: Order, serial: str, warn: Callable[[str], None]) -> None:
     """A gear that is named has a card, or nobody here has one."""
-    from rig.errors import ConfigurationError
+    from rig.errors import ConfigurationError, nearest
     from rig.gears.card import card_for, list_cards
 
     if card_for(order.folder, serial) is not None:

@@ -13,7 +13,8 @@ import typer
 
 from rig.commands.judgement import RequireVerdict
 from rig.commands.ordering import NoCard, Said, with_order
-from rig.commands.terminal import Json, echo, nearest, outliving_the_terminal, print_json
+from rig.commands.terminal import Json, echo, outliving_the_terminal, print_json
+from rig.errors import nearest
 
 if TYPE_CHECKING:
     from experiments.parameters import ParameterField

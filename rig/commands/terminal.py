@@ -6,7 +6,7 @@ import contextlib
 import itertools
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
@@ -235,11 +235,3 @@ def outliving_the_terminal() -> Iterator[None]:
         for stream in lasting:
             stream.flush()
         sys.stdout, sys.stderr = before
-
-
-def nearest(word: str, words: Sequence[str]) -> str:
-    """What may have been meant by a word that there is not, else all that there are."""
-    import difflib
-
-    near = difflib.get_close_matches(word, words, n=2, cutoff=0.5)
-    return f"Did you mean {' or '.join(near)}?" if near else f"There are: {', '.join(words)}."

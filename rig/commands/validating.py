@@ -19,6 +19,7 @@ from rig.commands.analysis import (
 )
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, painted, print_json
+from rig.errors import nearest
 
 if TYPE_CHECKING:
     from rig.analysis.validate import Validation
@@ -74,13 +75,21 @@ def validate(
 
     With --against no model is fitted: what a parameter set predicts of one run, and what was measured.
     """
+    from experiments import catalogue
     from rig.analysis.validate import validate_runs
+    from rig.runfile.damage import refuse_missing
 
+    if kind and kind not in catalogue.kinds():
+        raise typer.BadParameter(
+            f"no such kind of fit: {kind!r}. {nearest(kind, catalogue.kinds())}",
+            param_hint="--kind",
+        )
     if against is not None and (len(runs) != 1 or on or plot or parameters):
         raise typer.BadParameter(
             "holds one parameter set against one run: leave --on, --plot and --parameters out",
             param_hint="--against",
         )
+    refuse_missing(*runs, *(on or ()))
     choices = choices_of_flags(
         against or parameters,
         tare,

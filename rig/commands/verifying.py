@@ -67,6 +67,7 @@ def verify(
     from experiments.finding import first_blocking
     from rig import exits
     from rig.present.certificate.verify import certificates_in, runs_of, verify_certificate
+    from rig.runfile.damage import refuse_missing
     from rig.runfile.verify import verify_run
     from rig.trial.chain import links_of, runs_in
     from rig.trial.manifest import hold_against
@@ -75,6 +76,9 @@ def verify(
         raise typer.BadParameter(
             "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
         )
+    if len(places) == 1:
+        # A mistyped name; among several it is one of the findings.
+        refuse_missing(*places)
     runs = list(dict.fromkeys(run for place in places for run in runs_in(place)))
     certificates = [one for place in places for one in certificates_in(place)]
     checked = {str(run): verify_run(run) for run in runs}

@@ -427,7 +427,7 @@ def load_card(path: Path) -> GearCard:
         ) from error
     except (ValueError, RecursionError) as error:
         raise ConfigurationError(
-            f"is no TOML file: {error}", where=where, remedy="Correct the line, or restore it."
+            f"is not valid TOML: {error}", where=where, remedy="Correct the line, or restore it."
         ) from error
     if content.get("format") != FORMAT:
         raise ConfigurationError(

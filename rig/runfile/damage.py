@@ -29,9 +29,7 @@ def refusing_damage(
     except RigError:
         raise
     except FileNotFoundError as error:
-        raise RunFileError(
-            "there is no such file", where=str(path), remedy="Check the path, or list the runs."
-        ) from error
+        raise _missing(path) from error
     except PermissionError as error:
         raise RunFileError(
             "may not be read", where=str(path), remedy="Check its permissions."
@@ -49,6 +47,19 @@ def refusing_damage(
         AssertionError,
     ) as error:
         raise RunFileError(f"{what} ({reason(error)})", where=str(path), remedy=remedy) from error
+
+
+def refuse_missing(*paths: Path) -> None:
+    """Raises `RunFileError` for the first of these that is neither a file nor a folder."""
+    for path in paths:
+        if not path.exists():
+            raise _missing(path)
+
+
+def _missing(path: Path) -> RunFileError:
+    return RunFileError(
+        "there is no such file", where=str(path), remedy="Check the path, or list the runs."
+    )
 
 
 def reason(error: BaseException) -> str:

@@ -4,7 +4,6 @@ keys with the nearest known.
 
 from __future__ import annotations
 
-import difflib
 import itertools
 import tomllib
 import types
@@ -18,7 +17,7 @@ from pydantic import BaseModel, ValidationError
 from experiments.finding import Finding, Severity
 from rig.bench.config.parts import FOLDER
 from rig.bench.config.schema import FORMAT, Alarms, Laboratory, Notify, RigConfiguration
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, nearest
 
 _Table = TypeVar("_Table", bound=BaseModel)
 
@@ -120,7 +119,9 @@ def _content(path: Path) -> dict[str, Any]:
             "is not text in UTF-8", where=str(path), value=f"byte {error.start}"
         ) from error
     except tomllib.TOMLDecodeError as error:
-        raise ConfigurationError(f"is not TOML: {error}", where=str(path)) from error
+        raise ConfigurationError(
+            f"is not valid TOML: {error}", where=str(path), remedy="Correct the line."
+        ) from error
 
 
 def missing_files(configuration: RigConfiguration, folder: Path) -> tuple[Finding, ...]:
@@ -183,9 +184,7 @@ def _nearest(place: Sequence[str | int]) -> str:
     for part, after in itertools.pairwise(place):
         if isinstance(part, str):
             model = _table_of(model, part, after) or model
-    words = sorted(words_of(model))
-    near = difflib.get_close_matches(str(place[-1]), words, n=2, cutoff=0.5)
-    return f"Did you mean {' or '.join(near)}?" if near else f"Known: {', '.join(words)}."
+    return nearest(str(place[-1]), sorted(words_of(model)))
 
 
 def words_of(model: type[BaseModel]) -> Iterable[str]:

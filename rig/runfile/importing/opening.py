@@ -11,6 +11,7 @@ import numpy as np
 
 from experiments import extensions
 from rig.errors import ConfigurationError, RunFileError
+from rig.runfile.damage import refuse_missing
 from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.adapters.text_form import TextForm, is_named
@@ -96,7 +97,8 @@ _MARKS = (
 
 
 def open_table(kind: str, path: Path, form: TextForm = TextForm()) -> Table:
-    """The columns of one file. Raises `RunFileError` for one that cannot be read as that kind."""
+    """The columns of one file. Raises `RunFileError` for one that is not there or cannot be read as that kind."""
+    refuse_missing(path)
     if kind == "csv":
         return _open_text(path, form)
     if kind == "mat":

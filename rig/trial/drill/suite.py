@@ -15,7 +15,7 @@ import numpy as np
 
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, nearest
 from rig.run.dry_run import PlannedRun, plan_run
 from rig.trial.drill.catalogue import Drill, every_drill
 from rig.trial.drill.protocol import EXPERIMENT, DrillParameters
@@ -110,8 +110,7 @@ def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
             "no such fault",
             where="--fault",
             value=", ".join(unknown),
-            limit=", ".join(every_drill()),
-            remedy="Choose one of these.",
+            remedy=nearest(unknown[0], every_drill()),
         )
     found = [every_drill()[name] for name in names] if names else list(every_drill().values())
     carried = [drill for drill in found if backend is None or backend in drill.carriers]

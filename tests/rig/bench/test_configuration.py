@@ -369,14 +369,14 @@ def by_reference(old: str = "", new: str = "") -> str:
             "speed_per_volt_rpm",
             "speed_per_volt",
             "drive.speed_per_volt",
-            "Did you mean speed_per_volt_rpm or",
+            "Did you mean speed_per_volt_rpm?",
         ),
         ("power = { mask = 0x02 } ", "# ", "drive.lines.power", "is missing"),
         (
             "power = { mask = 0x02 }",
             "power = { bit = 2 }",
             "drive.lines.power.bit",
-            "Known: active_high, mask",
+            "There are: active_high, mask",
         ),
         (
             'set_by = "who set them"',

@@ -58,4 +58,30 @@ def test_it_is_refused_in_words_and_leaves_nothing_behind(
     assert len(told.split()) > 5
     assert "Traceback" not in told
     assert "defect" not in told
+    # What a library says of a value, in its own words.
+    assert "Input should" not in told
+    assert "Value error" not in told
+    # One thing that is wrong is said once.
+    assert told.count("there is no such file") <= 1
     assert set(place.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("gear nosuch", "There are: new, check, list, show, set, confirm."),
+        ("nosuch", "help."),
+        ("fti x.h5", "Did you mean 'fit'?"),
+        ("run friction --lowest-rmp 3", "Did you mean --lowest-rpm?"),
+        ("runs --last x", "value x, allowed a whole number"),
+        ("runs --last -1", "value -1, allowed 0 and more"),
+        ("report x.h5 --format docx", "value docx, allowed html, pdf, both"),
+    ],
+)
+def test_what_is_allowed_is_said(
+    command: str, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit):
+        main.run(shlex.split(command))
+    assert said in " ".join("".join(capsys.readouterr()).split())

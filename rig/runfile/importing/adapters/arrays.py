@@ -115,10 +115,6 @@ def numpy_table(path: Path) -> ArrayTable:
             loaded = np.load(stream, allow_pickle=False)
             is_archive = hasattr(loaded, "files")
             arrays = {n: loaded[n] for n in loaded.files} if is_archive else {path.stem: loaded}
-    except FileNotFoundError as error:
-        raise RunFileError(
-            "there is no such file", where=str(path), remedy="Check the path."
-        ) from error
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, MemoryError) as error:
         raise RunFileError(
             f"is not a readable NumPy file ({' '.join(str(error).split())[:120]})",

@@ -118,10 +118,6 @@ def refused_damage(path: Path, kind: str) -> Iterator[None]:
         yield
     except RigError:
         raise
-    except FileNotFoundError as error:
-        raise RunFileError(
-            "there is no such file", where=str(path), remedy="Check the path."
-        ) from error
     except DAMAGE as error:
         text = " ".join(str(error).split())[:120] or type(error).__name__
         raise RunFileError(f"is not a readable {kind} ({text})", where=str(path)) from error

@@ -46,10 +46,6 @@ class Hdf5Table:
                 file.visititems(visit)
         except RigError:
             raise
-        except FileNotFoundError as error:
-            raise RunFileError(
-                "there is no such file", where=str(path), remedy="Check the path."
-            ) from error
         except (OSError, RuntimeError, ValueError, KeyError) as error:
             raise RunFileError(
                 f"is not a readable HDF5 file ({' '.join(str(error).split())[:120]})",

@@ -41,10 +41,6 @@ class MatlabTable(ArrayTable):
             if head.startswith(_HDF5_MARK) or head[512:] == _HDF5_MARK:
                 return self._load_hdf5()
             return self._load_older()
-        except FileNotFoundError as error:
-            raise RunFileError(
-                "there is no such file", where=str(self.path), remedy="Check the path."
-            ) from error
         except DAMAGE as error:
             text = " ".join(str(error).split())[:120] or type(error).__name__
             raise RunFileError(

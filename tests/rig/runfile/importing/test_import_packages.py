@@ -22,12 +22,13 @@ from rig.runfile.importing.opening import open_table
     ],
 )
 def test_a_package_that_is_missing_is_named_with_the_line_that_installs_it(
-    kind: str, package: str, module: str, monkeypatch: pytest.MonkeyPatch
+    kind: str, package: str, module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     said = rf"needs the package {package}, .*: pip install 'harmonic-rig\[import\]'"
+    (file := tmp_path / f"bench.{kind}").touch()
     with pytest.raises(RigError, match=said):
-        open_table(kind, Path(f"bench.{kind}"))
+        open_table(kind, file)
 
 
 def test_each_of_these_packages_is_named_by_one_adapter() -> None:

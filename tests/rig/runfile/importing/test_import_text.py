@@ -384,7 +384,7 @@ def test_empty_and_too_short_files(tmp_path: Path, text: str, message: str) -> N
 def test_files_that_are_no_text(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match="not a text file"):
         run_import(tmp_path, b"MATLAB\0\0\0\1", options())
-    with pytest.raises(RunFileError, match="cannot be read"):
+    with pytest.raises(RunFileError, match="there is no such file"):
         import_csv(tmp_path / "none.csv", options(), lambda: tmp_path / "x.h5")
     with pytest.raises(RunFileError, match="cannot be read"):
         import_csv(tmp_path, options(), lambda: tmp_path / "x.h5")
