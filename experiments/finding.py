@@ -64,11 +64,18 @@ class Finding:
     is_evidence: bool = True
 
     @property
+    def outcome(self) -> str:
+        """How it came out: what was found, and what follows of it."""
+        follows = self.follows.removesuffix(".")
+        # What begins small goes on from what was found: a reason behind a value.
+        between = ": " if follows[:1].islower() else ". "
+        return between.join(part for part in (self.found, follows) if part)
+
+    @property
     def sentence(self) -> str:
         """The finding in words: what, what was found, and what to do where something is to be done."""
         remedy = "" if self.severity is Severity.PASSED else self.remedy
-        parts = [self.found, self.follows.removesuffix("."), remedy]
-        text = ". ".join(part for part in parts if part)
+        text = ". ".join(part for part in (self.outcome, remedy) if part)
         return f"{self.what}: {text}" if text else self.what
 
     def as_json(self) -> dict[str, str | float | None]:

@@ -131,6 +131,7 @@ def fit(
     Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home,
     and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
     order-spectrum, skew (delay between two channels) and hysteresis (loops of output torque).
+
     The exit code is the verdict by the acceptance file of the gear:
     0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
     rig fit KIND --help lists the settings of one kind.

@@ -4,6 +4,7 @@ And how a command ends by Ctrl-C.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,10 @@ class Command(TyperCommand):
     now = ""
     """What is typed in place of a command that is itself an earlier name: it is told, and does what it did."""
 
+    def __init__(self, *args: Any, **settings: Any) -> None:
+        super().__init__(*args, **settings)
+        self.help = flowing(self.help or "")
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments, each earlier name taken for the present one."""
         own = {name for parameter in self.params for name in parameter.opts}
@@ -47,6 +52,13 @@ class Command(TyperCommand):
                 raise
             # The library would make an exit of it that says nothing.
             raise Abort from error
+
+
+def flowing(words: str) -> str:
+    """Help whose lines the terminal breaks, and nothing else does: one line a paragraph, one an item of a list."""
+    return "\n\n".join(
+        re.sub(r"\s*\n(?! *- )\s*", " ", paragraph.strip()) for paragraph in words.split("\n\n")
+    )
 
 
 def _refuse_unportable(ctx: Any, parameter: Any) -> None:

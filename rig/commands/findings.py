@@ -29,6 +29,10 @@ def marked(severity: Severity) -> Text:
     return Text(severity.mark, style=COLOURS[severity])
 
 
+SCREEN = 16
+"""Findings that are seen at a glance; of more, what failed is said once more at the end."""
+
+
 def print_findings(groups: Mapping[str, Sequence[Finding]]) -> None:
     """Findings under the heading of what was looked at, then what is to be done, the gravest last."""
     out = console(highlight=True)
@@ -43,12 +47,13 @@ def print_findings(groups: Mapping[str, Sequence[Finding]]) -> None:
         for column, width in zip(rows.columns, widths, strict=False):
             column.min_width = width
         for finding in findings:
-            rows.add_row(marked(finding.severity), Text(finding.what), Text(finding.found))
+            rows.add_row(marked(finding.severity), Text(finding.what), Text(finding.outcome))
         out.print(rows)
     for severity in (Severity.WARNS, Severity.BLOCKS):
         for heading, findings in groups.items():
             for finding in findings:
-                words = finding.remedy or (finding.found if severity is Severity.BLOCKS else "")
+                is_far_above = severity is Severity.BLOCKS and len(everything) > SCREEN
+                words = finding.remedy or (finding.outcome if is_far_above else "")
                 if finding.severity is severity and words:
                     text = f"{severity.mark}  {heading}, {finding.what}: {words}"
                     out.print(text, style=COLOURS[severity], soft_wrap=True)
@@ -68,9 +73,11 @@ def print_links(links: Sequence[Link], again: Sequence[Recomputed]) -> None:
     """The chain of evidence, link by link, what was made again, and which link is the first that does not hold."""
     out = console(highlight=True)
     rows = _lines(4)
+    # The name of a file is what is looked for; a hash may be folded.
+    rows.columns[2].no_wrap = True
     for link in (*links, *(one.finding for one in again)):
         name = link.where.replace("\\", "/").rpartition("/")[2]
-        rows.add_row(marked(link.severity), link.what, Text(name), Text(link.found))
+        rows.add_row(marked(link.severity), link.what, Text(name), Text(link.outcome))
     out.print(rows)
     first = first_blocking(links)
     if first is not None:

@@ -12,7 +12,7 @@ from rig.commands.fleet_report import report
 from rig.commands.fleet_rr import rr
 from rig.commands.judgement import AcceptanceFile
 from rig.commands.ordering import Said, with_order
-from rig.commands.terminal import Json, echo, print_json
+from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -281,7 +281,8 @@ def query(
 ) -> None:
     """Ask the results of a fleet: a ready question by its name, or SQL (DuckDB) over the table `results`."""
     from rig.extras import require
-    from rig.fleet.questions import ask, results_folder
+    from rig.fleet.answer_grid import answer_grid
+    from rig.fleet.questions import QUESTIONS, ask, results_folder
 
     require("a question", "fleet", "pyarrow", "duckdb")
     answer = ask(results_folder(results), question)
@@ -289,12 +290,14 @@ def query(
         print_json(answer.as_json())
     elif csv:
         _print_csv(answer)
+    elif ready := QUESTIONS.get(question.strip()):
+        console().print(painted(answer_grid(ready, answer)))
     else:
         _print_answer(answer)
 
 
 def _print_answer(answer: Answer) -> None:
-    """Every column at its whole width: a terminal that is narrower breaks lines, and a pager need not."""
+    """What SQL asked for, as it is stored, every column at its whole width: a narrower terminal breaks lines."""
     from rig.content.wording import aligned
 
     cells = [answer.columns, *([_cell(value) for value in row] for row in answer.rows)]

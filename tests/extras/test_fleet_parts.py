@@ -25,7 +25,9 @@ from rig.fleet.table import table_bytes
 from rig.fleet.task import Job
 from rig.fleet.work import PathMap, runs_named, work_for
 from rig.library.index import LibraryIndex
+from tests.extras.lots import write_lot
 from tests.rig.commands.calling import Rig
+from tests.rig.commands.printed import Printed, tables_of
 
 BATCH = 2.0
 
@@ -345,9 +347,23 @@ def test_the_command_asks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     when = "SELECT started FROM results LIMIT 1"
     ((began,),) = rig.json("fleet", "query", when, "--results", tmp_path)["rows"]
     assert datetime.fromisoformat(began).tzinfo is not None
-    assert rig("fleet", "query", "spread", "--results", tmp_path) == 0
-    assert rig.out.splitlines()[0].split()[:4] == ["kind", "quantity", "unit", "gears"]
+    every = "SELECT gear, value FROM results LIMIT 1"
+    assert rig("fleet", "query", every, "--results", tmp_path) == 0
+    assert rig.out.splitlines()[0].split() == ["gear", "value"]
     assert rig("fleet", "query", "nonsense", "--results", tmp_path) == 2
+
+
+@pytest.mark.parametrize("question", QUESTIONS)
+def test_a_ready_question_is_answered_in_words_that_fit(
+    question: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_lot(tmp_path / "fleet-results")
+    (told,) = tables_of(["fleet", "query", question, "--results", str(tmp_path)], monkeypatch)
+    assert isinstance(told, Printed)
+    units = set(told.grid.texts("unit"))
+    assert units <= {"arcmin", "mN m"}, units
+    named = {"transmission accuracy forward", "running torque 2000 r/min at 20 °C"}
+    assert named <= set(told.grid.texts("quantity"))
 
 
 def test_names_of_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -122,6 +122,18 @@ def test_every_command_has_help_worth_reading() -> None:
     assert run_python(code).stdout.strip() == "fine"
 
 
+def test_help_is_broken_into_lines_by_the_terminal_alone() -> None:
+    from rig.commands.earlier_names import flowing
+
+    for words in ("fit",), ("bench", "show"), ("fleet", "rr"):
+        page = CliRunner().invoke(main.app, ["help", *words], env={"COLUMNS": "400"}).output
+        told = [line for line in page.partition("╭")[0].splitlines() if line.strip()]
+        assert all(line.rstrip().endswith((".", ":", "...", "]")) for line in told), told
+    assert flowing("One\n  two.\n\nThree:\n- four\n  five\n- six") == (
+        "One two.\n\nThree:\n- four five\n- six"
+    )
+
+
 @pytest.mark.parametrize(
     ("error", "code"),
     [

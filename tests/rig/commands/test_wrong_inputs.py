@@ -85,3 +85,18 @@ def test_what_is_allowed_is_said(
     with pytest.raises(SystemExit):
         main.run(shlex.split(command))
     assert said in " ".join("".join(capsys.readouterr()).split())
+
+
+def test_what_is_wrong_with_a_description_is_said_with_its_reason(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    file = tmp_path / "rig.toml"
+    file.write_text('format = "x"\n[rig]\nnosuch = 1\nmotor = "gone.toml"\n', encoding="utf-8")
+    with pytest.raises(SystemExit):
+        main.run(["config", "check", str(file)])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "rig.nosuch 1: no such word here" in told
+    assert "There are: gear, location, motor" in told
+    assert "rig.name is missing" in told
+    assert told.count("is not the format of a rig's description") == 1
