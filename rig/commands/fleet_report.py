@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rig.commands.terminal import Json, echo, print_json
+from rig.commands.terminal import Json, console, print_json
 
 if TYPE_CHECKING:
     from rig.fleet.lot import Lot
@@ -61,12 +61,17 @@ def report(
 
 
 def _print(lot: Lot, written: Path) -> None:
+    from rig.commands.visible import Text
     from rig.fleet.lot import why_of
     from rig.fleet.lot_words import with_interval
 
     counted = ", ".join(f"{count} {word}" for word, count in lot.verdicts.items())
     mark = "" if lot.data.origin == "hardware" else f"  {lot.data.origin.upper()}"
-    echo(f"Lot of {len(lot.gears)} gears, {lot.data.runs} runs{mark}: {counted}")
+    out = console()
+    out.print(
+        Text(f"Lot of {len(lot.gears)} gears, {lot.data.runs} runs{mark}: {counted}"),
+        soft_wrap=True,
+    )
     for one in lot.quantities:
         found = one.capability
         if one.limits is None:
@@ -76,9 +81,9 @@ def _print(lot: Lot, written: Path) -> None:
             if isinstance(found, str)
             else f"Cpk {with_interval(found.actual, found.actual_interval)}"
         )
-        echo(f"  {one.title}: {told}")
+        out.print(Text(f"  {one.title}: {told}"), soft_wrap=True)
     for gear in lot.to_look_at:
-        echo(f"  look at {gear.gear}: {'; '.join(why_of(gear))}")
+        out.print(Text(f"  look at {gear.gear}: {'; '.join(why_of(gear))}"), soft_wrap=True)
     for note in lot.notes:
-        echo(f"  {note}")
-    echo(f"report in {written}")
+        out.print(Text(f"  {note}"), soft_wrap=True)
+    out.print(Text(f"report in {written}"), soft_wrap=True)
