@@ -13,6 +13,7 @@ from rig.commands.judgement import (
     judged_run,
     refuse_unknown_acceptance,
 )
+from rig.commands.naming import RUNS, RunsFolder, is_name, run_meant, runs_meant
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, console, echo, painted, print_json
 from rig.errors import nearest
@@ -67,7 +68,8 @@ MissedShare = Annotated[
 _Words = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[KIND] RUN...", help="Kind of fit (optional), then one or more run files."
+        metavar="[KIND] RUN...",
+        help="Kind of fit (optional), then one or more runs: files, or their numbers in --runs.",
     ),
 ]
 _ParametersOut = Annotated[
@@ -122,6 +124,7 @@ def fit(
     acceptance: AcceptanceFile = "",
     require_verdict: RequireVerdict = False,
     everything: _Everything = False,
+    runs_folder: RunsFolder = RUNS,
     unsealed: Unsealed = False,
     json: Json = False,
     show_help: _Help = False,
@@ -146,7 +149,9 @@ def fit(
     from rig.analysis.fit_run import fit_run
     from rig.exits import code_of_verdicts
 
-    kind, runs = split_kind(words)
+    kind, typed = split_kind(words)
+    runs = runs_meant(runs_folder, typed)
+    tare = tare and run_meant(runs_folder, tare)
     if keep is not None:
         _keep_by_hand(kind, runs, keep, by, json=json)
         return
@@ -239,7 +244,8 @@ def split_kind(words: list[str]) -> tuple[str, list[Path]]:
                 f"which run? For instance: rig fit {first} RUN.h5", param_hint="RUN"
             )
         return first, [Path(w) for w in rest]
-    if rest and not Path(first).exists() and not any(c in first for c in "./\\"):
+    is_a_run = Path(first).exists() or is_name(first) or any(c in first for c in "./\\")
+    if rest and not is_a_run:
         raise typer.BadParameter(
             f"{first!r} is neither a run file nor a kind of fit. {nearest(first, catalogue.kinds())}",
             param_hint="KIND",

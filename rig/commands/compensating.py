@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from model.units import ARCSEC, RPM
+from rig.commands.naming import RUNS, RunsFolder, runs_meant
 from rig.commands.terminal import Json, console, echo, fact_table, painted, print_json
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def compensate(
     sources: _Sources,
     output: _Output = None,
     to: _To = None,
+    runs_folder: RunsFolder = RUNS,
     json: Json = False,
 ) -> None:
     """Make a table that takes a gear's kinematic error out of the motion, and say what it will leave.
@@ -66,7 +68,7 @@ def compensate(
     from rig.exchange.compensation_forms import FORMS, refuse_unproved
     from rig.runfile.sealed import write_new_sealed
 
-    table = _table_of(sources)
+    table = _table_of(runs_meant(runs_folder, sources))
     if to is not None:
         refuse_unproved(table)
         if output is None:

@@ -149,6 +149,7 @@ def certificate(
     channel: Annotated[
         Literal["input", "output"], typer.Option(help="The motor's encoder, or that of the output.")
     ] = "output",
+    json: Json = False,
 ) -> None:
     """Write the certificate of a simulated bench's encoder, as a laboratory would have measured it: with errors
     of its own, within the uncertainty that it states.
@@ -186,7 +187,10 @@ def certificate(
         raise ConfigurationError(
             f"cannot be written: {error.strerror or error}", where=str(output)
         ) from error
-    echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
+    if json:
+        print_json({"file": str(output), "channel": channel, "certificate": header.certificate})
+    else:
+        echo(f'{output}: name it in rig.toml, curve = "{output.name}"')
 
 
 def _warnings(configured: ConfiguredRig) -> tuple[Finding, ...]:

@@ -20,7 +20,9 @@ _WRITTEN = frozenset({"--output", "--runs", "--junit", "--save-map"})
 FOLDER = "--runs"
 """The folder of runs and gear cards, wherever one is read or written."""
 _NAMED_BEFORE: Mapping[str, str] = {"--output": FOLDER, "-o": FOLDER, "--folder": FOLDER}
-"""What the flag was called; a command that has one of these itself means something else by it."""
+"""What the flag was called; a command that has one of these itself means something else by it, and a folder in which
+runs are only looked up (`RunsFolder`) was never called so.
+"""
 
 
 class Command(TyperCommand):
@@ -36,7 +38,9 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments, each earlier name taken for the present one."""
         own = {name for parameter in self.params for name in parameter.opts}
-        names = {old: now for old, now in _NAMED_BEFORE.items() if old not in own and now in own}
+        is_late = any(one.name == "runs_folder" for one in self.params)
+        before = {} if is_late else _NAMED_BEFORE
+        names = {old: now for old, now in before.items() if old not in own and now in own}
         return super().parse_args(ctx, [_renamed(word, names) for word in args])
 
     def invoke(self, ctx: Any) -> Any:

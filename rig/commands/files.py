@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.naming import RUNS, RunsFolder, run_meant
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, echo, print_json
 
@@ -18,7 +19,10 @@ if TYPE_CHECKING:
 
 JsonFlag = Json
 _RunArgument = Annotated[
-    Path, typer.Argument(metavar="RUN", help="Run file (.h5), or a growing or dead one (.h5.part).")
+    Path,
+    typer.Argument(
+        metavar="RUN", help="Run file (.h5), growing or dead (.h5.part), or its number in --runs."
+    ),
 ]
 
 
@@ -152,10 +156,12 @@ def show(
             help="The bus frames that were kept with the run, or of any log that python-can reads, in words.",
         ),
     ] = False,
+    runs_folder: RunsFolder = RUNS,
     unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
     """Show a run: what, when, who, on which gear, outcome and verdict, channels with their ranges, segments, events."""
+    run = run_meant(runs_folder, run)
     if frames:
         _show_frames(run, json)
         return
@@ -214,6 +220,7 @@ def export(
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite an export that is there already.")
     ] = False,
+    runs_folder: RunsFolder = RUNS,
     unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
@@ -223,6 +230,7 @@ def export(
     from rig.runfile.export import export_csv, export_mat, export_parquet
     from rig.runfile.read import close_recording, open_run
 
+    run = run_meant(runs_folder, run)
     written_as = _format_of(output, format)
     name = run.name.removesuffix(".part").removesuffix(".h5")
     target = output or run.with_name(f"{name}.{written_as.value}")

@@ -273,7 +273,10 @@ def query(
     results: Annotated[
         Path | None,
         typer.Option(
-            "--results", metavar="DIR", help="Folder of results, or of the runs with them."
+            "--results",
+            "--runs",
+            metavar="DIR",
+            help="Folder of results, or of the runs with them.",
         ),
     ] = None,
     csv: Annotated[bool, typer.Option("--csv", help="Print the answer as CSV.")] = False,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.bench.config.ranges import ALARM_RANGES
+from rig.commands.naming import RUNS, RunsFolder, runs_meant
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, echo, print_json
 
@@ -24,11 +25,14 @@ JsonFlag = Json
 
 
 def diff(
-    first: Annotated[Path, typer.Argument(metavar="RUN", help="Run file.")],
-    second: Annotated[Path, typer.Argument(metavar="RUN", help="The run file to hold against it.")],
+    first: Annotated[
+        Path, typer.Argument(metavar="RUN", help="Run file, or its number in --runs.")
+    ],
+    second: Annotated[Path, typer.Argument(metavar="RUN", help="What is held against it.")],
     everything: Annotated[
         bool, typer.Option("--all", help="What is the same in both too.")
     ] = False,
+    runs_folder: RunsFolder = RUNS,
     unsealed: Unsealed = False,
     json: JsonFlag = False,
 ) -> None:
@@ -41,6 +45,7 @@ def diff(
     from rig.analysis.difference import difference
     from rig.analysis.judging import verdict_as_json
 
+    first, second = runs_meant(runs_folder, (first, second))
     changes = difference(first, second)
     verdicts = [_verdict_of_file(path) for path in (first, second)]
     if json:

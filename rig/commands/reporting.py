@@ -22,6 +22,7 @@ from rig.commands.library import (
     Over,
     show_passport,
 )
+from rig.commands.naming import RUNS, runs_meant
 from rig.commands.ordering import OF_MANY_RUNS, Said, with_order
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, console, echo, print_json
@@ -45,7 +46,10 @@ class ReportFormat(str, Enum):  # noqa: UP042  StrEnum has another str() that sh
 
 Runs = Annotated[
     list[Path] | None,
-    typer.Argument(metavar="[RUN...]", help="Run files of one gear, in any order."),
+    typer.Argument(
+        metavar="[RUN...]",
+        help="Runs of one gear, in any order: files, or their numbers in --runs.",
+    ),
 ]
 Output = Annotated[
     Path | None,
@@ -182,6 +186,7 @@ def report(
         raise typer.BadParameter("a page is of the runs of one folder", param_hint="--runs")
     asked = acceptance_named(acceptance) if acceptance else None
     wanted = _chosen_sections(sections)
+    runs = runs_meant((folders or [RUNS])[0], runs or ())
     of_files = partial(
         report_on_files,
         sections=wanted,

@@ -17,6 +17,7 @@ from rig.commands.analysis import (
     choices_of_flags,
     hold_against,
 )
+from rig.commands.naming import RUNS, RunsFolder, run_meant, runs_meant
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import console, painted, print_json
 from rig.errors import nearest
@@ -26,7 +27,11 @@ if TYPE_CHECKING:
 
 
 _Runs = Annotated[
-    list[Path], typer.Argument(metavar="RUN...", help="Runs of one protocol, to be fitted.")
+    list[Path],
+    typer.Argument(
+        metavar="RUN...",
+        help="Runs of one protocol, to be fitted: files, or their numbers in --runs.",
+    ),
 ]
 
 _On = Annotated[
@@ -64,6 +69,7 @@ def validate(
     setting: Settings = None,
     largest_missed_share: MissedShare = None,
     plot: _Plot = None,
+    runs_folder: RunsFolder = RUNS,
     unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:
@@ -89,7 +95,9 @@ def validate(
             "holds one parameter set against one run: leave --on, --plot and --parameters out",
             param_hint="--against",
         )
-    refuse_missing(*runs, *(on or ()))
+    runs, on = runs_meant(runs_folder, runs), runs_meant(runs_folder, on or ())
+    tare = tare and run_meant(runs_folder, tare)
+    refuse_missing(*runs, *on)
     choices = choices_of_flags(
         against or parameters,
         tare,
@@ -100,7 +108,7 @@ def validate(
     if against is not None:
         hold_against(runs[0], against, kind, choices, json=json)
         return
-    found = validate_runs(runs, on or (), kind, choices)
+    found = validate_runs(runs, on, kind, choices)
     if plot is not None:
         _draw(found, plot)
     if json:

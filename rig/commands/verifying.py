@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from rig.commands.naming import RUNS, RunsFolder, runs_meant
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, echo, print_json
 
@@ -53,6 +54,7 @@ def verify(
     recompute: _Recompute = False,
     manifest: _Manifest = None,
     gear: _Gear = "",
+    runs_folder: RunsFolder = RUNS,
     unsealed: Unsealed = False,
     json: Json = False,
 ) -> None:
@@ -76,6 +78,7 @@ def verify(
         raise typer.BadParameter(
             "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
         )
+    places = runs_meant(runs_folder, places)
     if len(places) == 1:
         # A mistyped name; among several it is one of the findings.
         refuse_missing(*places)
