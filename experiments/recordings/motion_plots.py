@@ -37,6 +37,8 @@ def _force_plot(fit: MotionFit, motion: RecordedMotion) -> Plot:
             Series(label="inverse dynamics", x=fit.time, y=fit.predicted, style="line", group=1),
             Series(label="residual", x=fit.time, y=left, style="line", group=2, panel=1),
         ),
+        note="The effort as recorded, and what the fitted inertia, friction and load ask for. Good where what is "
+        "left below does not follow the motion.",
         panels=(residual_panel(motion.effort_unit),),
     )
 
@@ -62,7 +64,9 @@ def _friction_plot(fit: MotionFit, motion: RecordedMotion) -> Plot:
             ),
             Series(label=fit.variant, x=curve, y=_friction(fit, curve), style="line", group=1),
         ),
-        note=f"{100.0 * fit.metrics['standstill_share']:.2g} % at standstill are left out.",
+        note="What is left of the effort without inertia and load, and the fitted friction. Good where the points "
+        "lie about the line at every speed; "
+        f"{100.0 * fit.metrics['standstill_share']:.2g} % at standstill are left out.",
     )
 
 

@@ -37,6 +37,8 @@ def spectrum_plot(
         y_label=f"amplitude [{unit}]",
         series=tuple(series),
         y_scale="log",
+        note="The amplitude of each order of the angle, on a logarithmic scale. What stands out of its neighbours is "
+        "periodic in the angle; the floor is noise.",
     )
 
 
@@ -60,7 +62,8 @@ def by_speed_plots(
             x_label="speed of the angle [rad/s]",
             y_label=f"amplitude [{unit}]",
             series=tuple(series),
-            note="A parabola over the speed for each, fitted with all other orders.",
+            note="Orders that grow or fall with the speed, each a parabola over it, fitted with all others. One that "
+            "grows towards an end nears a resonance there.",
         ),
     )
 

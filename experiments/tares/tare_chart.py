@@ -52,6 +52,8 @@ def tare_chart(tare: Result, others: Sequence[Result]) -> Plot | None:
         x_label="tare, in the order of the runs",
         y_label="friction of the bare motor [mN m]",
         series=tuple(series),
-        note="At the temperature of this one, with U of what they do not share: "
-        + ", ".join(f"{n} {run}" for n, run in enumerate(found, start=1)),
+        note="Each tare of this bench in its turn. Good where all of one speed lie within their bars. "
+        "At the temperature of this one, with U of what they do not share: "
+        + ", ".join(f"{n} {run}" for n, run in enumerate(found, start=1))
+        + ".",
     )

@@ -166,7 +166,7 @@ class Validation:
             y_label=f"root mean square [{self.shown}]",
             series=series,
             y_scale="log",
-            note=f"{names}.",
+            note=f"What each model leaves of runs that it was not fitted to: the lower the better. {names}.",
         )
 
 

@@ -45,7 +45,7 @@ def distribution(one: LotQuantity) -> Plot:
         x_label=axis_of(one),
         y_label="gears",
         series=tuple(series),
-        note=f"{len(values)} gears.",
+        note=f"How {len(values)} gears differ. Good where all of them lie well inside the limits, in one heap.",
     )
 
 
@@ -91,7 +91,8 @@ def over_time(one: LotQuantity) -> Plot | None:
         x_label=f"days since {datetime.fromtimestamp(first, UTC).date().isoformat()} (UTC)",
         y_label=axis_of(one),
         series=tuple(series),
-        note="Bars: U (95 %).",
+        note="Each gear on its day, bars: U (95 %). Good where there is no slope: one is a drift of the production or "
+        "of a bench.",
     )
 
 

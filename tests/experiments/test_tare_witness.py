@@ -181,5 +181,5 @@ def test_the_benchs_tares_are_a_chart_in_the_order_of_their_runs() -> None:
     assert fast.y[1] > slow.y[1]
     assert slow.low is not None
     assert (slow.low < slow.y).all()
-    assert chart.note.endswith("1 00002-motor-tare, 2 00007-motor-tare")
+    assert chart.note.endswith("1 00002-motor-tare, 2 00007-motor-tare.")
     assert tare_chart(this, ()) is None

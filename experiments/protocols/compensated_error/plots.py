@@ -57,7 +57,8 @@ def over_output(turns: Sequence[Turn], table: CompensationTable) -> Plot:
         y_label="forward [arcsec]",
         series=tuple(series),
         panels=(Panel("reverse [arcsec]", 1.0),),
-        note=f"fitted orders at {abs(turns[0].speed) / RPM:.4g} r/min, constant left out",
+        note=f"The gear's fitted error over a turn at {abs(turns[0].speed) / RPM:.4g} r/min, its constant left out. "
+        "Good where the line with the table is flat.",
     )
 
 
@@ -83,7 +84,8 @@ def by_order(turns: Sequence[Turn], table: CompensationTable) -> Plot:
         x_label="order (cycles per input revolution)",
         y_label="amplitude [arcsec]",
         series=tuple(series),
-        note=f"{abs(turns[0].speed) / RPM:.4g} r/min, {len(table.forward.labels)} orders in the table",
+        note=f"What each of the {len(table.forward.labels)} orders of the table becomes at "
+        f"{abs(turns[0].speed) / RPM:.4g} r/min. Good where the bars with it are far below those without.",
     )
 
 
@@ -113,4 +115,6 @@ def by_speed(rows: Sequence[tuple[float, float, float, float]]) -> Plot:
         series=tuple(series),
         x_scale="log",
         y_scale="log",
+        note="What is left without and with the table at each speed. Good below the speed at which the two meet: "
+        "beyond it the table harms.",
     )

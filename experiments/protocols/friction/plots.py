@@ -72,8 +72,8 @@ def _beside_raw(plot: Plot, fit: FrictionFit, raw: list[Hold], tare: Tare | None
         role="null",
     )
     note = (
-        f"{plot.note}; warmth, place on the output, vibration and output bearing, taken off or brought to "
-        f"their mean, moved points by up to {moved:.2g} mN m from as measured"
+        f"{plot.note} Warmth, place on the output, vibration and output bearing, taken off or brought to "
+        f"their mean, moved points by up to {moved:.2g} mN m from as measured."
     )
     series = [
         replace(one, label="corrected") if one.label == MEASURED else one for one in plot.series
@@ -134,7 +134,11 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
         ),
         _zero(x),
     )
-    note = f"torque balance: {fit.torque_balance}"
+    note = (
+        f"The mean of both directions at each speed, and the fitted curve (torque balance: {fit.torque_balance}). Good "
+        f"where the points below lie on zero within their bars: scatter over stated noise {fit.metrics['birge']:.2g}, "
+        "expected 1."
+    )
     return Plot(
         name=name,
         title=title,
@@ -213,8 +217,9 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
         y_label=_label(fit),
         series=(*series, _zero(both)),
         figure="17",
-        note=f"points as measured; what errors that they share make of them, at most {shared:.2g} mN m "
-        "by the fit, is not taken off",
+        note="Each direction for itself, and the curve through both. Good where neither side lies off its curve as a "
+        f"whole. Points are as measured; what errors that they share make of them, at most {shared:.2g} mN m by the "
+        "fit, is not taken off.",
         panels=(residual_panel("mN m"),),
     )
 
@@ -238,6 +243,8 @@ def _residuals(fit: FrictionFit) -> Plot:
         y_label="residual [mN m]",
         series=series,
         x_scale="log",
+        note="Measured less fitted, over the logarithm of the speed. Good where the points scatter about zero within "
+        "their bars; a wave or a slope is friction that the curve cannot follow.",
     )
 
 
@@ -248,12 +255,16 @@ def _bracket(bracket: list[Hold]) -> Plot:
     ).T
     series = both_ways(direction, time / 60.0, direction * torque / MILLI)
     speed = abs(bracket[0].torque.speed) / RPM
+    size = direction * torque
+    moved = 100.0 * float(np.ptp(size)) / max(abs(float(np.mean(size))), 1e-12)
     return Plot(
         name="friction-bracket",
         title=f"Reference speed of {speed:.0f} r/min during the sweep",
         x_label="time [min]",
         y_label="torque of motor + gear [mN m]",
         series=tuple(series),
+        note="One speed measured again and again between the others. Good where it is flat: warmth and running-in "
+        f"moved it by {moved:.2g} % of itself over the sweep.",
     )
 
 
@@ -297,6 +308,8 @@ def friction_prediction_plot(
     )
     return Plot(
         name="friction-prediction",
+        note="The curve of a given parameter set beside what was measured; nothing is fitted. Good where the points "
+        "below lie on zero within their bars.",
         title=f"Friction of {gear.name} against the run",
         x_label="input speed [r/min]",
         y_label=f"friction torque of {subject} [mN m]",

@@ -96,9 +96,15 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
         y_label="kinematic error [arcmin]",
         series=series,
         figure="12",
-        note=f"{way_of(sign)}, raw samples",
+        note=f"Raw samples of the {way_of(sign)} traverse, nothing averaged, and the fitted series. Good where what is "
+        f"left below shows no wave: {_residual(fit)}.",
         panels=(residual_panel("arcmin"),),
     )
+
+
+def _residual(fit: KinematicErrorFit) -> str:
+    """What the fit leaves of the raw samples, in words."""
+    return f"it is {fit.metrics['residual_rms'] / ARCSEC:.2g} arcsec (root mean square)"
 
 
 def _rows_from(recording: Recording, angle: float, sign: float) -> slice:
@@ -166,8 +172,7 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
             )
         )
     note = ", ".join(
-        f"MSE (22) {way_of(f.direction)} {f.metrics['mse_curve']:.2g}, on revolutions left out "
-        f"{f.metrics['mse_left_out']:.2g}"
+        f"{way_of(f.direction)} {f.metrics['mse_curve']:.2g} (on revolutions left out {f.metrics['mse_left_out']:.2g})"
         for f in ways
     )
     return Plot(
@@ -177,7 +182,8 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
         y_label=_way_label(ways[0]),
         series=tuple(series),
         figure="13",
-        note=note,
+        note=f"All revolutions averaged, and what the fit leaves of them. Its MSE (22) is {note}: below 1 is "
+        "excellent, below 5 good, 100 no better than the mean.",
         panels=(*_further_ways(ways), residual_panel("arcmin")),
     )
 
@@ -211,6 +217,8 @@ def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | 
         series=(bars,),
         y_scale="log",
         figure="13",
+        note="One bar for each order of the series, on a logarithmic scale. A harmonic drive errs by order 2, its "
+        "multiples and their neighbours at 1/N; another large order comes from the bench, the mounting or a damage.",
     )
 
 
@@ -236,7 +244,8 @@ def _over_output(fits: list[KinematicErrorFit]) -> Plot:
         x_label="output angle [deg]",
         y_label=_way_label(ways[0]),
         series=tuple(series),
-        note="its peak-to-peak is the transmission accuracy",
+        note="The gear's error over one turn of its output. Its peak-to-peak is the transmission accuracy; good where "
+        "it stays within the bracket of the limit, if there is one.",
         panels=_further_ways(ways),
     )
 
@@ -317,6 +326,8 @@ def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
         y_label="kinematic error [arcmin]",
         series=series,
         figure="13",
+        note="The curve of a given parameter set beside what was measured; nothing is fitted. Good where what is left "
+        "below is small and has no wave.",
         panels=(residual_panel("arcmin"),),
     )
 

@@ -104,6 +104,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
                 x_label="order per input revolution",
                 y_label="amplitude [mN m]",
                 series=(bars,),
+                note="What does not turn round with the direction, by order of a turn: slots and poles of the motor. "
+                f"It averages out over whole turns; the strongest is order {metrics['strongest_cogging_order']:.0f}.",
             )
         )
     standing = Standing(LINE, len(points.speed), len(np.unique(points.level)))
@@ -253,5 +255,7 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
         y_label="torque [mN m]",
         series=tuple(series),
         x_scale="log",
+        note="What the motor takes without a gear: this is taken off the torque of every run with one. Good where what "
+        "the line leaves below is small beside the gear's own friction.",
         panels=(residual_panel("mN m"),),
     )

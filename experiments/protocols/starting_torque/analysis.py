@@ -141,7 +141,8 @@ def _plot(ramps: list[Breakaway], balance: Balance, mean: Estimate) -> Plot:
         y_label="starting torque, motor + gear [mN m]",
         series=tuple(series),
         note=f"The line is the starting torque, {value:.3g} ± {u:.2g} mN m: the mean of both directions, "
-        f"{off:+.2g} mN m of it taken off for the output bearing and other places.",
+        f"{off:+.2g} mN m of it taken off for the output bearing and other places. "
+        "Good where both ways and all places lie near it.",
     )
 
 

@@ -277,5 +277,7 @@ def _plot(pairs: Sequence[tuple[RampMean, RampMean]], fit: LinearFit) -> Plot:
                 panel=1,
             ),
         ),
+        note="Each pair of ramps as a point: friction and gravity cancel, the slope is the inertia that the torque "
+        "shows. Good where the points below scatter about zero.",
         panels=(residual_panel("mN m"),),
     )

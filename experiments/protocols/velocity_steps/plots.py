@@ -100,7 +100,8 @@ def _all_speeds(speeds: list[int], figures: list[Plot], heights: list[float]) ->
         y_label="output speed / (command / N)",
         series=tuple(series),
         figure="19",
-        note="What is left: measured less simulated from the command. One is a rigid gear that follows at once.",
+        note="Each step over its own height: 1 is a rigid gear that follows at once. Good where what is left below, "
+        "measured less simulated from the command, is small beside the swing above it.",
         panels=(residual_panel("1"),),
     )
 
@@ -153,8 +154,9 @@ def _step_figure(
             Series(label="", x=x, y=measured - simulated, group=1, panel=1),
         ),
         figure="19",
-        note=f"Input: the commanded speed, risen over {1e3 * RISE:g} ms; what drive and motor make of it is left. "
-        f"With the measured input the skill against a rigid gear is {score.metrics['skill_speed']:.2f}.",
+        note=f"The output after a step of the command, measured and simulated. Input: the commanded speed, risen "
+        f"over {1e3 * RISE:g} ms; what drive and motor make of it is left. "
+        f"With the measured input the skill against a rigid gear is {score.metrics['skill_speed']:.2f}; 1 is perfect.",
         panels=(residual_panel("r/min"),),
     )
 
@@ -185,7 +187,8 @@ def _rungs(steps: list[RecordedStep], ladder: LadderFit) -> Plot:
         series=series,
         x_scale="log",
         y_scale="log",
-        note=f"chosen: {ladder.chosen}; steps that the fit has not seen",
+        note="What each model leaves of steps that it was not fitted to: the lower the better. Chosen, because no "
+        f"simpler one predicts as well: {ladder.chosen}.",
     )
 
 
@@ -232,7 +235,8 @@ def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
         y_label="1 - SSE/SSE of the null [1]",
         series=tuple(series),
         x_scale="log",
-        note="0 is no better than a rigid gear with kinematic error, 1 is perfect",
+        note="How much of each step the model explains: 0 is no better than a rigid gear with kinematic error, 1 is "
+        "perfect. Low points are steps in which the gear hardly winds, or a model that misses something.",
     )
 
 
@@ -270,6 +274,8 @@ def _orders(steps: list[RecordedStep], scores: list[StepScore]) -> list[Plot]:
             y_label="amplitude [arcsec]",
             series=tuple(series),
             y_scale="log",
+            note="Orders of what a rigid gear would not show, in the second half of each step. Good where only the "
+            "orders of the kinematic error stand out; one that grows with speed runs towards a resonance.",
         )
     ]
 

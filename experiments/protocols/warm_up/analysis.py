@@ -87,6 +87,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         x_label="time [s]",
         y_label="torque of motor + gear [mN m]",
         series=(series,),
+        note=f"The mean torque of each window of time. Good where the end is flat: between the last two windows it "
+        f"changed by {change * 1e3:.2g} mN m, and {tolerance * 1e3:.2g} mN m is allowed.",
     )
     return Result(
         run=recording.metadata.run_id,

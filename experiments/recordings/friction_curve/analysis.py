@@ -364,6 +364,8 @@ def _plot(table: _Table, fits: Mapping[str, CurveFit]) -> Plot:
         x_label=f"{table.speed_name} [{table.speed_unit}]",
         y_label=f"{table.effort_name} [{table.effort_unit}]",
         series=tuple(series),
+        note="The points of the table with their errors, and the fitted law. Good where the points below lie on zero "
+        "within their bars.",
         panels=(residual_panel(table.effort_unit),),
     )
 

@@ -185,6 +185,8 @@ def _plot(fit: HysteresisFit, angle: FloatArray, torque: FloatArray) -> Plot:
         x_label="torsion [rad]",
         y_label="output torque [N m]",
         series=series,
+        note="Torque at the output over the torsion, loop by loop: the width is what is lost, the slope the "
+        "stiffness. Good where the loops lie on each other.",
     )
 
 

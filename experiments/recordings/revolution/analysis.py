@@ -103,4 +103,6 @@ def _curve_plot(fit: RevolutionFit, channel: str, unit: str) -> Plot:
         x_label="angle [deg]",
         y_label=f"{channel.replace('_', ' ')} [{unit}]",
         series=tuple(series),
+        note="The mean over all revolutions at each angle, and the fitted series. What comes again with every turn is "
+        "here; what does not was averaged out.",
     )

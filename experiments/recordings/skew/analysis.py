@@ -174,4 +174,6 @@ def _plot(pair: Pair, fit: SkewFit, name: str, unit: str) -> Plot:
         series=(
             Series(label="second - gain x first", x=speed, y=off - off.mean(), style="points"),
         ),
+        note="What one channel differs from the other, over the speed: a delay between them is the slope. Good where "
+        "the points lie on a line.",
     )

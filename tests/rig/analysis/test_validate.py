@@ -122,9 +122,13 @@ def test_table_plot_and_python_say_the_same() -> None:
 
 @pytest.mark.usefixtures("toy")
 def test_the_command_prints_one_object_and_draws(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     picture = tmp_path / "ladder.png"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(catalogue, "kinds", lambda: ("toy",))
+    for name in "abc":
+        Path(f"{name}.h5").touch()
     words = ["validate", "a.h5", "b.h5", "--on", "c.h5", "--kind", "toy"]
     with pytest.raises(SystemExit):
         main.run([*words, "--plot", str(picture), "--json"])

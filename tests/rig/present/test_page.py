@@ -442,7 +442,7 @@ def test_models_stand_with_the_last_run_of_their_kind() -> None:
     assert "Models of the running torque" not in [grid.title for grid in first.grids]
     assert second.grids[-1].title == "Models of the running torque"
     assert second.grids[-1].rows[1][:2] == ("2  line", "2")
-    assert second.figures[-1].note == "1: mean (null); 2: line."
+    assert second.figures[-1].note.endswith("the lower the better. 1: mean (null); 2: line.")
 
 
 def test_sections_that_are_asked_for_stand_alone_under_the_same_head() -> None:

@@ -71,6 +71,10 @@ def test_every_figure_of_every_protocol_can_be_read(made: Demonstration) -> None
     }
     assert not faults
     assert len(plots) > 15
+    # Under each: what is seen and when it is good, in whole sentences.
+    for plot in plots:
+        assert re.fullmatch(r"[A-Z0-9].*\.", plot.note), (plot.name, plot.note)
+        assert len(plot.note.split()) >= 12, plot.note
 
 
 def test_every_protocol_is_run_in_order_and_fitted(made: Demonstration) -> None:
