@@ -106,42 +106,46 @@ def coverage(estimate: Estimate) -> tuple[str, str]:
 
 
 def budget_grid(result: Result, names: Collection[str]) -> Grid | None:
-    """Standard uncertainties by source, its type beside it; what there is more of, quantities or
-    sources, goes down the page.
-    """
+    """What makes up the uncertainty of each quantity, the largest part first; of one quantity alone part by part."""
     estimates = [e for n, e in result.estimates.items() if n in names and e.budget]
-    lines = [line for estimate in estimates for line in estimate.budget]
-    sources = list(dict.fromkeys((line.source, line.kind) for line in lines))
-    if not sources:
+    if not estimates:
         return None
-    shares = [_shares(result.quantity(e.name), e, sources) for e in estimates]
-    heads = (*(f"{source} ({kind})" for source, kind in sources), "u", "U (95 %)")
+    lines = [line for estimate in estimates for line in estimate.budget]
     remarks = "; ".join(dict.fromkeys(f"{line.source}: {line.note}" for line in lines if line.note))
-    note = "Standard uncertainties by source, type A or B; u is their root sum of squares. "
+    note = "Standard uncertainties, type A or B; u is their root sum of squares. "
     note = f"{note}{remarks[:1].upper()}{remarks[1:]}".strip()
-    if len(heads) <= len(shares) + 1:
-        named = (*columns(("quantity", "quantity"), ("unit", "unit")), *number_columns(*heads))
-        return Grid("Uncertainty budget", named, [(*who, *cells) for who, cells in shares], note)
-    units = [f"{name} [{unit}]" if unit else name for (name, unit), _ in shares]
-    named = (*columns("source (type)"), *number_columns(*units))
-    rows = list(zip(heads, *(cells for _, cells in shares), strict=True))
-    return Grid("Uncertainty budget", named, rows, note)
+    title = "Uncertainty budget"
+    (who, unit), parts, whole = _parts(result.quantity(estimates[0].name), estimates[0])
+    if len(estimates) == 1:
+        heads = columns("source (type)", (f"{who} [{unit}]" if unit else who, "number"))
+        return Grid(title, heads, (*parts, ("u", whole[0]), ("U (95 %)", whole[1])), note)
+    heads = (
+        *columns(("quantity", "quantity"), ("unit", "unit")),
+        *number_columns("u", "U (95 %)"),
+        *columns(("made up of, the largest first", "sentence")),
+    )
+    rows = []
+    for estimate in estimates:
+        named, parts, whole = _parts(result.quantity(estimate.name), estimate)
+        rows.append((*named, *whole, "; ".join(f"{source}: {u}" for source, u in parts)))
+    return Grid(title, heads, rows, note)
 
 
-def _shares(
-    quantity: Quantity, estimate: Estimate, sources: Sequence[tuple[str, str]]
-) -> tuple[tuple[str, str], list[str]]:
-    """Name and unit of one quantity, and its standard uncertainties: by source, combined, expanded."""
+def _parts(
+    quantity: Quantity, estimate: Estimate
+) -> tuple[tuple[str, str], list[tuple[str, str]], tuple[str, str]]:
+    """Name and unit of one quantity, its standard uncertainties by source, the combined and the expanded one."""
     size = max(abs(estimate.value), estimate.expanded_uncertainty)
     factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
-    shares: dict[tuple[str, str], float] = {}
+    shares: dict[str, float] = {}
     for line in estimate.budget:
-        key = (line.source, line.kind)
+        key = f"{line.source} ({line.kind})"
         shares[key] = math.hypot(shares.get(key, 0.0), line.standard_uncertainty)
+    largest_first = sorted(shares.items(), key=lambda one: -one[1])
+    parts = [(source, number(u / factor, 2)) for source, u in largest_first]
     whole = (estimate.standard_uncertainty, estimate.expanded_uncertainty)
-    sizes = (*(shares.get(source) for source in sources), *whole)
-    cells = ["·" if size is None else number(size / factor, 2) for size in sizes]
-    return (quantity.titled(estimate.name), unit), cells
+    combined, expanded = (number(size / factor, 2) for size in whole)
+    return (quantity.titled(estimate.name), unit), parts, (combined, expanded)
 
 
 def metric_grid(result: Result) -> Grid:

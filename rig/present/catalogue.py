@@ -19,21 +19,13 @@ if TYPE_CHECKING:
 
 
 _OUT_OF_REACH = (
-    (
-        "hysteresis_loss",
-        "hysteresis loss: torsion left at the output after loading both ways, input locked",
-        "arcmin",
-    ),
-    (
-        "stiffness_1",
-        "static torsional stiffness K1: torque over torsion at the output up to T1",
-        "",
-    ),
-    ("stiffness_2", "static torsional stiffness K2: the same from T1 to T2", ""),
-    ("stiffness_3", "static torsional stiffness K3: the same above T2", ""),
+    ("hysteresis_loss", "hysteresis loss", "arcmin"),
+    ("stiffness_1", "static torsional stiffness K1", ""),
+    ("stiffness_2", "K2", ""),
+    ("stiffness_3", "K3", ""),
 )
-"""Ratings that this rig cannot measure, in words, and the unit shown. Why they stand in the table
-all the same: nobody shall look for them in vain.
+"""Ratings that this rig cannot measure, in words, and the unit shown. Why they are named all the same: nobody shall
+look for them in vain.
 """
 
 COLUMNS = columns(
@@ -57,14 +49,6 @@ def catalogue_grid(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) ->
     """The table beside the catalogue, from the fits and the conditions of each; None where there is
     nothing to compare.
     """
-    rows = _catalogue_rows(fits, conditions)
-    return Grid(_TITLE, COLUMNS, rows, NOTE) if rows else None
-
-
-def _catalogue_rows(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) -> tuple[Row, ...]:
-    """A row per measured quantity that the catalogue of its gear states; what this rig cannot
-    measure closes the table.
-    """
     rows: list[Row] = []
     gears: list[HarmonicDrive] = []
     for fit, prevailing in zip(fits, conditions, strict=True):
@@ -74,9 +58,7 @@ def _catalogue_rows(fits: Sequence[Fit], conditions: Sequence[Sequence[Fact]]) -
         rows += measured
         if measured and all(fit.gear.ratings != gear.ratings for gear in gears):
             gears.append(fit.gear)
-    for gear in gears:
-        rows += _unmeasured(gear)
-    return tuple(rows)
+    return Grid(_TITLE, COLUMNS, tuple(rows), _note(gears)) if rows else None
 
 
 def _measured(fit: Fit, conditions: Mapping[str, str]) -> Iterator[Row]:
@@ -121,19 +103,17 @@ def _here(fit: Fit, quantity: Quantity, conditions: Mapping[str, str]) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _unmeasured(gear: HarmonicDrive) -> Iterator[Row]:
-    """What the catalogue states and this rig cannot measure; a source that several share is said once."""
-    said = ""
+def _note(gears: Sequence[HarmonicDrive]) -> str:
+    """What the table is, and what the catalogue states and this rig cannot measure."""
+    besides = [f"Not measurable on this rig, but stated: {_unmeasured(one)}." for one in gears]
+    return " ".join((NOTE, *besides))
+
+
+def _unmeasured(gear: HarmonicDrive) -> str:
+    """What the catalogue states besides, with its values."""
+    told = []
     for name, words, shown in _OUT_OF_REACH:
         stated: Value = gear.value(f"ratings.{name}")
         factor, unit = laboratory_unit(stated.unit, stated.value, shown)
-        text = f"{number(stated.value / factor)} {unit}".rstrip()
-        source = source_text(stated.origin.provenance, stated.origin.source)
-        yield (
-            words,
-            "–",
-            text,
-            source if source != said else "as above",
-            "cannot be measured on this rig",
-        )
-        said = source
+        told.append(f"{words} ({number(stated.value / factor)} {unit.strip()})")
+    return ", ".join(told)

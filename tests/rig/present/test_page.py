@@ -297,9 +297,10 @@ def test_what_is_measured_stands_beside_the_catalogue_with_the_conditions_of_bot
     assert rating.origin.source in source
     assert "Harmonic Grease SK-1A" in here
     assert "housing 24.0 to 26.2 °C" in here
-    assert [row[4] for row in grid.rows if "stiffness" in row[0]] == [
-        "cannot be measured on this rig"
-    ] * 3
+    assert all(row[1] not in ("", "–") for row in grid.rows)
+    assert "Not measurable on this rig, but stated: hysteresis loss (1 arcmin)" in grid.note
+    assert "K1 (" in grid.note
+    assert "K3 (" in grid.note
     assert "Beside the catalogue" in Page(render_page(made)).text
 
 
@@ -402,20 +403,19 @@ def test_indices_of_symbols_stand_below_the_line_and_names_stay_whole() -> None:
     assert "<i>A</i>" not in text
 
 
-def test_a_budget_of_more_sources_than_quantities_goes_down_the_page() -> None:
-    few = {name: handmade.friction_result().estimates[name] for name in ("F_c", "running_torque")}
-    sources = tuple(BudgetLine(f"source {k}", "B", 0.1) for k in range(9))
-    few = {name: replace(one, budget=(*one.budget, *sources)) for name, one in few.items()}
+def test_a_budget_names_the_largest_part_first_and_has_no_empty_cells() -> None:
     result = handmade.friction_result()
-    down = budget_grid(replace(result, estimates=few), few)
-    across = budget_grid(result, result.estimates)
-    assert down is not None
-    assert across is not None
-    assert down.headings == ("source (type)", "F_c [N]", "running torque [mN m]")
-    assert [row[0] for row in down.rows][-2:] == ["u", "U (95 %)"]
-    assert len({len(row) for row in down.rows}) == 1
-    assert across.headings[:2] == ("quantity", "unit")
-    assert dict(zip(across.headings, across.rows[0], strict=True))["repeats (A)"] == "0.9"
+    sources = tuple(BudgetLine(f"source {k}", "B", 0.1 * k) for k in (1, 9))
+    one = {"F_c": replace(result.estimates["F_c"], budget=sources)}
+    alone = budget_grid(replace(result, estimates=one), one)
+    beside = budget_grid(result, result.estimates)
+    assert alone is not None
+    assert beside is not None
+    assert alone.headings == ("source (type)", "F_c [N]")
+    assert [row[0] for row in alone.rows] == ["source 9 (B)", "source 1 (B)", "u", "U (95 %)"]
+    assert beside.headings == ("quantity", "unit", "u", "U (95 %)", "made up of, the largest first")
+    assert beside.rows[0][4].startswith("repeats (A): 0.9")
+    assert all(cell for row in beside.rows for place, cell in enumerate(row) if place != 1)
 
 
 def test_models_stand_with_the_last_run_of_their_kind() -> None:
