@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -316,5 +317,9 @@ def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     print_verdict(out, report.verdict)
     for path in certificate:
         out.print(f"certificate  {path}", soft_wrap=True)
+    order = report.walk.stages[0].order
+    serial, where = shlex.quote(order.serial), shlex.quote(str(order.folder))
+    if done and order.serial:
+        out.print(f"all of it    rig report --gear {serial} --runs {where}", soft_wrap=True)
     if not report.is_complete:
         out.print("The same command goes on from here.")
