@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QFrame, QPushButton
 
 from drivers.clock import Clock, WallClock
 from experiments.steps.note import Prompt
+from rig.window.run.rig_picture import RigPicture, scene_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -81,8 +82,10 @@ class PromptView(QFrame):
         self.field.setMinimumWidth(220)
         self.give = ConsentButton()
         self.hint = text_label("", "muted")
+        self.picture = RigPicture(session)
         row = in_row(self.field, self.give, self.hint, (None, 1))
-        self.setLayout(in_column(self.question, row, margins=(14, 8, 14, 8), spacing=6))
+        asked = in_column(self.question, row, spacing=6)
+        self.setLayout(in_row(self.picture, (asked, 1), margins=(14, 8, 14, 8), spacing=14))
         self.give.clicked.connect(self._answer)
         self.field.returnPressed.connect(self._answer)
         self.field.textChanged.connect(lambda _: self._show_armed())
@@ -105,6 +108,7 @@ class PromptView(QFrame):
         self._prompt = prompt
         self._armed_ns = self._clock.monotonic_ns() + UNARMED_NS
         self.question.setText(f"?  {prompt.text}")
+        self.picture.show_scene(scene_of(prompt.key))
         self.give.setText((prompt.consent or "Answer and go on").replace("&", "&&"))
         self.hint.setText("A click, or Tab and then Space" if prompt.consent else "")
         self.field.clear()
