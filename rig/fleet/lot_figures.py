@@ -7,11 +7,14 @@ from datetime import UTC, datetime
 import numpy as np
 
 from experiments.result import Plot, Series
+from rig.content.wording import number
 from rig.fleet.lot_quantity import LotQuantity
 
 MOST_BENCHES = 8
 """Benches that a figure tells apart by colour; more stand together."""
 SECONDS_PER_DAY = 86400.0
+_REACH = 3.0
+"""Widths of the middle half of a lot beyond which a gear stands for itself: chance puts one of 250 000 there."""
 
 
 def axis_of(one: LotQuantity) -> str:
@@ -20,15 +23,30 @@ def axis_of(one: LotQuantity) -> str:
     return f"{one.title} [{unit}]" if unit else one.title
 
 
+def core(values: np.ndarray) -> tuple[float, float]:
+    """Between which values a lot lies but for single gears: three times the middle half on either side of it."""
+    if not values.size:
+        return -np.inf, np.inf
+    low, high = np.percentile(values, (25.0, 75.0))
+    reach = _REACH * (high - low)
+    return (float(low - reach), float(high + reach)) if reach > 0.0 else (-np.inf, np.inf)
+
+
 def distribution(one: LotQuantity) -> Plot:
-    """How many gears lie where, with the limits; bins by Freedman and Diaconis."""
-    factor, _ = one.shown_in
-    values = np.array([row.value for row in one.measured], dtype=float) / factor
-    counts, edges = np.histogram(values, bins=_edges(values))
+    """How many gears lie where, with the limits; bins by Freedman and Diaconis. What lies far off is named."""
+    factor, unit = one.shown_in
+    every = np.array([row.value for row in one.measured], dtype=float) / factor
+    low, high = core(every)
+    near = (every >= low) & (every <= high)
+    counts, edges = np.histogram(every[near], bins=_edges(every[near]))
     top = float(counts.max(initial=1))
-    # A staircase that begins and ends at zero: the outline of the bars.
-    x, y = np.repeat(edges, 2), np.concatenate(([0.0], np.repeat(counts, 2), [0.0]))
-    series = [Series(label="gears", x=x, y=y, style="line")]
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    far = [
+        f"{row.gear} at {number(value)} {unit}".rstrip()
+        for row, value, is_near in zip(one.measured, every, near, strict=True)
+        if not is_near
+    ]
+    series = [Series(label="gears", x=middles, y=counts.astype(float), style="bars")]
     series += [
         Series(
             label=f"{side} limit",
@@ -39,13 +57,14 @@ def distribution(one: LotQuantity) -> Plot:
         )
         for side, value in _limits(one)
     ]
+    beyond = f" Not in the picture: {', '.join(far)}." if far else ""
     return Plot(
         name=f"{one.kind}.{one.name}.distribution",
         title=f"{one.title}: distribution",
         x_label=axis_of(one),
         y_label="gears",
         series=tuple(series),
-        note=f"How {len(values)} gears differ. Good where all of them lie well inside the limits, in one heap.",
+        note=f"How {len(every)} gears differ. Good where all of them lie well inside the limits, in one heap.{beyond}",
     )
 
 

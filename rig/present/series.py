@@ -143,6 +143,16 @@ def _points(axes: Axes, series: Series, look: Look, bins: int) -> None:
     axes.errorbar(series.x[rows], series.y[rows], yerr=_arms(series, rows), capsize=1.8, **style)
 
 
+def _is_histogram(series: Series) -> bool:
+    """Whether bars count things in equal bins: those are read by their areas, and stand side by side."""
+    steps = np.diff(series.x)
+    return bool(
+        len(steps)
+        and np.allclose(steps, steps[0], rtol=1e-6)
+        and np.array_equal(series.y, np.round(series.y))
+    )
+
+
 def _bars(axes: Axes, series: Series, look: Look, bins: int) -> None:
     from matplotlib.transforms import ScaledTranslation
 
@@ -150,6 +160,10 @@ def _bars(axes: Axes, series: Series, look: Look, bins: int) -> None:
     assert figure is not None
     beside = axes.transData + ScaledTranslation(look.shift / 72.0, 0.0, figure.dpi_scale_trans)
     rows = peak_rows(series.y, bins)
+    if _is_histogram(series):
+        width = 0.9 * float(np.diff(series.x[:2])[0])
+        axes.bar(series.x, series.y, width=width, color=look.colour, label=series.label)
+        return
     axes.vlines(
         series.x[rows],
         look.foot,

@@ -9,7 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
-from rig.fleet.lot_figures import MOST_BENCHES, axis_of, distribution
+from rig.fleet.lot_figures import MOST_BENCHES, axis_of, core, distribution
 from rig.fleet.lot_quantity import LotQuantity
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.fleet.wanted import pairs_of
@@ -67,8 +67,16 @@ class LotPlots(QWidget):
         plot.clear_data()
         plot.set_labels(figure.title, figure.x_label, figure.y_label)
         for series in figure.series:
-            plot.add_series(series.label, series.x, series.y, "line", role=series.role)
+            style = "bars" if series.style == "bars" else "line"
+            plot.add_series(series.label, series.x, series.y, style, role=series.role)
+        self._say_beyond(
+            plot, figure.title, figure.note.partition("Not in the picture: ")[2].rstrip(".")
+        )
         plot.item.enableAutoRange()
+
+    def _say_beyond(self, plot: LabPlot, title: str, words: str) -> None:
+        """Name in the title what lies beyond the picture."""
+        plot.set_title(f"{title}; beyond: {words}" if words else title)
 
     def _draw_scatter(self, x: LotQuantity, y: LotQuantity) -> None:
         plot, pairs = self.scatter, pairs_of(x, y)
@@ -92,7 +100,21 @@ class LotPlots(QWidget):
         self._ring = pg.ScatterPlotItem(size=_CHOSEN_SIZE, brush=None)
         plot.item.addItem(self._ring)
         self._draw_ring()
+        self._show_core(f"{y.title}, gear by gear")
+
+    def _show_core(self, title: str) -> None:
+        """The whole lot fills the picture: single gears far off are named in the title, and a drag finds them."""
+        plot, places = self.scatter, np.array(list(self._places.values())).reshape(-1, 2)
         plot.item.enableAutoRange()
+        bounds = [core(places[:, axis]) for axis in (0, 1)]
+        near = np.all(
+            [(v >= lo) & (v <= hi) for v, (lo, hi) in zip(places.T, bounds, strict=True)], 0
+        )
+        far = [gear for gear, is_near in zip(self._places, near, strict=True) if not is_near]
+        self._say_beyond(plot, title, ", ".join(far))
+        if far and near.any():
+            (x_low, y_low), (x_high, y_high) = places[near].min(0), places[near].max(0)
+            plot.item.setRange(xRange=(x_low, x_high), yRange=(y_low, y_high), padding=0.06)
 
     def _click(self, points: Any, gears: list[str]) -> None:
         if len(points):

@@ -18,7 +18,7 @@ pytest.importorskip("duckdb")
 from rig.window.fleet import page as fleet
 from rig.window.fleet.page import NOTHING, FleetPage
 from rig.window.shell.session import WindowSession
-from tests.extras.lots import FAILING, MARGINAL, NOT_ANALYSED, shares, write_lot
+from tests.extras.lots import FAILING, MARGINAL, NOT_ANALYSED, UNLIKE, shares, write_lot
 from tests.rig.window.conftest import LONGEST
 from tests.rig.window.reviewing import destroy
 
@@ -218,3 +218,19 @@ def test_nothing_is_cut_off(read: FleetPage, size: tuple[int, int], qtbot: QtBot
 def test_the_rules_of_the_report_are_those_of_the_page(read: FleetPage) -> None:
     assert read.lot is not None
     assert fleet.lot_of(read.folder).verdicts == read.lot.verdicts
+
+
+def test_bars_count_gears_and_one_far_off_is_named_and_flattens_nothing(read: FleetPage) -> None:
+    """The lot has a gear whose starting torque is a third of the others'."""
+    torque = read.plots.distribution
+    read.quantity.setCurrentText("starting torque")
+    read.beside.setCurrentText("transmission accuracy reverse")
+    bars = next(curve for curve in torque.curves if curve.style == "bars")
+    assert sum(bars.item.opts["height"]) == 59
+    assert f"beyond: G{UNLIKE:03d} at 21 mN m" in torque._title.text()
+    assert f"G{UNLIKE:03d}" in read.plots.scatter._title.text()
+    (low, high), _ = read.plots.scatter.item.viewRange()
+    x, _ = read.plots.places[f"G{UNLIKE:03d}"]
+    assert x < low
+    others = [place[0] for gear, place in read.plots.places.items() if gear != f"G{UNLIKE:03d}"]
+    assert max(others) - min(others) > 0.8 * (high - low)
