@@ -594,8 +594,8 @@ def main() -> int:
     parser.add_argument(
         "--size",
         action="append",
-        choices=SIZES,
-        help="of the window (default: that of the documentation)",
+        metavar="WIDTHxHEIGHT",
+        help=f"of the window, such as {SIZES[1]} (default: that of the documentation)",
     )
     parser.add_argument("--theme", choices=("light", "dark"), default="light")
     parser.add_argument("--scale", default="1", help="pixels per logical pixel")

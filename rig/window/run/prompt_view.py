@@ -8,7 +8,7 @@ first second: what was on its way to something else when the question came is no
 from __future__ import annotations
 
 from PySide6.QtCore import QEvent, Qt, QTimer, Signal
-from PySide6.QtGui import QFocusEvent, QKeyEvent
+from PySide6.QtGui import QFocusEvent, QKeyEvent, QResizeEvent
 from PySide6.QtWidgets import QFrame, QPushButton
 
 from drivers.clock import Clock, WallClock
@@ -25,6 +25,8 @@ from rig.window.shell.stack import (
 
 UNARMED_NS = 1_000_000_000
 """ns after a question in which nothing answers it."""
+_ROOM_FOR_A_PICTURE = 560
+"""Pixels of height of the window below which the buttons need the room of the picture."""
 _LOOKS_MS = 50
 """ms between two looks whether they are over."""
 _BY_INTENT = (
@@ -116,7 +118,16 @@ class PromptView(QFrame):
         set_tip(self.field, f"kept in the run as {prompt.key}" if prompt.key else "kept in the run")
         self._show_armed()
         self._looks.start()
+        self._make_room()
         self.show()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Leave the picture out where there is no room for it."""
+        super().resizeEvent(event)
+        self._make_room()
+
+    def _make_room(self) -> None:
+        self.picture.setVisible(self.window().height() >= _ROOM_FOR_A_PICTURE)
 
     def withdraw(self) -> None:
         """Nothing is asked any more."""
