@@ -79,7 +79,7 @@ class MainWindow(QMainWindow):
         self._buttons = QButtonGroup(self)
         whole = in_column(self._navigation(), (self.stack, 1), margins=(0, 0, 0, 0), spacing=0)
         self.setCentralWidget(room_for(whole))
-        wide = (scrolled(page, sideways=True) for page in (self.review, self.fleet))
+        wide = (scrolled(page) for page in (self.review, self.fleet))
         for page in (self.prepare, self.run, *wide):
             self.stack.addWidget(page)
         self.statusBar().setSizeGripEnabled(False)

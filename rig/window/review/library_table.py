@@ -20,7 +20,6 @@ from PySide6.QtWidgets import (
     QComboBox,
     QDateEdit,
     QGridLayout,
-    QHBoxLayout,
     QHeaderView,
     QTableView,
     QWidget,
@@ -38,6 +37,7 @@ from rig.window.review.table_model import (
     outcome_of,
 )
 from rig.window.review.table_source import LibrarySource
+from rig.window.shell.flow import FlowLayout, in_flow
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -206,7 +206,7 @@ class LibraryTable(QWidget):
                 spacing=6,
             )
         )
-        self.setMinimumWidth(440)
+        self.setMinimumWidth(300)
         self.desk = VerdictDesk(self)
         self.desk.judged.connect(self.model.take_verdicts)
         self._connect(session)
@@ -229,7 +229,7 @@ class LibraryTable(QWidget):
         self.filters.text.returnPressed.connect(self._into_table)
         self._selection_changed()
 
-    def _actions(self) -> QHBoxLayout:
+    def _actions(self) -> FlowLayout:
         self.buttons = {
             "overlay": push_button(
                 "O&verlay",
@@ -262,7 +262,7 @@ class LibraryTable(QWidget):
                 act=lambda: self.report_requested.emit(self.selected, PDF),
             ),
         }
-        return in_row(*self.buttons.values(), spacing=5)
+        return in_flow(*self.buttons.values(), spacing=5)
 
     @property
     def selected(self) -> list[Path]:

@@ -33,7 +33,7 @@ EMPTY = (
     "Search with Ctrl+F; the arrow keys go through the list.\n\n"
     "Drop a recording of another rig on the window to see what its columns are, and to make a run of it."
 )
-SIZES = (570, 780)
+SIZES = (484, 870)
 """Pixels of library and details at first."""
 
 

@@ -24,6 +24,7 @@ from rig.window.review.fit import FitOrder
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.review.words import budget_page, result_page
+from rig.window.shell.flow import in_flow, labelled
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -64,7 +65,7 @@ class FitBar(QWidget):
         self.parameters = choice_box("Parameter set", letters=9)
         self.kind.currentTextChanged.connect(lambda _: self._offer_tare())
         self.parameters.activated.connect(self._choose_parameters)
-        self.tare_label = text_label("tare")
+        self.tare_choice = labelled(text_label("tare"), self.tare)
         self.fit = push_button(
             "&Fit",
             "primary",
@@ -101,14 +102,11 @@ class FitBar(QWidget):
 
     def _lay_out(self) -> None:
         choices = (
-            text_label("fit as"),
-            (self.kind, 1),
-            self.tare_label,
-            (self.tare, 1),
-            text_label("parameters"),
-            (self.parameters, 1),
+            labelled(text_label("fit as"), self.kind),
+            self.tare_choice,
+            labelled(text_label("parameters"), self.parameters),
         )
-        row = in_row(*choices, self.fit, self.compare, self.save, spacing=6)
+        row = in_flow(*choices, self.fit, self.compare, self.save)
         below = in_row(self.busy, (self.says, 1), self.renew, self.cancel)
         self.setLayout(in_column(row, below, margins=(0, 0, 0, 0), spacing=4))
 
@@ -194,7 +192,7 @@ class FitBar(QWidget):
             )
         self.tare.setCurrentIndex(len(self._tares))
         self.tare.setVisible(needs)
-        self.tare_label.setVisible(needs)
+        self.tare_choice.setVisible(needs)
 
     def _choose_parameters(self, row: int) -> None:
         if self.parameters.itemData(row) != "?":

@@ -197,13 +197,12 @@ def push_button(
     return button
 
 
-def scrolled(inner: QWidget, *, sideways: bool = False) -> QScrollArea:
-    """A part that is scrolled where it is too high for its room, and `sideways` only where that is asked for."""
+def scrolled(inner: QWidget) -> QScrollArea:
+    """A part that is scrolled where it is too high for its room, and never sideways."""
     area = QScrollArea()
     area.setWidgetResizable(True)
     area.setFrameShape(QFrame.Shape.NoFrame)
-    if not sideways:
-        area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    area.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
     area.setWidget(inner)
     return area
 

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 
 import pytest
 from PySide6.QtCore import QPoint, QRect
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QApplication, QLayout, QScrollArea, QWidget
 from pytestqt.qtbot import QtBot
 
 from experiments.steps.note import Prompt
 from rig.run.parts import Progress
 from rig.run.state import RunState
 from rig.window.main import SMALLEST, MainWindow
+from rig.window.review.results import FitBar
+from rig.window.shell.flow import FlowLayout
 from rig.window.shell.session import WindowSession
 from rig.window.shell.theme import apply_theme
 from tests.rig.window.conftest import silent_run
@@ -109,6 +111,51 @@ def test_what_stops_and_starts_is_wholly_on_the_screen(
     whole.show_page("prepare")
     on_screen(whole, whole.prepare.start_button)
     page._change(RunState())
+
+
+def of_one_row(layout: QLayout) -> list[QWidget]:
+    items = [layout.itemAt(place) for place in range(layout.count())]
+    widgets = [item.widget() for item in items if item is not None]
+    return [widget for widget in widgets if widget is not None and widget.isVisible()]
+
+
+def uncut(*rows: list[QWidget]) -> None:
+    """Every button of a row has the room that its words ask for, and lies over no other."""
+    for row in rows:
+        assert row
+        for place, widget in enumerate(row):
+            assert widget.width() >= widget.minimumSizeHint().width(), widget
+            assert widget.height() >= widget.minimumSizeHint().height(), widget
+            others = (other.geometry() for other in row[place + 1 :])
+            assert not any(widget.geometry().intersects(other) for other in others), widget
+
+
+@pytest.mark.parametrize("screen", SCREENS)
+def test_review_and_fleet_cut_no_button_and_scroll_nothing_sideways(
+    screen: str, whole: MainWindow, qtbot: QtBot
+) -> None:
+    fit(whole, screen, qtbot)
+    for page in (whole.review, whole.fleet):
+        whole.show_page("review" if page is whole.review else "fleet")
+        area = page.parentWidget().parentWidget()
+        assert isinstance(area, QScrollArea)
+        room = area.viewport()
+        qtbot.waitUntil(lambda page=page, room=room: page.width() == room.width() > 600)
+    whole.show_page("review")
+    review = whole.review
+    review.right.setCurrentWidget(review.details)
+    bar = review.details.findChild(FitBar)
+    assert bar is not None
+    for widget in (review.details.header, bar):
+        widget.show()
+    QApplication.processEvents()
+    uncut(list(review.library.buttons.values()))
+    layouts = [one for one in bar.findChildren(FlowLayout)]
+    assert layouts
+    for layout in layouts:
+        row = of_one_row(layout)
+        if row:
+            uncut(row)
 
 
 def test_the_smallest_window_is_no_larger_than_the_smallest_screen(whole: MainWindow) -> None:

@@ -12,10 +12,10 @@ from rig.content.wording import duration_text, fixed
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.review.signals.data import duration_of
 from rig.window.review.table_model import COLOURS, local_time, with_sign
+from rig.window.shell.flow import in_flow
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
-    in_row,
     push_button,
     restyled,
     set_tip,
@@ -44,7 +44,7 @@ class RunHeaderView(QFrame):
         self.because.hide()
         self.facts = text_label(wraps=True, selectable=True)
         self.file = text_label("", "muted", wraps=True, selectable=True)
-        self.title.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
+        self.title.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Preferred)
         self.recover = push_button(
             "&Recover this run",
             "primary",
@@ -59,7 +59,7 @@ class RunHeaderView(QFrame):
         )
         ways = (self.recover, self.report, self.pdf)
         words = (self.mark, self.outcome, self.verdict)
-        first = in_row((self.title, 1), *words, *ways, spacing=14)
+        first = in_flow(self.title, *words, *ways, spacing=12)
         rest = (self.because, self.facts, self.file)
         self.setLayout(in_column(first, *rest, margins=(12, 7, 12, 7), spacing=2))
 

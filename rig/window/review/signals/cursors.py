@@ -14,6 +14,7 @@ from rig.content.wording import fixed, number
 from rig.window.plot.plots import LabPlot
 from rig.window.review.grid import GridTable
 from rig.window.review.signals.stretch import Stretch
+from rig.window.shell.flow import in_flow, labelled
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -62,11 +63,11 @@ class Cursors(QWidget):
         set_tip(self.switch, "Two upright lines to be moved: what lies between them in numbers")
         self.switch.toggled.connect(self._show)
         self.times = {name: self._time_field(name) for name in NAMES}
-        self.says = text_label("", wraps=True, selectable=True)
+        self.says = text_label("", selectable=True)
         self.table = GridTable(session, "Between the cursors")
         labels = [text_label(name, buddy=self.times[name]) for name in NAMES]
-        a, b = (in_row(label, self.times[n]) for label, n in zip(labels, NAMES, strict=True))
-        self.fields = room_for(in_row(a, b, (self.says, 1), margins=(0, 0, 0, 0)))
+        fields = (labelled(label, self.times[n]) for label, n in zip(labels, NAMES, strict=True))
+        self.fields = room_for(in_flow(*fields, self.says))
         head = in_row(self.switch, (self.fields, 1), spacing=12)
         self.setLayout(in_column(head, self.table, margins=(0, 0, 0, 0), spacing=3))
         session.theme_changed.connect(self._restyle)
