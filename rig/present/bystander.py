@@ -91,9 +91,10 @@ class Bystander:
     def _call(self, now: float) -> None:
         state, run = str(self.latest["state"]), str(self.latest.get("run", ""))
         facts = {"STATE": state, "RUN": run, "WHAT": str(self.latest.get("what", ""))}
+        # Names of their own: HARMONIC_RIG_STATE is the place of the latch, also for a `rig` that the command calls.
         environment = {
             **os.environ,
-            **{f"HARMONIC_RIG_{name}": text for name, text in facts.items()},
+            **{f"HARMONIC_RIG_NOTIFY_{name}": text for name, text in facts.items()},
         }
         try:
             process = subprocess.Popen(

@@ -26,9 +26,11 @@ from rig.run.stop import StopRequest
 from rig.runfile.read import close_recording, open_run
 
 WRITER = (
-    "import os, sys, pathlib; "
-    "pathlib.Path('called.txt').open('a').write(' '.join([*sys.argv[1:], os.environ['HARMONIC_RIG_STATE']]) + chr(10))"
+    "import os, sys, pathlib; told = [*sys.argv[1:], os.environ['HARMONIC_RIG_NOTIFY_STATE']]; "
+    "pathlib.Path('called.txt').open('a').write(' '.join(told) + chr(10)); "
+    "sys.exit(os.environ.get('HARMONIC_RIG_STATE') in told)"
 )
+"""Writes down what it was told; fails where the place of the latch was overwritten by the state."""
 LONGEST = 60.0
 """s of this computer's time that a process may take to end, however loaded it is."""
 
