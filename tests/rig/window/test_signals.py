@@ -18,7 +18,7 @@ from model.units import RPM
 from rig.errors import RunFileError
 from rig.runfile.read import close_recording, open_run
 from rig.window.review.signals.cursors import COLUMNS, between_words, stretch_row
-from rig.window.review.signals.data import Speed
+from rig.window.review.signals.data import LABORATORY, SI, Speed
 from rig.window.review.signals.export import export_rows
 from rig.window.review.signals.stretch import stretches_of
 from rig.window.review.signals.view import SignalsView
@@ -70,7 +70,7 @@ def test_statistics_between_two_times_are_those_of_the_complete_rows(
     monkeypatch.setattr(
         type(recording), "blocks", lambda self, where=None, size=0: blocks(self, where, 300)
     )
-    torque, angle = stretches_of(recording, ["torque", "input_angle"], 0.2, 1.9)
+    torque, angle = stretches_of(recording, ["torque", "input_angle"], 0.2, 1.9, SI)
     rows = complete(recording, 200, 1900)
     time = recording.time()[rows]
     assert (torque.rows, torque.incomplete) == (len(rows), 1701 - len(rows))
@@ -94,6 +94,26 @@ def test_a_speed_is_measured_and_a_stretch_without_rows_says_nothing(recording: 
     assert np.isnan((nothing.mean, nothing.std, nothing.slope, nothing.change)).all()
 
 
+def test_one_choice_draws_every_signal_in_its_units_and_is_remembered(
+    view: SignalsView, recording: Recording, session: WindowSession, qtbot: QtBot
+) -> None:
+    view.choose("input_speed", "input_angle", "torque")
+    view.show_all()
+    assert list(view.plots) == ["r/min", "deg", "N m"]
+    qtbot.waitUntil(lambda: view.curves["input_angle"].item.yData is not None)
+    in_degrees = np.ptp(view.curves["input_angle"].item.yData)
+    view.units.setCurrentText(SI)
+    assert list(view.plots) == ["rad/s", "rad", "N m"]
+    assert view.chosen == ["input_speed", "input_angle", "torque"]
+    qtbot.waitUntil(lambda: view.curves["input_angle"].item.yData is not None)
+    assert np.ptp(view.curves["input_angle"].item.yData) == pytest.approx(np.deg2rad(in_degrees))
+    assert "[rad/s]" in view.channels.item(0).text()
+    again = SignalsView(session)
+    qtbot.addWidget(again)
+    assert again.units.currentText() == SI
+    again.units.setCurrentText(LABORATORY)
+
+
 def test_a_speed_does_not_depend_on_where_its_stretch_begins(recording: Recording) -> None:
     whole = Speed(recording, "input_speed", 0).of(slice(0, ROWS))
     later = Speed(recording, "input_speed", 1000).of(slice(1000, 1500))
@@ -106,7 +126,7 @@ def test_a_speed_does_not_depend_on_where_its_stretch_begins(recording: Recordin
 def test_the_wheel_zooms_time_and_the_height_fits_what_is_seen(
     view: SignalsView, recording: Recording, qtbot: QtBot
 ) -> None:
-    plot = view.plots["rad"]
+    plot = view.plots["deg"]
     box = plot.item.getViewBox()
     middle = box.mapToDevice(box.boundingRect().center()) or box.boundingRect().center()
     place = plot.canvas.mapFromScene(box.mapToScene(box.boundingRect().center()))
@@ -130,7 +150,7 @@ def test_the_wheel_zooms_time_and_the_height_fits_what_is_seen(
     def fits() -> bool:
         plot.canvas.grab()
         low, high = box.viewRange()[1]
-        seen = recording.si("input_angle")[round(begin * 1000) : round(end * 1000)]
+        seen = np.rad2deg(recording.si("input_angle"))[round(begin * 1000) : round(end * 1000)]
         return low <= seen.min() and seen.max() <= high and high - low < 1.3 * np.ptp(seen)
 
     qtbot.waitUntil(fits, timeout=LONGEST)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from drivers.samples import CycleFlag
 from experiments.recording import Recording
-from model.units import RPM
+from model.unit_text import scale_in
 from rig.window.work.live_file import Block, Envelope, SlidingSpeed
 
 FloatArray = NDArray[np.float64]
@@ -23,8 +23,10 @@ _LEAD = 0.03
 """s before a stretch that are read too: a speed is the difference of an angle over a little time."""
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
 """Speeds that no channel holds and that follow from an angle."""
-_SPEED_UNIT = "r/min"
-"""Unit in which such a speed is drawn; a channel is drawn in its own, which is SI."""
+LABORATORY, SI = "laboratory units", "SI units"
+"""The two ways in which all signals are drawn."""
+_READ_IN = {"rad/s": "r/min", "rad": "deg"}
+"""What a laboratory reads in place of an SI unit; every other unit is read as it is."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +39,22 @@ class Shape:
     values: FloatArray
 
 
-def channels_of(recording: Recording) -> dict[str, tuple[str, str]]:
-    """What can be drawn: name, what it is, unit. Speeds first, then the channels as they were recorded, in SI."""
+def drawn_in(si: str, units: str) -> tuple[float, str]:
+    """In which unit something in this SI unit is drawn, and how much of the SI unit one of it is."""
+    unit = _READ_IN.get(si, si) if units == LABORATORY else si
+    return scale_in(unit, si) or 1.0, unit
+
+
+def channels_of(recording: Recording, units: str = LABORATORY) -> dict[str, tuple[str, str]]:
+    """What can be drawn: name, what it is, unit. Speeds first, then the channels as they were recorded."""
     channels = {
-        name: (f"{name.replace('_', ' ')}, from the angle", _SPEED_UNIT)
+        name: (f"{name.replace('_', ' ')}, from the angle", drawn_in("rad/s", units)[1])
         for name, angle in SPEEDS.items()
         if recording.has(angle) and np.isfinite(recording.metadata.sample_rate)
     }
     for name, signal in recording.signals.items():
-        channels[name] = (signal.long_name or name.replace("_", " "), signal.unit)
+        unit = drawn_in(signal.unit, units)[1]
+        channels[name] = (signal.long_name or name.replace("_", " "), unit)
     return channels
 
 
@@ -71,12 +80,17 @@ def row_at(recording: Recording, moment: float) -> int:
 
 
 def shapes_of(
-    recording: Recording, names: list[str], begin: float, end: float, bins: int = BINS
+    recording: Recording,
+    names: list[str],
+    begin: float,
+    end: float,
+    bins: int = BINS,
+    units: str = LABORATORY,
 ) -> list[Shape]:
     """These channels between two times [s], one row more on either side."""
     start = max(row_at(recording, begin - _LEAD) - 1, 0)
     stop = min(row_at(recording, end) + 1, recording.rows)
-    channels = channels_of(recording)
+    channels = channels_of(recording, units)
     envelopes = {name: Envelope(bins) for name in names if name in channels}
     speeds = {
         name: SlidingSpeed(1.0 / recording.metadata.sample_rate)
@@ -87,9 +101,9 @@ def shapes_of(
         for name, envelope in envelopes.items():
             if name in speeds:
                 stamps, values = speeds[name].of(block, SPEEDS[name])
-                envelope.add(stamps, values / unit_factor(name))
             else:
-                envelope.add(block.time, block.si[name])
+                stamps, values = block.time, block.si[name]
+            envelope.add(stamps, values / unit_factor(recording, name, units))
     return [
         Shape(name, channels[name][1], *envelope.curve()) for name, envelope in envelopes.items()
     ]
@@ -117,9 +131,9 @@ class Speed:
         return along
 
 
-def unit_factor(name: str) -> float:
+def unit_factor(recording: Recording, name: str, units: str) -> float:
     """SI value of one unit in which a channel is drawn."""
-    return RPM if name in SPEEDS else 1.0
+    return drawn_in("rad/s" if name in SPEEDS else recording.signals[name].unit, units)[0]
 
 
 def values_at(recording: Recording, names: list[str], moment: float) -> dict[str, float]:

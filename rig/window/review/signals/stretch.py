@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from drivers.samples import CycleFlag
 from experiments.recording import Recording
-from rig.window.review.signals.data import SPEEDS, Speed, channels_of, row_at, unit_factor
+from rig.window.review.signals.data import (
+    LABORATORY,
+    SPEEDS,
+    Speed,
+    channels_of,
+    row_at,
+    unit_factor,
+)
 
 FloatArray = NDArray[np.float64]
 _CLOCK_STEP = 1e-9
@@ -51,10 +58,14 @@ class Stretch:
 
 
 def stretches_of(
-    recording: Recording, names: Sequence[str], begin: float, end: float
+    recording: Recording,
+    names: Sequence[str],
+    begin: float,
+    end: float,
+    units: str = LABORATORY,
 ) -> list[Stretch]:
     """These channels between two times since the first row [s], both included."""
-    channels = channels_of(recording)
+    channels = channels_of(recording, units)
     start, stop = rows_between(recording, begin, end)
     sums = {name: _Sums() for name in names if name in channels}
     speeds = {name: Speed(recording, name, start) for name in sums if name in SPEEDS}
@@ -65,7 +76,7 @@ def stretches_of(
         for name, sum_ in sums.items():
             values = speeds[name].of(part) if name in speeds else recording.si(name, part)
             use = good & np.isfinite(values)
-            sum_.add(stamps[use], values[use] / unit_factor(name))
+            sum_.add(stamps[use], values[use] / unit_factor(recording, name, units))
     return [sums[name].stretch(name, channels[name][1], incomplete) for name in sums]
 
 

@@ -21,9 +21,12 @@ from rig.window.plot.plots import Curve, LabPlot
 from rig.window.review.marks import MarksItem, TimeMarks, marks_of, segment_words
 from rig.window.review.signals.cursors import Cursors
 from rig.window.review.signals.data import (
+    LABORATORY,
+    SI,
     SPEEDS,
     Shape,
     channels_of,
+    drawn_in,
     duration_of,
     shapes_of,
     values_at,
@@ -33,6 +36,7 @@ from rig.window.review.signals.stretch import stretches_of
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
+    choice_box,
     in_column,
     in_row,
     push_button,
@@ -46,6 +50,7 @@ from rig.window.work.background import LatestTask, single_shot
 
 _ZOOM_PAUSE_MS = 90
 """ms after the last movement of the view until finer data are read."""
+_UNITS_KEY = "signals.units"
 _AT_FIRST = ("input_speed", "torque")
 """Channels that are drawn at first, where a run has them."""
 _MOST_PLOTS = 4
@@ -96,12 +101,15 @@ class SignalsView(QWidget):
             act=self._export,
         )
         self.whole = push_button("&Whole run", tip="Show the whole run again", act=self.show_all)
+        self.units = choice_box("Units of all signals", (LABORATORY, SI))
+        self.units.setCurrentText(str(session.recall(_UNITS_KEY, LABORATORY)))
+        self.units.currentTextChanged.connect(self._change_units)
         self._stack = split(way=Qt.Orientation.Vertical)
         self._pause = single_shot(self, _ZOOM_PAUSE_MS, self._read)
         self._lay_out()
 
     def _lay_out(self) -> None:
-        foot = in_row((self.readout, 1), self.export, self.whole)
+        foot = in_row((self.readout, 1), self.units, self.export, self.whole)
         parts = ((self._stack, 1), self.cursors, foot)
         right = room_for(in_column(*parts, margins=(0, 0, 0, 0), spacing=3))
         both = split(self.channels, (right, 1), sizes=[200, 680])
@@ -139,7 +147,7 @@ class SignalsView(QWidget):
         self._recording, self._mark = recording, mark
         self._end = duration_of(recording)
         self.cursors.limit(self._end)
-        channels = channels_of(recording)
+        channels = channels_of(recording, self.units.currentText())
         checked = (
             [name for name in checked if name in channels]
             or [name for name in _AT_FIRST if name in channels][:2]
@@ -207,7 +215,7 @@ class SignalsView(QWidget):
         self.plots, self.curves, self._drawn_marks = {}, {}, {}
         if self._recording is None:
             return
-        channels = channels_of(self._recording)
+        channels = channels_of(self._recording, self.units.currentText())
         for place, name in enumerate(self.chosen):
             unit = channels[name][1]
             plot = self.plots.get(unit) or (
@@ -244,7 +252,8 @@ class SignalsView(QWidget):
         recording, names = self._recording, self.chosen
         if recording is not None and names:
             begin, end = self.view
-            self._reading.start(lambda: shapes_of(recording, names, begin, end))
+            units = self.units.currentText()
+            self._reading.start(lambda: shapes_of(recording, names, begin, end, units=units))
 
     def _set_cursors(self, on: bool) -> None:
         if on:
@@ -254,7 +263,16 @@ class SignalsView(QWidget):
     def _measure(self) -> None:
         recording, names, stretch = self._recording, list(self.curves), self.cursors.stretch
         if recording is not None and self.cursors.is_on:
-            self._between.start(lambda: stretches_of(recording, names, *stretch))
+            units = self.units.currentText()
+            self._between.start(lambda: stretches_of(recording, names, *stretch, units))
+
+    def _change_units(self, units: str) -> None:
+        """Draw every signal in other units, over the same stretch."""
+        self._session.remember(_UNITS_KEY, units)
+        if self._recording is not None:
+            self._offer(channels_of(self._recording, units), self.chosen)
+            self._rebuild()
+            self._measure()
 
     def _export(self) -> None:
         recording, names = self._recording, list(self.curves)
@@ -336,9 +354,8 @@ class SignalsView(QWidget):
         for name, value in values_at(
             recording, [n for n in self.curves if n not in SPEEDS], moment
         ).items():
-            words.append(
-                f"{name.replace('_', ' ')} {value:.6g} {recording.signals[name].unit}".rstrip()
-            )
+            factor, unit = drawn_in(recording.signals[name].unit, self.units.currentText())
+            words.append(f"{name.replace('_', ' ')} {value / factor:.6g} {unit}".rstrip())
         segment = self._marks.segment_at(moment)
         if segment is not None:
             words.append(segment_words(segment, recording.metadata.experiment))
