@@ -8,7 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from PySide6.QtCore import Signal
+from PySide6.QtCore import QFileSystemWatcher, Signal
 from PySide6.QtWidgets import QComboBox, QPushButton, QWidget
 
 from experiments.errors import PlanError
@@ -31,6 +31,7 @@ from rig.gears.card import (
     with_changes,
     with_confirmation,
 )
+from rig.gears.card_places import above, cards_folder
 from rig.gears.making import write_card
 from rig.run.gear import acceptance_checks_of_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
@@ -46,8 +47,11 @@ from rig.window.shell.stack import (
     set_tip,
     text_label,
 )
+from rig.window.work.background import single_shot
 
 _NEW_GEAR = "another gear …"
+_PAUSE_MS = 250
+"""ms without a further change after which the cards are read again."""
 
 
 class GearSection(QWidget):
@@ -100,6 +104,9 @@ class GearSection(QWidget):
         self.form.changed.connect(self._show_status)
         self.form.changed.connect(self.changed)
         self._lay_out()
+        self._watcher = QFileSystemWatcher(self)
+        self._watcher.directoryChanged.connect(lambda _: self._pause.start())
+        self._pause = single_shot(self, _PAUSE_MS, self._follow)
         self.refresh_choice()
         remembered = str(session.recall("gear", ""))
         self.choose(remembered if remembered in self._serials() else "")
@@ -194,8 +201,24 @@ class GearSection(QWidget):
         except RigError as error:
             self._session.message.emit(str(error))
 
+    def _follow(self) -> None:
+        """Take over what was made or changed elsewhere; not under a list that somebody is choosing from."""
+        if self.choice.view().isVisible():
+            self._pause.start()
+        elif self.isVisible():
+            self.refresh()
+
+    def _watch(self) -> None:
+        """The folders in which cards lie, or would: what another program writes there is a change."""
+        folder = self._session.folder
+        cards = (cards_folder(place) for place in (folder, *above(folder)))
+        wanted = {str(place) for place in (folder, *cards) if Path(place).is_dir()}
+        if fresh := wanted - set(self._watcher.directories()):
+            self._watcher.addPaths(sorted(fresh))
+
     def refresh_choice(self) -> None:
         """Look again which cards there are."""
+        self._watch()
         chosen = self.choice.currentData()
         self.choice.clear()
         for listed in list_cards(self._session.folder):

@@ -25,6 +25,7 @@ from rig.window.prepare.page import PreparePage
 from rig.window.prepare.training import TrainingDialog
 from rig.window.shell.session import WindowSession
 from rig.window.work.background import BackgroundCommand
+from tests.rig.window.conftest import LONGEST
 
 LONG = "SN 0815/ä that somebody pasted out of a spreadsheet with everything that stood in its row, 1234567890"
 
@@ -196,3 +197,15 @@ def test_every_fact_of_a_card_has_a_printed_unit() -> None:
     for field in parameter_fields(GearFacts):
         assert "2" not in printed(field.unit)
         assert printed(field.unit) != "um"
+
+
+def test_a_card_made_elsewhere_is_offered_while_the_page_is_open(
+    page: PreparePage, session: WindowSession, qtbot: QtBot
+) -> None:
+    page.looking_ahead.wait()
+    assert page.gear.choice.findData("SN-7") < 0
+    facts = {"serial": "SN-7", "part": "csf-25-120", "mounting": "circular-spline-fixed"}
+    save_card(session.folder, with_changes(None, facts, "D. Fourth", now_text()))
+    qtbot.waitUntil(lambda: page.gear.choice.findData("SN-7") >= 0, timeout=LONGEST)
+    assert page.gear.choice.currentData() == LONG, "what is chosen stays"
+    page.looking_ahead.wait()
