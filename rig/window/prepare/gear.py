@@ -246,7 +246,10 @@ class GearSection(QWidget):
         """Store what the form shows, and that the operator confirms it."""
         self.form.check()
         if why := self._why_not(self.facts):
-            self._refuse(why, self._first_refused())
+            waited_for = self._first_refused()
+            if waited_for is self.form.rows["serial"].editor:
+                self.form.mark("serial", "has to be known before the card is confirmed")
+            self._refuse(why, waited_for)
             return
         try:
             values: dict[str, Any] = self.form.values()

@@ -4,6 +4,8 @@ and the nameplate has the last word.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from PySide6.QtCore import QObject, Qt, Signal
 from PySide6.QtWidgets import QCompleter, QGridLayout, QLineEdit, QWidget
 
@@ -15,9 +17,10 @@ from model.gear import HarmonicDrive
 from model.gear_file import SECTIONS
 from model.quantities import readable
 from rig.errors import RigError
-from rig.gears.card import now_text
-from rig.gears.making import made_gear, write_new_gear
+from rig.gears.card import CHOICES, now_text, with_confirmation
+from rig.gears.making import made_gear, write_card, write_new_gear
 from rig.gears.stating import declared, value_of
+from rig.window.prepare.form import CalmComboBox
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -25,6 +28,7 @@ from rig.window.shell.stack import (
     line_field,
     push_button,
     restyled,
+    room_for,
     set_tip,
     text_label,
 )
@@ -88,7 +92,24 @@ class NewGearForm(QWidget):
         self.serial = NewGearField("Serial number", "from the plate of the gear")
         self.nameplate = {path: NewGearField("") for path in NAMEPLATE}
         self.says = text_label("", "muted", wraps=True)
-        self.make_button = push_button("&Make this gear", "primary", act=self.make)
+        self.mounting = CalmComboBox()
+        self.mounting.setAccessibleName("Mounting")
+        self.mounting.addItems(CHOICES["mounting"])
+        set_tip(
+            self.mounting,
+            "Which member is fixed: circular spline (ratio N) or flexspline (ratio N + 1)",
+        )
+        self.make_button = push_button(
+            "&Make and confirm",
+            "primary",
+            tip="Writes parameter set and card, and that you confirm the gear as it is mounted",
+            act=self.make,
+        )
+        self.more_button = push_button(
+            "M&ore", tip="The values of the nameplate, each with where it is from"
+        )
+        self.more_button.setCheckable(True)
+        self.more_button.toggled.connect(self._show_more)
         self.refused = text_label("", "bad", wraps=True)
         self.refused.hide()
         self.cancel_button = push_button("Do not make it", act=self.given_up)
@@ -109,13 +130,22 @@ class NewGearForm(QWidget):
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setVerticalSpacing(1)
         grid.setColumnStretch(1, 1)
-        for place, field in enumerate((self.product, self.serial, *self.nameplate.values())):
-            grid.addWidget(field.label, 2 * place, 0)
-            grid.addWidget(field.editor, 2 * place, 1)
-            grid.addWidget(field.note, 2 * place + 1, 0, 1, 2)
-            field.note.setContentsMargins(0, 0, 0, 6)
-        buttons = in_row(self.make_button, self.cancel_button, (None, 1))
-        self.setLayout(in_column(self.says, grid, buttons, self.refused, margins=(0, 0, 0, 0)))
+        _place(grid, (self.product, self.serial))
+        grid.addWidget(text_label("Mounting", buddy=self.mounting), grid.rowCount(), 0)
+        grid.addWidget(self.mounting, grid.rowCount() - 1, 1)
+        below = QGridLayout()
+        below.setContentsMargins(0, 0, 0, 0)
+        below.setVerticalSpacing(1)
+        below.setColumnStretch(1, 1)
+        _place(below, tuple(self.nameplate.values()))
+        self.more = room_for(below)
+        self.more.hide()
+        buttons = in_row(self.make_button, self.more_button, self.cancel_button, (None, 1))
+        parts = (self.says, grid, buttons, self.refused, self.more)
+        self.setLayout(in_column(*parts, margins=(0, 0, 0, 0)))
+
+    def _show_more(self, shown: bool) -> None:
+        self.more.setVisible(shown)
 
     def set_operator(self, name: str) -> None:
         """Who would make it."""
@@ -144,6 +174,8 @@ class NewGearForm(QWidget):
         """Write parameter set and card; what is refused is said at its field."""
         self.look_up()
         stated = self._stated()
+        if stated is None:
+            self.more_button.setChecked(True)
         if self.gear is None or stated is None or self._waits_for():
             self._refuse(self._waits_for() or "A value of the nameplate is refused.")
             return
@@ -152,18 +184,25 @@ class NewGearForm(QWidget):
         try:
             gear = made_gear(read_product(self.product.text), stated, by, at)
         except ParameterError as error:
+            self.more_button.setChecked(
+                error.where in self.nameplate or self.more_button.isChecked()
+            )
             self.nameplate.get(error.where, self.product).refuse(error)
             self._refuse(error.what)
             return
+        facts = {"serial": self.serial.text, "mounting": self.mounting.currentText()}
         try:
-            made = write_new_gear(self._session.folder, gear, {"serial": self.serial.text}, by, at)
+            made = write_new_gear(self._session.folder, gear, facts, by, at)
+            write_card(self._session.folder, with_confirmation(made.card, by, at))
         except (PlanError, RigError) as error:
             self.serial.refuse(error)
             self._refuse(error.what)
             return
         count = len(made.open_questions)
         left = f"; {count} values of its nameplate are only assumed" if count else ""
-        self._session.message.emit(f"Gear {made.card.serial}, {gear.name}, is made{left}.")
+        self._session.message.emit(
+            f"Gear {made.card.serial}, {gear.name}, is made and confirmed{left}."
+        )
         self.clear()
         self.made.emit(made.card.serial)
 
@@ -181,6 +220,7 @@ class NewGearForm(QWidget):
         """Nothing is stated."""
         for field in (self.product, self.serial, *self.nameplate.values()):
             field.editor.clear()
+        self.more_button.setChecked(False)
         self.look_up()
 
     def _stated(self) -> dict[str, float] | None:
@@ -199,9 +239,8 @@ class NewGearForm(QWidget):
     def _show_nameplate(self) -> None:
         """Each value of the nameplate as the tables have it, and whether anybody has looked it up."""
         for path, field in self.nameplate.items():
-            shown = self.gear is not None
             for part in (field.label, field.editor, field.note):
-                part.setVisible(shown)
+                part.setVisible(self.gear is not None)
             if self.gear is None:
                 continue
             value = self.gear.value(path)
@@ -228,7 +267,7 @@ class NewGearForm(QWidget):
     def _show_state(self) -> None:
         """What it waits for, and what is still assumed."""
         waits = self._waits_for()
-        set_tip(self.make_button, waits)
+        self.more_button.setEnabled(self.gear is not None)
         if not waits:
             self.refused.hide()
         if self.gear is None:
@@ -237,11 +276,20 @@ class NewGearForm(QWidget):
         asked = [path for path in open_questions(self.gear) if not self.nameplate[path].text]
         assumed = (
             f"{len(asked)} of {len(NAMEPLATE)} nameplate values are only assumed: read them off the "
-            "plate or the papers, or leave them marked."
+            "plate or the papers (More), or leave them marked."
             if asked
             else "Every nameplate value is looked up."
         )
         self.says.setText(f"! {waits} {assumed}" if waits else assumed)
+
+
+def _place(grid: QGridLayout, fields: Sequence[NewGearField]) -> None:
+    """Fields under each other, each with its note below."""
+    for place, field in enumerate(fields):
+        grid.addWidget(field.label, 2 * place, 0)
+        grid.addWidget(field.editor, 2 * place, 1)
+        grid.addWidget(field.note, 2 * place + 1, 0, 1, 2)
+        field.note.setContentsMargins(0, 0, 0, 6)
 
 
 def _short_label(path: str) -> str:

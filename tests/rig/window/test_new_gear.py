@@ -38,6 +38,9 @@ def test_a_part_number_makes_a_set_and_a_card(section: GearSection, session: Win
     assert form.nameplate[RATED].note.text().startswith("catalogue: ")
     assert form.nameplate[LIMIT].note.text().startswith("assumed: ")
     assert form.nameplate[LIMIT].note.property("part") == "warning"
+    assert not form.more.isVisible(), "one screen: part, serial number, mounting"
+    form.more_button.click()
+    assert form.nameplate[RATED].editor.isVisible()
     assert f"3 of {len(NAMEPLATE)} nameplate values are only assumed" in form.says.text()
     form.nameplate[LIMIT].editor.setText("3000 r/min")
     assert f"2 of {len(NAMEPLATE)}" in form.says.text()
@@ -52,7 +55,10 @@ def test_a_part_number_makes_a_set_and_a_card(section: GearSection, session: Win
     facts = section.facts
     assert facts is not None
     assert facts.serial == "SN-7"
-    assert not section.is_confirmed, "the card is looked at and confirmed as every other"
+    assert facts.mounting == "circular-spline-fixed"
+    assert section.is_confirmed
+    assert card.confirmation is not None
+    assert card.confirmation.by == "A. Example"
 
 
 def test_the_next_gear_is_one_more_of_the_same_part(section: GearSection) -> None:
