@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SCREENS = ("1366x768@1", "1366x768@1.25", "1366x768@1.5", "1920x1080@1")
 LONGEST = 180.0
 """s that anything may take."""
-ROOM = 80_000
+ROOM = 160_000
 """kB of a disk that fills in the middle of a run."""
 PART, SERIAL, PERSON = "CSF-25-120-2UH", "SN-1", "A. Example"
 FOREIGN = """format = "acceptance-1"

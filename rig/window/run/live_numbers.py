@@ -104,7 +104,7 @@ class LiveNumbers(QWidget):
         """Nominal time left [s] of the run; `later` of the runs of its campaign that follow."""
         self._labels["time left"].setText(in_words(seconds + later))
         self._captions["time left"].setText(
-            f"left of the campaign ({in_words(seconds)} of this run)" if later else "left"
+            f"left, {in_words(seconds)} of this run" if later else "left"
         )
 
     def _write(self, name: str, text: str) -> None:
