@@ -126,21 +126,32 @@ def budget_grid(result: Result, names: Collection[str]) -> Grid | None:
     )
     rows = []
     for estimate in estimates:
-        named, parts, whole = _parts(result.quantity(estimate.name), estimate)
+        named, parts, whole = _parts(result.quantity(estimate.name), estimate, least=_NAMED)
         rows.append((*named, *whole, "; ".join(f"{source}: {u}" for source, u in parts)))
     return Grid(title, heads, rows, note)
 
 
+_NAMED = 0.05
+"""Share of u from which on a part is named where many quantities stand together: less than it adds 0.2 % to u."""
+
+
 def _parts(
-    quantity: Quantity, estimate: Estimate
+    quantity: Quantity, estimate: Estimate, least: float = 0.0
 ) -> tuple[tuple[str, str], list[tuple[str, str]], tuple[str, str]]:
-    """Name and unit of one quantity, its standard uncertainties by source, the combined and the expanded one."""
+    """Name and unit of one quantity, its standard uncertainties by source, the combined and the expanded one.
+
+    Several that are below `least` of the combined one stand together, in the last place.
+    """
     size = max(abs(estimate.value), estimate.expanded_uncertainty)
     factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
     shares: dict[str, float] = {}
     for line in estimate.budget:
         key = f"{line.source} ({line.kind})"
         shares[key] = math.hypot(shares.get(key, 0.0), line.standard_uncertainty)
+    small = [key for key, u in shares.items() if u < least * estimate.standard_uncertainty]
+    if len(small) > 1:
+        together = math.hypot(*(shares.pop(key) for key in small))
+        shares[f"{len(small)} smaller ones together"] = together
     largest_first = sorted(shares.items(), key=lambda one: -one[1])
     parts = [(source, number(u / factor, 2)) for source, u in largest_first]
     whole = (estimate.standard_uncertainty, estimate.expanded_uncertainty)

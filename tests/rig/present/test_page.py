@@ -458,3 +458,21 @@ def test_a_section_that_no_report_has_is_refused_with_those_that_there_are() -> 
     ran = CliRunner().invoke(app, ["report", "run.h5", "--sections", "results,curves"])
     assert ran.exit_code == 2
     assert "curves" in ran.output
+
+
+def test_what_hardly_adds_to_an_uncertainty_stands_together() -> None:
+    result = handmade.friction_result()
+    sizes = (1.0, 0.5, 0.04, 0.03)
+    lines = tuple(BudgetLine(f"source {u:g}", "B", u) for u in sizes)
+    two = {
+        name: replace(result.estimates[name], unit="N", budget=lines)
+        for name in ("F_c", "running_torque")
+    }
+    beside = budget_grid(replace(result, estimates=two), two)
+    assert beside is not None
+    assert beside.rows[0][4] == (
+        "source 1 (B): 1; source 0.5 (B): 0.5; 2 smaller ones together: 0.05"
+    )
+    alone = budget_grid(replace(result, estimates=two), ("F_c",))
+    assert alone is not None
+    assert len(alone.rows) == len(sizes) + 2
