@@ -44,6 +44,10 @@ TONES: Mapping[str, Tone] = {
 _WORD = re.compile(rf"({'|'.join(TONES)})(?= \(|[:,;]|$)")
 
 
+NOTHING_SAID = frozenset({"", "–"})
+"""What stands in a cell about which there is nothing to say."""
+
+
 @dataclass(frozen=True)
 class Column:
     """One column of a table: its heading, with its unit where all cells share one, and what stands in it."""
@@ -92,7 +96,8 @@ class Grid:
 
     def without_empty(self) -> Grid:
         """The table without the columns that say nothing; the whole one where none says anything."""
-        says = [any(row[place] for row in self.rows) for place in range(len(self.columns))]
+        places = range(len(self.columns))
+        says = [any(row[place] not in NOTHING_SAID for row in self.rows) for place in places]
         return self._only(says) if any(says) else self
 
     def _only(self, kept: Sequence[bool]) -> Grid:

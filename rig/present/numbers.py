@@ -132,7 +132,7 @@ def _grid(
                 _identified(estimate, quantity),
             )
         )
-    return Grid(title, COLUMNS, lines, note)
+    return Grid(title, COLUMNS, lines, note).without_empty()
 
 
 def _orders(card: HarmonicDrive, fits: Sequence[Fit]) -> Grid:
@@ -152,7 +152,7 @@ def _orders(card: HarmonicDrive, fits: Sequence[Fit]) -> Grid:
                 _identified(estimate, quantity),
             )
         )
-    return Grid("Kinematic error", COLUMNS, lines)
+    return Grid("Kinematic error", COLUMNS, lines).without_empty()
 
 
 def _provenance(card: HarmonicDrive, order: float) -> str:

@@ -41,9 +41,12 @@ _MATRIX_COLUMNS = 4
 
 def _side_by_side(facts: Sequence[tuple[str, Sequence[Fact]]], title: str = "") -> tuple[Grid, ...]:
     """Facts of several runs, each under its heading, side by side, at most four to a table; runs
-    without any are left out.
+    without any are left out. Facts that most runs do not have stand one by one, each with the runs that have it.
     """
     runs = [(heading, {f.title: f.text for f in rows}) for heading, rows in facts if rows]
+    told = sum(len(texts) for _, texts in runs)
+    if 2 * told < len(runs) * len({name for _, texts in runs for name in texts}):
+        return (_one_by_one(runs, title),)
     grids = []
     for first in range(0, len(runs), _MATRIX_COLUMNS):
         shown = runs[first : first + _MATRIX_COLUMNS]
@@ -52,6 +55,19 @@ def _side_by_side(facts: Sequence[tuple[str, Sequence[Fact]]], title: str = "") 
         heads = columns(("", "name"), *(heading for heading, _ in shown))
         grids.append(Grid(title, heads, rows))
     return tuple(grids)
+
+
+def _one_by_one(runs: Sequence[tuple[str, Mapping[str, str]]], title: str) -> Grid:
+    """Each fact once for every value that it has, and of which runs."""
+    rows = []
+    for name in dict.fromkeys(name for _, texts in runs for name in texts):
+        of: dict[str, list[str]] = {}
+        for heading, texts in runs:
+            if name in texts:
+                of.setdefault(texts[name], []).append(heading)
+        for text, headings in of.items():
+            rows.append((name, text, ", ".join(headings) if len(headings) < len(runs) else "all"))
+    return Grid(title, columns(("", "name"), "is", "of"), rows)
 
 
 def provenance_sections(

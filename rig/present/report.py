@@ -253,7 +253,9 @@ def part_of(fit: Fit, index: int, title: str) -> Section:
         orders = []
     others = [name for name in result.estimates if name not in orders]
     any_budget = any(e.budget for e in result.estimates.values())
-    tables = [data_grid(t) for t in result.tables if t.name != "budget" or not any_budget]
+    tables = [
+        data_grid(t).without_empty() for t in result.tables if t.name != "budget" or not any_budget
+    ]
     annex = (statistical_grid(result), *(grid for grid in tables if len(grid.rows) > _LONG_TABLE))
     return Section(
         anchor=f"part-{index + 1}",

@@ -146,6 +146,24 @@ def test_every_command_that_is_mentioned_exists(page: Path) -> None:
                 assert word.partition("=")[0] in {*known, "--help"}, f"{page.name}: {text}"
 
 
+MADE = (DOCS / "drills.md", DOCS / "reference" / "safety-path.md")
+"""Pages that the program writes, beside those of `reference/generated`."""
+
+
+def test_the_pages_stay_short() -> None:
+    """What is added to a page takes something away: they are read once, at a bench."""
+    written = [
+        page
+        for page in DOCS.rglob("*.md")
+        if page not in MADE and not {"generated", "_build"} & set(page.parts)
+    ]
+    assert len(written) > 60
+    words = sum(len(page.read_text(encoding="utf-8").split()) for page in written)
+    assert words <= 48_000
+    unreleased = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1]
+    assert len(unreleased.split()) <= 800, "what is not released yet is one page"
+
+
 def test_every_picture_that_is_kept_stands_in_a_page() -> None:
     pages = "".join(page.read_text(encoding="utf-8") for page in PAGES)
     kept = {picture.name for picture in (DOCS / "screenshots").iterdir()}
