@@ -79,8 +79,8 @@ def verify(
             "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
         )
     places = runs_meant(runs_folder, places)
-    if len(places) == 1:
-        # A mistyped name; among several it is one of the findings.
+    if len(places) == 1 and not json:
+        # A mistyped name; among several, and for a program, it is one of the findings.
         refuse_missing(*places)
     runs = list(dict.fromkeys(run for place in places for run in runs_in(place)))
     certificates = [one for place in places for one in certificates_in(place)]

@@ -255,7 +255,7 @@ def test_a_request_takes_over_what_the_card_tells_once(tmp_path: Path) -> None:
     [
         ("", "no gear card"),
         ("format = 3", "no gear card"),
-        ("format = [", "no TOML"),
+        ("format = [", "not valid TOML"),
         ('format = "gear-card-1"', "no serial number"),
         ('format = "gear-card-1"\nfacts = 3', "no table"),
         ('format = "gear-card-1"\n[facts]\nserial = "SN-2"\nhours = -3', "facts|hours"),
