@@ -66,12 +66,21 @@ def flowing(words: str) -> str:
 
 
 def _refuse_unportable(ctx: Any, parameter: Any) -> None:
-    """What is to be written must have a name that every system can have."""
+    """What is to be written must have a name that every system can have, and a folder a place to be made in."""
     named = None if _WRITTEN.isdisjoint(parameter.opts) else ctx.params.get(parameter.name)
     for path in named if isinstance(named, (list, tuple)) else (named,):
         if isinstance(path, Path) and (why := unportable(path)):
             raise BadParameter(
                 f"{path}: {why}: give another name.", ctx=ctx, param_hint=parameter.opts[0]
+            )
+        if not isinstance(path, Path) or FOLDER not in parameter.opts:
+            continue
+        if not path.exists() and not path.parent.exists():
+            # One level is made when it is written to; a mistyped path is not.
+            raise BadParameter(
+                f"{path}: there is no folder {path.parent} to make it in. Make that, or name another.",
+                ctx=ctx,
+                param_hint=parameter.opts[0],
             )
 
 

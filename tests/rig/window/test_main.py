@@ -183,7 +183,7 @@ def test_arguments_of_the_window_are_checked(arguments: list[str]) -> None:
         ("--runs", "{file}", "is no folder"),
         ("--runs", "{file}/runs", "is no folder"),
         ("--runs", "{refused}", "cannot be written (Permission denied)"),
-        ("--runs", "{refused}/2025/runs", "cannot be written (Permission denied)"),
+        ("--runs", "{refused}/runs", "cannot be written (Permission denied)"),
     ],
 )
 def test_what_cannot_work_is_refused_before_a_window_opens(
@@ -213,9 +213,9 @@ def test_a_folder_that_can_be_written_opens_and_nothing_is_left_in_it(
 ) -> None:
     opened: list[object] = []
     monkeypatch.setattr("rig.window.main.open_window", lambda *a: (opened.append(a[0]), 0)[1])
-    for folder in (tmp_path, tmp_path / "2025" / "runs"):
+    for folder in (tmp_path, tmp_path / "runs"):
         assert CliRunner().invoke(app, ["live", "--runs", str(folder)]).exit_code == 0
-    assert opened == [tmp_path, tmp_path / "2025" / "runs"]
+    assert opened == [tmp_path, tmp_path / "runs"]
     assert list(tmp_path.iterdir()) == []
 
 
