@@ -31,6 +31,7 @@ from rig.fleet.rows import EMPTY
 from rig.fleet.table import table_bytes
 from tests.extras.lots import BEGIN
 from tests.rig.commands.calling import Rig
+from tests.rig.commands.printed import every_table_has_room
 
 TABLE = (
     Path(
@@ -304,12 +305,14 @@ def test_the_command_prints_writes_and_plans(folder: Path, call: Rig, tmp_path: 
     text = page.read_text(encoding="utf-8")
     assert "Gauge repeatability and reproducibility: 6 gears on 3 benches" in text
     assert "Analysis of variance" in text
-    assert call("fleet", "rr", folder) == 0
+    with every_table_has_room():
+        assert call("fleet", "rr", folder) == 0
     assert "6 gears x 3 benches x 2 mountings x 2 repeats" in call.out
     assert "SIMULATED" in call.out
     plan = call.json("fleet", "rr", "--plan", "--benches", 3, "--within", 5)
     assert (plan["is_kept"], plan["assumed"], len(plan["designs"])) == (False, True, 1)
-    assert call("fleet", "rr", "--plan", "--benches", 3) == 0
+    with every_table_has_room():
+        assert call("fleet", "rr", "--plan", "--benches", 3) == 0
     assert "No study with 3 benches" in call.out
 
 

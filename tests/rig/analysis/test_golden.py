@@ -17,6 +17,7 @@ from rig.present.golden import difference_plot
 from rig.trial.doctor.surroundings import golden_gear
 from tests.rig.analysis.passport_runs import VALUES, WORN, analysed, folder, fourteen, history
 from tests.rig.commands.calling import Rig
+from tests.rig.commands.printed import every_table_has_room
 from tests.rig.library.stored import start
 
 __all__ = ["folder", "fourteen", "history"]
@@ -63,7 +64,8 @@ def test_the_command_ends_with_1_where_the_bench_changed(
 ) -> None:
     rig, page = Rig(capsys), tmp_path / "golden.html"
     analysed(history, WORN)
-    assert rig("bench", "check", "--runs", history, "--gear", "A1", "--output", page) == 1
+    with every_table_has_room():
+        assert rig("bench", "check", "--runs", history, "--gear", "A1", "--output", page) == 1
     assert "changed" in rig.out
     assert "CHANGED" in page.read_text(encoding="utf-8")
     analysed(history, VALUES)

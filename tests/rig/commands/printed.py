@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -94,3 +95,27 @@ def tables_of(words: Sequence[str], monkeypatch: pytest.MonkeyPatch) -> list[Pri
             troubles = [trouble for one in printed for trouble in one.troubles()]
             assert not troubles, (width, *troubles)
     return printed
+
+
+@contextmanager
+def every_table_has_room() -> Iterator[list[str]]:
+    """Holds every table that commands print meanwhile against the three widths; gives the titles of what it saw."""
+    seen: list[str] = []
+    troubles: list[str] = []
+    plain = VisibleConsole.print
+
+    def noting(console: VisibleConsole, *objects: Any, **look: Any) -> None:
+        for one in objects:
+            if isinstance(one, FittedTable):
+                seen.append(one.grid.title)
+                for width in WIDTHS:
+                    wide = VisibleConsole(width=width)
+                    shown, _ = one.fitted(wide, wide.options)
+                    troubles.extend(Printed(wide, shown, one.table(shown)).troubles())
+        plain(console, *objects, **look)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(VisibleConsole, "print", noting)
+        yield seen
+    assert seen, "no table was printed"
+    assert not troubles

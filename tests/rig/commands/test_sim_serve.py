@@ -30,6 +30,7 @@ from rig.bench.config.load import load_configuration
 from sim_backend.population import drawn
 from sim_backend.world import World
 from tests.drivers.eds_files import load_eds
+from tests.rig.commands.printed import every_table_has_room
 
 WIDE = World(gear_seed=5, bench_seed=0, population="wide")
 FAULT_AT = 5
@@ -227,3 +228,7 @@ def test_a_stranger_finds_the_devices_and_a_description_that_reaches_them(
     with pytest.raises(SystemExit) as again:
         main.run(words)
     assert again.value.code == 2, "a file that exists is left alone"
+    shown = [word for word in words[: words.index("--write")] if word != "--json"]
+    with every_table_has_room(), pytest.raises(SystemExit) as looked:
+        main.run(shown)
+    assert looked.value.code == 0

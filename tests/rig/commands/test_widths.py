@@ -40,6 +40,7 @@ COMMANDS = (
     "run --help",
     "fit friction --help",
     "import --check {csv}",
+    "import {csv}",
     "export-model A1 --to json --runs {folder} -o {out}",
     "export-model A1 --to mjcf --runs {folder} -o {out}",
     "campaign acceptance --gear A9 --dry-run --no-card --runs {folder}",

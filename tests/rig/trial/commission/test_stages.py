@@ -24,6 +24,7 @@ from rig.run.stop import StopRequest
 from rig.runfile.seal import file_sha256
 from rig.trial.commission.conduct import BEGUN, do_stage, missing_of, stages_to_do
 from rig.trial.commission.work import Seen, Work
+from tests.rig.commands.printed import every_table_has_room
 from tests.rig.trial.commission.benches import Described, described
 
 STAGE = {stage.name: stage for stage in STAGES}
@@ -58,6 +59,9 @@ def test_a_simulated_bench_is_taken_through_every_stage(tmp_path: Path) -> None:
     _, listed = commission("--runs", str(tmp_path), "--list")
     assert [one["stage"] for one in listed["stages"]] == list(NAMES)
     assert not any(one["missing"] for one in listed["stages"])
+    with every_table_has_room():
+        words = ["commission", "--backend", "wire", "--runs", str(tmp_path), "--list"]
+        assert CliRunner().invoke(app, words).exit_code == 0
 
 
 def work_of(bench: Described, ask: Callable[[Prompt], str | None], make: object = None) -> Work:
