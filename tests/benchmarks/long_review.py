@@ -68,18 +68,18 @@ class Looker:
 
 
 def drawn(view: SignalsView, began: dict[str, Any]) -> bool:
-    """Whether every curve shows other data than before, and nothing is read any more."""
+    """Whether every curve shows other data than before."""
     now = {name: curve.item.xData for name, curve in view.curves.items()}
-    return (
-        bool(now)
-        and not view._reading.is_running
-        and not view._pause.isActive()
-        and all(x is not None and x is not began.get(name) for name, x in now.items())
-    )
+    return bool(now) and all(x is not None and x is not began.get(name) for name, x in now.items())
 
 
-def opened(looker: Looker, window: MainWindow, run: Path) -> tuple[float, float]:
-    """Seconds until a run's signals are drawn, and for one look at another stretch (median)."""
+def complete(view: SignalsView) -> bool:
+    """Whether nothing is read any more."""
+    return not view._reading.is_running and not view._pause.isActive()
+
+
+def opened(looker: Looker, window: MainWindow, run: Path) -> tuple[float, float, float]:
+    """Seconds until a run's signals are drawn, until all of their rows are, and for another stretch (median)."""
     review = window.review
     window.show_page("review")
     begin = time.perf_counter()
@@ -90,6 +90,8 @@ def opened(looker: Looker, window: MainWindow, run: Path) -> tuple[float, float]
     details.tabs.setCurrentWidget(view)
     view.choose(*CHANNELS)
     looker.until(lambda: drawn(view, {}))
+    first = time.perf_counter() - begin
+    looker.until(lambda: complete(view))
     whole = time.perf_counter() - begin
     end = view.view[1]
     looks = []
@@ -97,8 +99,8 @@ def opened(looker: Looker, window: MainWindow, run: Path) -> tuple[float, float]
         before = {name: curve.item.xData for name, curve in view.curves.items()}
         width = end * (0.5 if place % 3 == 0 else 0.05)
         view.jump(end * (0.2 + 0.05 * place), width)
-        looks.append(looker.until(lambda before=before: drawn(view, before)))
-    return whole, statistics.median(looks)
+        looks.append(looker.until(lambda before=before: drawn(view, before) and complete(view)))
+    return first, whole, statistics.median(looks)
 
 
 def main() -> int:
@@ -120,7 +122,7 @@ def main() -> int:
     print(f"load average {load_average()}")
     with tempfile.TemporaryDirectory() as place:
         runs = {minutes: make(minutes, Path(place)) for minutes in chosen.minutes or (10.0, 60.0)}
-        found: dict[float, list[tuple[float, float, float]]] = {minutes: [] for minutes in runs}
+        found: dict[float, list[tuple[float, ...]]] = {minutes: [] for minutes in runs}
         for _ in range(chosen.rounds):
             for minutes, run in runs.items():
                 session = WindowSession(Path(place))
@@ -133,8 +135,10 @@ def main() -> int:
                 window.close()
                 window.deleteLater()
                 application.processEvents()
-        print("| minutes | opened [s] | another stretch [s] | longest pause of the window [s] |")
-        print("|---|---|---|---|")
+        print(
+            "| minutes | drawn [s] | every row [s] | another stretch [s] | longest pause of the window [s] |"
+        )
+        print("|---|---|---|---|---|")
         for minutes, rows in found.items():
             cells = (f"{statistics.median(values):.3f}" for values in zip(*rows, strict=True))
             print(f"| {minutes:g} | {' | '.join(cells)} |")

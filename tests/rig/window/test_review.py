@@ -15,7 +15,8 @@ from pytestqt.qtbot import QtBot
 from model.gear_file import save_gear, shipped_gear
 from rig.analysis.store import read_analyses
 from rig.window.review.page import ReviewPage
-from rig.window.review.signals.data import shapes_of
+from rig.window.review.signals import data
+from rig.window.review.signals.data import rows_between, shapes_of
 from rig.window.review.words import POINTS, plot_of
 from rig.window.shell.session import WindowSession
 from tests.rig.runfile.making import write_run
@@ -198,9 +199,37 @@ def test_thinned_signals_keep_every_peak(friction: list[Path]) -> None:
 
     recording = open_run(friction[0])
     torque = recording.si("torque")
-    (shape,) = shapes_of(recording, ["torque"], 0.0, 1e9, bins=64)
+    (shape,) = shapes_of(recording, ["torque"], rows_between(recording, 0.0, 1e9), bins=64)
     assert len(shape.values) < 300
     assert (shape.values.min(), shape.values.max()) == (torque.min(), torque.max())
+
+
+def test_a_long_stretch_is_looked_at_first_and_then_read_whole(
+    opened: Callable[..., ReviewPage],
+    session: WindowSession,
+    qtbot: QtBot,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(data, "FIRST_LOOK", 400)
+    monkeypatch.setattr(data, "_PIECE", 100)
+    path = write_run(session.folder, 2500)
+    page = opened()
+    view = page.details.signals
+    seen: list[tuple[int, str]] = []
+    draw = view._draw
+
+    def watched(shapes: list[data.Shape]) -> None:
+        draw(shapes)
+        seen.append((len(shapes[0].time), view.readout.text()))
+
+    view._reading.done.disconnect(view._draw)
+    view._reading.done.connect(watched)
+    page.details.tabs.setCurrentWidget(view)
+    page.show_run(path)
+    qtbot.waitUntil(lambda: len(seen) > 1 and not view._reading.is_running, timeout=LONGEST)
+    (first, says), (whole, says_then) = seen[:2]
+    assert 0 < first < 0.4 * whole
+    assert "first look" in says and "first look" not in says_then
 
 
 def test_events_are_filtered_and_lead_to_the_signals(

@@ -19,6 +19,10 @@ BLOCK = 65536
 """Rows that are read at once."""
 BINS = 2048
 """Bins per channel over the stretch that is shown."""
+FIRST_LOOK = 600_000
+"""Rows that are read before something is drawn: ten minutes at 1 kHz."""
+_PIECE = 8192
+"""Rows in one piece where only some are read; the writer's files keep as many together."""
 _LEAD = 0.03
 """s before a stretch that are read too: a speed is the difference of an angle over a little time."""
 SPEEDS = {"input_speed": "input_angle", "output_speed": "output_angle"}
@@ -79,17 +83,26 @@ def row_at(recording: Recording, moment: float) -> int:
     return low
 
 
+def rows_between(recording: Recording, begin: float, end: float) -> slice:
+    """The rows between two times [s], one more on either side, and those before that a speed needs."""
+    start = max(row_at(recording, begin - _LEAD) - 1, 0)
+    return slice(start, min(row_at(recording, end) + 1, recording.rows))
+
+
+def thinning(rows: int) -> int:
+    """Of how many pieces one is read for a first look at so many rows: 1 where all of them are read at once."""
+    return max(math.ceil(rows / FIRST_LOOK), 1)
+
+
 def shapes_of(
     recording: Recording,
     names: list[str],
-    begin: float,
-    end: float,
+    rows: slice,
     bins: int = BINS,
     units: str = LABORATORY,
+    thinned: int = 1,
 ) -> list[Shape]:
-    """These channels between two times [s], one row more on either side."""
-    start = max(row_at(recording, begin - _LEAD) - 1, 0)
-    stop = min(row_at(recording, end) + 1, recording.rows)
+    """These channels over these rows. Of `thinned` pieces of rows one is read: what lies between is not seen."""
     channels = channels_of(recording, units)
     envelopes = {name: Envelope(bins) for name in names if name in channels}
     speeds = {
@@ -97,7 +110,7 @@ def shapes_of(
         for name in envelopes
         if name in SPEEDS
     }
-    for block in _blocks(recording, [*envelopes], start, stop):
+    for block in _blocks(recording, [*envelopes], rows, thinned):
         for name, envelope in envelopes.items():
             if name in speeds:
                 stamps, values = speeds[name].of(block, SPEEDS[name])
@@ -148,10 +161,12 @@ def values_at(recording: Recording, names: list[str], moment: float) -> dict[str
     }
 
 
-def _blocks(recording: Recording, names: list[str], start: int, stop: int) -> Iterator[Block]:
+def _blocks(recording: Recording, names: list[str], rows: slice, thinned: int) -> Iterator[Block]:
     wanted = {SPEEDS.get(name, name) for name in names}
-    for part in recording.blocks(slice(start, stop), size=BLOCK):
-        yield _block(recording, wanted, part)
+    size = BLOCK if thinned == 1 else _PIECE
+    for place, part in enumerate(recording.blocks(rows, size=size)):
+        if place % thinned == 0:
+            yield _block(recording, wanted, part)
 
 
 def _block(recording: Recording, names: Iterable[str], rows: slice) -> Block:

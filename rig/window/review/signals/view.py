@@ -28,7 +28,9 @@ from rig.window.review.signals.data import (
     channels_of,
     drawn_in,
     duration_of,
+    rows_between,
     shapes_of,
+    thinning,
     values_at,
 )
 from rig.window.review.signals.export import export_picture, export_rows
@@ -57,6 +59,8 @@ _MOST_PLOTS = 4
 """Units, and with that plots, that stand over each other at most."""
 AXIS_WIDTH = 62
 """Pixels of the axis beside each plot."""
+_HINT = "Point at a curve to read it; drag or turn the wheel to zoom."
+_FIRST_LOOK = "A first look at some of the rows; all of them are being read …"
 _EVENT_REACH = 6.0
 """Pixels within which an event is named."""
 FORMATS = {"Rows as text (*.csv)": ".csv", "Picture (*.png)": ".png", "Drawing (*.svg)": ".svg"}
@@ -71,6 +75,8 @@ class SignalsView(QWidget):
         self._session = session
         self._recording: Recording | None = None
         self._marks = TimeMarks()
+        self._unread: Callable[[], list[Shape]] | None = None
+        """Reads every row of a stretch of which a first look is being taken."""
         self._end = 0.0
         self._mark = ""
         self.plots: dict[str, LabPlot] = {}
@@ -81,9 +87,7 @@ class SignalsView(QWidget):
         session.theme_changed.connect(self._restyle)
         self.channels = side_list("Channels", 130, spacing=1, wraps=False)
         self.channels.itemChanged.connect(lambda _: self._rebuild())
-        self.readout = text_label(
-            "Point at a curve to read it; drag or turn the wheel to zoom.", "muted", wraps=True
-        )
+        self.readout = text_label(_HINT, "muted", wraps=True)
         self._reading = LatestTask(self, self._draw, self.readout.setText)
         self._marker = LatestTask(self, self._take_marks)
         self.cursors = Cursors(session)
@@ -251,9 +255,16 @@ class SignalsView(QWidget):
     def _read(self) -> None:
         recording, names = self._recording, self.chosen
         if recording is not None and names:
-            begin, end = self.view
-            units = self.units.currentText()
-            self._reading.start(lambda: shapes_of(recording, names, begin, end, units=units))
+            rows = rows_between(recording, *self.view)
+            units, thinned = self.units.currentText(), thinning(rows.stop - rows.start)
+            self._unread = None
+
+            def look(thinned: int) -> list[Shape]:
+                return shapes_of(recording, names, rows, units=units, thinned=thinned)
+
+            if thinned > 1:
+                self._unread = lambda: look(1)
+            self._reading.start(lambda: look(thinned))
 
     def _set_cursors(self, on: bool) -> None:
         if on:
@@ -318,6 +329,13 @@ class SignalsView(QWidget):
             curve = self.curves.get(shape.name)
             if curve is not None:
                 curve.item.setData(shape.time, shape.values)
+        # A long stretch: what was drawn is a first look, and the rest is read now.
+        if self._unread is not None:
+            self.readout.setText(_FIRST_LOOK)
+            self._reading.start(self._unread)
+            self._unread = None
+        elif self.readout.text() == _FIRST_LOOK:
+            self.readout.setText(_HINT)
 
     def _take_marks(self, marks: TimeMarks) -> None:
         self._marks = marks
