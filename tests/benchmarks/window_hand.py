@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication, QComboBox, QWidget
 
+    from rig.bench.backends.order import Order
     from rig.window.main import MainWindow
 
 LONGEST = 180.0
@@ -112,6 +113,44 @@ class Hand:
         flags = [length if flag == "0.3" else flag for flag in FLAGS]
         session: Any = self.window.prepare._session
         self.window.start(prepared(session, backend, values, flags, **more))
+
+    def start_order(self, protocol: str, **values: Any) -> None:
+        """A simulated run of any protocol."""
+        from rig.run.start import plan_order
+        from rig.window.prepare.request import arguments_for
+        from rig.window.work.prepared import PreparedRun
+
+        order = self._order(protocol, **values)
+        self.window.start(PreparedRun(order, plan_order(order), arguments_for(order)))
+
+    def _order(self, protocol: str, **values: Any) -> Order:
+        from model.gear_file import shipped_gear
+        from model.motor import shipped_motor
+        from rig.bench.backends.order import Order
+
+        return Order(
+            protocol=protocol,
+            gear=shipped_gear(),
+            motor=shipped_motor(),
+            folder=self.folder,
+            serial="SN-0815",
+            operator="A. Example",
+            values=values,
+        )
+
+    def start_campaign(self, *protocols: str) -> None:
+        """A simulated campaign of these protocols, each as it is by itself."""
+        from rig.trial.campaign.plan import load_plan
+        from rig.trial.campaign.walk import walk
+        from rig.window.prepare.campaign import campaign_arguments
+        from rig.window.work.prepared import PreparedCampaign
+
+        plan = self.folder / "walked.toml"
+        stages = "".join(f'\n[[protocol]]\nname = "{name}"\n' for name in protocols)
+        plan.write_text(f'format = "campaign-1"\nname = "walked"\ntitle = "Walked"\n{stages}')
+        order = self._order(protocols[0])
+        words = campaign_arguments(order, str(plan), anew=True)
+        self.window.start(PreparedCampaign(walk(load_plan(plan), order), words, "Walked"))
 
     def hold_against_file(self, name: str) -> None:
         """The state word against what the newest sealed run says of itself."""

@@ -98,7 +98,7 @@ def answer_until(hand: Hand, is_over: Callable[[], bool]) -> None:
 
 
 def stop(hand: Hand) -> None:
-    """Esc twice and three times in every state; after the report nothing that is pressed changes what is shown."""
+    """Esc twice and three times while idle, running, over and arming; after the report nothing pressed is shown."""
     run = hand.window.run
     for times in (2, 3):
         hand.window.show_page("run")
@@ -123,6 +123,51 @@ def stop(hand: Hand) -> None:
         hand.wait(lambda: run.state.ended, "the end of what was stopped while arming")
         hand.look(f"armed-{times}")
         hand.hold_against_file(f"Esc {times} times while arming")
+
+
+def until_waiting(hand: Hand) -> None:
+    """A run that asks for a consent."""
+    hand.start_order("motor-tare")
+    hand.wait(lambda: hand.window.run.prompt.isVisible(), "the question")
+
+
+def until_stopping(hand: Hand) -> None:
+    """A run that was told to stop at full speed."""
+    hand.start_order("friction", speeds_rpm=(3000.0,), measure_time=60.0)
+    hand.wait(lambda: hand.window.run.plots.rows_read > 4500, "full speed")
+    hand.key("Escape")
+
+
+def until_analysing(hand: Hand) -> None:
+    """A campaign between its last row and its result."""
+    hand.start_campaign("home", "friction")
+    hand.wait(lambda: hand.word == "analysing", "an analysis")
+
+
+STATES: dict[str, Callable[[Hand], None]] = {
+    "waiting for you": until_waiting,
+    "stopping": until_stopping,
+    "analysing": until_analysing,
+}
+
+
+def states(hand: Hand) -> None:
+    """Esc twice and three times in the states that `stop` does not come through."""
+    run = hand.window.run
+    for times in (2, 3):
+        for state, reach in STATES.items():
+            reach(hand)
+            reached = hand.word
+            hand.check(reached == state or run.state.told, f"{state}: the word is {reached}")
+            for count in range(times):
+                hand.key("Escape")
+                is_so = hand.word == "stopping" or run.state.told
+                hand.check(is_so, f"{state}: Esc {count + 1} made it {hand.word}")
+            hand.look(f"{state.replace(' ', '-')}-{times}")
+            hand.wait(lambda: run.state.ended, f"the end after {state}")
+            hand.settle()
+            print(f"  states: Esc {times} times in {reached}: {hand.word}, {run.state.outcome!r}")
+            hand.hold_against_file(f"Esc {times} times while {state}")
 
 
 def confirm(hand: Hand) -> None:
@@ -184,7 +229,9 @@ def killed(hand: Hand) -> None:
     os.kill(run.process.pid, signal.SIGKILL)
     hand.wait(lambda: run.state.ended, "the end")
     hand.look("killed")
-    hand.check(hand.word == "lost", f"killed: the word is {hand.word}")
+    for _ in range(3):
+        hand.check(hand.word == "lost", f"killed: the word is {hand.word}")
+        hand.key("Escape")
     hand.click(run.outcome.recover)
     hand.wait(lambda: list(hand.folder.glob("*.h5")), "a recovered run")
     hand.settle(1.0)
@@ -256,6 +303,7 @@ def closing(hand: Hand) -> None:
 WALKS: dict[str, Callable[[Hand], None]] = {
     "acceptance": acceptance,
     "stop": stop,
+    "states": states,
     "confirm": confirm,
     "foreign": foreign,
     "killed": killed,
