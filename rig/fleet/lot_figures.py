@@ -33,12 +33,16 @@ def core(values: np.ndarray) -> tuple[float, float]:
 
 
 def distribution(one: LotQuantity) -> Plot:
-    """How many gears lie where, with the limits; bins by Freedman and Diaconis. What lies far off is named."""
+    """How many gears lie where, with the limits; bins by Freedman and Diaconis. What lies far off is named.
+
+    A limit is the edge of a bin, so that no bar stands on both sides of it (of two limits the upper one).
+    """
     factor, unit = one.shown_in
     every = np.array([row.value for row in one.measured], dtype=float) / factor
     low, high = core(every)
     near = (every >= low) & (every <= high)
-    counts, edges = np.histogram(every[near], bins=_edges(every[near]))
+    limits = [value / factor for _, value in _limits(one)]
+    counts, edges = np.histogram(every[near], bins=_edges(every[near], limits))
     top = float(counts.max(initial=1))
     middles = 0.5 * (edges[:-1] + edges[1:])
     far = [
@@ -115,13 +119,21 @@ def over_time(one: LotQuantity) -> Plot | None:
     )
 
 
-def _edges(values: np.ndarray) -> np.ndarray:
+def _edges(values: np.ndarray, limits: list[float]) -> np.ndarray:
     if values.size < 2 or float(np.ptp(values)) == 0.0:
         width = max(abs(float(values[0])) * 0.01, 1e-9) if values.size else 1.0
         middle = float(values[0]) if values.size else 0.0
         return np.array([middle - width, middle + width])
     edges = np.histogram_bin_edges(values, bins="fd")
-    return edges if 4 <= len(edges) <= 60 else np.linspace(values.min(), values.max(), 21)
+    if not 4 <= len(edges) <= 60:
+        edges = np.linspace(values.min(), values.max(), 21)
+    if not limits:
+        return edges
+    width = float(edges[1] - edges[0])
+    # A little further than to the outermost gears: none may fall out by the rounding of an edge.
+    below = np.floor((values.min() - limits[-1]) / width - 1e-9)
+    above = np.ceil((values.max() - limits[-1]) / width + 1e-9)
+    return limits[-1] + width * np.arange(below, above + 1.0)
 
 
 def _limits(one: LotQuantity) -> list[tuple[str, float]]:

@@ -143,13 +143,15 @@ def _points(axes: Axes, series: Series, look: Look, bins: int) -> None:
     axes.errorbar(series.x[rows], series.y[rows], yerr=_arms(series, rows), capsize=1.8, **style)
 
 
-def _is_histogram(series: Series) -> bool:
+HISTOGRAM_WIDTH = 0.96
+"""Of its bin that a bar fills."""
+
+
+def is_histogram(x: NDArray[np.float64], y: NDArray[np.float64]) -> bool:
     """Whether bars count things in equal bins: those are read by their areas, and stand side by side."""
-    steps = np.diff(series.x)
+    steps = np.diff(x)
     return bool(
-        len(steps)
-        and np.allclose(steps, steps[0], rtol=1e-6)
-        and np.array_equal(series.y, np.round(series.y))
+        len(steps) and np.allclose(steps, steps[0], rtol=1e-6) and np.array_equal(y, np.round(y))
     )
 
 
@@ -160,8 +162,8 @@ def _bars(axes: Axes, series: Series, look: Look, bins: int) -> None:
     assert figure is not None
     beside = axes.transData + ScaledTranslation(look.shift / 72.0, 0.0, figure.dpi_scale_trans)
     rows = peak_rows(series.y, bins)
-    if _is_histogram(series):
-        width = 0.9 * float(np.diff(series.x[:2])[0])
+    if is_histogram(series.x, series.y):
+        width = HISTOGRAM_WIDTH * float(np.diff(series.x[:2])[0])
         axes.bar(series.x, series.y, width=width, color=look.colour, label=series.label)
         return
     axes.vlines(

@@ -19,6 +19,7 @@ from rig.fleet.capability import Capability
 from rig.fleet.dataset import DataSet
 from rig.fleet.lot import Lot, lot_of, why_of
 from rig.fleet.lot_benches import by_bench
+from rig.fleet.lot_figures import core, distribution
 from rig.fleet.lot_page import lot_page, write_lot_report
 from rig.fleet.table import table_bytes
 from rig.gears.acceptance import shipped_acceptance
@@ -84,6 +85,20 @@ def test_capability_is_that_of_the_values_of_the_lot(lot: Lot) -> None:
             pytest.approx(LIMITS[place].upper),
             None,
         )
+
+
+def test_no_bar_stands_on_both_sides_of_a_limit_and_no_gear_is_lost(lot: Lot) -> None:
+    for one in lot.quantities:
+        factor, _ = one.shown_in
+        values = np.array([row.value for row in one.measured], dtype=float) / factor
+        low, high = core(values)
+        values = values[(values >= low) & (values <= high)]
+        bars, limit = distribution(one).series
+        assert bars.y.sum() == len(values)
+        half = 0.5 * float(bars.x[1] - bars.x[0])
+        is_beyond = bars.x - half > limit.x[0] - 1e-9
+        assert np.all(is_beyond | (bars.x + half < limit.x[0] + 1e-9))
+        assert bars.y[is_beyond].sum() == np.sum(values > limit.x[0])
 
 
 def test_the_gears_to_look_at_come_worst_first_and_say_why(lot: Lot) -> None:

@@ -19,6 +19,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QGraphicsItem, QGridLayout, QLabel, QSizePolicy, QWidget
 
 from experiments.result import Plot, SeriesRole
+from rig.present.series import HISTOGRAM_WIDTH, is_histogram
 from rig.window.plot.axis import LabAxis
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
@@ -33,6 +34,8 @@ _MARK_HEIGHT = 16
 CurveStyle = Literal["line", "dashed", "dotted", "points", "steps", "band", "bars"]
 _DASHES = {"dashed": [6.0, 4.0], "dotted": [1.5, 3.0]}
 _SYMBOLS = ("o", "t", "s", "d", "t1", "p", "h", "star")
+_BAR_WIDTH = 0.7
+"""Of the distance to the next one that a bar fills which stands for itself."""
 _LEGEND_SIGNS = {"dashed": "╌╌", "dotted": "┈┈", "points": "●", "band": "▒▒", "bars": "▮"}
 
 
@@ -270,7 +273,8 @@ class LabPlot(QWidget):
         return curve
 
     def _bars(self, name: str, x: NDArray[np.float64], y: NDArray[np.float64], group: int) -> Curve:
-        width = 0.7 * float(np.min(np.diff(np.sort(x)))) if len(x) > 1 else 0.7
+        share = HISTOGRAM_WIDTH if is_histogram(x, y) else _BAR_WIDTH
+        width = share * float(np.min(np.diff(np.sort(x)))) if len(x) > 1 else share
         item = pg.BarGraphItem(x=x, height=y, width=width, pen=None)
         self.item.addItem(item)
         curve = Curve(item, name, group, "bars")
