@@ -127,7 +127,7 @@ class FleetPage(QWidget):
             chosen.addWidget(text_label(word), row, 0)
             chosen.addWidget(box, row, 1)
         right = in_column(chosen, self.says, (self.plots, 1), margins=(0, 0, 0, 0))
-        self.both = split(room_for(left), (room_for(right), 1), sizes=[480, 800])
+        self.both = split((room_for(left), 1), (room_for(right), 3), sizes=[480, 800])
         words = (text_label(NOTHING, "title"), text_label(WHAT_TO_DO, wraps=True))
         ways = in_row(
             push_button("Fit a folder …", "primary", act=self._fit),

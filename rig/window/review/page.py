@@ -72,7 +72,7 @@ class ReviewPage(QWidget):
         several = self.overlay, self.difference, self.models
         for view in (self.empty, self.details, *several, self.passport, self.recording):
             self.right.addWidget(view)
-        both = split(self.library, (self.right, 1), sizes=list(SIZES))
+        both = split((self.library, 1), (self.right, 3), sizes=list(SIZES))
         self.setLayout(in_row(both, margins=(0, 0, 0, 0)))
         self._connect()
 
