@@ -62,14 +62,16 @@ def _estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
     """One identified number out of JSON data."""
     budget = tuple(
         BudgetLine(
-            str(b["source"]),
-            b["kind"],
-            _number(b["standard_uncertainty"]),
-            str(b.get("note", "")),
-            Cause(b["cause"]) if b.get("cause") else None,
-            math.inf if b.get("degrees_of_freedom") is None else b["degrees_of_freedom"],
-            str(b.get("assumed", "")),
-            Distribution(b.get("distribution", Distribution.NORMAL)),
+            source=str(b["source"]),
+            kind=b["kind"],
+            standard_uncertainty=_number(b["standard_uncertainty"]),
+            note=str(b.get("note", "")),
+            cause=Cause(b["cause"]) if b.get("cause") else None,
+            degrees_of_freedom=math.inf
+            if b.get("degrees_of_freedom") is None
+            else b["degrees_of_freedom"],
+            assumed=str(b.get("assumed", "")),
+            distribution=Distribution(b.get("distribution", Distribution.NORMAL)),
         )
         for b in mapping.get("budget", ())
     )

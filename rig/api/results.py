@@ -144,13 +144,13 @@ class Result(Tabular, Mapping[str, Value]):
             )
         quantity = self._result.quantity(name)
         return Value(
-            name,
-            quantity.titled(name),
-            estimate.value,
-            estimate.expanded_uncertainty,
-            estimate.unit,
-            show(estimate, quantity).with_uncertainty,
-            estimate,
+            name=name,
+            title=quantity.titled(name),
+            value=estimate.value,
+            uncertainty=estimate.expanded_uncertainty,
+            unit=estimate.unit,
+            shown=show(estimate, quantity).with_uncertainty,
+            estimate=estimate,
         )
 
     def __iter__(self) -> Iterator[str]:

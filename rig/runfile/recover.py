@@ -163,7 +163,13 @@ def _left(part: Path, final: Path, copied: _Copied, found: PartBytes) -> Recover
         )
     kept = _keep(part)
     return Recovered(
-        final, copied.rows, copied.outcome, tuple(notes), copied.unread, found.beyond, kept
+        path=final,
+        rows=copied.rows,
+        outcome=copied.outcome,
+        notes=tuple(notes),
+        unread=copied.unread,
+        beyond=found.beyond,
+        kept=kept,
     )
 
 

@@ -92,7 +92,7 @@ def wire(
         label = ChannelSource(name=_LABEL_COLUMN, column=wanted.column, file=wanted.file)
         wires.append(_wire(tables, label, time, options))
     words = Words()
-    streams, places = _streams(tables, wires, columns, time, words, left_out, options)
+    streams, places = _streams(tables, wires, columns, time, words, left_out, options=options)
     if options.interpolate:
         _check_lines(streams[1:], sources, has_label=len(wires) > len(columns))
     has_label = len(wires) > len(columns)
@@ -241,6 +241,7 @@ def _streams(
     time: ChannelSource | None,
     words: Words,
     left_out: LeftOut,
+    *,
     options: ImportOptions,
 ) -> tuple[tuple[Stream, ...], tuple[int, ...]]:
     """The streams of the wires, and where among their values each wire's column stands."""
