@@ -1,4 +1,4 @@
-"""Code cells of a page that is a MyST notebook, shown as code; what they print is checked by the tests alone."""
+"""Code cells of a page that is a MyST notebook, shown as code; `printed_output` shows under them what they print."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class CodeCell(Directive):
     def run(self) -> list[nodes.Node]:
         """The block."""
         text = "\n".join(self.content)
-        return [nodes.literal_block(text, text, language="python")]
+        return [nodes.literal_block(text, text, language="python", classes=["cell"])]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

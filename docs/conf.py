@@ -15,7 +15,7 @@ author = "The harmonic-rig developers"
 copyright = author
 version = release = metadata.version("harmonic-rig")
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "code_cells"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "code_cells", "printed_output"]
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
 default_role = "code"

@@ -17,6 +17,7 @@ import pytest
 import typer
 
 from rig import main
+from tests.docs.building import commands_of, hold_against_kept
 from tests.docs.given_files import lay_out
 from tests.rig.slow_computer import says_too_slow
 
@@ -27,26 +28,16 @@ PAGES = sorted(
     for path in (*DOCS.glob("*.md"), *DOCS.glob("[!_]*/*.md"), ROOT / "README.md")
     if "generated" not in path.parts
 )
-_BLOCK = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 _INLINE = re.compile(r"`(rig [a-z][^`\n]*)`")
 STARTING_TIME = 600.0
 """s that a process in the background may take until it has written the file that others wait for."""
 
 
-def commands_of(page: Path) -> list[str]:
-    """Every command line of a page that begins with `rig`, in order, comments taken off."""
-    found = []
-    for block in _BLOCK.findall(page.read_text(encoding="utf-8")):
-        for line in block.replace("\\\n", " ").splitlines():
-            command = line.partition("  #")[0].strip()
-            if command.startswith("rig "):
-                found.append(command)
-    return found
-
-
-def run_here(command: str, capsys: pytest.CaptureFixture[str], *, real_time: bool = False) -> int:
-    """A command in this process, as the shell would give it; its exit code. In real time the page is right as well
-    where the command says that this computer was too slow.
+def run_here(
+    command: str, capsys: pytest.CaptureFixture[str], *, real_time: bool = False
+) -> tuple[int, str]:
+    """A command in this process, as the shell would give it; its exit code and what it prints. In real time the page is
+    right as well where the command says that this computer was too slow.
     """
     words = [
         str(match)
@@ -56,12 +47,12 @@ def run_here(command: str, capsys: pytest.CaptureFixture[str], *, real_time: boo
     with pytest.raises(SystemExit) as ended:
         main.run(words)
     code = ended.value.code
+    told = capsys.readouterr()
     if code not in (0, None):
-        told = capsys.readouterr()
         print(f"{command}: {code}\n{told.out[-2000:]}\n{told.err[-2000:]}")
         if real_time and says_too_slow(told.out + told.err):
-            return 0
-    return int(code or 0)
+            return 0, told.out
+    return int(code or 0), told.out
 
 
 @contextmanager
@@ -117,12 +108,14 @@ def test_every_command_of_a_page_works(
     commands = commands_of(page)
     if commands[0].endswith("&"):
         with in_background(commands[0].rstrip("& ")):
-            codes = {command: run_here(command, capsys, real_time=True) for command in commands[1:]}
+            ended = [(one, *run_here(one, capsys, real_time=True)) for one in commands[1:]]
     else:
-        codes = {command: run_here(command, capsys) for command in commands}
+        ended = [(one, *run_here(one, capsys)) for one in commands]
     # 3 is MARGINAL and 1 FAIL: verdicts of a gear, as a reader of the page would get them.
-    wrong = {command: code for command, code in codes.items() if code not in (0, 3)}
+    wrong = {command: code for command, code, _ in ended if code not in (0, 3)}
     assert not wrong
+    if DOCS in page.parents and not commands[0].endswith("&"):
+        hold_against_kept(page, [(one, text) for one, _, text in ended], tmp_path)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -162,6 +155,20 @@ def test_the_pages_stay_short() -> None:
     assert words <= 40_000
     unreleased = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")[1]
     assert len(unreleased.split()) <= 800, "what is not released yet is one page"
+
+
+PLACES = DOCS / "explanation" / "where.md"
+"""A list of places in the code: nothing to draw."""
+
+
+@pytest.mark.parametrize(
+    "page",
+    [one for one in (DOCS / "explanation").glob("*.md") if one != PLACES],
+    ids=lambda p: p.stem,
+)
+def test_every_explanation_shows_what_the_program_makes(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert "](../screenshots/" in text or "```text" in text or commands_of(page)
 
 
 def test_every_picture_that_is_kept_stands_in_a_page() -> None:

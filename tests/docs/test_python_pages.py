@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import rig
+from tests.docs.building import hold_against_kept
 
 DOCS = Path(__file__).parents[2] / "docs"
 _CELL = re.compile(r"^```\{code-cell\}[^\n]*\n(.*?)^```", re.DOTALL | re.MULTILINE)
@@ -34,12 +35,16 @@ def test_every_cell_of_the_tutorial_runs(
 ) -> None:
     pytest.importorskip("xarray")
     monkeypatch.chdir(tmp_path)
-    cells = _CELL.findall((DOCS / "tutorial" / "python.md").read_text(encoding="utf-8"))
+    page = DOCS / "tutorial" / "python.md"
+    cells = _CELL.findall(page.read_text(encoding="utf-8"))
     assert len(cells) > 10
     names: dict[str, Any] = {}
-    for cell in cells:
+    printed = []
+    for number, cell in enumerate(cells, start=1):
         run_cell(cell, names)
-    told = capsys.readouterr().out
+        printed.append((f"cell {number}", capsys.readouterr().out))
+    hold_against_kept(page, printed, tmp_path)
+    told = "".join(text for _, text in printed)
     assert "('COMPLETED', 1000.0, 'N m')" in told
     assert "tare: 00001-motor_tare-unknown" in told
     assert "was not used" not in told

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import importlib
 import json
-import sys
 import tomllib
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 
@@ -21,6 +18,7 @@ from rig.bench.backends.order import WORDS, WORLD_WORDS, key_of
 from rig.fleet.results import COLUMNS
 from rig.gears.acceptance import Limit
 from rig.trial.campaign import plan
+from tests.docs.building import building
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -29,16 +27,8 @@ DOCS = Path(__file__).parents[2] / "docs"
 def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Every generated page, by its name."""
     folder = tmp_path_factory.mktemp("pages")
-    _module().write(folder)
+    building("reference_pages").write(folder)
     return {file.stem: file.read_text(encoding="utf-8") for file in folder.glob("*.md")}
-
-
-def _module() -> ModuleType:
-    sys.path.insert(0, str(DOCS))
-    try:
-        return importlib.import_module("reference_pages")
-    finally:
-        sys.path.remove(str(DOCS))
 
 
 def test_every_word_of_gear_motor_and_acceptance_file_is_told(pages: dict[str, str]) -> None:
