@@ -23,6 +23,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import picture_sources
+
 if TYPE_CHECKING:
     from PySide6.QtWidgets import QApplication
 
@@ -619,6 +621,8 @@ def main() -> int:
                 target = chosen.output.resolve() / f"{name}-{size}{end}.png"
                 picture(application, name, (width, height), chosen.theme, target)
                 print(f"{target}  {target.stat().st_size // 1024} kB")
+    if chosen.output == HERE / "screenshots" and not (chosen.states or chosen.size):
+        picture_sources.keep()
     return 0
 
 

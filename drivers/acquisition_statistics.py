@@ -49,11 +49,8 @@ class AcquisitionReport:
     @property
     def missed_share(self) -> float:
         """Share of the cycles that are incomplete, late, doubled or short."""
-        return (
-            (self.incomplete + self.late + self.doubled + self.short) / self.cycles
-            if self.cycles
-            else 0.0
-        )
+        missed = self.incomplete + self.late + self.doubled + self.short
+        return missed / self.cycles if self.cycles else 0.0
 
 
 class AcquisitionStatistics:

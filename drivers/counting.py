@@ -1,4 +1,3 @@
-# pyright: standard
 """Counters that wrap, and index marks: counts without jumps, and a count of counts between marks."""
 
 from __future__ import annotations
@@ -118,7 +117,7 @@ def index_intervals(
         )
     spacing = counts_per_revolution // marks_per_revolution
     steps = np.diff(np.asarray(latched, dtype=np.int64))
-    intervals = []
+    intervals: list[IndexInterval] = []
     for step in steps[steps != 0]:
         turns = (2 * int(step) + spacing) // (2 * spacing)
         intervals.append(IndexInterval(int(step), turns, int(step) - turns * spacing))

@@ -1,4 +1,3 @@
-# pyright: standard
 """The one seam: everything that turns is behind `RigPort.exchange(Command, cycles, Guard) -> SampleBlock`.
 
 target[k] acts from SYNC k on, counts[k] are latched at SYNC k, and the call returns at the first
@@ -75,7 +74,7 @@ class Bound:
     is_trip: bool = True
     consecutive: int = 1
     mask: int = 0
-    allowance: Mapping[str, float] = field(default_factory=dict)
+    allowance: Mapping[str, float] = field(default_factory=dict[str, float])
     allowance_lag: int = 1
 
     @property
@@ -135,7 +134,7 @@ class RigDescription:
 
     origin: Origin
     title: str
-    devices: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    devices: Mapping[str, Mapping[str, str]] = field(default_factory=dict[str, Mapping[str, str]])
     truth: Mapping[str, object] | None = None
 
 

@@ -1,4 +1,3 @@
-# pyright: standard
 """What a test protocol is: one validated parameter model, a plan, an analysis."""
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class Evidence:
     gear: HarmonicDrive
     tare: Result | None = None
     maximum_missed_share: float = 0.001
-    settings: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict[str, Any])
     tare_recording: Recording | None = None
     checks: tuple[Finding, ...] = ()
     other_tares: tuple[Result, ...] = ()
@@ -124,7 +123,7 @@ class Experiment:
     figures: tuple[PaperFigure, ...] = ()
     shapes: tuple[Shape, ...] = ()
     asks: Need | None = None
-    short: Mapping[str, Any] = field(default_factory=dict)
+    short: Mapping[str, Any] = field(default_factory=dict[str, Any])
     settings: tuple[Setting, ...] = ()
 
     @property

@@ -1,9 +1,8 @@
-# pyright: standard
 """The error root of this floor. A message says what, where, value, limit, and what to do next."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from model.errors import IdentificationError, WordedError
@@ -26,7 +25,7 @@ class AnalysisError(ExperimentError):
 
 
 @contextmanager
-def analysing(run: str) -> Iterator[None]:
+def analysing(run: str) -> Generator[None]:
     """Refusals of the identification as refusals of the analysis of this run, in the same words."""
     try:
         yield

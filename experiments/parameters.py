@@ -1,4 +1,3 @@
-# pyright: standard
 """The parameter model of a protocol: a frozen dataclass whose `Annotated` fields are the only
 definition of its numbers.
 
@@ -15,7 +14,7 @@ import functools
 import math
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -70,7 +69,7 @@ class ParameterField:
         return "--" + self.name.replace("_", "-")
 
 
-_COMPARE = {
+_COMPARE: Mapping[type[Any], tuple[Callable[[Any, Any], bool], Callable[[Any], str]]] = {
     Ge: (lambda v, c: v >= c.ge, lambda c: f">= {c.ge:g}"),
     Gt: (lambda v, c: v > c.gt, lambda c: f"> {c.gt:g}"),
     Le: (lambda v, c: v <= c.le, lambda c: f"<= {c.le:g}"),
@@ -82,7 +81,7 @@ _COMPARE = {
 def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
     """The fields of a parameter model in the order they are declared."""
     hints = typing.get_type_hints(model, include_extras=True)
-    parameters = []
+    parameters: list[ParameterField] = []
     for f in dataclasses.fields(model):
         hint = hints[f.name]
         notes = hint.__metadata__ if hasattr(hint, "__metadata__") else ()
@@ -130,10 +129,10 @@ def make_parameters(model: type[Any], values: Mapping[str, Any], where: str = ""
     return parameters
 
 
-def check_parameters(parameters: Any, where: str = "") -> None:
+def check_parameters(parameters: object, where: str = "") -> None:
     """Raise `PlanError` for the first value outside its declared range."""
     for f in parameter_fields(type(parameters)):
-        value = getattr(parameters, f.name)
+        value: tuple[float, ...] | float | str | None = getattr(parameters, f.name)
         if value is None and f.optional:
             continue
         for number in value if isinstance(value, tuple) else (value,):
@@ -154,7 +153,7 @@ def _convert(f: ParameterField, value: Any, where: str) -> Any:
             return {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}[
                 str(value).lower()
             ]
-        if f.kind is int and isinstance(value, float) and value != int(value):
+        if f.kind is int and isinstance(value, float) and not value.is_integer():
             raise ValueError
         return f.kind(value)
     except (ValueError, KeyError, TypeError, OverflowError):

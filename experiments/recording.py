@@ -1,4 +1,3 @@
-# pyright: standard
 """A recording as analyses see it: SI arrays, segments, events, metadata. Simulated, recorded,
 replayed or imported: one type.
 """
@@ -66,10 +65,10 @@ class RunMetadata:
     gear_mounted: bool = True
     sample_rate: float = float("nan")
     time_base: TimeBase = "none"
-    parameters: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    conditions: Mapping[str, Any] = field(default_factory=dict)
-    process: Mapping[str, Any] = field(default_factory=dict, repr=False)
-    limits: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    parameters: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
+    conditions: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    process: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
+    limits: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
     """What the rig was limited to while the run was made, as its file keeps it."""
     sha256: str = ""
     """Of the bytes of the file; "" for one that is being written, and for a recording that is no file."""
@@ -208,3 +207,8 @@ class Recording:
     def labelled(self, *labels: str) -> tuple[Segment, ...]:
         """The segments with one of these labels, in the order they were recorded."""
         return tuple(s for s in self.segments if s.label in labels)
+
+
+def mapping_of(content: object) -> Mapping[str, Any]:
+    """What a file says where it should say an object; empty where it does not."""
+    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}

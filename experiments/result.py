@@ -1,4 +1,3 @@
-# pyright: standard
 """What an analysis returns: estimates, metrics, warnings, checks, plots and tables as data; and one number against one
 limit.
 """
@@ -54,6 +53,10 @@ class Series:
     """A null model, or what was commanded, lies thin, grey and behind; a limit is a line of its own colour."""
     panel: int = 0
     """In which panel of the figure it lies; 0 is the first."""
+
+    def with_bars(self, half: FloatArray) -> Series:
+        """The same with error bars of these half lengths (n,)."""
+        return replace(self, low=self.y - half, high=self.y + half)
 
 
 def way_of(direction: float) -> str:
@@ -217,7 +220,7 @@ class Covariance:
 
     names: tuple[str, ...]
     matrix: FloatArray
-    shared: Mapping[Cause, FloatArray] = field(default_factory=dict)
+    shared: Mapping[Cause, FloatArray] = field(default_factory=dict[Cause, FloatArray])
     at_bound: tuple[str, ...] = ()
 
     def correlation(self, name: str, other: str) -> float:
@@ -300,11 +303,11 @@ class Result:
     run: str
     kind: str
     estimates: Mapping[str, Estimate]
-    metrics: Mapping[str, float] = field(default_factory=dict)
+    metrics: Mapping[str, float] = field(default_factory=dict[str, float])
     warnings: tuple[str, ...] = ()
     plots: tuple[Plot, ...] = ()
     tables: tuple[Table, ...] = ()
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict[str, Any])
     """The conventions used: torque balance, mounting, tare or not, orders."""
     quantities: tuple[Quantity, ...] = ()
     """What its protocol declares: every estimate and every metric is one of them."""

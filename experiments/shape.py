@@ -112,9 +112,8 @@ class Standing:
     def weakly(self, estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
         """The estimates, those of the curve's own numbers "weakly" where it stands on too little."""
         thin = self.thin
-        return {
+        return dict(estimates) | {
             name: replace(estimate, identifiable="weakly", note=thin)
-            if thin and name in self.shape.names and estimate.identifiable == "yes"
-            else estimate
             for name, estimate in estimates.items()
+            if thin and name in self.shape.names and estimate.identifiable == "yes"
         }

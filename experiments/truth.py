@@ -1,4 +1,3 @@
-# pyright: standard
 """What a simulated rig knows of itself beside what an analysis found: for demonstrations and
 coverage, never for analyses.
 
@@ -24,6 +23,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.errors import AnalysisError
+from experiments.recording import mapping_of
 from experiments.result import Result
 from model.identify.estimate import Estimate
 from model.units import RPM
@@ -116,8 +116,7 @@ class _Truth:
     record: Mapping[str, Any]
 
     def part(self, name: str) -> Mapping[str, Any]:
-        found = self.record.get(name, {})
-        return found if isinstance(found, Mapping) else {}
+        return mapping_of(self.record.get(name))
 
     def heat(self, name: str) -> float:
         return float(self.part("thermal").get(name, 0.0))

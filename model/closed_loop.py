@@ -1,4 +1,3 @@
-# pyright: standard
 """The rig's closed loop: servo, motor, wedge, gear and load in one compiled simulation, with
 friction that truly sticks.
 
@@ -209,11 +208,8 @@ class ClosedLoop:
         if self.settings.gear_mounted:
             lever, tangent = self.parameters.radial_lever, math.tan(self.parameters.tooth_angle)
             error = lever * float(series_value(self.series, angle))
-            state[kernel.ERROR], state[kernel.SLOPE] = (
-                error,
-                lever * float(series_slope(self.series, angle)),
-            )
-            state[kernel.R2] = error
+            state[kernel.ERROR] = state[kernel.R2] = error
+            state[kernel.SLOPE] = lever * float(series_slope(self.series, angle))
             state[kernel.R1] = state[kernel.RO] = tangent * error
         thermal = self.deviations.thermal or Thermal()
         state[kernel.HOUSING], state[kernel.MOTOR] = thermal.housing_start, thermal.motor_start
@@ -281,10 +277,8 @@ class ClosedLoop:
         p[kernel.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
         p[kernel.ERROR_POINTS] = len(self._error) - 1
         if self.settings.gear_mounted:
-            p[kernel.INVERSE_RATIO], p[kernel.LAMBDA] = (
-                1.0 / self.ratio,
-                parameters.radial_lever / self.ratio,
-            )
+            p[kernel.INVERSE_RATIO] = 1.0 / self.ratio
+            p[kernel.LAMBDA] = parameters.radial_lever / self.ratio
             still = loop_tables.bearing_drag(self.gear, np.zeros(1))
             p[kernel.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
             p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
@@ -294,10 +288,8 @@ class ClosedLoop:
             p[kernel.CREEP] = CREEP * self.gear.mesh_friction.stribeck_velocity
             self._fill_elastic(p)
         if extra.motor_friction:
-            p[kernel.MOTOR_COULOMB], p[kernel.MOTOR_VISCOUS] = (
-                motor.coulomb_friction,
-                motor.viscous_friction,
-            )
+            p[kernel.MOTOR_COULOMB] = motor.coulomb_friction
+            p[kernel.MOTOR_VISCOUS] = motor.viscous_friction
         for place, step in (
             (kernel.PORT_STEP, self.time_step),
             (kernel.PORT_STEP_FINE, self.time_step / kernel.FINE),
@@ -321,11 +313,8 @@ class ClosedLoop:
 
     def _fill_elastic(self, p: FloatArray) -> None:
         """Hardening, hysteresis and play, parallel to the gear between rotor and output."""
-        ratings, extra, stiffness = (
-            self.gear.ratings,
-            self.deviations,
-            self.parameters.combined_stiffness,
-        )
+        ratings, extra = self.gear.ratings, self.deviations
+        stiffness = self.parameters.combined_stiffness
         p[kernel.KINK_1] = p[kernel.KINK_2] = math.inf
         if extra.hardening:
             second = stiffness * ratings.stiffness_2 / ratings.stiffness_1
@@ -350,14 +339,10 @@ class ClosedLoop:
         p[kernel.MOTOR_PER_KELVIN] = heat.motor_friction_per_kelvin
         p[kernel.AMBIENT] = heat.ambient
         p[kernel.HOUSING_REFERENCE] = p[kernel.MOTOR_REFERENCE] = heat.reference
-        p[kernel.HOUSING_STEP], p[kernel.MOTOR_STEP] = (
-            1.0 / heat.housing_capacity,
-            1.0 / heat.motor_capacity,
-        )
-        p[kernel.HOUSING_LOSS], p[kernel.MOTOR_LOSS] = (
-            heat.housing_conductance,
-            heat.motor_conductance,
-        )
+        p[kernel.HOUSING_STEP] = 1.0 / heat.housing_capacity
+        p[kernel.MOTOR_STEP] = 1.0 / heat.motor_capacity
+        p[kernel.HOUSING_LOSS] = heat.housing_conductance
+        p[kernel.MOTOR_LOSS] = heat.motor_conductance
         p[kernel.COUPLING], p[kernel.COPPER] = heat.coupling, heat.copper_loss
 
     def _largest_error(self) -> float:

@@ -16,12 +16,13 @@ import dataclasses
 import math
 import tomllib
 from collections.abc import Mapping
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import numpy as np
 
 from model.compensation import CompensationTable, DirectionTable, Proof
 from model.errors import ModelError
+from model.quantities import is_table
 from model.toml_text import toml_value
 from model.units import ARCSEC, RPM
 
@@ -216,9 +217,8 @@ def _checked(
     where: str,
 ) -> dict[str, Any]:
     """The keys of one table of the file: none unknown, none missing, each of its kind."""
-    if not isinstance(content, Mapping):
+    if not is_table(content):
         raise ModelError("is missing", where=where, limit="a table [forward], [reverse]")
-    content = cast("Mapping[str, Any]", content)
     for key in content:
         if key not in kinds and key not in beside:
             raise ModelError("no such key", where=f"{where}.{key}", limit=", ".join(kinds))

@@ -1,4 +1,3 @@
-# pyright: standard
 """Equation 2 with a prescribed input angle, propagated exactly: what the output does when the input is known.
 
     M q'' + C q' + K q = B u(t) ,   q = (x2, y1, y2) ,   u = (theta_i/N + ke, its rate, F_fm, M_0, T_L)
@@ -104,32 +103,29 @@ def simulate_prescribed(
 
     Raises `ModelError` for arrays that do not fit, are not finite, or an interval that is not positive.
     """
-    angle, speed, load = _checked_input(input_angle, sample_interval, input_speed, load_torque)
-    p = parameters or dynamic_parameters(gear)
-    steps = _substeps(gear, speed, sample_interval, substeps)
     inputs = _Inputs(
-        gear=gear,
-        ratio=p.ratio,
-        angle=angle,
-        speed=speed,
-        load=load,
-        interval=sample_interval,
-        steps=steps,
+        gear,
+        None if parameters is None else [parameters],
+        input_angle,
+        sample_interval,
+        input_speed=input_speed,
+        load_torque=load_torque,
+        substeps=substeps,
         smoothing=smoothing_speed,
     )
-    result = np.empty((1, len(OUTPUTS), angle.size))
-    final = inputs.propagate([p], start, result)
+    result = np.empty((1, len(OUTPUTS), inputs.angle.size))
+    final = inputs.propagate(start, result)
     output_angle, output_speed, torsion, torque = result[0]
     return PrescribedResponse(
         sample_interval=sample_interval,
-        input_angle=angle,
-        input_speed=speed,
+        input_angle=inputs.angle,
+        input_speed=inputs.speed,
         output_angle=output_angle,
         output_speed=output_speed,
         torsion_torque=torsion,
         wave_generator_torque=torque,
         final_state=final[0],
-        substeps=steps,
+        substeps=inputs.steps,
     )
 
 
@@ -150,41 +146,46 @@ def simulate_batch(
     The sets share the ratio, and the friction and kinematic error of the gear. A set without a well-conditioned modal
     form is propagated on its own. Raises `ModelError` as `simulate_prescribed`, `ParameterError` for an empty batch.
     """
-    angle, speed, load = _checked_input(input_angle, sample_interval, input_speed, load_torque)
-    ratio = common_ratio(sets)
-    steps = _substeps(gear, speed, sample_interval, substeps)
     inputs = _Inputs(
-        gear=gear,
-        ratio=ratio,
-        angle=angle,
-        speed=speed,
-        load=load,
-        interval=sample_interval,
-        steps=steps,
+        gear,
+        sets,
+        input_angle,
+        sample_interval,
+        input_speed=input_speed,
+        load_torque=load_torque,
+        substeps=substeps,
         smoothing=smoothing_speed,
     )
-    result = np.empty((len(sets), 2, angle.size))
-    inputs.propagate(sets, start, result)
-    return BatchResponse(sample_interval, result[:, 0], result[:, 1], steps)
+    result = np.empty((len(sets), 2, inputs.angle.size))
+    inputs.propagate(start, result)
+    return BatchResponse(sample_interval, result[:, 0], result[:, 1], inputs.steps)
 
 
 class _Inputs:
-    """The inputs of equation 2 over a record, refined block by block, and the compiled loops over them."""
+    """The inputs of equation 2 over a record, refined block by block, and the compiled loops over them.
+
+    `sets` None is the gear's own set.
+    """
 
     def __init__(
         self,
         gear: HarmonicDrive,
-        ratio: float,
-        angle: FloatArray,
-        speed: FloatArray,
-        load: FloatArray,
+        sets: Sequence[DynamicParameters] | None,
+        input_angle: ArrayLike,
         interval: float,
-        steps: int,
+        *,
+        input_speed: ArrayLike | None,
+        load_torque: ArrayLike | None,
+        substeps: int | None,
         smoothing: float,
     ) -> None:
-        self.ratio, self.angle, self.speed, self.load = float(ratio), angle, speed, load
-        self.interval, self.steps = interval, steps
-        self.gear = gear
+        self.angle, self.speed, self.load = _checked_input(
+            input_angle, interval, input_speed, load_torque
+        )
+        self.gear, self.interval = gear, interval
+        self.sets = [dynamic_parameters(gear)] if sets is None else sets
+        self.ratio = float(common_ratio(self.sets))
+        self.steps = _substeps(gear, self.speed, interval, substeps)
         series = gear.kinematic_error
         self.series = np.array(
             [[h.order for h in series], [h.cosine for h in series], [h.sine for h in series]]
@@ -241,11 +242,8 @@ class _Inputs:
                 angle, speed, fine_load = self.angle[begin:end], self.speed[begin:end], load[:-1]
             else:
                 count = (end - begin) * self.steps
-                angle, speed, fine_load = (
-                    np.empty(count),
-                    np.empty(count),
-                    np.empty(count if load.size else 0),
-                )
+                angle, speed = np.empty(count), np.empty(count)
+                fine_load = np.empty(count if load.size else 0)
                 span = slice(begin, end + 1)
                 refine(
                     self.angle[span],
@@ -261,26 +259,20 @@ class _Inputs:
             before = speed[-1]
         yield self.angle[last:], self.speed[last:], self.load[last:], before, 0.0, last
 
-    def propagate(
-        self, sets: Sequence[DynamicParameters], start: Start | ArrayLike, result: FloatArray
-    ) -> FloatArray:
+    def propagate(self, start: Start | ArrayLike, result: FloatArray) -> FloatArray:
         """Fill `result` (sets, outputs, n) with the first outputs of every set; returns q and q'
         (sets, 6) at the end.
         """
         from model.kernels import propagation
 
-        first, last = self.at_sample(0), self.angle.size - 1
+        sets, first, last = self.sets, self.at_sample(0), self.angle.size - 1
         states = _start_states(sets, start, first)
         outputs = result.shape[1]
         for places, step in propagators(sets, self.interval / self.steps):
-            kick, carried = (
-                step.kick(self.static_force, self.static_torque),
-                step.carried(states[places], first),
-            )
-            observed, through = (
-                np.ascontiguousarray(step.output[:, :outputs]),
-                np.ascontiguousarray(step.through[:, :outputs]),
-            )
+            kick = step.kick(self.static_force, self.static_torque)
+            carried = step.carried(states[places], first)
+            observed = np.ascontiguousarray(step.output[:, :outputs])
+            through = np.ascontiguousarray(step.through[:, :outputs])
             whole = len(places) == len(sets)
             target = result if whole else np.empty((len(places), *result.shape[1:]))
             for angle, speed, load, before, after, index in self.blocks():
@@ -344,7 +336,7 @@ def _start_states(
 
 def _checked_input(
     input_angle: ArrayLike,
-    interval: float,
+    interval: object,
     input_speed: ArrayLike | None,
     load_torque: ArrayLike | None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from model.arrays import FloatArray
-from model.gear import Bearing, HarmonicDrive, MeshFriction
+from model.gear import HarmonicDrive
+from model.sections import Bearing, MeshFriction
 from model.units import RPM
 
 TorqueBalance = Literal["energy", "published"]

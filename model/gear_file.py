@@ -1,4 +1,3 @@
-# pyright: standard
 """Parameter files of a gear: TOML that a person can edit, with the source beside every number.
 
 A file has `format`, `name`, one table per section of `HarmonicDrive`, the series of the kinematic
@@ -9,25 +8,22 @@ SI, as run files keep it.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, get_args, get_type_hints
 
 from model import quantities
 from model.errors import ParameterError
-from model.gear import (
+from model.gear import Harmonic, HarmonicDrive, ModelOptions, Origin
+from model.sections import (
     Bearing,
     Cup,
     Damping,
     Geometry,
-    Harmonic,
-    HarmonicDrive,
     Inertia,
     Material,
     MeshFriction,
-    ModelOptions,
-    Origin,
     Ratings,
     Section,
     Teeth,
@@ -90,7 +86,7 @@ def gear_to_mapping(gear: HarmonicDrive) -> dict[str, Any]:
     for value in gear.values():
         section, _, quantity = value.path.partition(".")
         mapping[section][quantity] = quantities.entry_of(value.value, value.unit, value.origin)
-    orders = []
+    orders: list[dict[str, Any]] = []
     for harmonic in gear.kinematic_error:
         entry = quantities.entry_of(
             0.0, "rad", gear.origins.get(harmonic_path(harmonic.order), Origin("assumed"))
@@ -148,9 +144,9 @@ def harmonic_path(order: float) -> str:
     return f"kinematic_error.{order:.12g}"
 
 
-def _gear(mapping: Mapping[str, Any]) -> HarmonicDrive:
+def _gear(mapping: object) -> HarmonicDrive:
     """The gear of plain data, with paths relative to it in the messages."""
-    if not isinstance(mapping, Mapping):
+    if not quantities.is_table(mapping):
         raise ParameterError("is not a parameter set", value=quantities.shorten(mapping))
     if mapping.get("format") != FORMAT:
         remedy = "Is this the parameter file of a gear?"
@@ -193,10 +189,10 @@ def _gear(mapping: Mapping[str, Any]) -> HarmonicDrive:
 def _series(table: object, origins: dict[str, Origin]) -> tuple[Harmonic, ...]:
     """The orders of the kinematic error; their origins are added to `origins`."""
     where = "kinematic_error"
-    if not isinstance(table, Mapping):
+    if not quantities.is_table(table):
         raise ParameterError("is not a table", where=where, value=quantities.shorten(table))
     quantities.check_keys(table, ("orders",), where)
-    rows = table.get("orders", [])
+    rows: Sequence[object] = table.get("orders", [])
     if not isinstance(rows, (list, tuple)):
         raise ParameterError(
             "is not a list of orders", where=f"{where}.orders", value=quantities.shorten(rows)
@@ -204,7 +200,7 @@ def _series(table: object, origins: dict[str, Origin]) -> tuple[Harmonic, ...]:
     series: dict[str, Harmonic] = {}
     for index, row in enumerate(rows):
         path = f"{where}.orders[{index}]"
-        if not isinstance(row, Mapping):
+        if not quantities.is_table(row):
             form = '{ order = .., cosine = .., sine = .., unit = "arcmin" }'
             raise ParameterError(
                 "is not an order",
@@ -262,35 +258,21 @@ def _harmonic(row: Mapping[str, Any], path: str) -> tuple[Harmonic, Origin]:
                 limit=limit,
             )
     provenance, source = quantities.read_origin(row, path)
-    origin = Origin(provenance, source, amplitudes.get("standard_uncertainty"))  # type: ignore[arg-type]
+    origin = Origin(provenance, source, amplitudes.get("standard_uncertainty"))
     return Harmonic(order, amplitudes["cosine"], amplitudes["sine"]), origin
 
 
 def _harmonic_line(gear: HarmonicDrive, harmonic: Harmonic) -> str:
     """One order of the series as a line of a parameter file."""
     origin = gear.origins.get(harmonic_path(harmonic.order), Origin("assumed"))
-    numbers = [harmonic.cosine, harmonic.sine]
-    if origin.standard_uncertainty is not None:
-        numbers.append(origin.standard_uncertainty)
-    texts, unit = quantities.readable(numbers, "rad")
-    parts = [
-        f"order = {harmonic.order!r}",
-        f"cosine = {texts[0]}",
-        f"sine = {texts[1]}",
-        f"unit = {quantities.quote(unit)}",
-    ]
-    parts += [
-        f"provenance = {quantities.quote(origin.provenance)}",
-        f"source = {quantities.quote(origin.source)}",
-    ]
-    if origin.standard_uncertainty is not None:
-        parts.append(f"standard_uncertainty = {texts[2]}")
-    return f"  {{ {', '.join(parts)} }},"
+    amplitudes = {"cosine": harmonic.cosine, "sine": harmonic.sine}
+    text = quantities.entry_text(amplitudes, "rad", origin)
+    return f"  {{ order = {harmonic.order!r}, {text} }},"
 
 
 def _options(table: object) -> ModelOptions:
     """The model's options; a choice that does not exist is refused with those that do."""
-    if not isinstance(table, Mapping):
+    if not quantities.is_table(table):
         raise ParameterError("is not a table", where="options", value=quantities.shorten(table))
     hints = get_type_hints(ModelOptions)
     quantities.check_keys(table, hints, "options")

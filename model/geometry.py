@@ -13,7 +13,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from model.gear import Geometry, HarmonicDrive
+from model.gear import HarmonicDrive
+from model.sections import Geometry
 
 _ZONE = {"leading-both-lobes": 1.0, "leading-one-lobe": 0.5, "both-halves": 2.0}
 

@@ -1,4 +1,3 @@
-# pyright: standard
 """The kinematic error: definition, series, basis of orders, spectrum, goodness of fit, and the error as a wedge lift.
 
 (15)  ke(theta_i) = theta_o - theta_i/N        theta_o counted positive opposite to theta_i, circular spline fixed;
@@ -24,9 +23,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import irfft, next_fast_len
+from scipy.fft import irfft, next_fast_len  # pyright: ignore[reportMissingTypeStubs, reportUnknownVariableType]
 
-from model.arrays import FloatArray
+from model.arrays import ComplexArray, FloatArray
 from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.geometry import radial_lever
@@ -59,10 +58,12 @@ def kinematic_error(
     """
     sign = output_sign(mounting, encoders_alike=encoders_alike)
     total = ratio if mounting == "circular-spline-fixed" else ratio + 1.0
-    return (
-        sign * np.asarray(output_angle, dtype=np.float64)
-        - np.asarray(input_angle, dtype=np.float64) / total
-    )
+    return sign * _floats(output_angle) - _floats(input_angle) / total
+
+
+def _floats(values: ArrayLike) -> FloatArray:
+    """Numbers of any kind as an array, which is a copy only where it has to be."""
+    return np.asarray(values, dtype=np.float64)
 
 
 def output_sign(mounting: Mounting, *, encoders_alike: bool = True) -> float:
@@ -73,7 +74,7 @@ def output_sign(mounting: Mounting, *, encoders_alike: bool = True) -> float:
 
 def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
     """ke_sim(theta) of equation 16 without its constant, for angles of any shape [rad]."""
-    theta = np.asarray(angle, dtype=np.float64)
+    theta = _floats(angle)
     total = np.zeros_like(theta)
     for h in series:
         phase = h.order * theta
@@ -83,7 +84,7 @@ def series_value(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
 
 def series_slope(series: Iterable[Harmonic], angle: ArrayLike) -> FloatArray:
     """d ke_sim/d theta_i, of the same shape as the angles [rad/rad]."""
-    theta = np.asarray(angle, dtype=np.float64)
+    theta = _floats(angle)
     total = np.zeros_like(theta)
     for h in series:
         phase = h.order * theta
@@ -130,7 +131,7 @@ def _extreme(value: FloatArray) -> float:
 
 def equivalent_eccentric_error(gear: HarmonicDrive, error: ArrayLike) -> FloatArray:
     """e = ke r_g/tan(alpha_t), the radial error of the wedge that makes this kinematic error (equation 17) [m]."""
-    return np.asarray(error, dtype=np.float64) * radial_lever(gear.geometry)
+    return _floats(error) * radial_lever(gear.geometry)
 
 
 def speed_ripple(gear: HarmonicDrive, points: int = 7200) -> float:
@@ -209,7 +210,7 @@ def design_matrix(
     trend: bool = True,
 ) -> FloatArray:
     """The regressors of ke at these input angles: 1, theta_i, then cos and sin of each order; shape (n, columns)."""
-    theta = np.asarray(input_angle, dtype=np.float64).ravel()
+    theta = _floats(input_angle).ravel()
     numbers = [order.order if isinstance(order, Order) else float(order) for order in orders]
     first = int(constant) + int(trend)
     matrix = np.empty((theta.size, first + 2 * len(numbers)))
@@ -230,10 +231,7 @@ def normalised_mse(measured: ArrayLike, fitted: ArrayLike) -> float:
     100 is no better than the mean, below 5 is a good fit, below 1 an excellent one. Raises `ModelError` for arrays of
     different length, without data, or where the measured error does not vary.
     """
-    truth, model = (
-        np.asarray(measured, dtype=np.float64).ravel(),
-        np.asarray(fitted, dtype=np.float64).ravel(),
-    )
+    truth, model = _floats(measured).ravel(), _floats(fitted).ravel()
     if truth.size != model.size or truth.size < 2:
         sizes = f"{truth.size} and {model.size} points"
         raise ModelError(
@@ -273,10 +271,7 @@ def order_spectrum(
     straight line through the bins is taken out first and the averaging of the bins is undone. The angle must be
     monotonic apart from jitter smaller than a bin. Raises `ModelError` with less than one revolution or other faults.
     """
-    theta, channel = (
-        np.asarray(angle, dtype=np.float64).ravel(),
-        np.asarray(values, dtype=np.float64).ravel(),
-    )
+    theta, channel = _floats(angle).ravel(), _floats(values).ravel()
     if theta.size != channel.size or theta.size < 16:
         sizes = f"{theta.size} angles, {channel.size} values"
         raise ModelError(
@@ -302,7 +297,7 @@ def order_spectrum(
     binned = _bin_means(travelled, channel, revolutions, per_revolution)
     position = np.arange(binned.size) - 0.5 * (binned.size - 1)
     binned = binned - binned.mean() - position * (position @ binned) / (position @ position)
-    coefficients = 2.0 * np.fft.rfft(binned) / binned.size
+    coefficients: ComplexArray = 2.0 * np.fft.rfft(binned) / binned.size
     orders = np.arange(coefficients.size) / revolutions
     keep = orders <= highest_order
     orders, coefficients = orders[keep], coefficients[keep]

@@ -1,4 +1,3 @@
-# pyright: standard
 """The linear part of equation 2: its parameters, matrices, modes, and where the orders of the error meet a resonance.
 
 (2)  K_b (x1 - x2 + e) + C_b (x1' - x2' + e') = (J_g/r_g^2) x2'' + K_m (x2 s - y1 c) s + F_fm c ,   x1 = theta_i r_g tan(alpha_n)
@@ -186,10 +185,8 @@ class ParameterTable:
         matrix = np.zeros((len(self), 3, len(INPUTS)))
         matrix[:, 0, 0] = self["bearing_stiffness"] * self.radial_lever
         matrix[:, 0, 1] = self["bearing_damping"] * self.radial_lever
-        matrix[:, 0, 2], matrix[:, 1, 2] = (
-            -np.cos(self["tooth_angle"]),
-            -np.sin(self["tooth_angle"]),
-        )
+        matrix[:, 0, 2] = -np.cos(self["tooth_angle"])
+        matrix[:, 1, 2] = -np.sin(self["tooth_angle"])
         matrix[:, 1, 3] = matrix[:, 2, 4] = -1.0 / self["neutral_radius"]
         return matrix
 
@@ -239,7 +236,8 @@ class Mode:
 def modes(p: DynamicParameters) -> tuple[Mode, ...]:
     """The modes in ascending frequency: complex pairs once, real poles each (see `torsional_mode`)."""
     eigenmodes: list[Mode] = []
-    for pole in np.linalg.eigvals(energy_forms([p])[0][0]):
+    system: FloatArray = energy_forms([p])[0][0]
+    for pole in np.linalg.eigvals(system):
         if pole.imag < 0.0:
             continue
         size = abs(pole)

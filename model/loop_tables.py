@@ -1,4 +1,3 @@
-# pyright: standard
 """What the closed loop looks up: the exact step of its linear part, and tables of error, friction and cogging.
 
 Built once per gear in plain numpy; `model.kernels.closed_loop` reads them. The linear part is that of equation 2
@@ -14,7 +13,7 @@ import math
 from fractions import Fraction
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model import friction
 from model.arrays import FloatArray

@@ -1,4 +1,3 @@
-# pyright: standard
 """The servo motor that turns the wave generator, as a frozen parameter set in SI.
 
 Only what the rig's simulation, the plans and the reports need: ratings, rotor inertia, its own
@@ -16,7 +15,8 @@ from typing import Any
 
 from model import quantities
 from model.errors import ParameterError
-from model.gear import Origin, Section, quantity, refuse
+from model.gear import Origin
+from model.sections import Section, quantity
 
 FORMAT = "servo-motor-1"
 """The value of `format` in the files of a motor."""
@@ -59,7 +59,7 @@ class ServoMotor(Section):
         for smaller, larger in (("rated_torque", "peak_torque"), ("rated_speed", "maximum_speed")):
             if getattr(self, larger) < getattr(self, smaller):
                 limit = f">= motor.{smaller} = {getattr(self, smaller):g}"
-                refuse(self.section, larger, getattr(self, larger), limit, "is too small")
+                self._refuse(larger, limit, "is too small")
 
     def stated_friction(self) -> dict[str, Any]:
         """What this card states of the motor's own friction, as run files keep it: `coulomb` [N m], `viscous`
@@ -109,7 +109,7 @@ def _motor_to_toml(motor: ServoMotor) -> str:
 def motor_from_mapping(mapping: Mapping[str, Any], where: str) -> ServoMotor:
     """The motor of plain data (a parsed TOML file)."""
     try:
-        if not isinstance(mapping, Mapping) or mapping.get("format") != FORMAT:
+        if not quantities.is_table(mapping) or mapping.get("format") != FORMAT:
             remedy = "Is this the parameter file of a motor?"
             raise ParameterError(
                 "is not the format of a motor", where="format", limit=f'"{FORMAT}"', remedy=remedy

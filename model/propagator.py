@@ -1,4 +1,3 @@
-# pyright: standard
 """Exact propagation of equation 2 over one sample interval, as numbers for the compiled loops.
 
 x' = A x + B u is integrated exactly for inputs that between samples follow
@@ -195,7 +194,7 @@ def _dense(systems: FloatArray, form: _Form) -> Propagator:
 
     The moments are blocks of the exponential of a chain of integrators behind A h (Van Loan).
     """
-    import scipy
+    import scipy  # pyright: ignore[reportMissingTypeStubs]
 
     sets, n, _ = form.drive.shape
     chain = np.zeros((sets, 5 * n, 5 * n))
@@ -270,10 +269,8 @@ def _outputs(
     """C (S, 4, 6) and D (S, 4, 5) of the outputs named in `OUTPUTS`."""
     table = ParameterTable.of(sets)
     radius = table["neutral_radius"][:, None]
-    observed, through = (
-        np.empty((len(sets), len(OUTPUTS), 6)),
-        np.zeros((len(sets), len(OUTPUTS), len(INPUTS))),
-    )
+    observed = np.empty((len(sets), len(OUTPUTS), 6))
+    through = np.zeros((len(sets), len(OUTPUTS), len(INPUTS)))
     observed[:, 0], observed[:, 1] = position[:, 2] / radius, velocity[:, 2] / radius
     twist = table["cup_stiffness"][:, None] * (position[:, 1] - position[:, 2])
     twist += table["structural_damping"][:, None] * (velocity[:, 1] - velocity[:, 2])

@@ -1,4 +1,3 @@
-# pyright: standard
 """Numbers in parameter files: one line holds the value, its unit, where it comes from and its uncertainty.
 
     flexspline_diameter = { value = 63.5, unit = "mm", provenance = "catalogue", source = "drawing 12" }
@@ -18,10 +17,11 @@ from collections.abc import Iterable, Mapping
 from fractions import Fraction
 from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeGuard, get_args
 
 from model.errors import ParameterError
-from model.gear import Origin, Provenance, Section, allowed_range, is_unknown
+from model.gear import Origin, Provenance
+from model.sections import Section, allowed_range, is_unknown
 from model.unit_text import Unit, fitting
 
 LARGEST_FILE = 1_000_000
@@ -85,15 +85,18 @@ def check_keys(keys: Iterable[str], allowed: Iterable[str], where: str, remedy: 
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1)
             path = f"{where}.{key}" if where else str(key)
-            hint = (
-                f'Did you mean "{near[0]}"?'
-                if near
-                else remedy or "Known here: " + ", ".join(names)
-            )
+            hint = remedy or "Known here: " + ", ".join(names)
+            if near:
+                hint = f'Did you mean "{near[0]}"?'
             raise ParameterError("no such parameter", where=path, remedy=hint)
 
 
-def read_origin(entry: Mapping[str, Any], where: str) -> tuple[str, str]:
+def is_table(value: object) -> TypeGuard[Mapping[str, Any]]:
+    """Whether what stood in a parameter file is a table."""
+    return isinstance(value, Mapping)
+
+
+def read_origin(entry: Mapping[str, Any], where: str) -> tuple[Provenance, str]:
     """Provenance and source of one entry, both checked."""
     provenance = entry.get("provenance", "assumed")
     if provenance not in get_args(Provenance):
@@ -114,7 +117,7 @@ def _read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[
     """One quantity in SI with its origin, from `{ value = .., unit = "..", .. }`."""
     limit = allowed_range(meta)
     unit = meta["unit"]
-    if not isinstance(entry, Mapping):
+    if not is_table(entry):
         form = "{ value = .., unit = " + json.dumps(unit) + ', provenance = "..", source = ".." }'
         raise ParameterError(
             "is not a quantity",
@@ -148,16 +151,16 @@ def _read_quantity(entry: object, meta: Mapping[str, Any], where: str) -> tuple[
         uncertainty = to_si(number(entry["standard_uncertainty"], path, ">= 0"), given, unit, path)
         if uncertainty < 0.0:
             raise ParameterError("is negative", where=path, value=uncertainty, limit=">= 0")
-    return value, Origin(provenance, source, uncertainty)  # type: ignore[arg-type]
+    return value, Origin(provenance, source, uncertainty)
 
 
 def read_section(
     kind: type[Section], table: object, where: str
 ) -> tuple[dict[str, Any], dict[str, Origin]]:
     """The arguments of a section and the origin of each, from its table; `where` is the path of the table."""
-    if not isinstance(table, Mapping):
+    if not is_table(table):
         raise ParameterError("is not a table of quantities", where=where, value=shorten(table))
-    fields = [f for f in dataclasses.fields(kind) if "unit" in f.metadata]  # type: ignore[arg-type]
+    fields = [f for f in dataclasses.fields(kind) if "unit" in f.metadata]
     check_keys(table, [f.name for f in fields], where)
     arguments: dict[str, Any] = {}
     origins: dict[str, Origin] = {}
@@ -227,25 +230,32 @@ def quote(text: str) -> str:
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
-def _quantity_line(name: str, value: float, meta: Mapping[str, Any], origin: Origin) -> str:
-    """The line of one quantity in a parameter file, with its symbol and description as a comment."""
+def entry_text(numbers: Mapping[str, float], si_unit: str, origin: Origin) -> str:
+    """What stands between the braces of an entry: its numbers by name in one readable unit, and their origin."""
     uncertainty = origin.standard_uncertainty
-    texts, unit = readable([value] if uncertainty is None else [value, uncertainty], meta["unit"])
-    parts = [
-        f"value = {texts[0]}",
+    values = [*numbers.values()] if uncertainty is None else [*numbers.values(), uncertainty]
+    texts, unit = readable(values, si_unit)
+    parts = [f"{name} = {text}" for name, text in zip(numbers, texts, strict=False)]
+    parts += [
         f"unit = {quote(unit)}",
         f"provenance = {quote(origin.provenance)}",
+        f"source = {quote(origin.source)}",
     ]
-    parts.append(f"source = {quote(origin.source)}")
     if uncertainty is not None:
-        parts.append(f"standard_uncertainty = {texts[1]}")
+        parts.append(f"standard_uncertainty = {texts[-1]}")
+    return ", ".join(parts)
+
+
+def _quantity_line(name: str, value: float, meta: Mapping[str, Any], origin: Origin) -> str:
+    """The line of one quantity in a parameter file, with its symbol and description as a comment."""
+    text = entry_text({"value": value}, meta["unit"], origin)
     symbol = f"{meta['symbol']}: " if meta["symbol"] else ""
-    return f"{name} = {{ {', '.join(parts)} }}  # {symbol}{meta['description']}"
+    return f"{name} = {{ {text} }}  # {symbol}{meta['description']}"
 
 
 def section_lines(part: Section, origins: Mapping[str, Origin]) -> list[str]:
     """All quantity lines of a section; `origins` by field name."""
-    fields = [f for f in dataclasses.fields(part) if "unit" in f.metadata]  # type: ignore[arg-type]
+    fields = [f for f in dataclasses.fields(part) if "unit" in f.metadata]
     unknown = Origin("assumed")
     return [
         _quantity_line(f.name, getattr(part, f.name), f.metadata, origins.get(f.name, unknown))

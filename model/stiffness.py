@@ -19,8 +19,9 @@ import math
 from dataclasses import dataclass
 
 from model.errors import ParameterError
-from model.gear import Bearing, Cup, HarmonicDrive, Material
+from model.gear import HarmonicDrive
 from model.geometry import engaged_zone
+from model.sections import Bearing, Cup, Material
 from model.tooth import pair_compliance
 
 _KRAEMER_RULE = (0.25e-5, 2.5e-5)

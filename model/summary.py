@@ -1,4 +1,3 @@
-# pyright: standard
 """Everything that the model derives from a parameter set, under the names of the paper: what `rig model` prints.
 
 Values are SI. Beside what is computed stands what the catalogue promises, and which part of the drive its compliance
@@ -8,6 +7,7 @@ comes from.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -162,13 +162,15 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
     Raises `ParameterError` where the parameter set allows no stiffness (see `model.tooth.pair_compliance`).
     """
     stiffness, parameters = drive_stiffness(gear), dynamic_parameters(gear)
-    quantities = [
+    rows = (
         *_geometry(gear),
-        *_stiffness(gear, stiffness),
+        *_mesh_and_cup(gear, stiffness),
+        *_bearing(gear, stiffness),
+        *_combined(stiffness),
         *_dynamics(parameters),
         *_error(gear),
         *_friction(gear),
-    ]
+    )
     orders = sorted({1.0, 2.0, 4.0} | {h.order for h in gear.kinematic_error})
     loads = {50.0, 100.0, gear.bearing.radial_load}
     loads |= {
@@ -178,7 +180,7 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
     return Summary(
         gear=gear.name,
         options=dataclasses.asdict(gear.options),
-        quantities=tuple(quantities),
+        quantities=tuple(itertools.starmap(Quantity, rows)),
         shares=stiffness.shares(),
         pair_shares=pair_compliance(gear).shares(),
         catalogue=tuple(_catalogue(gear, stiffness)),
@@ -193,7 +195,7 @@ def derived_quantities(gear: HarmonicDrive) -> Summary:
 
 def friction_points(gear: HarmonicDrive, speeds: Iterable[float]) -> tuple[FrictionPoint, ...]:
     """The friction torque at input speeds [rad/s] in the gear's torque balance, split into bearing and mesh."""
-    points = []
+    points: list[FrictionPoint] = []
     for speed in speeds:
         bearing = bearing_lever(gear) * float(bearing_friction_torque(gear, speed))
         mesh = mesh_lever(gear) * float(mesh_friction_force(gear, speed))
@@ -201,152 +203,135 @@ def friction_points(gear: HarmonicDrive, speeds: Iterable[float]) -> tuple[Frict
     return tuple(points)
 
 
-def _geometry(gear: HarmonicDrive) -> Iterator[Quantity]:
+_Row = tuple[str, float, str, str] | tuple[str, float, str, str, str]
+"""What a `Quantity` is made of."""
+
+
+def _geometry(gear: HarmonicDrive) -> tuple[_Row, ...]:
     """Equations 1 and 4-5."""
     zone = engaged_zone(gear)
-    yield Quantity("N", gear.ratio, "1", "ratio, circular spline fixed")
-    yield Quantity("m", gear.geometry.module, "m", "module (d_c - d_f)/2")
-    yield Quantity("alpha_n", wedge_angle(gear), "rad", "wedge angle", "1")
-    yield Quantity("lambda", wedge_lift(gear), "m/rad", "radial lift of the wedge per input angle")
-    yield Quantity("x_c", zone.x, "m", "boundary of the engaged zone, along the minor axis", "4")
-    yield Quantity("y_c", zone.y, "m", "boundary of the engaged zone, along the major axis", "4")
-    yield Quantity(
-        "phi_c", zone.angle, "rad", "boundary of the engaged zone, from the major axis", "4"
+    return (
+        ("N", gear.ratio, "1", "ratio, circular spline fixed"),
+        ("m", gear.geometry.module, "m", "module (d_c - d_f)/2"),
+        ("alpha_n", wedge_angle(gear), "rad", "wedge angle", "1"),
+        ("lambda", wedge_lift(gear), "m/rad", "radial lift of the wedge per input angle"),
+        ("x_c", zone.x, "m", "boundary of the engaged zone, along the minor axis", "4"),
+        ("y_c", zone.y, "m", "boundary of the engaged zone, along the major axis", "4"),
+        ("phi_c", zone.angle, "rad", "boundary of the engaged zone, from the major axis", "4"),
+        ("Z_R", zone.teeth, "1", "number of engaging-into teeth", "5"),
     )
-    yield Quantity("Z_R", zone.teeth, "1", "number of engaging-into teeth", "5")
 
 
-def _stiffness(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[Quantity]:
-    """Equations 3 and 6-15, and the combined stiffness."""
-    pair = pair_compliance(gear)
-    yield Quantity("delta_B", pair.tooth.bending, "m/N", "bending of one tooth per force", "6")
-    yield Quantity("delta_S", pair.tooth.shear, "m/N", "shear of one tooth per force", "7")
-    yield Quantity(
-        "delta_C", pair.tooth.compression, "m/N", "compression of one tooth per force", "8"
+def _mesh_and_cup(gear: HarmonicDrive, stiffness: DriveStiffness) -> tuple[_Row, ...]:
+    """Equations 3 and 6-13."""
+    pair, cup = pair_compliance(gear), stiffness.cup
+    return (
+        ("delta_B", pair.tooth.bending, "m/N", "bending of one tooth per force", "6"),
+        ("delta_S", pair.tooth.shear, "m/N", "shear of one tooth per force", "7"),
+        ("delta_C", pair.tooth.compression, "m/N", "compression of one tooth per force", "8"),
+        ("delta_F", pair.tooth.root, "m/N", "root flexibility of one tooth per force", "9"),
+        ("delta_m", 2.0 * pair.tooth.total, "m/N", "both teeth of a pair per force", "10"),
+        ("delta_c", pair.contact, "m/N", "contact of a pair per force", "11"),
+        ("K_ms", stiffness.tooth_pair, "N/m", "stiffness of one practical tooth pair", "12"),
+        ("K_m", stiffness.mesh, "N/m", "mesh stiffness along the flank normal", "3"),
+        ("K_cyl", cup.cylinder, "N m/rad", "torsional stiffness of the cup's cylinder", "13"),
+        ("K_bot", cup.bottom, "N m/rad", "torsional stiffness of the cup's bottom disc", "13"),
+        ("K_t", cup.total, "N m/rad", "torsional stiffness of the cup", "13"),
     )
-    yield Quantity(
-        "delta_F", pair.tooth.root, "m/N", "root flexibility of one tooth per force", "9"
-    )
-    yield Quantity("delta_m", 2.0 * pair.tooth.total, "m/N", "both teeth of a pair per force", "10")
-    yield Quantity("delta_c", pair.contact, "m/N", "contact of a pair per force", "11")
-    yield Quantity(
-        "K_ms", stiffness.tooth_pair, "N/m", "stiffness of one practical tooth pair", "12"
-    )
-    yield Quantity("K_m", stiffness.mesh, "N/m", "mesh stiffness along the flank normal", "3")
-    yield Quantity(
-        "K_cyl",
-        stiffness.cup.cylinder,
-        "N m/rad",
-        "torsional stiffness of the cup's cylinder",
-        "13",
-    )
-    yield Quantity(
-        "K_bot",
-        stiffness.cup.bottom,
-        "N m/rad",
-        "torsional stiffness of the cup's bottom disc",
-        "13",
-    )
-    yield Quantity("K_t", stiffness.cup.total, "N m/rad", "torsional stiffness of the cup", "13")
+
+
+def _bearing(gear: HarmonicDrive, stiffness: DriveStiffness) -> Iterator[_Row]:
+    """Equations 14-15."""
     bearing = stiffness.bearing
     for ring in ("inner", "outer"):
         ratio = hertz_contact(gear.bearing, ring).ellipse_ratio
-        yield Quantity(
-            f"kappa_{ring[0]}", ratio, "1", f"ellipse ratio of the contact at the {ring} ring"
-        )
-    yield Quantity("K_n", bearing.load_deflection, "N/m^1.5", "load-deflection factor of one ball")
-    yield Quantity("F_r", bearing.radial_load, "N", "radial load at which K_b is evaluated")
-    yield Quantity("Q_max", bearing.peak_ball_load, "N", "load on the most loaded ball")
-    yield Quantity("delta_r", bearing.deflection, "m", "radial deflection of rigid rings")
-    yield Quantity("K_b", bearing.total, "N/m", "radial stiffness of the bearing", "14")
+        yield f"kappa_{ring[0]}", ratio, "1", f"ellipse ratio of the contact at the {ring} ring"
     low, high = kraemer_damping(bearing.total)
-    yield Quantity(
-        "C_b",
-        gear.bearing.damping,
-        "N s/m",
-        "radial damping of the bearing, as the parameter set states it",
-    )
-    yield Quantity(
-        "C_b_low", low, "N s/m", "lower bound of the bearing's damping by Kraemer's rule", "15"
-    )
-    yield Quantity(
-        "C_b_high", high, "N s/m", "upper bound of the bearing's damping by Kraemer's rule", "15"
-    )
-    yield Quantity("K_b_output", stiffness.bearing_at_output, "N m/rad", "K_b r_g^2/tan^2(alpha_t)")
-    yield Quantity("K_m_output", stiffness.mesh_at_output, "N m/rad", "K_m r_g^2 cos^2(alpha_t)")
-    yield Quantity(
-        "K_HDf",
-        stiffness.combined_output,
-        "N m/rad",
-        "stiffness at the output, wave generator locked",
-        "21",
-    )
-    yield Quantity(
-        "K_HDw", stiffness.combined_input, "N m/rad", "stiffness at the input, output locked", "21"
+    yield from (
+        ("K_n", bearing.load_deflection, "N/m^1.5", "load-deflection factor of one ball"),
+        ("F_r", bearing.radial_load, "N", "radial load at which K_b is evaluated"),
+        ("Q_max", bearing.peak_ball_load, "N", "load on the most loaded ball"),
+        ("delta_r", bearing.deflection, "m", "radial deflection of rigid rings"),
+        ("K_b", bearing.total, "N/m", "radial stiffness of the bearing", "14"),
+        (
+            "C_b",
+            gear.bearing.damping,
+            "N s/m",
+            "radial damping of the bearing, as the parameter set states it",
+        ),
+        ("C_b_low", low, "N s/m", "lower bound of the bearing's damping by Kraemer's rule", "15"),
+        ("C_b_high", high, "N s/m", "upper bound of the bearing's damping by Kraemer's rule", "15"),
     )
 
 
-def _dynamics(parameters: DynamicParameters) -> Iterator[Quantity]:
+def _combined(stiffness: DriveStiffness) -> tuple[_Row, ...]:
+    """The parts at the output, and equation 21."""
+    return (
+        ("K_b_output", stiffness.bearing_at_output, "N m/rad", "K_b r_g^2/tan^2(alpha_t)"),
+        ("K_m_output", stiffness.mesh_at_output, "N m/rad", "K_m r_g^2 cos^2(alpha_t)"),
+        (
+            "K_HDf",
+            stiffness.combined_output,
+            "N m/rad",
+            "stiffness at the output, wave generator locked",
+            "21",
+        ),
+        (
+            "K_HDw",
+            stiffness.combined_input,
+            "N m/rad",
+            "stiffness at the input, output locked",
+            "21",
+        ),
+    )
+
+
+def _dynamics(parameters: DynamicParameters) -> Iterator[_Row]:
     """Frequencies of equation 2 and the damping ratio of the torsional resonance."""
     for index, frequency in enumerate(undamped_frequencies(parameters), start=1):
-        yield Quantity(
-            f"omega_{index}", float(frequency), "rad/s", f"undamped natural frequency {index}", "2"
-        )
+        described = f"undamped natural frequency {index}"
+        yield f"omega_{index}", float(frequency), "rad/s", described, "2"
     first = torsional_mode(parameters)
     if first is not None:
-        yield Quantity(
-            "f_1",
-            first.damped_frequency / (2.0 * math.pi),
-            "Hz",
-            "torsional resonance, input prescribed",
-            "2",
-        )
-        yield Quantity(
-            "zeta_1", first.damping_ratio, "1", "damping ratio of the torsional resonance", "2"
-        )
-    yield Quantity(
-        "K_HDf/J_o",
-        parameters.combined_stiffness / parameters.output_inertia,
-        "1/s2",
-        "stiffness over inertia",
-    )
-    yield Quantity(
-        "C_t", parameters.structural_damping, "N m s/rad", "structural damping of the cup"
-    )
+        hertz = first.damped_frequency / (2.0 * math.pi)
+        yield "f_1", hertz, "Hz", "torsional resonance, input prescribed", "2"
+        yield "zeta_1", first.damping_ratio, "1", "damping ratio of the torsional resonance", "2"
+    squared = parameters.combined_stiffness / parameters.output_inertia
+    yield "K_HDf/J_o", squared, "1/s2", "stiffness over inertia"
+    yield "C_t", parameters.structural_damping, "N m s/rad", "structural damping of the cup"
 
 
-def _error(gear: HarmonicDrive) -> Iterator[Quantity]:
+def _error(gear: HarmonicDrive) -> tuple[_Row, ...]:
     """Equations 16-17."""
     error = peak_to_peak(gear.kinematic_error, gear.ratio)
     eccentric = float(equivalent_eccentric_error(gear, error))
-    yield Quantity(
-        "ke_pp", error, "rad", "kinematic error, peak to peak over an output revolution", "16"
-    )
-    yield Quantity("e_pp", eccentric, "m", "equivalent eccentric error, peak to peak", "17")
-    yield Quantity(
-        "de/dke", radial_lever(gear.geometry), "m/rad", "eccentric error per kinematic error", "17"
-    )
+    lever = radial_lever(gear.geometry)
     ripple = speed_ripple(gear) if gear.kinematic_error else 0.0
-    yield Quantity(
-        "speed_ripple",
-        ripple,
-        "1",
-        "largest relative ripple of the output speed, N max|dke/dtheta_i|",
+    return (
+        ("ke_pp", error, "rad", "kinematic error, peak to peak over an output revolution", "16"),
+        ("e_pp", eccentric, "m", "equivalent eccentric error, peak to peak", "17"),
+        ("de/dke", lever, "m/rad", "eccentric error per kinematic error", "17"),
+        (
+            "speed_ripple",
+            ripple,
+            "1",
+            "largest relative ripple of the output speed, N max|dke/dtheta_i|",
+        ),
     )
 
 
-def _friction(gear: HarmonicDrive) -> Iterator[Quantity]:
+def _friction(gear: HarmonicDrive) -> tuple[_Row, ...]:
     """Levers of equation 20 and its conversion."""
-    yield Quantity("lever_fm", mesh_lever(gear), "m", "input torque per mesh friction force", "20")
-    yield Quantity(
-        "lever_fb", bearing_lever(gear), "1", "input torque per bearing friction torque", "20"
-    )
-    yield Quantity(
-        "conversion",
-        conversion_factor(gear),
-        "1",
-        "mesh friction in the published over the energy balance",
-        "20",
+    return (
+        ("lever_fm", mesh_lever(gear), "m", "input torque per mesh friction force", "20"),
+        ("lever_fb", bearing_lever(gear), "1", "input torque per bearing friction torque", "20"),
+        (
+            "conversion",
+            conversion_factor(gear),
+            "1",
+            "mesh friction in the published over the energy balance",
+            "20",
+        ),
     )
 
 

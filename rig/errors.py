@@ -39,6 +39,17 @@ class BenchInUseError(RigError):
     """A bench that another process has; nothing was connected."""
 
 
+def misstated(error: WordedError, where: str | None = None) -> ConfigurationError:
+    """The same words of a value that somebody stated, at `where` if it is known better."""
+    return ConfigurationError(
+        error.what,
+        where=error.where if where is None else where,
+        value=error.value,
+        limit=error.limit,
+        remedy=error.remedy,
+    )
+
+
 def nearest(word: str, words: Iterable[str]) -> str:
     """What may have been meant by a word that there is not, else all that there are."""
     import difflib

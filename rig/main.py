@@ -110,11 +110,9 @@ EARLIER = {
 
 def _name_of(part: Any) -> str:
     """What is typed for a command or a group of commands."""
-    return (
-        str(part.info.name)
-        if isinstance(part, typer.Typer)
-        else part.__name__.rstrip("_").replace("_", "-")
-    )
+    if isinstance(part, typer.Typer):
+        return str(part.info.name)
+    return part.__name__.rstrip("_").replace("_", "-")
 
 
 def _words_of(part: Any) -> str:

@@ -29,18 +29,14 @@ from drivers.samples import CycleFlag, SampleBlock
 from model import closed_loop
 from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
-from model.kinematic_error import output_sign
 from model.motor import ServoMotor
 from model.units import REVOLUTION
-from sim_backend.clock import SyncTimer
-from sim_backend.drawing import draw
+from sim_backend.assembly import assemble
 from sim_backend.faults import DeviceFault, Devices, Fault, PortFault, Sensed, SignalFault
 from sim_backend.imperfections import Imperfections
-from sim_backend.plant import Plant
 from sim_backend.position_loop import PositionLead
-from sim_backend.sensors import Instruments, Latches
+from sim_backend.sensors import Latches
 from sim_backend.servo_drive import SPEED_COUNT, ServoDrive
-from sim_backend.truth import tell
 from sim_backend.world import FIRST_WORLD, ThermalState, World
 
 Counts = NDArray[np.int64]
@@ -100,33 +96,24 @@ class SimulatedRig:
                 value=cycle_ns,
                 limit=">= 100000 ns",
             )
-        self._gear, self._motor, self._world, self._mounted = gear, motor, world, gear_mounted
-        self._on = imperfections or Imperfections()
-        ratio = gear.mounted_ratio(mounting)
-        self._condition = draw(self._on, ratio, world, start)
-        self._sense = round(output_sign(mounting))
-        self._plant = Plant(
-            self._condition.gear_of(gear),
+        self._gear, self._motor, self._mounted = gear, motor, gear_mounted
+        self._assembly = assemble(
+            gear,
             motor,
-            self._condition,
+            imperfections or Imperfections(),
+            world,
             cycle_ns=cycle_ns,
             mounting=mounting,
             gear_mounted=gear_mounted,
             disc_inertia=disc_inertia,
+            start=start,
         )
+        self._plant, self._instruments = self._assembly.plant, self._assembly.instruments
+        self._sync = self._assembly.sync
         self._drive = ServoDrive(motor)
         self._plant.write_limits(self._drive.limits)
-        self._instruments = Instruments(
-            self._on, self._condition, motor, world.run_seed, self._sense, self._plant.output_angle
-        )
         self._lead = PositionLead(self._input_resolution, cycle_ns) if by_position else None
         self._clock: Clock = VirtualClock() if clock is None else clock
-        self._sync = SyncTimer(
-            cycle_ns,
-            self._condition.sync_jitter,
-            world.run_seed,
-            rate_error=self._condition.clock_error,
-        )
         self._faults = tuple(faults)
         self._devices = Devices(self._plant, self._drive)
         self._watch = GuardWatch(self._instruments.channels, cycle_ns)
@@ -135,7 +122,7 @@ class SimulatedRig:
         self._open = False
         self._previous: Counts | None = None
         self._last: tuple[Mode, float] = (Mode.OFF, 0.0)
-        self._jump_limit = self._jump_limits(ratio, cycle_ns)
+        self._jump_limit = self._jump_limits(gear.mounted_ratio(mounting), cycle_ns)
 
     @property
     def channels(self) -> Sequence[Channel]:
@@ -180,11 +167,8 @@ class SimulatedRig:
         self._open = True
         self._opened_ns = self._clock.monotonic_ns() - self._cycle * self.cycle_ns
         self._sync.start_ns = self._clock.calendar_ns() - self._cycle * self.cycle_ns
-        what = (
-            f"{self._gear.name} on {self._motor.name}"
-            if self._mounted
-            else f"bare {self._motor.name}"
-        )
+        motor = self._motor.name
+        what = f"{self._gear.name} on {motor}" if self._mounted else f"bare {motor}"
         devices = {c.name: {"model": c.model, "long_name": c.long_name} for c in self.channels}
         return RigDescription("simulated", f"simulated rig: {what}", devices, self.truth)
 
@@ -211,15 +195,7 @@ class SimulatedRig:
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day (see `sim_backend.truth`)."""
-        return tell(
-            self._plant.loop,
-            self._motor,
-            on=self._on,
-            condition=self._condition,
-            instruments=self._instruments,
-            world=self._world,
-            output_sense=self._sense,
-        )
+        return self._assembly.truth()
 
     def write_limits(self, limits: DriveLimits) -> DriveLimits:
         """Write the limits into the drive's registers and return what they hold."""

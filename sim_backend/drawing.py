@@ -49,6 +49,7 @@ def draw(
     days = Days(world)
     room = days.within("ambient", -1.0, 1.0) * sizes.ambient_spread
     wear = Wear.of(world) if on.wear else None
+    thermometer = bounded(stream(bench, "thermometer"))
     condition = Condition(
         deviations=_deviations(on, ratio, bench, world.gear_seed),
         input_encoder=_encoder(on, "input", world),
@@ -56,9 +57,7 @@ def draw(
         torque_port=_torque_port(on, days),
         sync_jitter=sizes.sync_jitter if on.sync_jitter else 0.0,
         temperature_noise=sizes.temperature_noise if on.temperature_noise else 0.0,
-        housing_offset=sizes.temperature_offset * bounded(stream(bench, "thermometer"))
-        if on.temperature_noise
-        else 0.0,
+        housing_offset=sizes.temperature_offset * thermometer if on.temperature_noise else 0.0,
         start_angle=float(angle) if started else 0.0,
         input_count=int(counts[0]) if started else 0,
         output_count=int(counts[1]) if started else 0,
@@ -199,7 +198,10 @@ def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int
     """What the plant has and equation 2 has not."""
     sizes = on.sizes
     constant = sizes.torque_constant * bounded(stream(bench_seed, "torque constant"))
-    bearing = stream(bench_seed, "output bearing").uniform(0.8, 1.2, 2)
+    coulomb = viscous = 0.0
+    if on.output_bearing_friction:
+        bearing = stream(bench_seed, "output bearing").uniform(0.8, 1.2, 2)
+        coulomb, viscous = float(bearing[0]), float(bearing[1])
     return Deviations(
         kinematic_error=_added_orders(on, ratio, gear_seed),
         friction_windup=on.friction_windup,
@@ -207,12 +209,8 @@ def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int
         hardening=on.hardening,
         hysteresis_torque=sizes.hysteresis_torque if on.hysteresis else 0.0,
         hysteresis_stiffness=sizes.hysteresis_stiffness if on.hysteresis else 0.0,
-        output_coulomb=sizes.output_coulomb * float(bearing[0])
-        if on.output_bearing_friction
-        else 0.0,
-        output_viscous=sizes.output_viscous * float(bearing[1])
-        if on.output_bearing_friction
-        else 0.0,
+        output_coulomb=sizes.output_coulomb * coulomb,
+        output_viscous=sizes.output_viscous * viscous,
         motor_friction=on.motor_friction,
         cogging=_cogging(on, bench_seed),
         torque_constant_error=constant if on.torque_scale_error else 0.0,
@@ -259,28 +257,16 @@ def bench_encoder(on: Imperfections, which: str, world: World) -> EncoderErrors:
     return _switched(stated.input_encoder if which == "input" else stated.output_encoder, on)
 
 
+_ENCODER = ("once_per_turn", "twice_per_turn", "lines", "subdivision", "skew")
+"""What is sized of each encoder, "input" and "output"."""
+
+
 def _encoder(on: Imperfections, which: str, world: World) -> EncoderErrors:
     """The errors of the "input" or "output" encoder."""
     sizes = on.sizes
     random = stream(world.bench_seed, f"{which} encoder")
     scale, phase = random.uniform(0.6, 1.4, 3), random.uniform(0.0, REVOLUTION, 4)
-    once, twice, lines, fine, skew = (
-        (
-            sizes.input_once_per_turn,
-            sizes.input_twice_per_turn,
-            sizes.input_lines,
-            sizes.input_subdivision,
-            sizes.input_skew,
-        )
-        if which == "input"
-        else (
-            sizes.output_once_per_turn,
-            sizes.output_twice_per_turn,
-            sizes.output_lines,
-            sizes.output_subdivision,
-            sizes.output_skew,
-        )
-    )
+    once, twice, lines, fine, skew = (getattr(sizes, f"{which}_{part}") for part in _ENCODER)
     series = (
         harmonic_of(1.0, once * scale[0], phase[0]),
         harmonic_of(2.0, twice * scale[1], phase[1]),

@@ -56,6 +56,12 @@ class Sensed:
             min(max(start - self.first_cycle, 0), n), min(max(stop - self.first_cycle, 0), n)
         )
 
+    def grown(self, start: int, stop: int, per_cycle: float) -> tuple[slice, NDArray[np.int64]]:
+        """The rows in cycles [start, stop), and in each the counts that have come to be since `start`."""
+        rows = self.rows(start, stop)
+        cycles = self.first_cycle + np.arange(rows.start, rows.stop, dtype=np.int64) - start + 1
+        return rows, np.rint(per_cycle * cycles).astype(np.int64)
+
     def held(self, rows: slice, channel: str) -> int:
         """The value of a channel in the row before `rows` (the first row's own if there is none)."""
         column = self.column[channel]
@@ -299,7 +305,7 @@ class TorquePortOpen(SignalFault):
 
     def corrupt(self, sensed: Sensed) -> None:
         rows = sensed.rows(self.at_cycle, self.end)
-        cycle = sensed.first_cycle + np.arange(rows.start, rows.stop)
+        cycle = sensed.first_cycle + np.arange(rows.start, rows.stop, dtype=np.int64)
         hum = np.rint(self.amplitude * np.sin(2.0 * math.pi * cycle / self.period)).astype(np.int64)
         sensed.counts[rows, sensed.column[names.TORQUE]] = hum
         sensed.flags[rows] |= np.uint16(CycleFlag.SATURATED)
@@ -312,10 +318,9 @@ class TorqueZeroDrifts(SignalFault):
     counts_per_cycle: float = 0.5
 
     def corrupt(self, sensed: Sensed) -> None:
-        rows = sensed.rows(self.at_cycle, self.end)
-        cycles = sensed.first_cycle + np.arange(rows.start, rows.stop) - self.at_cycle + 1
+        rows, drift = sensed.grown(self.at_cycle, self.end, self.counts_per_cycle)
         port = sensed.counts[rows, sensed.column[names.TORQUE]]
-        port += np.rint(self.counts_per_cycle * cycles).astype(np.int64)
+        port += drift
         np.clip(port, -_ADC_FULL_SCALE, _ADC_FULL_SCALE, out=port)
 
 

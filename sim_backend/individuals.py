@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from model.gear import HarmonicDrive
+from model.gear import Harmonic, HarmonicDrive
 from model.motor import ServoMotor
 from model.units import DEGREE
 from sim_backend.condition import harmonic_of
@@ -37,7 +37,7 @@ def individual_gear(nominal: HarmonicDrive, seed: int) -> HarmonicDrive:
         0.15 * bounded(stream(seed, "mesh_friction.static"))
     )
     changes["mesh_friction.static"] = changes["mesh_friction.coulomb"] + rise
-    series = []
+    series: list[Harmonic] = []
     for h in nominal.kinematic_error:
         random = stream(seed, f"kinematic error {h.order:.12g}")
         phase = math.atan2(h.sine, h.cosine) + random.uniform(-20.0, 20.0) * DEGREE

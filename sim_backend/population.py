@@ -229,7 +229,7 @@ def _gear(card: HarmonicDrive, gear: _Draw) -> HarmonicDrive:
         "mesh_friction.shape": gear.within("shape", 0.5, 2.0),
         "mesh_friction.viscous": gear.within("viscous", 0.05, 0.6),
     }
-    series = []
+    series: list[Harmonic] = []
     for n in range(1, 7):
         wave = gear.wave(f"order {n}", 0.2 * ARCSEC, 20.0 * ARCSEC)
         series.append(Harmonic(float(n), wave.real, wave.imag))
@@ -284,15 +284,17 @@ def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Stat
             Sideband(n, k, w.real, w.imag) for (n, k), w in zip(pairs, bands, strict=True)
         ),
         output_orders=_output_orders(gear) if newer else (),
-        input_encoder=_encoder(bench, "input", (1, 2, 4), INPUT_CLASS, nominal.input_lines, 0.0),
+        input_encoder=_encoder(
+            bench, "input", (1, 2, 4), INPUT_CLASS, nominal.input_lines, skew=0.0
+        ),
         output_encoder=_encoder(
             bench,
             "output",
             range(1, 9),
             OUTPUT_CLASS,
             nominal.output_lines,
-            bench.within("skew", 0.0, 1e-3),
-            FINE_ORDERS if newer else range(0),
+            skew=bench.within("skew", 0.0, 1e-3),
+            fine_orders=FINE_ORDERS if newer else range(0),
         ),
         torque_port=TorquePort(
             gain_error=bench.within("torque gain", -0.01, 0.01),
@@ -325,6 +327,7 @@ def _encoder(
     orders: range | tuple[int, ...],
     accuracy: float,
     lines: int,
+    *,
     skew: float,
     fine_orders: range = range(0),
 ) -> EncoderErrors:

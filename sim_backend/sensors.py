@@ -275,11 +275,9 @@ def _channel(
 def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
     """A channel of the input or the output encoder; its accuracy is the half width of its whole curve."""
     sizes = on.sizes
-    lines, accuracy = (
-        (sizes.input_lines, sizes.input_accuracy)
-        if name in (names.INPUT_ANGLE, names.INPUT_INDEX)
-        else (sizes.output_lines, sizes.output_accuracy)
-    )
+    lines, accuracy = sizes.output_lines, sizes.output_accuracy
+    if name in (names.INPUT_ANGLE, names.INPUT_INDEX):
+        lines, accuracy = sizes.input_lines, sizes.input_accuracy
     return encoder_channel(
         name,
         lines=lines,

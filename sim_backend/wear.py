@@ -82,12 +82,10 @@ class Wear:
             "bearing.radial_load": softer,
             "ratings.stiffness_1": softer,
         }
-        grown = self.factor(self.order_2_rate)
+        grown = {_WORN_ORDER: self.factor(self.order_2_rate)}
+        by_order = [(h, grown.get(h.order, 1.0)) for h in gear.kinematic_error]
         series = tuple(
-            dataclasses.replace(h, cosine=grown * h.cosine, sine=grown * h.sine)
-            if h.order == _WORN_ORDER
-            else h
-            for h in gear.kinematic_error
+            dataclasses.replace(h, cosine=by * h.cosine, sine=by * h.sine) for h, by in by_order
         )
         changed = {path: factor * gear.value(path).value for path, factor in factors.items()}
         return dataclasses.replace(gear.with_values(changed), kinematic_error=series)

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from rig.bench.state import VARIABLE
 from rig.library.place import VARIABLE as INDEX_VARIABLE
@@ -33,6 +34,11 @@ LONGEST_FIRST = (
 """Files that take long and have few tests. A worker takes a whole file: one that begins last is waited for alone."""
 
 
+# An example may take as long as it takes: how long is the machine's affair, and no test's.
+settings.register_profile(
+    "any machine", deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("any machine")
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 """Read when a library is loaded. Workers fill the cores: its threads would wait for each other, a fifth of the time."""
 

@@ -1,4 +1,4 @@
-"""The order in which several cores take the files of the suite."""
+"""The order in which several cores take the files of the suite; and no example that a slow machine fails."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from tests.conftest import LONGEST_FIRST, TESTS, pytest_collection_modifyitems
 
@@ -25,3 +26,9 @@ def test_long_files_come_first_and_no_test_is_lost() -> None:
 def test_workers_keep_that_order(pytestconfig: pytest.Config) -> None:
     """xdist would begin with the files that have the most tests, and end with the long ones that have few."""
     assert getattr(pytestconfig.option, "loadscopereorder", False) is False
+
+
+def test_an_example_may_take_as_long_as_it_takes() -> None:
+    assert settings.default is not None
+    assert settings.default.deadline is None
+    assert HealthCheck.too_slow in settings.default.suppress_health_check

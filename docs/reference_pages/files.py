@@ -92,7 +92,7 @@ def _origins() -> Iterable[str]:
 
 
 def _section(name: str, kind: Any) -> Iterable[str]:
-    from model.gear import allowed_range, is_unknown
+    from model.sections import allowed_range, is_unknown
 
     yield f"\n## {name}\n"
     yield plain((kind.__doc__ or "").partition("\n")[0])

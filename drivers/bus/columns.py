@@ -114,9 +114,8 @@ class ColumnDecoder:
             elif column.kind == "count":
                 outside = self._outside(raw[:, column.field], column)
                 flags[outside] |= np.uint16(CycleFlag.SIGNAL_ERROR)
-                counts[:, i] = self._unwrappers[i].unwrap(
-                    raw[:, column.field], (paired & _DOUBTFUL == 0) & ~outside
-                )
+                trusted = (paired & _DOUBTFUL == 0) & ~outside
+                counts[:, i] = self._unwrappers[i].unwrap(raw[:, column.field], trusted)
             elif column.kind == "latch":
                 counts[:, i] = self._latch(raw, counts, column)
             elif column.lines is not None:
@@ -128,10 +127,14 @@ class ColumnDecoder:
                     counts[:, i] &= column.analog.value_mask
         self._mark(raw, bad, counts, flags, self._elapsed(sent, doubt, len(raw)))
         if absent is not None and absent.any():
-            for slot, mark in enumerate(self._stale_marks):
-                flags[(absent >> slot & 1) != 0] |= np.uint16(mark)
+            self._mark_stale(absent, flags)
         self._remember(counts)
         return counts
+
+    def _mark_stale(self, absent: NDArray[np.int64], flags: NDArray[np.uint16]) -> None:
+        """Mark the channels of the slots without a frame."""
+        for slot, mark in enumerate(self._stale_marks):
+            flags[(absent >> slot & 1) != 0] |= np.uint16(mark)
 
     def pause(self) -> None:
         """The SYNC has stood while the shaft did: the time until the next one is nobody's chance to turn."""
@@ -201,11 +204,10 @@ class ColumnDecoder:
     def _row_latch(self, raw: list[int], counts: list[int], column: Column) -> int:
         counter = self.columns[column.of]
         latched, modulus = raw[column.field], counter.channel.modulus
-        is_seen = (
-            raw[column.seen_fields[0][0]] & column.seen_fields[0][1]
-            if column.seen_fields
-            else latched
-        )
+        is_seen = latched
+        if column.seen_fields:
+            field, mark = column.seen_fields[0]
+            is_seen = raw[field] & mark
         if not is_seen:
             return 0
         return counts[column.of] + _wrapped(latched - raw[counter.field], modulus)

@@ -122,11 +122,9 @@ class FrameLayout:
         self, buffer: bytes | bytearray | memoryview, rows: int
     ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
         """Raw counts (rows, fields) and where a number is none (NaN, infinite, too large): there the count is 0."""
-        records = (
-            np.frombuffer(buffer, dtype=self._dtype, count=rows)
-            if rows
-            else np.empty(0, dtype=self._dtype)
-        )
+        records = np.empty(0, dtype=self._dtype)
+        if rows:
+            records = np.frombuffer(buffer, dtype=self._dtype, count=rows)
         counts = np.empty((rows, len(self.fields)), dtype=np.int64)
         bad = np.zeros((rows, len(self.fields)), dtype=bool)
         for column, field in enumerate(self.fields):

@@ -1,4 +1,3 @@
-# pyright: standard
 """The CAN bus that its owner pumps: opening it, sending, dispatching by COB-ID, NMT, heartbeats both ways, emergencies.
 
 There is no thread and no notifier. Whoever owns the bus calls `receive`, and the same call sends the computer's own
@@ -71,7 +70,7 @@ class BusConfig:
     interface: str = "socketcan"
     channel: str | int | None = "can0"
     bit_rate: int = 1_000_000
-    arguments: Mapping[str, object] = field(default_factory=dict)
+    arguments: Mapping[str, object] = field(default_factory=dict[str, object])
     stamps: TimeBase | None = None
     own_node_id: int = 127
 

@@ -184,11 +184,9 @@ def read_pdo(device: RemoteDevice, number: int, *, is_transmit: bool) -> MappedP
     except SdoAbortError:
         return None
     entries = _whole_bytes(device, words)
-    return (
-        None
-        if entries is None
-        else MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, entries)
-    )
+    if entries is None:
+        return None
+    return MappedPdo(device.node_id, is_transmit, number, cob_id & 0x7FF, kind, entries)
 
 
 def _write_longest(

@@ -303,11 +303,9 @@ class RigNodes:
             seen = tuple((at, mask if at >= 0 else 0) for at, mask in pairs)
         elif source.seen is not None:
             seen = ((field_of(source.seen[0], source.seen[1]), source.seen[2]),)
-        own = (
-            field_of(source.node_id, source.entry, source.quantum)
-            if source.entry is not None
-            else -1
-        )
+        own = -1
+        if source.entry is not None:
+            own = field_of(source.node_id, source.entry, source.quantum)
         return Column(
             channel=source.channel,
             kind=source.kind,

@@ -28,6 +28,7 @@ from drivers.bus.frames import CycleStore
 from drivers.bus.letting_go import command_once, let_go
 from drivers.bus.listening import listen_for_masters, listening_time_ns
 from drivers.bus.network import Pump, PumpedBus, RawBus, TimeBase
+from drivers.bus.pace import Pace
 from drivers.bus.request_line import RequestLine
 from drivers.bus.rig_config import CanRigConfig
 from drivers.bus.rig_nodes import RigNodes
@@ -289,7 +290,7 @@ class CanSegment:
         self._statistics = AcquisitionStatistics(self._config.cycle_ns)
         self._mode = Mode.OFF
         self._first_cycle = 0
-        self._due_ns: int | None = None
+        self._pace = Pace(self._config, self._clock, self._store, self._decoder, self._statistics)
         self._echo_stamp = self._errors_seen = 0
         self._silence = Silence(self._store, bus.emit)
         self._sync_time = SyncTime(bus.time_base, self._config.stamp_wrap_ns)
@@ -303,7 +304,6 @@ class CanSegment:
             ),
         )
         nodes.drive.find(nodes.layout)
-        self._pause_pending = False
         self._line = RequestLine(bus, nodes.places(self._store.is_absent), nodes.drive)
         self._lost = None
         bus.sample_time_ns = self._event_time
@@ -361,8 +361,9 @@ class CanSegment:
         drive = self._opened().drive
 
         def turn() -> int:
-            if self._due_ns is None or self._clock.monotonic_ns() < self._due_ns:
-                return self._due_ns or 1 << 62
+            due = self._pace.due_ns
+            if due is None or self._clock.monotonic_ns() < due:
+                return due or 1 << 62
             bus.while_waiting = None
             try:
                 self._store.begin_block(1)
@@ -379,18 +380,20 @@ class CanSegment:
         finally:
             bus.while_waiting = None
             if self._sync_time.cycles > cycles:
-                self._statistics.pause()
-                self._decoder.pause()
+                self._pace.pause()
 
     def _pause(self) -> None:
         """Something goes by SDO between two cycles: time passes, and what an RPDO keeps may be another value then."""
-        self._pause_pending = True
-        self._opened().drive.paused()
+        drive = self._opened().drive
+        self._pace.is_pause_pending = True
+        drive.paused()
 
     def _cycle(self, commands: Sequence[bytes], row: int) -> Cycle:
         """One SYNC cycle with these frames before it."""
         bus, line = self._live_bus(), self._line
-        self._wait_for_turn(bus, row)
+        if row == 0:
+            self._host_rows: list[int] = []
+        self._pace.wait_for_turn(bus, is_first_row=row == 0, is_active=self._mode in _ACTIVE)
         if self._mode in _ACTIVE and self._waking.has_slept():
             commands = [data for _, data in command_once(self._opened().drive, Mode.QUICK_STOP)]
             self._was_enabled = False
@@ -404,7 +407,7 @@ class CanSegment:
         # Set-points go out before the SYNC that makes them act: target[k] acts from SYNC k.
         for pdo, data in zip(self._opened().drive.commands, commands, strict=bool(commands)):
             bus.send(pdo.cob_id, data)
-        patience = self._patience(is_first=not self._first_cycle and not row)
+        patience = self._pace.patience(is_first=not self._first_cycle and not row)
         self._echo_stamp = 0
         self._store.begin_cycle(strangers.echoes)
         sent = self._clock.monotonic_ns()
@@ -415,7 +418,7 @@ class CanSegment:
             self.on_sync()
         if line is not None and line.is_busy:
             line.turn(self._first_cycle + row)
-        self._collect(bus, sent, patience)
+        self._pace.collect(bus, sent, patience)
         latency = self._clock.monotonic_ns() - sent
         flags = self._store.end_cycle()
         stamp, is_host = self._sync_time.of_cycle(
@@ -430,49 +433,6 @@ class CanSegment:
             bus.check_heartbeats()
         times = self._sync_time
         return Cycle(stamp, latency, flags, times.sync_ns, times.doubt(latency))
-
-    def _wait_for_turn(self, bus: PumpedBus, row: int) -> None:
-        if row == 0:
-            self._host_rows: list[int] = []
-        now = self._clock.monotonic_ns()
-        if self._due_ns is None:
-            self._due_ns = now
-        late = now - self._due_ns
-        if late > self._config.cycle_ns // 2:
-            stands = self._mode not in _ACTIVE and late > self._config.cycle_ns
-            if row == 0 and (self._pause_pending or stands):
-                self._statistics.pause()
-                self._decoder.pause()
-            else:
-                # A block that is begun late is late like any other cycle.
-                self._statistics.overruns += 1
-            # No catching up: two SYNCs in quick succession would be a jump of the set-point to the drive.
-            self._due_ns = now
-        self._pause_pending = False
-        while self._clock.monotonic_ns() < self._due_ns:
-            bus.receive(self._due_ns)
-        # What still lies in the queue belongs to earlier cycles and must be paired before a new one begins.
-        bus.drain()
-        self._due_ns += self._config.cycle_ns
-
-    def _patience(self, *, is_first: bool) -> int:
-        if is_first:
-            return max(self._config.first_patience_ns, self._config.cycle_ns)
-        if self._store.is_silent:
-            # It has been waited for in full twice: do not slow everybody else down any more.
-            return self._config.cycle_ns
-        return round(self._config.patience_cycles * self._config.cycle_ns)
-
-    def _collect(self, bus: PumpedBus, sent: int, patience: int) -> None:
-        """Pump until the cycle is complete or the patience is over."""
-        store, clock = self._store, self._clock
-        while not store.has_all and clock.monotonic_ns() < sent + patience:
-            bus.receive(sent + patience)
-        if store.has_all and store.is_owed:
-            settled = sent + round(patience * self._config.settle_factor)
-            while store.is_owed and clock.monotonic_ns() < settled:
-                bus.receive(settled)
-            store.forgive()
 
     def trouble(self, row: int, flags: int) -> Break | None:
         """The onset of something that the guard cannot see: an emergency, a lost node, the drive dropping out."""

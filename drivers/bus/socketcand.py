@@ -1,4 +1,3 @@
-# pyright: standard
 """python-can's socketcand client with what it lacks: a hub that is not there, silent or gone is said at once.
 
 The client of python-can tries for ten seconds to reach a hub, waits for its answers without end,
@@ -16,8 +15,10 @@ from typing import Any, Final
 from drivers.python_can import can, without_log_files
 
 with without_log_files():
-    from can.interfaces.socketcand import SocketCanDaemonBus
+    from can.interfaces import socketcand
 
+_Client: type[can.BusABC] = vars(socketcand)["SocketCanDaemonBus"]
+"""The client of python-can, which says nothing of its types."""
 _GREETING: Final = b"< hi >"
 _ANSWER_TIMEOUT: Final = 3.0
 """Seconds that a hub has to greet, and to open the channel."""
@@ -26,7 +27,7 @@ _SEND_TIMEOUT: Final = 0.5
 """Seconds that a frame may wait for a hub that takes nothing any more."""
 
 
-class SocketcandBus(SocketCanDaemonBus):
+class SocketcandBus(_Client):
     """A client of a socketcand hub. Raises `can.CanError` or `OSError` when it cannot connect, and
     when the hub is gone.
     """
@@ -38,7 +39,7 @@ class SocketcandBus(SocketCanDaemonBus):
         logging.getLogger("can.interfaces.socketcand").setLevel(logging.CRITICAL)
         _require_greeting(host, int(port))
         try:
-            super().__init__(channel, host, int(port), **options)
+            super().__init__(channel, host=host, port=int(port), **options)
         except (can.CanError, OSError):
             self._line.close()
             self._is_shutdown = True

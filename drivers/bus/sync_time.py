@@ -49,11 +49,9 @@ class SyncTime:
 
     def now(self, monotonic_ns: int, calendar_ns: int) -> int:
         """This instant in the base of the samples; the calendar's before the first."""
-        return (
-            calendar_ns
-            if self._last_ns is None
-            else self._last_ns + monotonic_ns - self._last_sent_ns
-        )
+        if self._last_ns is None:
+            return calendar_ns
+        return self._last_ns + monotonic_ns - self._last_sent_ns
 
     def doubt(self, latency_ns: int) -> int:
         """How much later than `sync_ns` the devices may have heard the latest SYNC [ns]: their answer was there after
@@ -81,11 +79,7 @@ class SyncTime:
             return echo_ns or calendar_ns, True
         stamp = echo_ns or min((s for s in frames_ns if s), default=0)
         if not stamp:
-            return (
-                calendar_ns
-                if self._last_ns is None
-                else self._last_ns + sent_ns - self._last_sent_ns
-            ), True
+            return self.now(sent_ns, calendar_ns), True
         stamp += self._wraps * self._wrap_ns
         if (
             self._wrap_ns

@@ -1,4 +1,3 @@
-# pyright: standard
 """A HEIDENHAIN ND 287 readout on a serial line: asked by STX, answered by one line of 17 characters.
 
     sign(1) number(10) blank(1) unit(1) class(1) mode(1) CR LF
@@ -29,11 +28,7 @@ from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataErro
 STX, ACK, NAK, ESC = b"\x02", b"\x06", b"\x15", b"\x1b"
 LINE_LENGTH: Final = 17
 _MS: Final = 1_000_000
-LINE_ERRORS: Final[tuple[type[Exception], ...]] = (
-    serial.SerialException,
-    OSError,
-    _termios_error,
-)
+LINE_ERRORS: tuple[type[Exception], ...] = (serial.SerialException, OSError, _termios_error)
 _LONGEST_ANSWER: Final = 256
 _MOST_EMPTY_LINES: Final = 200
 """The output tail can be set to 99 empty lines."""
@@ -195,11 +190,9 @@ def open_port(config: ReadoutConfig, *, waits: bool = True) -> SerialPort:
             # A pseudo-terminal keeps neither parity nor data bits, and refuses settings of which
             # nothing else is new, as when it is opened a second time: with other stop bits in
             # between there is something new.
-            other = (
-                serial.STOPBITS_ONE
-                if config.stop_bits != serial.STOPBITS_ONE
-                else serial.STOPBITS_TWO
-            )
+            other = serial.STOPBITS_ONE
+            if config.stop_bits == serial.STOPBITS_ONE:
+                other = serial.STOPBITS_TWO
             _opened(replace(config, data_bits=8, parity="N", stop_bits=other), waits).close()
             return _opened(config, waits)
     except ValueError as error:

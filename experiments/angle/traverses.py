@@ -1,4 +1,3 @@
-# pyright: standard
 """Traversees of a recording without segments: where the input turns one way, found from the angle itself.
 
 Recordings of this program carry segments, and those are used. One that was imported does not: here
@@ -8,10 +7,13 @@ revolution after each reversal is left out (wind-up).
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from experiments.evidence import BAD_CYCLE
 from experiments.recording import Recording, Segment
+from model.arrays import FloatArray, IntArray
 from model.units import REVOLUTION
 
 PIECES = 20000
@@ -31,51 +33,59 @@ def traverses_of(
     if len(starts) == 0:
         return ()
     edges = _angles(recording, np.append(starts, starts[-1] + size - 1))
+    segments: list[Segment] = []
+    repeats = {1: 0, -1: 0}
+    for begin, end, sense in _stretches(recording, edges):
+        trimmed = _trimmed(
+            recording,
+            edges,
+            starts=starts,
+            begin=begin,
+            end=end,
+            size=size,
+            sense=sense,
+            approach=approach,
+        )
+        if trimmed is None:
+            continue
+        start, stop, speed = trimmed
+        segments.append(
+            Segment(
+                index=len(segments),
+                label=label,
+                start=start,
+                stop=stop,
+                setpoint=speed,
+                direction=sense,
+                repeat=repeats[sense],
+            )
+        )
+        repeats[sense] += 1
+    return tuple(segments)
+
+
+def _stretches(recording: Recording, edges: FloatArray) -> Iterator[tuple[int, int, int]]:
+    """First piece, the piece after the last, and the sense of every run of pieces that turn one way; `edges` are the
+    input angles [rad] at which pieces begin.
+    """
     moved = np.diff(edges)
     still = max(
         3.0 * recording.signals["input_angle"].quantum, 1e-4 * float(np.abs(moved).max(initial=0.0))
     )
     direction = np.where(np.abs(moved) > still, np.sign(moved), 0.0).astype(int)
-    segments: list[Segment] = []
     begin = 0
-    repeats = {1: 0, -1: 0}
     for end in range(1, len(direction) + 1):
         if end < len(direction) and direction[end] == direction[begin]:
             continue
-        sense = int(direction[begin])
-        if sense != 0:
-            segment = _trimmed(
-                recording,
-                edges,
-                starts=starts,
-                begin=begin,
-                end=end,
-                size=size,
-                sense=sense,
-                approach=approach,
-            )
-            if segment is not None:
-                start, stop, speed = segment
-                segments.append(
-                    Segment(
-                        index=len(segments),
-                        label=label,
-                        start=start,
-                        stop=stop,
-                        setpoint=speed,
-                        direction=sense,
-                        repeat=repeats[sense],
-                    )
-                )
-                repeats[sense] += 1
+        if direction[begin] != 0:
+            yield begin, end, int(direction[begin])
         begin = end
-    return tuple(segments)
 
 
 def _trimmed(
     recording: Recording,
-    edges: np.ndarray,
-    starts: np.ndarray,
+    edges: FloatArray,
+    starts: IntArray,
     begin: int,
     end: int,
     size: int,
@@ -94,19 +104,19 @@ def _trimmed(
     return start, stop, speed
 
 
-def _angles(recording: Recording, rows: np.ndarray) -> np.ndarray:
+def _angles(recording: Recording, rows: IntArray) -> FloatArray:
     """The input angle [rad] at these ascending rows; an unusable cycle takes the usable one before it."""
     out = np.empty(len(rows))
     last = 0.0
     for part in recording.blocks(size=1 << 17):
-        low, high = np.searchsorted(rows, [part.start, part.stop])
+        low, high = np.searchsorted(rows, [part.start, part.stop]).tolist()
         if low == high:
             continue
         angle = recording.si("input_angle", part)
         good = np.flatnonzero((recording.flags(part) & BAD_CYCLE) == 0)
-        at = np.searchsorted(good, rows[low:high] - part.start, side="right") - 1
-        out[low:high] = (
-            np.where(at >= 0, angle[good[np.maximum(at, 0)]], last) if len(good) else last
-        )
+        out[low:high] = last
+        if len(good):
+            at = np.searchsorted(good, rows[low:high] - int(part.start), side="right") - 1
+            out[low:high] = np.where(at >= 0, angle[good[np.maximum(at, 0)]], last)
         last = float(out[high - 1])
     return out

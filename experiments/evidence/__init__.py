@@ -7,13 +7,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.contract import Evidence
 from experiments.errors import AnalysisError, SettingError
-from experiments.recording import Recording, Segment
+from experiments.recording import Recording, Segment, mapping_of
 from model.units import ARCSEC
 
 BAD_CYCLE = 1 | 8 | 16 | 32
@@ -92,6 +93,11 @@ def check_recording(
     return Checked(cycles, missed, tuple(warnings))
 
 
+def quality_remarks(recording: Recording, purpose: str, evidence: Evidence) -> list[str]:
+    """What must be said of a recording that can be used; raises as `check_recording`."""
+    return list(check_recording(recording, purpose, evidence.maximum_missed_share).warnings)
+
+
 def _refuse_polled(recording: Recording, purpose: str) -> None:
     """Values that were taken at times of their own are no half of a pair."""
     signals = recording.signals
@@ -130,12 +136,7 @@ def _unrecorded(recording: Recording) -> int:
 
 def _acquisition(recording: Recording, name: str) -> Mapping[str, Any]:
     """A group of the figures that the run file keeps of its acquisition; empty where it keeps none."""
-    return _mapping(_mapping(recording.metadata.process.get("acquisition")).get(name))
-
-
-def _mapping(content: object) -> Mapping[str, Any]:
-    """What a file says where it should say an object; empty where it does not."""
-    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}
+    return mapping_of(mapping_of(recording.metadata.process.get("acquisition")).get(name))
 
 
 def _index_remarks(recording: Recording) -> list[str]:
@@ -144,7 +145,7 @@ def _index_remarks(recording: Recording) -> list[str]:
     """
     remarks: list[str] = []
     for name, counts in _acquisition(recording, "index_marks").items():
-        worst = _mapping(counts).get("worst_excess", 0)
+        worst = mapping_of(counts).get("worst_excess", 0)
         if isinstance(worst, (int, float)) and abs(worst) > _MARK_REPEATABILITY:
             remarks.append(
                 f"{name}: counts between index marks were off by up to {abs(worst):g}: its "
@@ -157,7 +158,7 @@ def skew_remark(recording: Recording) -> list[str]:
     """What the skew between the encoders makes of the fastest set-point, where it is more than a
     count of the output encoder.
     """
-    value = _mapping(_acquisition(recording, "skew").get("encoder_skew")).get("value")
+    value = mapping_of(_acquisition(recording, "skew").get("encoder_skew")).get("value")
     output = recording.signals.get("output_angle")
     if not isinstance(value, (int, float)) or output is None or not output.quantum > 0.0:
         return []
@@ -181,6 +182,16 @@ def skew_remark(recording: Recording) -> list[str]:
         f"The output is latched {1e6 * value:.1f} us after the input (skew and viscous wind-up together): "
         f"{angle / ARCSEC:.2g} arcsec at the fastest set-point, in opposite senses in the two directions."
     ]
+
+
+def require_bare_motor(recording: Recording, protocol: str, because: str) -> None:
+    """Raise `AnalysisError` for a run with a gear, of which a protocol of the bare motor can make nothing."""
+    if recording.metadata.gear_mounted:
+        raise AnalysisError(
+            f"the run was made with a gear mounted: {because}",
+            where=recording.metadata.run_id,
+            remedy=f"Remove the gear and run {protocol}.",
+        )
 
 
 def require_time_base(recording: Recording, purpose: str) -> None:

@@ -103,11 +103,10 @@ def concluded(result: Result, checks: tuple[Finding, ...], recorded: Recorded) -
 def _beside_bounds(estimates: dict[str, Estimate], result: Result) -> dict[str, Estimate]:
     """The estimates, none of them called identified that hangs on a parameter at its bound."""
     notes = _notes_of_bounds(result)
-    return {
+    return estimates | {
         name: _weakly(estimate, notes[stem])
-        if (stem := name.partition(REFERENCE)[0]) in notes and estimate.identifiable == "yes"
-        else estimate
         for name, estimate in estimates.items()
+        if (stem := name.partition(REFERENCE)[0]) in notes and estimate.identifiable == "yes"
     }
 
 
@@ -197,11 +196,9 @@ def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
 def _not_on_assumed(estimate: Estimate) -> Estimate:
     """The estimate, "weakly" where most of its U is of values that nobody stated."""
     unsaid = rests_on(estimate)
-    return (
-        _weakly(estimate, "; ".join(n for n in (estimate.note, unsaid) if n))
-        if unsaid
-        else estimate
-    )
+    if not unsaid:
+        return estimate
+    return _weakly(estimate, "; ".join(n for n in (estimate.note, unsaid) if n))
 
 
 def _order(member: str) -> float | None:

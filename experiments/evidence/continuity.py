@@ -40,13 +40,11 @@ def continuity(recorded: Recorded) -> Finding:
             stored = stored[at]
             if len(stored) < 3:
                 continue
-            excess, what = (
-                _torque(stored)
-                if name == recorded.torque
-                else _angle(
-                    stored, np.diff(at), abs(hold.input_travel), _beside(recorded, name, rows, at)
-                )
-            )
+            if name == recorded.torque:
+                excess, what = _torque(stored)
+            else:
+                beside = _beside(recorded, name, rows, at)
+                excess, what = _angle(stored, np.diff(at), abs(hold.input_travel), beside)
             if excess > worst:
                 worst = excess
                 text = f"{name} {what} ({hold.segment.label} {hold.segment.index})"

@@ -183,15 +183,15 @@ class Recorded:
         if len(good) < 3 or not recording.has("input_angle"):
             return None
         first, last = (slice(row, row + 1) for row in (rows.start + good[[0, -1]]).tolist())
-        has_output = recording.has("output_angle") and recording.metadata.gear_mounted
-        sense = recording.metadata.output_sense
+        output_travel = math.nan
+        if recording.has("output_angle") and recording.metadata.gear_mounted:
+            sense = recording.metadata.output_sense
+            output_travel = sense * _change(recording.si, "output_angle", first, last)
         return Hold(
             segment=segment,
             duration=float(recording.time(last)[0] - recording.time(first)[0]),
             input_travel=_change(recording.si, "input_angle", first, last),
-            output_travel=sense * _change(recording.si, "output_angle", first, last)
-            if has_output
-            else math.nan,
+            output_travel=output_travel,
             torque=self._mean(self.torque, rows, good) - self.zero,
             drive_torque=self._mean("drive_torque", rows, good),
             rows=len(flags),

@@ -101,13 +101,14 @@ def encoders_against_ratio(recorded: Recorded) -> Finding:
     if doubt > _RATIO_NEEDED:
         return not_checked(f"the output turned only {inner / ratio:.2g} rad")
     seen = inner / outer if outer else math.inf
+    consequence = _RATIO_NOT_STATED
+    if math.isfinite(recording.metadata.ratio):
+        consequence = "the encoders show another ratio than the one stated"
     return refused_beyond(
         abs(seen - ratio) > _RATIO_TOLERANCE + doubt,
         f"{seen:.5g} input revolutions per output revolution",
         f"{ratio:g} ± {_RATIO_TOLERANCE + doubt:.2g}",
-        "the encoders show another ratio than the one stated"
-        if math.isfinite(recording.metadata.ratio)
-        else _RATIO_NOT_STATED,
+        consequence,
     )
 
 

@@ -193,11 +193,8 @@ def _torque_skew(recording: Recording, interval: float, needed: float) -> Estima
             continue
         port.append(recording.si("torque", rows))
         drive.append(recording.si("drive_torque", rows))
-    starts = (
-        np.cumsum([0, *(len(piece) for piece in port[:-1])]).astype(np.int64)
-        if port
-        else np.empty(0, np.int64)
-    )
+    lengths = [len(piece) for piece in port]
+    starts = np.cumsum([0, *lengths], dtype=np.int64)[: len(port)]
     quantum = recording.signals["drive_torque"].quantum
     return torque_skew(_joined(drive), _joined(port), interval, needed, starts, quantum)
 

@@ -175,11 +175,9 @@ def port_against_drive(recorded: Recorded) -> Finding:
         f"1 ± {apart:.2g}, {1e3 * allowed:.2g} mN m",
         "the torque port and the torque that the drive reports are not the same torque",
     )
-    return (
-        replace(finding, follows=_instruments(recorded))
-        if finding.severity is Severity.PASSED
-        else finding
-    )
+    if finding.severity is not Severity.PASSED:
+        return finding
+    return replace(finding, follows=_instruments(recorded))
 
 
 def _instruments(recorded: Recorded) -> str:

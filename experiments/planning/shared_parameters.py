@@ -50,3 +50,18 @@ Approach = Annotated[
     Unit("rev"),
     Help("input revolutions discarded after each reversal (wind-up)"),
 ]
+HighestSpeed = Annotated[float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")]
+Points = Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")]
+Speeds = Annotated[
+    tuple[float, ...],
+    Gt(0.0),
+    Le(10000.0),
+    Unit("r/min"),
+    Help("speeds to run instead of the list above"),
+]
+MeasureTime = Annotated[
+    float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
+]
+SettleTime = Annotated[
+    float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
+]

@@ -5,12 +5,12 @@ usual ones that is there; and what the import states of it.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from experiments.errors import AnalysisError
-from experiments.recording import Recording
+from experiments.recording import Recording, mapping_of
 from model.arrays import FloatArray
 
 
@@ -40,12 +40,12 @@ def chosen_channel(
 
 def stated(recording: Recording) -> Mapping[str, Any]:
     """What the import states of the device."""
-    return _mapping(recording.metadata.process.get("stated"))
+    return mapping_of(recording.metadata.process.get("stated"))
 
 
 def stated_lag(recording: Recording, name: str) -> float | None:
     """By how many seconds a channel is late, as the import states it; None where nobody does."""
-    lags = _mapping(stated(recording).get("lag_s"))
+    lags = mapping_of(stated(recording).get("lag_s"))
     return float(lags[name]) if name in lags else None
 
 
@@ -55,8 +55,3 @@ def brought_forward(
     """A channel (n,) at the times (n,) [s] at which it was, its stated lag taken off; its ends stay as they are."""
     lag = stated_lag(recording, name)
     return values if not lag else np.interp(time + lag, time, values)
-
-
-def _mapping(content: object) -> Mapping[str, Any]:
-    """What a file says where it should say an object; empty where it does not."""
-    return cast(Mapping[str, Any], content) if isinstance(content, Mapping) else {}

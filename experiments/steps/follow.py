@@ -116,10 +116,7 @@ class FollowTable(Motion):
         if self.speed == 0.0:
             raise at.refusal("a table cannot be followed at standstill", "0 r/min")
         nominal = self.revolutions * REVOLUTION / abs(self.speed)
-        if nominal > self.at_most:
-            raise at.refusal(
-                f"takes longer than its own limit of {self.at_most:g} s", f"{nominal:.4g} s"
-            )
+        at.require_within(nominal, self.at_most)
         first, second = self._correction.steepness
         if self.fade:
             # (f c)' = f' c + f c',   (f c)'' = f'' c + 2 f' c' + f c''

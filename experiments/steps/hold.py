@@ -48,10 +48,7 @@ class HoldRevolutions(Motion):
         if at.setpoint == 0.0:
             raise at.refusal("revolutions cannot be counted at standstill", "0 r/min")
         nominal = self.revolutions * REVOLUTION / abs(at.setpoint)
-        if nominal > self.at_most:
-            raise at.refusal(
-                f"takes longer than its own limit of {self.at_most:g} s", f"{nominal:.4g} s"
-            )
+        at.require_within(nominal, self.at_most)
         net = math.copysign(self.revolutions * REVOLUTION, at.setpoint)
         return at.forecast(nominal, self.at_most, net=net)
 

@@ -227,6 +227,13 @@ class Situation:
             **values,
         )
 
+    def require_within(self, nominal: float, at_most: float) -> None:
+        """Raise `PlanError` for a step that takes longer [s] than its own limit."""
+        if nominal > at_most:
+            raise self.refusal(
+                f"takes longer than its own limit of {at_most:g} s", f"{nominal:.4g} s"
+            )
+
     def refusal(self, what: str, value: str) -> PlanError:
         """The error of a step that is impossible here."""
         return PlanError(what, where=f"step {self.index + 1} ({self.what})", value=value)

@@ -85,10 +85,7 @@ class Move(Motion):
         brake = stopping_distance(speed, self.acceleration, at.period)
         cruise = max(abs(distance) - 2.0 * brake, 0.0) / speed
         nominal = 2.0 * up + cruise + cycles_of(_STAND_TIME, at.period) * at.period
-        if nominal > self.at_most:
-            raise at.refusal(
-                f"takes longer than its own limit of {self.at_most:g} s", f"{nominal:.4g} s"
-            )
+        at.require_within(nominal, self.at_most)
         return at.forecast(
             nominal,
             self.at_most + up + _STAND_TIME,

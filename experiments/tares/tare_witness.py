@@ -240,12 +240,9 @@ def stray_point(tare: Tare) -> tuple[float, float, float] | None:
     worst = int(np.argmax(np.abs(away)))
     rest = float(np.delete(np.abs(away), worst).max())
     least = max(STRAY_SHARE * abs(float(torque.mean())), STRAY_RATIO * rest)
-    is_inside = 0 < worst < len(speed) - 1
-    return (
-        (float(speed[worst]), float(away[worst]), rest)
-        if is_inside and abs(away[worst]) > least
-        else None
-    )
+    if not 0 < worst < len(speed) - 1 or not abs(away[worst]) > least:
+        return None
+    return float(speed[worst]), float(away[worst]), rest
 
 
 def off_its_own_line(tare: Result) -> float:

@@ -1,4 +1,3 @@
-# pyright: standard
 """The torque's pattern over the input revolution, per direction: what both directions share and what turns its sign.
 
 half-difference of the directions = friction that varies with the angle (and the wedge reaction F_b
@@ -72,7 +71,7 @@ def direction_patterns(
     Angles count from `reference` [rad]. Streaming: memory does not grow with the run.
     """
     chosen = list(segments)
-    patterns = []
+    patterns: list[TorquePattern] = []
     for direction in (1, -1):
         parts = [
             part
@@ -141,11 +140,11 @@ def _pattern(
 
 def _pooled(parts: list[tuple[float, ComplexArray, float]]) -> TorquePattern:
     """Mean over traverses; the error from their scatter, from the noise within bins where there is one stretch only."""
-    amplitudes = np.array([part[1] for part in parts])
+    amplitudes: ComplexArray = np.array([part[1] for part in parts])
     mean = float(np.mean([part[0] for part in parts]))
     noise = math.sqrt(sum(part[2] ** 2 for part in parts)) / len(parts)
     if len(parts) == 1:
-        return TorquePattern(mean, amplitudes[0], np.full(amplitudes.shape[1], noise), 1)
+        return TorquePattern(mean, amplitudes[0], np.full(len(amplitudes[0]), noise), 1)
     n = len(parts)
     spread = np.sqrt(
         0.5 * (amplitudes.real.var(axis=0, ddof=1) + amplitudes.imag.var(axis=0, ddof=1)) / n

@@ -1,4 +1,3 @@
-# pyright: standard
 """Running torques of a recording: one per segment at constant speed, averaged over whole input revolutions.
 
 The averaging itself is `model.identify.running_torque`; here segments are found, cut from the recording and zeroed.
@@ -53,7 +52,7 @@ def measured_holds(
             )
         except IdentificationError as error:
             unused.append(f"{segment.label} {segment.index} ({error.what})")
-    warnings = []
+    warnings: list[str] = []
     if unused:
         few = ", ".join(unused[:3]) + (" ..." if len(unused) > 3 else "")
         warnings.append(f"{len(unused)} segments were left out: {few}.")
@@ -68,11 +67,9 @@ def _average(
     good = usable(recording, rows)
     time = recording.time(rows)[good]
     torque = recording.si(channel, rows)[good] - zero.at(time)
-    temperature = (
-        float(np.mean(recording.si(TEMPERATURE, rows)[good]))
-        if recording.has(TEMPERATURE)
-        else math.nan
-    )
+    temperature = math.nan
+    if recording.has(TEMPERATURE):
+        temperature = float(np.mean(recording.si(TEMPERATURE, rows)[good]))
     return average_torque(
         time, recording.si("input_angle", rows)[good], torque, temperature=temperature
     )

@@ -1,4 +1,3 @@
-# pyright: standard
 """The zero of the torque port: mean over servo-off segments before and after the run, and its drift in between.
 
 Only with the power stage off is nothing held: servo-on at standstill reads whatever stiction holds.
@@ -117,7 +116,8 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
 
 
 def _mean_zero(recording: Recording, segments: tuple[Segment, ...], channel: str) -> Zero | None:
-    values, times = [], []
+    values: list[FloatArray] = []
+    times: list[FloatArray] = []
     for segment in segments:
         start = segment.start + int(SETTLED_SHARE * (segment.stop - segment.start))
         rows = slice(start, segment.stop)

@@ -8,6 +8,7 @@ wrong line of a table.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -44,13 +45,7 @@ class Contradiction:
 
     def as_json(self) -> dict[str, str]:
         """Name, place, value, expectation, remedy."""
-        return {
-            "name": self.name,
-            "where": self.where,
-            "value": self.value,
-            "expected": self.expected,
-            "remedy": self.remedy,
-        }
+        return dataclasses.asdict(self)
 
 
 def contradictions(gear: HarmonicDrive) -> tuple[Contradiction, ...]:

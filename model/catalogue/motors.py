@@ -90,12 +90,34 @@ def motor_contradictions(motor: ServoMotor) -> tuple[Contradiction, ...]:
 
 def _contradictions(motor: ServoMotor) -> Iterator[Contradiction]:
     units = {f.name: f.metadata["unit"] for f in dataclasses.fields(motor) if f.metadata}
+    for name, field, low, high, of, remedy in _proportions(motor):
+        value, unit = getattr(motor, field), units[field]
+        if not low <= value / of <= high:
+            yield Contradiction(
+                name,
+                f"motor.{field}",
+                f"{value:.4g} {unit}",
+                f"{low * of:.4g} to {high * of:.4g} {unit}",
+                remedy,
+            )
+    friction = motor.coulomb_friction + motor.viscous_friction * motor.rated_speed
+    if friction > 0.3 * motor.rated_torque:
+        yield Contradiction(
+            "friction against rated torque",
+            "motor.coulomb_friction",
+            f"{friction:.4g} N m at rated speed",
+            f"<= {0.3 * motor.rated_torque:.4g} N m, a third of the rated torque",
+            "Check the units of Coulomb and viscous friction.",
+        )
+
+
+def _proportions(motor: ServoMotor) -> tuple[tuple[str, str, float, float, float, str], ...]:
+    """What lies between two multiples of something else: name, number, multiples, what of, and what to check."""
     law = shipped_motor(PATTERN)
     inertia = (
         law.rotor_inertia * (motor.rated_torque / law.rated_torque) ** _POWERS["rotor_inertia"]
     )
-    friction = motor.coulomb_friction + motor.viscous_friction * motor.rated_speed
-    for name, field, low, high, of, remedy in (
+    return (
         (
             "torque constant against rated current",
             "rated_torque",
@@ -136,22 +158,4 @@ def _contradictions(motor: ServoMotor) -> Iterator[Contradiction]:
             inertia,
             "Check its unit: data sheets print 1e-4 kg m2 = kg cm2.",
         ),
-    ):
-        value = getattr(motor, field)
-        if not low <= value / of <= high:
-            unit = units[field]
-            yield Contradiction(
-                name,
-                f"motor.{field}",
-                f"{value:.4g} {unit}",
-                f"{low * of:.4g} to {high * of:.4g} {unit}",
-                remedy,
-            )
-    if friction > 0.3 * motor.rated_torque:
-        yield Contradiction(
-            "friction against rated torque",
-            "motor.coulomb_friction",
-            f"{friction:.4g} N m at rated speed",
-            f"<= {0.3 * motor.rated_torque:.4g} N m, a third of the rated torque",
-            "Check the units of Coulomb and viscous friction.",
-        )
+    )

@@ -27,11 +27,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
 
 from model.catalogue.table import Found, Product, of_product, of_relatives, rows
 from model.errors import ParameterError
-from model.gear import Harmonic, HarmonicDrive, Origin, Section
+from model.gear import Harmonic, HarmonicDrive, Origin
 from model.gear_file import harmonic_path, shipped_gear
 from model.units import ARCMIN
 
@@ -168,17 +167,13 @@ def _conflicts(found: Found) -> str:
 
 def _friction_ratings(product: Product) -> dict[str, tuple[float, Origin]]:
     """Starting and running torque, which the tables of these series do not have, by laws of another maker's size."""
-    starting = _short(9.6e-5 * product.size**2.02 * 100.0 / product.ratio)
-    running = _short(9.7e-6 * product.size**3.08)
+    by_law = _short(9.6e-5 * product.size**2.02 * 100.0 / product.ratio)
+    starting = by_law, Origin("assumed", _STARTING)
     own = of_product(product, "starting_torque")
-    return {
-        "ratings.starting_torque": (
-            (own.row.value, Origin("catalogue", own.row.words))
-            if own is not None
-            else (starting, Origin("assumed", _STARTING))
-        ),
-        "ratings.running_torque": (running, Origin("assumed", RUNNING)),
-    }
+    if own is not None:
+        starting = own.row.value, Origin("catalogue", own.row.words)
+    running = _short(9.7e-6 * product.size**3.08), Origin("assumed", RUNNING)
+    return {"ratings.starting_torque": starting, "ratings.running_torque": running}
 
 
 def _geometry(product: Product, pattern: HarmonicDrive) -> dict[str, tuple[float, Origin]]:
@@ -248,20 +243,8 @@ def _built(
     taken = Origin("assumed", f"as of {pattern.name}, independent of the size")
     origins = {value.path: taken for value in pattern.values()}
     origins |= {path: origin for path, (_, origin) in found.items()}
-    sections: dict[str, dict[str, Any]] = {}
-    for path, (value, _) in found.items():
-        section, _, name = path.partition(".")
-        part = getattr(pattern, section, None)
-        if not isinstance(part, Section) or not hasattr(part, name):
-            raise ParameterError("no such parameter", where=path, remedy="See `rig model`.")
-        sections.setdefault(section, {})[name] = value
-    parts: dict[str, Any] = {
-        section: dataclasses.replace(getattr(pattern, section), **names)
-        for section, names in sections.items()
-    }
-    return dataclasses.replace(
-        pattern, name=str(product), **parts, origins=MappingProxyType(origins)
-    )
+    built = pattern.with_values({path: value for path, (value, _) in found.items()})
+    return dataclasses.replace(built, name=str(product), origins=MappingProxyType(origins))
 
 
 def _with_series(gear: HarmonicDrive, pattern: HarmonicDrive) -> HarmonicDrive:

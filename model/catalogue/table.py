@@ -128,14 +128,14 @@ def rows() -> tuple[Row, ...]:
     """Every row of the table, in SI."""
     return tuple(
         Row(
-            r["series"],
-            int(r["size"]),
-            r["ratio"],
-            r["unit_type"],
-            r["quantity"],
-            to_si(float(r["value"]), r["unit"], read(r["unit"]).si, r["quantity"]),
-            r["conditions"],
-            r["source"],
+            series=r["series"],
+            size=int(r["size"]),
+            ratio=r["ratio"],
+            unit_type=r["unit_type"],
+            quantity=r["quantity"],
+            value=to_si(float(r["value"]), r["unit"], read(r["unit"]).si, r["quantity"]),
+            conditions=r["conditions"],
+            source=r["source"],
         )
         for r in _content("gears.csv")
     )

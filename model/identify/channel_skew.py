@@ -19,7 +19,7 @@ import numpy as np
 from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
-from model.identify.least_squares import LinearFit, solve, student_quantile
+from model.identify.least_squares import LinearFit, closest, solve, student_quantile
 
 SPEED_SPAN = 1.5
 """Largest over smallest speed below which hysteresis and delay cannot be told apart."""
@@ -80,7 +80,7 @@ def fit_skew(pair: Pair, longest: float, unit: str) -> SkewFit:
         BudgetLine("choice of the averaging", "B", abs(other - tau) / math.sqrt(3.0)),
     )
     half = student_quantile(fit.freedom) * deviation
-    skew = Estimate(name="skew", value=tau, unit="s", low=tau - half, high=tau + half, budget=lines)
+    skew = Estimate.about("skew", tau, half, "s", lines)
     gain = _estimate(fit, coarse, 1, "gain", "")
     has_sign = _column_of_sign(narrow) is not None
     hysteresis = _estimate(fit, coarse, 3, "hysteresis", unit) if has_sign else None
@@ -194,7 +194,7 @@ def _column_of_sign(pair: Pair) -> Array | None:
 def _left(pair: Pair, tau: float) -> float:
     """What is left of the second channel at one delay (r.m.s.)."""
     design, observed = _design(pair, tau)
-    values, _, _, _ = np.linalg.lstsq(design, observed, rcond=None)
+    values = closest(design, observed)
     return float(np.std(observed - design @ values))
 
 
@@ -229,7 +229,7 @@ def _delay(pair: Pair, longest: float) -> tuple[LinearFit, float, float]:
     step = float(tries[1] - tries[0]) if len(tries) > 1 else 1.0
     for _ in range(_ITERATIONS):
         design, observed = _design(pair, tau)
-        values, _, _, _ = np.linalg.lstsq(design, observed, rcond=None)
+        values = closest(design, observed)
         change = float(values[2] / values[1]) if values[1] != 0.0 else 0.0
         tau += min(max(change, -step), step)
         if abs(change) < 1e-9:

@@ -1,4 +1,3 @@
-# pyright: standard
 """The coverage factor of a sum of two errors of which one has most of the variance.
 
 Welch and Satterthwaite's formula takes the sum for Student's t. Where one contribution has nearly all of the
@@ -18,7 +17,7 @@ import functools
 import math
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.identify.checks import Array
 from model.identify.distribution import Distribution

@@ -1,4 +1,3 @@
-# pyright: standard
 """What counting does to a kinematic error: aliases of the output lattice, slipped counts, and a
 slope that must not be there.
 
@@ -16,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.errors import IdentificationError
-from model.identify.angle_regression import WHOLE_TURN, AngleFit, Basis, Cells, solve_angle
+from model.identify.angle_fit import WHOLE_TURN, AngleFit, solve_angle
+from model.identify.angle_regression import Basis, Cells
 from model.identify.checks import Array
 from model.units import ARCSEC, REVOLUTION
 
@@ -86,7 +86,7 @@ def lattice_aliases(
     quantiser has harmonics of amplitude quantum/(pi j); a bound, because a kinematic error larger
     than the quantum spreads them.
     """
-    aliases = []
+    aliases: list[Alias] = []
     for j in range(1, harmonics + 1):
         line = j * counts_per_revolution
         folds = round(line / samples_per_revolution)
@@ -314,7 +314,7 @@ def _slip(
     counted = of_output or of_input_too or not math.isfinite(of_input)
     is_whole = abs(size) > _STEP_SIGNIFICANCE * error and counted
     edges = [cells.first_angle + cells.direction * (row + k) * REVOLUTION for k in (-1, 1)]
-    return Slip(min(edges), max(edges), size, error, counts, of_input, is_whole)
+    return Slip(min(edges), max(edges), size, error, counts, of_input, is_whole=is_whole)
 
 
 def ratio_from_slope(ratio: float, slope: float) -> float:
@@ -363,7 +363,7 @@ def slope_sentence(
         f"The kinematic error does not close: {closure / ARCSEC:.3g} arcsec per output revolution (ratio seen "
         f"{ratio_from_slope(ratio, closure / (REVOLUTION * ratio)):.7g} instead of {ratio:g})"
     )
-    parts = []
+    parts: list[str] = []
     if math.isfinite(output_quantum):
         parts.append(f"{closure / output_quantum:.2f} output counts per output revolution")
     if math.isfinite(input_quantum):

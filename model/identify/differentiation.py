@@ -1,4 +1,3 @@
-# pyright: standard
 """Speed and acceleration from counted angles: local polynomials whose width follows from the size of a count.
 
 Differencing an 18-arcsecond count at 1 kHz is noise. A polynomial of third degree fitted around
@@ -14,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
@@ -79,31 +78,18 @@ def speed_from_counts(
     )
     positive("quantum", quantum)
     period = float(np.median(np.diff(clock)))
-    even = np.arange(clock[0], clock[-1] + 0.5 * period, period)
-    changes = np.abs(np.diff(theta))
-    slow = (
-        float(changes.max()) <= 1.5 * quantum
-        and float(np.mean(changes > 0.5 * quantum)) < _EDGE_DENSITY
-    )
-    slow = slow and np.count_nonzero(changes > 0.5 * quantum) >= 8
-    if slow:
-        stamps, values = _count_edges(clock, theta, quantum)
-        values = np.interp(even, stamps, values, left=values[0], right=values[-1])
-        even_noise = quantum / math.sqrt(24.0)
+    even, values, sigma, from_edges = _evened(clock, theta, quantum, period)
+    if window is None:
+        width = _chosen_width(values, sigma, period, longest)
     else:
-        values = np.interp(even, clock, theta)
-        even_noise = quantum / math.sqrt(12.0)
-    width = (
-        _chosen_width(values, even_noise, period, longest)
-        if window is None
-        else _odd(window / period)
-    )
-    width = min(width, _odd(len(even)) if len(even) % 2 else _odd(len(even) - 1))
+        width = _odd(window / period)
+    samples = len(even)
+    width = min(width, _odd(samples) if samples % 2 else _odd(samples - 1))
     if width <= DEGREE + 1:
         raise IdentificationError(
-            "is shorter than one window", where="time", value=len(even), limit=f">= {SHORTEST}"
+            "is shorter than one window", where="time", value=samples, limit=f">= {SHORTEST}"
         )
-    smooth = [
+    smooth: list[Array] = [
         scipy.signal.savgol_filter(values, width, DEGREE, deriv=order, delta=period, mode="interp")
         for order in (0, 1, 2)
     ]
@@ -111,16 +97,29 @@ def speed_from_counts(
     half = (width - 1) // 2
     steps = np.arange(-half, half + 1, dtype=np.float64)
     gain = np.linalg.pinv(np.vander(steps, DEGREE + 1, increasing=True))[1] / period
-    noise = even_noise * float(np.linalg.norm(gain))
     return CountedMotion(
         time=clock,
         angle=back[0],
         speed=back[1],
         acceleration=back[2],
         window=width * period,
-        speed_noise=noise,
-        from_edges=bool(slow),
+        speed_noise=sigma * float(np.linalg.norm(gain)),
+        from_edges=from_edges,
     )
+
+
+def _evened(
+    clock: Array, theta: Array, quantum: float, period: float
+) -> tuple[Array, Array, float, bool]:
+    """An even time axis, the angle on it, the noise of counting in that, and whether it is by the counts' edges."""
+    even: Array = np.arange(clock[0], clock[-1] + 0.5 * period, period)
+    steps = np.abs(np.diff(theta))
+    changes = steps > 0.5 * quantum
+    slow = float(steps.max()) <= 1.5 * quantum and float(np.mean(changes)) < _EDGE_DENSITY
+    if not slow or np.count_nonzero(changes) < 8:
+        return even, np.interp(even, clock, theta), quantum / math.sqrt(12.0), False
+    stamps, edges = _count_edges(clock, theta, quantum)
+    return even, np.interp(even, stamps, edges), quantum / math.sqrt(24.0), True
 
 
 def _odd(samples: float) -> int:
@@ -133,7 +132,7 @@ def _chosen_width(values: Array, noise: float, period: float, longest: float) ->
     chosen = SHORTEST
     width = SHORTEST
     while width <= top:
-        left = values - scipy.signal.savgol_filter(values, width, DEGREE, mode="interp")
+        left: Array = values - scipy.signal.savgol_filter(values, width, DEGREE, mode="interp")
         local = np.sqrt(np.convolve(left**2, np.full(width, 1.0 / width), mode="valid"))
         if (
             np.max(local) > _EXCESS * noise * math.sqrt(2.0)

@@ -21,17 +21,13 @@ import numpy as np
 
 from model.errors import IdentificationError
 from model.identify import polar
-from model.identify.angle_regression import AngleFit, Basis
+from model.identify.angle_fit import AngleFit
+from model.identify.angle_regression import Basis
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Distribution, Estimate
-from model.identify.kinematic_error import (
-    KinematicErrorFit,
-    OrderEstimate,
-    doubts,
-    expected_labels,
-    with_bench,
-)
+from model.identify.kinematic_error import KinematicErrorFit, expected_labels
 from model.identify.least_squares import student_quantile
+from model.identify.order_estimate import OrderEstimate, doubts, with_bench
 from model.identify.transmission import curve_over_output
 from model.units import DEGREE
 
@@ -77,39 +73,13 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
     mean = 0.5 * (ahead.values + back.values)
     half = 0.5 * (ahead.values - back.values)
     covariance = 0.25 * (ahead.covariance + back.covariance)[2:, 2:]
-    doubt = None
-    if ahead.doubt is not None and back.doubt is not None:
-        doubt = 0.5 * (ahead.doubt + back.doubt)
-    freedom = ahead.freedom + back.freedom
     basis = forward.basis
     estimates = {
         f"transmission_accuracy_{way}": _beside_mean(fit, mean)
         for way, fit in (("forward", forward), ("reverse", reverse))
-    } | {
-        "lost_motion": _lost_motion(forward, reverse),
     }
-    expected = expected_labels(forward.ratio)
-    for k, label in enumerate(basis.labels):
-        at = 2 + 2 * k
-        seen = forward.orders[k].significant or reverse.orders[k].significant
-        if not (seen or (label in expected and ahead.used[at] and back.used[at])):
-            continue
-        order = polar.polar(
-            label,
-            mean[at : at + 2],
-            covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
-            freedom,
-            "rad",
-            doubts(doubt, at, forward.torsion),
-        )
-        # What is a function of the input angle alone is in both directions alike; folded rounding is not.
-        alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
-        if label not in expected and not (alike and order.significant):
-            continue
-        amplitude, phase = _of_bench(order, forward.orders[k])
-        estimates[f"amplitude_{label}"] = amplitude
-        if seen:
-            estimates[f"phase_{label}"] = phase
+    estimates["lost_motion"] = _lost_motion(forward, reverse)
+    estimates |= _orders_of_both(forward, reverse, mean, half, covariance)
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
     curves = [_whole_orders(basis, values, angle) for values in (ahead.values, back.values)]
     warnings = [f"forward: {w}" for w in forward.warnings] + [
@@ -124,7 +94,7 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
         covariance=covariance,
         half_cosine=half[2::2],
         half_sine=half[3::2],
-        freedom=freedom,
+        freedom=ahead.freedom + back.freedom,
         estimates=estimates,
         metrics={"agreement": float(np.sqrt(0.5 * np.sum(half[2:] ** 2)))},
         warnings=tuple(warnings),
@@ -133,6 +103,44 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
         reverse=curves[1],
         mean=0.5 * (curves[0] + curves[1]),
     )
+
+
+def _orders_of_both(
+    forward: KinematicErrorFit,
+    reverse: KinematicErrorFit,
+    mean: Array,
+    half: Array,
+    covariance: Array,
+) -> dict[str, Estimate]:
+    """Amplitude and phase of the mean (p,) at expected orders and at those that both directions have alike."""
+    ahead, back = forward.regression, reverse.regression
+    doubt = None
+    if ahead.doubt is not None and back.doubt is not None:
+        doubt = 0.5 * (ahead.doubt + back.doubt)
+    estimates: dict[str, Estimate] = {}
+    expected = expected_labels(forward.ratio)
+    for k, label in enumerate(forward.basis.labels):
+        at = 2 + 2 * k
+        seen = forward.orders[k].significant or reverse.orders[k].significant
+        if not (seen or (label in expected and ahead.used[at] and back.used[at])):
+            continue
+        order = polar.polar(
+            label,
+            mean[at : at + 2],
+            covariance[2 * k : 2 * k + 2, 2 * k : 2 * k + 2],
+            ahead.freedom + back.freedom,
+            "rad",
+            doubts(doubt, at, forward.torsion),
+        )
+        # What is a function of the input angle alone is in both directions alike; folded rounding is not.
+        alike = np.hypot(*half[at : at + 2]) < ALIKE * np.hypot(*mean[at : at + 2])
+        if label not in expected and not (alike and order.significant):
+            continue
+        amplitude, phase = _of_bench(order, forward.orders[k])
+        estimates[f"amplitude_{label}"] = amplitude
+        if seen:
+            estimates[f"phase_{label}"] = phase
+    return estimates
 
 
 def _as_a_pair(
@@ -202,15 +210,9 @@ def _lost_motion(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> Esti
     freedom, error = min(ahead.freedom, back.freedom), math.sqrt(max(variance, 0.0))
     half = student_quantile(freedom) * error
     note = "wind-up by friction and skew between the channels together; runs at several speeds tell them apart"
-    return Estimate(
-        name="lost_motion",
-        value=value,
-        unit="rad",
-        low=value - half,
-        high=value + half,
-        identifiable="weakly",
-        note=note,
-        budget=(BudgetLine(polar.RESIDUAL, "A", error, degrees_of_freedom=freedom),),
+    line = BudgetLine(polar.RESIDUAL, "A", error, degrees_of_freedom=freedom)
+    return Estimate.about(
+        "lost_motion", value, half, "rad", (line,), identifiable="weakly", note=note
     )
 
 
@@ -259,34 +261,12 @@ def phase_relation(
     """
     if torque_forward.cells.direction < 0.0:
         torque_forward, torque_reverse = torque_reverse, torque_forward
-    ahead, block_a = torque_forward.complex_amplitude(order)
-    back, block_b = torque_reverse.complex_amplitude(order)
-    lag, lag_error = torque_lag_angle
-    ahead, back = ahead * cmath.exp(1j * order * lag), back * cmath.exp(-1j * order * lag)
-    friction, conservative = 0.5 * (ahead - back), 0.5 * (ahead + back)
+    torques = (torque_forward, torque_reverse)
     at = int(np.argmin(np.abs(np.array(error.orders) - order)))
     e_block = error.covariance[2 * at : 2 * at + 2, 2 * at : 2 * at + 2]
     freedom = min(torque_forward.freedom, torque_reverse.freedom, error.freedom)
     label = error.labels[at]
-    block = 0.25 * (block_a + block_b)
-    # A lag that is not known turns each direction its own way: it mixes friction and what is conservative.
-    turn = 1j * order * lag_error
-    of_friction = polar.polar(
-        label,
-        _vector(friction),
-        block,
-        freedom,
-        "N m",
-        ((_LAG_LINE, _vector(turn * conservative)),),
-    )
-    of_wedge = polar.polar(
-        label,
-        _vector(conservative),
-        block,
-        freedom,
-        "N m",
-        ((_LAG_LINE, _vector(turn * friction)),),
-    )
+    of_friction, of_wedge = _torques_at(order, label, torques, torque_lag_angle, freedom)
     of_error = polar.polar(
         label, np.array([error.cosine[at], error.sine[at]]), e_block, freedom, "rad"
     )
@@ -297,8 +277,7 @@ def phase_relation(
     half = min(difference.expanded_uncertainty, math.pi)
     verdict = _phase_verdict(value, half)
     angle = np.linspace(0.0, 2.0 * math.pi, 720, endpoint=False)
-    basis = torque_forward.basis
-    curves = [_whole_orders(basis, fit.values, angle) for fit in (torque_forward, torque_reverse)]
+    curves = [_whole_orders(torque_forward.basis, fit.values, angle) for fit in torques]
     return PhaseRelation(
         order=order,
         verdict=verdict,
@@ -317,6 +296,29 @@ def phase_relation(
     )
 
 
+def _torques_at(
+    order: float,
+    label: str,
+    torques: tuple[AngleFit, AngleFit],
+    lag_angle: tuple[float, float],
+    freedom: float,
+) -> tuple[polar.Polar, polar.Polar]:
+    """The friction torque and the conservative one at an order, from the torques forward and reverse."""
+    (ahead, block_a), (back, block_b) = (fit.complex_amplitude(order) for fit in torques)
+    lag, lag_error = lag_angle
+    ahead, back = ahead * cmath.exp(1j * order * lag), back * cmath.exp(-1j * order * lag)
+    friction, conservative = 0.5 * (ahead - back), 0.5 * (ahead + back)
+    block = 0.25 * (block_a + block_b)
+    # A lag that is not known turns each direction its own way: it mixes friction and what is conservative.
+    turn = 1j * order * lag_error
+
+    def at_order(torque: complex, other: complex) -> polar.Polar:
+        doubt = ((_LAG_LINE, _vector(turn * other)),)
+        return polar.polar(label, _vector(torque), block, freedom, "N m", doubt)
+
+    return at_order(friction, conservative), at_order(conservative, friction)
+
+
 def _vector(amplitude: complex) -> Array:
     """Cosine and sine of a complex amplitude."""
     return np.array([amplitude.real, -amplitude.imag])
@@ -333,14 +335,7 @@ def _phase_difference(torque: Estimate, error: Estimate) -> Estimate:
         for what, one in (("torque", torque), ("error", error))
         for line in one.budget
     ]
-    found = Estimate(
-        name="phase_difference",
-        value=value,
-        unit="rad",
-        low=value - half,
-        high=value + half,
-        budget=tuple(lines),
-    )
+    found = Estimate.about("phase_difference", value, half, "rad", tuple(lines))
     if found.expanded_uncertainty < 0.5 * math.pi:
         return found
     note = "the friction torque or the error at this order is not above what is uncertain of it"

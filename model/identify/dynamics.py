@@ -1,4 +1,3 @@
-# pyright: standard
 """The torsional mode of a gear from all velocity steps of a run, by one fit on a ladder of models.
 
     rigid       theta_o = theta_i/N                                                    nothing fitted
@@ -35,16 +34,8 @@ from model.identify.step_estimates import (
     ran_away,
     read_rung,
 )
-from model.identify.step_fit import (
-    BAD_STEP,
-    BASIS,
-    Problem,
-    Solution,
-    StepArrays,
-    bounded,
-    fit_all,
-    step_arrays,
-)
+from model.identify.step_fit import BAD_STEP, Solution, bounded, fit_all
+from model.identify.step_problem import BASIS, Problem, step_arrays
 from model.identify.step_rungs import FITTED, Expected, models_of
 from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, climb
 from model.identify.torsional_mode import TorsionModel
@@ -287,27 +278,8 @@ def _stated(
     model = problem.model(solution.values)
     best = {name: found[0] for name, found in answers.items()}
     beside = _beside(chosen, best)
-    predicted: list[Array] = []
-    rigid: list[Array] = []
-    acceleration: list[Array] = []
-    transient: list[float] = []
-
-    def at_stamps(step: StepData, arrays: StepArrays, angle: Array) -> Array:
-        at = step.time + solution.values["skew"]
-        return np.interp(at, arrays.fine, angle) + step.output_angle[0]
-
-    def answer(step: StepData) -> Array:
-        arrays = _whole(step, problem)
-        return at_stamps(step, arrays, _respond(problem, solution, arrays)[1])
-
-    for step in steps:
-        arrays = _whole(step, problem)
-        ideal, angle, speed = _respond(problem, solution, arrays)
-        predicted.append(at_stamps(step, arrays, angle))
-        rigid.append(at_stamps(step, arrays, ideal))
-        acceleration.append(_acceleration(step, arrays, speed))
-        transient.append(float(np.max(np.abs(ideal - angle))))
-    largest = np.array(transient)
+    responses = [_response(problem, solution, step) for step in steps]
+    largest = np.array([one.transient for one in responses])
     quantum = steps[0].output_quantum
     if float(np.max(largest)) < SEEN * quantum:
         _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
@@ -318,9 +290,9 @@ def _stated(
         rungs=rungs,
         chosen=chosen,
         model=model,
-        predicted=tuple(predicted),
-        ideal=tuple(rigid),
-        acceleration=tuple(acceleration),
+        predicted=tuple(one.angle for one in responses),
+        ideal=tuple(one.ideal for one in responses),
+        acceleration=tuple(one.acceleration for one in responses),
         transient=largest,
         weights=solution.weights,
         skew=solution.values["skew"],
@@ -330,28 +302,35 @@ def _stated(
         },
         metrics={"largest_torque": float(np.max(largest)) * model.stiffness * expected.inertia},
         beside=None if beside is None else _described(steps, problem, beside, expected),
-        answer=answer,
+        answer=lambda step: _response(problem, solution, step).angle,
     )
 
 
-def _whole(step: StepData, problem: Problem) -> StepArrays:
-    """The step to its end: more than its fit looks at, where it is long."""
-    return step_arrays(step, problem.interval, problem.basis, longest=math.inf)
+@dataclass(frozen=True)
+class _Response:
+    """What a fitted rung says of a step at its stamps (n,): the output angle of a rigid gear with the kinematic error
+    and of this one [rad], the output's acceleration [rad/s2]; and the largest torsion [rad].
+    """
+
+    ideal: Array
+    angle: Array
+    acceleration: Array
+    transient: float
 
 
-def _respond(
-    problem: Problem, solution: Solution, arrays: StepArrays
-) -> tuple[Array, Array, Array]:
-    """Input with its kinematic error, output angle and output speed on the fine grid of a step."""
+def _response(problem: Problem, solution: Solution, step: StepData) -> _Response:
+    """The response to the end of the step: more than its fit looks at, where it is long."""
+    arrays = step_arrays(step, problem.interval, problem.basis, longest=math.inf)
     ideal = problem.ideal(arrays, solution.error)
     tables = problem.model(solution.values).step(problem.interval)
     angle, speed, _, _ = problem.response(arrays, solution.values, ideal, tables)
-    return ideal, angle, speed
-
-
-def _acceleration(step: StepData, arrays: StepArrays, speed: Array) -> Array:
-    """Of the output at the stamps, from its speed on the fine grid [rad/s2]."""
-    return np.interp(step.time, arrays.fine, np.gradient(speed, arrays.interval))
+    at = step.time + solution.values["skew"]
+    return _Response(
+        ideal=np.interp(at, arrays.fine, ideal) + step.output_angle[0],
+        angle=np.interp(at, arrays.fine, angle) + step.output_angle[0],
+        acceleration=np.interp(step.time, arrays.fine, np.gradient(speed, arrays.interval)),
+        transient=float(np.max(np.abs(ideal - angle))),
+    )
 
 
 def _described(
@@ -361,13 +340,9 @@ def _described(
     expected: Expected,
 ) -> Beside:
     note, solution = beside
-    whole = [_whole(step, problem) for step in steps]
     return Beside(
         note=note,
-        acceleration=tuple(
-            _acceleration(step, arrays, _respond(problem, solution, arrays)[2])
-            for step, arrays in zip(steps, whole, strict=True)
-        ),
+        acceleration=tuple(_response(problem, solution, step).acceleration for step in steps),
         secant=problem.model(solution.values).secant(expected.amplitude / expected.inertia),
         share=1.0 if note == TO_RICHER else 1.0 / math.sqrt(3.0),
     )

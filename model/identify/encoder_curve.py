@@ -1,4 +1,3 @@
-# pyright: standard
 """An output encoder's own curve out of the kinematic errors of gears that were mounted at stated angles on it.
 
     Z_jk = E_k + S_k e^(i k alpha_j) + D_gk e^(i k alpha_j) + c_jk        order k of the encoder's revolution
@@ -26,7 +25,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-import scipy.special
+import scipy.special  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import NDArray
 
 from model.angle_certificate import CERTIFIED_ORDERS, COVERAGE_FACTOR, AngleCertificate, curve_of
@@ -160,14 +159,14 @@ def _orders(mounted: Sequence[Mounted], seat: float) -> tuple[LearntOrder, ...]:
     found = [_order(k, mounted, seat if k == 1 else 0.0) for k in CERTIFIED_ORDERS]
     sizes = [abs(shared) for one, shared in found if one.way == "parted"]
     share = float(np.median(sizes)) / math.sqrt(2.0) if sizes else 0.0
-    return tuple(
-        one
-        if one.way == "parted"
-        else replace(
-            one, standard_uncertainty=math.hypot(one.standard_uncertainty, share, one.gears)
-        )
-        for one, _ in found
-    )
+
+    def alone(one: LearntOrder) -> LearntOrder:
+        if one.way == "parted":
+            return one
+        u = math.hypot(one.standard_uncertainty, share, one.gears)
+        return replace(one, standard_uncertainty=u)
+
+    return tuple(alone(one) for one, _ in found)
 
 
 def _order(order: int, mounted: Sequence[Mounted], seat: float) -> tuple[LearntOrder, complex]:
@@ -175,14 +174,9 @@ def _order(order: int, mounted: Sequence[Mounted], seat: float) -> tuple[LearntO
     values = np.array([one.waves[order - 1] for one in mounted])
     angles = [one.angle for one in mounted if one.angle is not None]
     parted = is_parted(order, mounted)
-    turned = (
-        np.exp(1j * order * np.array(angles))
-        if len(angles) == len(mounted)
-        else np.ones(len(values))
-    )
-    design = (
-        np.column_stack([np.ones(len(values)), turned]) if parted else np.ones((len(values), 1))
-    )
+    ones = np.ones(len(values))
+    turned = np.exp(1j * order * np.array(angles)) if len(angles) == len(mounted) else ones
+    design = np.column_stack([ones, turned] if parted else [ones])
     kernel, gears = _same_gear(mounted, turned), len({one.gear for one in mounted})
     fit = _fitted(values, design.astype(np.complex128), kernel, gears)
     # What no run shows may be the encoder's in all of them: the mean does not make it smaller.

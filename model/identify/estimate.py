@@ -176,6 +176,30 @@ class Estimate:
     budget: tuple[BudgetLine, ...] = ()
     stated_coverage_factor: float | None = field(default=None, compare=False)
 
+    @classmethod
+    def about(
+        cls,
+        name: str,
+        value: float,
+        half: float,
+        unit: str,
+        budget: tuple[BudgetLine, ...] = (),
+        *,
+        identifiable: Identifiable = "yes",
+        note: str = "",
+    ) -> Estimate:
+        """A value in the middle of its interval, with half the width of that."""
+        return cls(
+            name=name,
+            value=value,
+            unit=unit,
+            low=value - half,
+            high=value + half,
+            identifiable=identifiable,
+            note=note,
+            budget=budget,
+        )
+
     @property
     def standard_uncertainty(self) -> float:
         """Combined standard uncertainty: root sum of squares of the budget; that of the interval without one."""

@@ -1,4 +1,3 @@
-# pyright: standard
 """The friction of a gear from running torques at constant speeds (equations 18-20): parameters, intervals, budget.
 
     T(v) = l_b M_0(v) + l_m {F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v}
@@ -13,9 +12,9 @@ labelled "motor + gear" and claims nothing about the gear alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -23,8 +22,9 @@ from model.errors import IdentificationError
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
 from model.gear import HarmonicDrive
 from model.identify.checks import Array
-from model.identify.common_errors import CommonError, Spread, Stated
-from model.identify.estimate import BudgetLine, Cause, Estimate, Identifiable
+from model.identify.common_errors import CommonError, Spread
+from model.identify.estimate import BudgetLine, Estimate, Identifiable
+from model.identify.friction_result import FrictionFit, Subject
 from model.identify.least_squares import student_quantile
 from model.identify.running_torque import (
     FrictionPoints,
@@ -44,8 +44,6 @@ from model.identify.stribeck import (
 )
 from model.units import RPM
 
-_Object = Literal["gear", "motor + gear"]
-SCATTER = "scatter between revolutions and points"
 TARE_SCATTER = "scatter of the tare"
 HALF_SUMS = "scatter of the half-sums"
 _NO_DIP = "no Stribeck dip"
@@ -65,172 +63,6 @@ LARGEST_REDUCED_CHI_SQUARE = 4.0
 """Chi-square per degree of freedom above which the points do not lie on the curve of equation 19."""
 CHANCE = 0.05
 """Probability of being chance below which the points are said to bend."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrictionFit:
-    """Friction of a gear (or of motor and gear together), fitted, with what is needed to judge and to plot it.
-
-    estimates: coulomb, static, stribeck_velocity, shape, viscous, and offset, asymmetry of the
-    torque (half sums). metrics: chi_square, freedom, birge, residual_rms [N m], relative_rms,
-    bracket_drift, points, slowest_speed. speed, torque, standard_error, fitted (n,): friction at
-    the input [N m], tare subtracted, and what the points say of their common errors too; tare (n,);
-    curve_speed, curve_torque for plots. force, force_error (n,) [N] and columns (n, m) are what the
-    curve was fitted to. `common`: the errors that the points share, `shared` (m,)
-    what they say of the fitted ones, in standard uncertainties.
-    """
-
-    subject: _Object
-    torque_balance: TorqueBalance
-    estimates: dict[str, Estimate]
-    metrics: dict[str, float]
-    warnings: tuple[str, ...]
-    speed: Array
-    torque: Array
-    standard_error: Array
-    tare: Array
-    fitted: Array
-    offset: Array
-    offset_error: Array
-    curve_speed: Array
-    curve_torque: Array
-    stribeck: StribeckFit
-    holds: tuple[RunningTorque, ...]
-    points: FrictionPoints
-    force: Array
-    force_error: Array
-    columns: Array | None
-    common: tuple[CommonError, ...]
-    lever: float
-
-    @property
-    def shared(self) -> dict[str, float]:
-        """What the data say of each fitted common error (its first part), in its standard uncertainty."""
-        first = np.cumsum([0, *(c.columns.shape[1] for c in self._fitted)])
-        return {
-            c.source: float(self.stribeck.common[k])
-            for c, k in zip(self._fitted, first, strict=False)
-        }
-
-    @property
-    def _fitted(self) -> tuple[CommonError, ...]:
-        return tuple(c for c in self.common if c.is_fitted)
-
-    def parts_of(self, source: str) -> Array:
-        """What the data say of all parts of one fitted common error, in its standard uncertainty; empty without it."""
-        first = 0
-        for one in self._fitted:
-            width = one.columns.shape[1]
-            if one.source == source:
-                return self.stribeck.common[first : first + width]
-            first += width
-        return np.empty(0)
-
-    def shown_of(self, sources: Collection[str]) -> Array:
-        """What these fitted common errors did to each hold, as far as the data tell [N m]."""
-        total = np.zeros(len(self.holds))
-        for one in self._fitted:
-            if one.source in sources:
-                total += one.columns @ self.parts_of(one.source)
-        return total
-
-    def told(self, source: str) -> float:
-        """The share (0 to 1) of a common error that the fit gives back where it is there: 1 - 1/(1 + what it knew
-        before over what the points alone say, as variances).
-        """
-        first = 0
-        for one in self._fitted:
-            if one.source == source:
-                column = self.points.mean_of(one.columns)[:, 0] / self.lever
-                return float(self.stribeck.common_gain[first] @ column)
-            first += one.columns.shape[1]
-        return 0.0
-
-    def derived(
-        self,
-        name: str,
-        unit: str,
-        measurand: Callable[[Array, Mapping[str, float]], float],
-        stated: Mapping[str, Stated] | None = None,
-    ) -> Estimate:
-        """An estimate of something computed from the five parameters and the common errors (as in `shared`).
-
-        An error that is `stated` is taken as stated, not as the fit has it: its doubt is its own line, no part of the
-        scatter of points.
-        """
-        stated = stated or {}
-        values = self.stribeck.values
-        shared = {**self.shared, **{source: one.value for source, one in stated.items()}}
-        value = measurand(values, shared)
-        slope = np.empty(5)
-        for k in range(5):
-            step = np.zeros(5)
-            step[k] = max(1e-4 * abs(float(values[k])), 1e-9)
-            slope[k] = measurand(values + step, shared) - measurand(values - step, shared)
-            slope[k] /= 2.0 * step[k]
-        by_common = np.zeros(len(self.stribeck.common))
-        first = 0
-        for one in self._fitted:
-            up, down = ({**shared, one.source: shared[one.source] + z} for z in (1.0, -1.0))
-            by_common[first] = 0.5 * (measurand(values, up) - measurand(values, down))
-            first += one.columns.shape[1]
-        lines = self._lines(slope, by_common, stated)
-        inside = sum(b.standard_uncertainty**2 for b, c in lines if c is None or c.is_fitted)
-        half = student_quantile(self.stribeck.freedom) * math.sqrt(inside)
-        return Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=value - half,
-            high=value + half,
-            budget=tuple(b for b, _ in lines),
-        )
-
-    def _lines(
-        self, slope: Array, by_common: Array, stated: Mapping[str, Stated]
-    ) -> list[tuple[BudgetLine, CommonError | None]]:
-        """The budget of slope . parameters + by_common . common errors, by propagation of each error."""
-        fit, error = self.stribeck, self.force_error
-        learnt = [
-            one.source not in stated for one in self._fitted for _ in range(one.columns.shape[1])
-        ]
-        row = slope @ fit.gain + (by_common * learnt) @ fit.common_gain
-        scatter = math.sqrt(fit.scale) * float(np.linalg.norm(row * error))
-        lines: list[tuple[BudgetLine, CommonError | None]] = [
-            (BudgetLine(SCATTER, "A", scatter, degrees_of_freedom=float(fit.freedom)), None)
-        ]
-        first = 0
-        for one in self.common:
-            change = row @ self.points.mean_of(one.columns) / self.lever
-            if one.is_fitted:
-                change = change - by_common[first : first + len(change)]
-                first += len(change)
-            given = stated.get(one.source, Stated(source=one.note))
-            line = BudgetLine(
-                one.source,
-                one.kind,
-                given.uncertainty * float(np.linalg.norm(change)),
-                given.source,
-                one.cause,
-                one.degrees_of_freedom,
-                assumed=one.assumed,
-                distribution=one.distribution,
-            )
-            lines.append((line, one))
-        return [(b, c) for b, c in lines if c is None or b.standard_uncertainty > 0.0]
-
-    def shared_by_cause(self) -> dict[Cause, Array]:
-        """Change (5,) of the parameters for one standard uncertainty of each error that has a cause."""
-        return {
-            c.cause: self.stribeck.gain @ self.points.mean_of(c.effect) / self.lever
-            for c in self.common
-            if c.cause is not None
-        }
-
-    @property
-    def parameters(self) -> dict[str, float]:
-        """`mesh_friction.*` values for `HarmonicDrive.with_values`."""
-        return {f"mesh_friction.{name}": self.estimates[name].value for name in NAMES}
 
 
 def fit_friction(
@@ -258,61 +90,111 @@ def fit_friction(
     chosen: TorqueBalance = balance or gear.options.torque_balance
     points = pair_directions(holds)
     subject, tare_torque, said = _without_motor(points.speed, tare)
-    warnings = [*points.warnings, *said]
     if tare is not None:
         common = [*common, tare_scatter(tare, np.array([abs(h.speed) for h in holds]))]
-    torque = points.friction - tare_torque
     error = pooled_errors(points)
     if spread is not None:
-        error = np.hypot(error, spread.point * np.abs(torque))
-    drag_of = bearing_torque or (lambda speed: nominal_bearing_torque(gear, speed, chosen))
-    lever, drag = mesh_lever(gear, chosen), drag_of(points.speed)
-    effects = [points.mean_of(c.columns) for c in common if c.is_fitted]
-    shared = np.column_stack(effects) / lever if effects else None
-    force, force_error = (torque - drag) / lever, error / lever
-    fit = fit_stribeck(points.speed, force, force_error, common=shared, bounds=bounds)
-    drift, sentence = bracket_drift(bracket, limit=bracket_limit) if bracket else (math.nan, None)
-    warnings += [sentence] if sentence else []
-    fitted = lever * fit.fitted + drag
-    if shared is not None:
-        torque = torque - lever * (shared @ fit.common)
-    curve_speed = np.geomspace(points.speed.min(), points.speed.max(), 300)
-    residual = torque - fitted
-    found = FrictionFit(
+        error = np.hypot(error, spread.point * np.abs(points.friction - tare_torque))
+
+    sweep = _Sweep(
         subject=subject,
-        torque_balance=chosen,
-        estimates={},
-        metrics=_metrics(fit, points.speed, torque, residual) | {"bracket_drift": drift},
-        warnings=(),
-        speed=points.speed,
-        torque=torque,
-        standard_error=error,
-        tare=tare_torque,
-        fitted=fitted,
-        offset=points.offset,
-        offset_error=points.offset_error,
-        curve_speed=curve_speed,
-        curve_torque=lever * stribeck_curve(curve_speed, fit.values) + drag_of(curve_speed),
-        stribeck=fit,
+        balance=chosen,
         holds=tuple(holds),
         points=points,
-        force=force,
-        force_error=force_error,
-        columns=shared,
+        tare=tare_torque,
+        error=error,
+        drag=bearing_torque or partial(nominal_bearing_torque, gear, balance=chosen),
+        lever=mesh_lever(gear, chosen),
         common=tuple(common),
-        lever=lever,
     )
-    ends = None
-    if profile:
-        ends = profile_intervals(
-            fit, points.speed, force, force_error, common=shared, bounds=bounds
-        )
-    estimates = _estimates(found, ends) | _offset(points)
-    warnings += _judge(fit, estimates, points, holds)
+    drift, sentence = bracket_drift(bracket, limit=bracket_limit) if bracket else (math.nan, None)
+    found = sweep.fit(bounds, drift)
+    estimates = _estimates(found, sweep.ends(found, bounds) if profile else None) | _offset(points)
+    warnings = [*points.warnings, *said, *([sentence] if sentence else [])]
+    warnings += _judge(found.stribeck, estimates, points, holds)
     return replace(found, estimates=estimates, warnings=tuple(warnings))
 
 
-def _without_motor(speed: Array, tare: Tare | None) -> tuple[_Object, Array, list[str]]:
+@dataclass(frozen=True, kw_only=True)
+class _Sweep:
+    """Friction at the input over speed [N m] and its errors, and the forces at the mesh [N] that it stands for.
+
+    `tare`: the motor's part (n,); `drag`: l_b M_0 over speed; `lever`: l_m; `common`: what the holds share.
+    """
+
+    subject: Subject
+    balance: TorqueBalance
+    holds: tuple[RunningTorque, ...]
+    points: FrictionPoints
+    tare: Array
+    error: Array
+    drag: Callable[[Array], Array]
+    lever: float
+    common: tuple[CommonError, ...]
+
+    @cached_property
+    def torque(self) -> Array:
+        """The motor's part taken off (n,) [N m]."""
+        return self.points.friction - self.tare
+
+    @cached_property
+    def force(self) -> Array:
+        return (self.torque - self.drag(self.points.speed)) / self.lever
+
+    @cached_property
+    def columns(self) -> Array | None:
+        """What one standard uncertainty of each fitted common error does to the forces (n, m); None without one."""
+        effects = [self.points.mean_of(c.columns) for c in self.common if c.is_fitted]
+        return np.column_stack(effects) / self.lever if effects else None
+
+    def fit(self, bounds: StribeckBounds | None, drift: float) -> FrictionFit:
+        """The curve with its data, before anything is said of it."""
+        speed, lever, torque = self.points.speed, self.lever, self.torque
+        fit = fit_stribeck(
+            speed, self.force, self.error / lever, common=self.columns, bounds=bounds
+        )
+        fitted = lever * fit.fitted + self.drag(speed)
+        if self.columns is not None:
+            torque = torque - lever * (self.columns @ fit.common)
+        curve_speed = np.geomspace(float(speed.min()), float(speed.max()), 300)
+        return FrictionFit(
+            subject=self.subject,
+            torque_balance=self.balance,
+            estimates={},
+            metrics=_metrics(fit, speed, torque, torque - fitted) | {"bracket_drift": drift},
+            warnings=(),
+            speed=speed,
+            torque=torque,
+            standard_error=self.error,
+            tare=self.tare,
+            fitted=fitted,
+            offset=self.points.offset,
+            offset_error=self.points.offset_error,
+            curve_speed=curve_speed,
+            curve_torque=lever * stribeck_curve(curve_speed, fit.values) + self.drag(curve_speed),
+            stribeck=fit,
+            holds=self.holds,
+            points=self.points,
+            force=self.force,
+            force_error=self.error / lever,
+            columns=self.columns,
+            common=self.common,
+            lever=lever,
+        )
+
+    def ends(self, found: FrictionFit, bounds: StribeckBounds | None) -> Array:
+        """Both ends of the parameters' intervals (5, 2), by the profile of the likelihood."""
+        return profile_intervals(
+            found.stribeck,
+            found.speed,
+            found.force,
+            found.force_error,
+            common=found.columns,
+            bounds=bounds,
+        )
+
+
+def _without_motor(speed: Array, tare: Tare | None) -> tuple[Subject, Array, list[str]]:
     """Whose friction it is with this tare, the motor's part at these speeds [N m], and what is to be said of it."""
     if tare is None:
         return "motor + gear", np.zeros_like(speed), [_WITH_MOTOR]
@@ -367,7 +249,7 @@ def _estimates(found: FrictionFit, ends: Array | None) -> dict[str, Estimate]:
     quantile, nothing = student_quantile(fit.freedom), np.zeros(len(fit.common))
     for k, name in enumerate(NAMES):
         value = float(fit.values[k])
-        lines = found._lines(np.eye(5)[k], nothing, {})
+        lines = found.budget_lines(np.eye(5)[k], nothing, {})
         inside = sum(b.standard_uncertainty**2 for b, c in lines if c is None or c.is_fitted)
         half = quantile * math.sqrt(inside)
         low, high = (value - half, value + half) if ends is None else map(float, ends[k])
@@ -430,13 +312,12 @@ def _offset(points: FrictionPoints) -> dict[str, Estimate]:
     chi = float(np.sum((offset / u - design @ values) ** 2)) / freedom
     errors = np.sqrt(np.diag(covariance) * max(chi, 1.0))
     return {
-        name: Estimate(
-            name=name,
-            value=float(value),
-            unit=unit,
-            low=float(value) - student_quantile(freedom) * float(error),
-            high=float(value) + student_quantile(freedom) * float(error),
-            budget=(BudgetLine(HALF_SUMS, "A", float(error), degrees_of_freedom=freedom),),
+        name: Estimate.about(
+            name,
+            float(value),
+            student_quantile(freedom) * float(error),
+            unit,
+            (BudgetLine(HALF_SUMS, "A", float(error), degrees_of_freedom=freedom),),
         )
         for name, unit, value, error in zip(
             ("offset", "asymmetry"), ("N m", "N m s/rad"), values, errors, strict=True
@@ -451,7 +332,7 @@ def _judge(
     holds: Sequence[RunningTorque],
 ) -> list[str]:
     """What a reader must know before using the numbers."""
-    remarks = []
+    remarks: list[str] = []
     slowest, velocity = float(points.speed.min()), float(fit.values[2])
     if slowest > velocity / 10.0 * 1.05:
         remarks.append(

@@ -35,7 +35,7 @@ from model.identify.friction_points import (
     possible_laws,
 )
 from model.identify.friction_trusted import searched, trusted_points
-from model.identify.least_squares import student_quantile
+from model.identify.least_squares import closest, student_quantile
 from model.identify.stribeck import (
     StribeckFit,
     fit_stribeck,
@@ -137,18 +137,13 @@ def _with_evidence(fits: list[LawFit], points: CurvePoints, has_errors: bool) ->
     """The laws with Bayes' information criterion, the scatter about the richest law counting as that of the points."""
     n, richest = len(points), fits[-1]
     scale = max(richest.chi_square / richest.freedom, 1.0)
-    return tuple(
-        replace(
-            fit,
-            bic=len(fit.names) * math.log(n)
-            + (
-                fit.chi_square / scale
-                if has_errors
-                else n * math.log(max(fit.chi_square, 1e-300) / n)
-            ),
+
+    def misfit(fit: LawFit) -> float:
+        return (
+            fit.chi_square / scale if has_errors else n * math.log(max(fit.chi_square, 1e-300) / n)
         )
-        for fit in fits
-    )
+
+    return tuple(replace(fit, bic=len(fit.names) * math.log(n) + misfit(fit)) for fit in fits)
 
 
 def _offset_column(points: CurvePoints) -> Array | None:
@@ -208,7 +203,7 @@ def _predicted(points: CurvePoints, at: CurvePoints, law: str, start: tuple[floa
     """What a law that was fitted to some points says at others."""
     velocity, shape = searched(points, law, start)
     design = law_design(points, law, velocity, shape) / points.error[:, None]
-    values = np.linalg.lstsq(design, points.friction / points.error, rcond=None)[0]
+    values = closest(design, points.friction / points.error)
     columns = law_design(at, law, velocity, shape)
     if points.both_ways != at.both_ways:
         columns = np.column_stack([columns, at.way]) if points.both_ways else columns[:, :-1]
@@ -266,7 +261,9 @@ def _stribeck_law(points: CurvePoints, has_errors: bool) -> _Solved:
         whole: Array = np.zeros((len(names), len(names)), dtype=np.float64)
         whole[:-1, :-1], whole[-1, -1] = covariance, u**2
         covariance = whole
-    return _Solved(names, values, ends, covariance, chi, freedom, fit.at_bound, fit.chance)
+    return _Solved(
+        names, values, ends, covariance, chi, freedom, at_bound=fit.at_bound, chance=fit.chance
+    )
 
 
 def _fitted(points: CurvePoints, fit: StribeckFit) -> Array:

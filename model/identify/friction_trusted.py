@@ -15,6 +15,7 @@ import scipy  # pyright: ignore[reportMissingTypeStubs]
 from model.arrays import BoolArray
 from model.identify.checks import Array
 from model.identify.friction_points import PARAMETERS, CurvePoints, carries, law_design
+from model.identify.least_squares import closest
 from model.identify.stribeck import StribeckBounds
 
 _TRUSTED = (0.7, 0.85)
@@ -111,14 +112,14 @@ def _trimmed_residual(
     """
     design = law_design(points, law, velocity, shape) / points.error[:, None]
     y = points.friction / points.error
-    left = y - design @ np.linalg.lstsq(design, y, rcond=None)[0]
+    left = y - design @ closest(design, y)
     for _ in range(ROUNDS):
         least = 1e-3 * float(np.abs(left).max()) + 1e-300
         root = 1.0 / np.sqrt(np.maximum(np.abs(left), least))
-        left = y - design @ np.linalg.lstsq(design * root[:, None], y * root, rcond=None)[0]
+        left = y - design @ closest(design * root[:, None], y * root)
     for _ in range(ROUNDS):
         near = np.argsort(np.abs(left))[:count]
-        left = y - design @ np.linalg.lstsq(design[near], y[near], rcond=None)[0]
+        left = y - design @ closest(design[near], y[near])
     return left
 
 
@@ -128,7 +129,7 @@ def _residual(
     """Residuals (n,) in errors of all points about the least-squares curve of those used."""
     design = law_design(points, law, velocity, shape) / points.error[:, None]
     y = points.friction / points.error
-    return y - design @ np.linalg.lstsq(design[used], y[used], rcond=None)[0]
+    return y - design @ closest(design[used], y[used])
 
 
 def searched(points: CurvePoints, law: str, start: tuple[float, float]) -> tuple[float, float]:

@@ -214,18 +214,9 @@ def _estimate(name: str, unit: str, values: Array) -> Estimate:
     """The mean over the loops with their scatter; one loop has none and is told so."""
     mean, n = float(values.mean()), len(values)
     if n < 2:
-        return Estimate(
-            name=name,
-            value=mean,
-            unit=unit,
-            low=math.nan,
-            high=math.nan,
-            identifiable="no",
-            note="one loop: no scatter, and so no uncertainty",
-        )
+        note = "one loop: no scatter, and so no uncertainty"
+        return Estimate.about(name, mean, math.nan, unit, identifiable="no", note=note)
     error = float(values.std(ddof=1)) / math.sqrt(n)
     half = student_quantile(n - 1.0) * error
     line = BudgetLine("scatter between loops", "A", error, degrees_of_freedom=n - 1.0)
-    return Estimate(
-        name=name, value=mean, unit=unit, low=mean - half, high=mean + half, budget=(line,)
-    )
+    return Estimate.about(name, mean, half, unit, (line,))

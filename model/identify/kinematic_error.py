@@ -21,18 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.angle_certificate import CERTIFIED_ORDERS, CREST
+from model.angle_certificate import CREST
 from model.errors import IdentificationError
 from model.identify import polar, torsion
-from model.identify.angle_regression import (
-    WHOLE_TURN,
-    AngleFit,
-    AngleRegression,
-    Basis,
-    Cells,
-    solve_angle,
-    standard_basis,
-)
+from model.identify.angle_fit import WHOLE_TURN, AngleFit, solve_angle
+from model.identify.angle_regression import AngleRegression, Basis, Cells, standard_basis
 from model.identify.checks import Array, channels, positive
 from model.identify.counting import (
     WANDERS,
@@ -44,7 +37,9 @@ from model.identify.counting import (
     refuse_wrong_ratio,
     slope_sentence,
 )
-from model.identify.estimate import BudgetLine, Cause, Distribution, Estimate
+from model.identify.encoders import SLOWEST_SIDEBAND, Encoders
+from model.identify.estimate import BudgetLine, Distribution, Estimate
+from model.identify.order_estimate import OrderEstimate
 from model.identify.order_search import followed, in_orders_of_all
 from model.identify.transmission import (
     left_over,
@@ -62,280 +57,9 @@ CHUNK = 32768
 """Samples that are taken at a time: their values stay in the processor's cache."""
 _EXPECTED_ORDER = 6
 """Highest input order that a gear is expected to have."""
-_SLOWEST_SIDEBAND = 0.5
-"""Order from which one belongs to an input order; below, to the output."""
 _SLOPE_SIGNIFICANCE = 4.0
 """Standard errors above which a slope is called significant."""
-OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
-"""Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
-eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold error."""
-MOTOR_REST, MOTOR_REST_SHARE = (3, 5, 6, 7, 8), 0.2
-"""Other orders of a motor encoder, and the share of its class that they have together: a class bounds the whole curve,
-and no encoder has three orders only."""
-_UNSAID_ORDERS = OUTPUT_ENCODER_ORDERS
-"""Orders of a motor encoder of which nobody says anything: a resolver has those of its poles."""
 _TOO_NEAR = "too near the first torsional mode"
-FINE_ORDERS, FINE_SHARE = range(9, 65), 0.2
-"""Orders of an output encoder's own revolution that no certificate takes out, and the share of its class that they have
-together: marks of the scale, balls of its bearing. They meet a gear's input orders where N is below 65."""
-
-
-@dataclass(frozen=True)
-class Encoders:
-    """What the two encoders can do: size of one count [rad] and the class of each [rad].
-
-    Quanta are of the counts as recorded (after multiplication). An accuracy is that of a data
-    sheet: a bound on the whole curve of errors over one revolution of the encoder, eccentricity of
-    the scale included. The curve cannot be told from the gear's own output orders and input orders,
-    so it enters the budget (type B): with a rectangular distribution as a whole (u = a/sqrt 3),
-    and at single orders with equal shares of that variance, output encoder orders 1 to 8, motor
-    encoder orders 1, 2 and 4; the output encoder's orders 9 to 64 share a fifth of its class. Where its
-    certificate's curve was taken out, the certificate's standard uncertainty (0: it was not) stands in place of the
-    class of orders 1 to 8: any one order may carry all of it.
-    Eccentricities are of the gear's seat, amplitudes at the output once per output and once per input
-    revolution. A class that is assumed, because nobody stated one, has the words of its line in `..._unsaid`.
-    """
-
-    output_quantum: float = math.nan
-    input_quantum: float = math.nan
-    output_accuracy: float = 0.0
-    input_accuracy: float = 0.0
-    output_eccentricity: float = 0.0
-    input_eccentricity: float = 0.0
-    output_certified: float = 0.0
-    input_certified: float = 0.0
-    output_unsaid: str = ""
-    input_unsaid: str = ""
-
-    @property
-    def unsaid(self) -> bool:
-        """Whether the class of one of them is assumed."""
-        return bool(self.output_unsaid or self.input_unsaid)
-
-    @property
-    def stated(self) -> Encoders:
-        """What somebody said of them."""
-        return replace(
-            self,
-            output_accuracy=0.0 if self.output_unsaid else self.output_accuracy,
-            input_accuracy=0.0 if self.input_unsaid else self.input_accuracy,
-        )
-
-    def unsaid_at(self, order: float) -> str:
-        """Why an order of the output's turn is not the gear's alone: nobody stated the output encoder; "" else."""
-        if not self.output_unsaid or order > _SLOWEST_SIDEBAND:
-            return ""
-        return "an order of the output's turn, and nobody stated the output encoder"
-
-    def unsaid_raise(self, raised: float) -> BudgetLine:
-        """What encoders of an assumed class may make of a peak-to-peak, of which nothing is taken off [rad]."""
-        kind, note = (
-            ("output encoder", self.output_unsaid)
-            if self.output_unsaid
-            else ("motor encoder", self.input_unsaid)
-        )
-        u = max(raised, 0.0) / math.sqrt(3.0)
-        return BudgetLine("peak-to-peak raised by encoders", "B", u, note, assumed=kind)
-
-    def at_order(self, order: float, ratio: float) -> tuple[BudgetLine, ...]:
-        """What they may add to one order of the kinematic error, per component of the vector [rad at the output]."""
-        lines = [
-            *_certified("output encoder", self.output_certified, order * ratio),
-            *_certified("motor encoder", self.input_certified / ratio, order),
-        ]
-        if not self.output_certified:
-            own = order * ratio
-            lines += _share(
-                "output encoder",
-                self.output_accuracy,
-                own,
-                OUTPUT_ENCODER_ORDERS,
-                self.output_unsaid,
-            )
-        if not self.input_certified:
-            lines += _share(
-                "motor encoder",
-                self.input_accuracy / ratio,
-                order,
-                self._motor_orders,
-                self.input_unsaid,
-            )
-        if not (self.input_certified or self.input_unsaid):
-            rest = MOTOR_REST_SHARE * self.input_accuracy / ratio
-            lines += _share("motor encoder", rest, order, MOTOR_REST, "")
-        finely = FINE_SHARE * self.output_accuracy
-        lines += _share(
-            "output encoder", finely, order * ratio, tuple(FINE_ORDERS), self.output_unsaid
-        )
-        for once, eccentricity in (
-            (1.0 / ratio, self.output_eccentricity),
-            (1.0, self.input_eccentricity),
-        ):
-            if abs(order - once) < 1e-9 and eccentricity > 0.0:
-                lines.append(
-                    BudgetLine(
-                        "eccentricity of the mounting",
-                        "B",
-                        eccentricity / math.sqrt(2.0),
-                        "a wave of any phase; other when the gear is taken off and refitted",
-                    )
-                )
-        return tuple(lines)
-
-    @property
-    def _motor_orders(self) -> tuple[int, ...]:
-        """Orders over which the variance of the motor encoder's curve is spread."""
-        return _UNSAID_ORDERS if self.input_unsaid else MOTOR_ENCODER_ORDERS
-
-    def waves(self, ratio: float) -> dict[float, float]:
-        """Standard uncertainty of a cosine or sine at every order to which they may add [rad]."""
-        motor = CERTIFIED_ORDERS if self.input_certified else self._motor_orders
-        orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [float(k) for k in motor]
-        return {
-            order: math.hypot(
-                *(line.standard_uncertainty for line in self._shared.at_order(order, ratio))
-            )
-            for order in orders
-        }
-
-    @property
-    def _shared(self) -> Encoders:
-        """All orders at once: together they have no more than what a certificate says of the curve."""
-        share = 1.0 / math.sqrt(len(CERTIFIED_ORDERS))
-        return replace(
-            self,
-            output_certified=share * self.output_certified,
-            input_certified=share * self.input_certified,
-        )
-
-    def output_wave(self, order: float, ratio: float) -> float:
-        """Standard uncertainty of a cosine or sine of one order by the output encoder, where all orders are taken
-        together [rad].
-        """
-        lines = self._shared.at_order(order, ratio)
-        return math.hypot(
-            *(one.standard_uncertainty for one in lines if one.cause is Cause.OUTPUT_ENCODER)
-        )
-
-    def bound(self, order: float, ratio: float) -> float:
-        """What they can add to one order at most: an encoder's order is no larger than its class, or than the
-        expanded uncertainty of its certificate [rad].
-        """
-        output = 2.0 * self.output_certified or self.output_accuracy
-        if order * ratio > FINE_ORDERS[0] - 0.5:
-            output = FINE_SHARE * self.output_accuracy
-        motor = 2.0 * self.input_certified or self.input_accuracy
-        if not (self.input_certified or self.input_unsaid) and round(order) in MOTOR_REST:
-            motor = MOTOR_REST_SHARE * self.input_accuracy
-        total = 0.0
-        for line in self.at_order(order, ratio):
-            if line.cause is Cause.OUTPUT_ENCODER:
-                total += output
-            elif line.cause is Cause.MOTOR_ENCODER:
-                total += motor / ratio
-            else:
-                total += math.sqrt(2.0) * line.standard_uncertainty
-        return total
-
-    def of_curve(self, ratio: float) -> tuple[BudgetLine, ...]:
-        """What they may add to the peak-to-peak of the kinematic error [rad]."""
-        rectangle = 1.0 / math.sqrt(3.0)
-        output = self.output_accuracy * rectangle
-        output_note = (
-            self.output_unsaid
-            or "its class; cannot be told from the gear without turning the gear on the encoder"
-        )
-        motor = self.input_accuracy / ratio * rectangle
-        motor_note = self.input_unsaid or "its class over the ratio"
-        shapes = [
-            Distribution.NORMAL if certified else Distribution.RECTANGULAR
-            for certified in (self.output_certified, self.input_certified)
-        ]
-        if self.output_certified:
-            output = math.sqrt(2.0) * self.output_certified
-            output_note = "its certificate, at two places of the curve"
-        if self.input_certified:
-            motor = math.sqrt(2.0) * self.input_certified / ratio
-            motor_note = "its certificate, at two places of the curve, over the ratio"
-        lines = (
-            BudgetLine(
-                "output encoder, whole curve",
-                "B",
-                output,
-                output_note,
-                Cause.OUTPUT_ENCODER,
-                assumed="output encoder" if self.output_unsaid else "",
-                distribution=shapes[0],
-            ),
-            BudgetLine(
-                "motor encoder, whole curve",
-                "B",
-                motor,
-                motor_note,
-                Cause.MOTOR_ENCODER,
-                assumed="motor encoder" if self.input_unsaid else "",
-                distribution=shapes[1],
-            ),
-            BudgetLine(
-                "eccentricity of the mounting",
-                "B",
-                math.hypot(self.output_eccentricity, self.input_eccentricity),
-                "waves of any phase, at two places of the curve",
-            ),
-        )
-        return tuple(line for line in lines if line.standard_uncertainty > 0.0)
-
-
-def _certified(what: str, standard_uncertainty: float, order: float) -> list[BudgetLine]:
-    """What is left of an encoder's curve at one of its orders after its certificate; none without a certificate."""
-    near = min(abs(order - own) for own in CERTIFIED_ORDERS)
-    if not standard_uncertainty > 0.0 or near > 1e-6:
-        return []
-    cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
-    note = "its certificate, whose curve is taken out; all of its uncertainty may be at one order"
-    return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, cause)]
-
-
-def _share(
-    what: str, half_width: float, order: float, orders: tuple[int, ...], unsaid: str
-) -> list[BudgetLine]:
-    """The part of an encoder's class that one of its orders has, as a budget line; none for a class of 0.
-
-    `unsaid`: the words of a class that is assumed.
-    """
-    if not half_width > 0.0 or min(abs(order - own) for own in orders) > 1e-6:
-        return []
-    cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
-    note = f"its class, equal shares of its orders {', '.join(map(str, orders))}"
-    if len(orders) == len(FINE_ORDERS):
-        note = f"{FINE_SHARE:g} of its class, equal shares of its orders 9 to 64"
-    if orders == MOTOR_REST:
-        note = f"{MOTOR_REST_SHARE:g} of its class, equal shares of its orders 3 and 5 to 8"
-    note += "; cannot be told from the gear"
-    u = half_width / math.sqrt(3.0 * len(orders))
-    line = BudgetLine(f"{what} at this order", "B", u, note, cause)
-    return [replace(line, note=unsaid, assumed=what) if unsaid else line]
-
-
-@dataclass(frozen=True, kw_only=True)
-class OrderEstimate:
-    """One order of the kinematic error: a cos + b sin = amplitude cos(v theta - phase), with 95 % intervals.
-
-    `significant`: the amplitude is larger than the noise explains (99.99 % level). `bench`: what encoders
-    and mounting may add, `bound`: what they can add at most [rad]. `unsaid`: why it can't be the gear's alone
-    while nobody states an encoder; "" where it can.
-    """
-
-    order: float
-    label: str
-    bench: tuple[BudgetLine, ...]
-    bound: float
-    unsaid: str
-    cosine: Estimate
-    sine: Estimate
-    amplitude: Estimate
-    phase: Estimate
-    significant: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -477,11 +201,9 @@ def fit_traverses(
     spring = None if spring is None else spring.seen_in(seen)
     ahead = next((s for s in seen if s.fit.cells.direction > 0.0), None)
     back = next((s for s in seen if s.fit.cells.direction < 0.0), None)
-    delay = (
-        torsion.delay_between(ahead, back, spring)[0]
-        if ahead is not None and back is not None
-        else 0.0
-    )
+    delay = 0.0
+    if ahead is not None and back is not None:
+        delay = torsion.delay_between(ahead, back, spring)[0]
     return [
         _finish(one, clean, raw, spring, delay, accuracy_order)
         for one, clean, raw in zip(accumulators, cleaned, seen, strict=True)
@@ -494,6 +216,10 @@ def _rounding(one: KinematicErrorAccumulator, fit: AngleFit) -> LockedRounding |
         return None
     per_turn = (one.samples - 1) / max(fit.cells.revolutions, 1e-9)
     return LockedRounding.of(fit, per_turn, one.encoders.output_quantum)
+
+
+def _wander(rounding: LockedRounding | None) -> float:
+    return 0.0 if rounding is None else rounding.wander()
 
 
 def _with_rounding(fit: AngleFit, rounding: LockedRounding | None) -> AngleFit:
@@ -524,13 +250,13 @@ def _without_slips(one: KinematicErrorAccumulator) -> _Cleaned:
     rounding = _rounding(one, first)
     if one.follows_data:
         # A slip is a step of whole revolutions: sidebands are fitted before it is looked for, output orders are not.
-        first = followed(first, one.highest_order, rounding, slowest=_SLOWEST_SIDEBAND)
+        first = followed(first, one.highest_order, rounding, slowest=SLOWEST_SIDEBAND)
         rounding = _rounding(one, first)
     slips, cleaned = find_slips(
         first,
         output_quantum=one.encoders.output_quantum,
         input_quantum=one.encoders.input_quantum,
-        wander=0.0 if rounding is None else rounding.wander(),
+        wander=_wander(rounding),
     )
     if slips:
         first, notes = solve_angle(cleaned, first.basis)
@@ -548,12 +274,66 @@ def _finish(
     """What is to be said of one traverse; its curve over the input is the one that the encoders show."""
     fit = torsion.corrected(raw, spring, delay)
     cells, ratio, encoders = fit.cells, fit.basis.ratio, one.encoders
-    warnings = [slip.sentence() for slip in clean.slips] + clean.notes
     highest = max(fit.basis.orders) if accuracy_order is None else accuracy_order
-    wander = 0.0 if clean.rounding is None else clean.rounding.wander()
-    estimates, sentences = _slope(fit, encoders, WANDERS * wander)
-    warnings += sentences
+    slope, sentences = _slope(fit, encoders, WANDERS * _wander(clean.rounding))
+    warnings = [*(slip.sentence() for slip in clean.slips), *clean.notes, *sentences]
     near, amplified = torsion.too_near(raw, spring), torsion.line_of(spring)
+    orders = tuple(
+        OrderEstimate.of(fit, k, encoders, amplified, _TOO_NEAR if near[k] else "")
+        for k in range(len(fit.basis.orders))
+    )
+    accuracy, angle, curve, extra = _accuracy(fit, highest, encoders, amplified)
+    is_near = any(o.significant and n for o, n in zip(orders, near, strict=True))
+    accuracy = _judged(accuracy, fit, closes=not sentences, is_near=is_near)
+    bins, measured, fitted = measured_curve(raw.fit)
+    if not one.edge_triggered:
+        per_turn = one.samples / max(cells.revolutions, 1e-9)
+        warnings += _sampling_warnings(per_turn, ratio, encoders, max(fit.basis.orders))
+    return KinematicErrorFit(
+        ratio=ratio,
+        direction=cells.direction,
+        accuracy_order=highest,
+        estimates={"transmission_accuracy": accuracy, **slope, **_of_orders(orders, fit)},
+        orders=orders,
+        metrics=_metrics(raw.fit, measured, fitted, one.samples) | extra,
+        warnings=tuple(warnings),
+        slips=clean.slips,
+        input_angle=bins,
+        measured_curve=measured,
+        fitted_curve=fitted,
+        output_curve_angle=angle,
+        output_curve=curve,
+        block_angle=cells.first_angle
+        + cells.direction * (np.arange(cells.rows, dtype=np.float64) + 0.5) * REVOLUTION,
+        block_residual=fit.row_residual,
+        regression=fit,
+        torsion=amplified,
+        speed=raw.speed,
+        delay=delay,
+    )
+
+
+def _judged(accuracy: Estimate, fit: AngleFit, *, closes: bool, is_near: bool) -> Estimate:
+    """The transmission accuracy, refused where the fit cannot tell it."""
+    if not closes:
+        reason = "the kinematic error does not close: see the slope"
+    elif fit.cells.revolutions < WHOLE_TURN * fit.basis.ratio:
+        reason = "needs one complete output revolution"
+    elif is_near:
+        reason = f"an order is {_TOO_NEAR}"
+    else:
+        return accuracy
+    return replace(accuracy, identifiable="no", note=reason)
+
+
+def _accuracy(
+    fit: AngleFit, highest: float, encoders: Encoders, amplified: BudgetLine
+) -> tuple[Estimate, Array, Array, dict[str, float]]:
+    """The gear's transmission accuracy, the curve that it is of, and what the fit leaves and encoders add to it.
+
+    `amplified` is the line of what the first mode leaves open.
+    """
+    ratio = fit.basis.ratio
     accuracy, angle, curve = transmission_accuracy(fit, highest, amplified)
     raised = raised_by(angle, curve, encoders.stated.waves(ratio))
     accuracy = _of_gear(accuracy, encoders.of_curve(ratio), raised)
@@ -570,53 +350,19 @@ def _finish(
             distribution=Distribution.RECTANGULAR,
         )
         accuracy = accuracy.with_budget([line])
-    orders = tuple(
-        _order(fit, k, encoders, amplified, _TOO_NEAR if near[k] else "")
-        for k in range(len(fit.basis.orders))
-    )
-    reason = ""
-    if sentences:
-        reason = "the kinematic error does not close: see the slope"
-    elif cells.revolutions < WHOLE_TURN * ratio:
-        reason = "needs one complete output revolution"
-    elif any(o.significant and n for o, n in zip(orders, near, strict=True)):
-        reason = f"an order is {_TOO_NEAR}"
-    if reason:
-        accuracy = replace(accuracy, identifiable="no", note=reason)
-    estimates = {"transmission_accuracy": accuracy, **estimates}
-    expected = expected_labels(ratio)
+    return accuracy, angle, curve, {"left_over": rest, "raised_by_bench": 0.5 * raised}
+
+
+def _of_orders(orders: Sequence[OrderEstimate], fit: AngleFit) -> dict[str, Estimate]:
+    """Amplitudes of the expected and the significant orders, phases of the significant ones."""
+    estimates: dict[str, Estimate] = {}
+    expected = expected_labels(fit.basis.ratio)
     for order, used in zip(orders, fit.used[2::2], strict=True):
         if order.significant or (used and order.label in expected):
             estimates[f"amplitude_{order.label}"] = order.amplitude
         if order.significant:
             estimates[f"phase_{order.label}"] = order.phase
-    bins, measured, fitted = measured_curve(raw.fit)
-    if not one.edge_triggered:
-        per_turn = one.samples / max(cells.revolutions, 1e-9)
-        warnings += _sampling_warnings(per_turn, ratio, encoders, max(fit.basis.orders))
-    return KinematicErrorFit(
-        ratio=ratio,
-        direction=cells.direction,
-        accuracy_order=highest,
-        estimates=estimates,
-        orders=orders,
-        metrics=_metrics(raw.fit, measured, fitted, one.samples)
-        | {"left_over": rest, "raised_by_bench": 0.5 * raised},
-        warnings=tuple(warnings),
-        slips=clean.slips,
-        input_angle=bins,
-        measured_curve=measured,
-        fitted_curve=fitted,
-        output_curve_angle=angle,
-        output_curve=curve,
-        block_angle=cells.first_angle
-        + cells.direction * (np.arange(cells.rows, dtype=np.float64) + 0.5) * REVOLUTION,
-        block_residual=fit.row_residual,
-        regression=fit,
-        torsion=amplified,
-        speed=raw.speed,
-        delay=delay,
-    )
+    return estimates
 
 
 def expected_labels(ratio: float) -> tuple[str, ...]:
@@ -694,14 +440,7 @@ def _slope(
     of_ratio = replace(line, standard_uncertainty=ratio**2 * line.standard_uncertainty)
     estimates = {
         "slope": slope,
-        "ratio": Estimate(
-            name="ratio",
-            value=seen,
-            unit="1",
-            low=seen - spread,
-            high=seen + spread,
-            budget=(of_ratio,),
-        ),
+        "ratio": Estimate.about("ratio", seen, spread, "1", (of_ratio,)),
     }
     quantum = encoders.output_quantum if math.isfinite(encoders.output_quantum) else 2.0 * ARCSEC
     matters = abs(closure) > max(0.1 * quantum, 0.5 * ARCSEC, wander)
@@ -711,76 +450,6 @@ def _slope(
             slope_sentence(ratio, closure, encoders.output_quantum, encoders.input_quantum)
         ]
     return estimates, []
-
-
-def _order(
-    fit: AngleFit, index: int, encoders: Encoders, line: BudgetLine, refusal: str
-) -> OrderEstimate:
-    at = 2 + 2 * index
-    order, label = fit.basis.orders[index], fit.basis.labels[index]
-    block = fit.covariance[at : at + 2, at : at + 2]
-    found = polar.polar(
-        label, fit.values[at : at + 2], block, fit.freedom, "rad", doubts(fit.doubt, at, line)
-    )
-    bench, bound = encoders.at_order(order, fit.basis.ratio), encoders.bound(order, fit.basis.ratio)
-    unsaid = encoders.unsaid_at(order)
-    amplitude, phase = with_bench(found, bench, bound, unsaid)
-    if not fit.used[at] or refusal:
-        reason = refusal or "left out of this fit"
-        amplitude = replace(amplitude, identifiable="no", note=reason)
-        phase = replace(phase, identifiable="no", note=reason)
-    halves = [fit.quantile() * math.sqrt(max(block[k, k], 0.0)) for k in (0, 1)]
-    cosine, sine = (
-        Estimate(
-            name=f"{part}_{label}",
-            value=float(value),
-            unit="rad",
-            low=float(value) - half,
-            high=float(value) + half,
-            identifiable=amplitude.identifiable,
-            note=amplitude.note,
-        )
-        for part, value, half in zip(
-            ("cosine", "sine"), fit.values[at : at + 2], halves, strict=True
-        )
-    )
-    return OrderEstimate(
-        order=order,
-        label=label,
-        bench=bench,
-        bound=bound,
-        unsaid=unsaid,
-        cosine=cosine,
-        sine=sine,
-        amplitude=amplitude,
-        phase=phase,
-        significant=found.significant and bool(fit.used[at]),
-    )
-
-
-def doubts(doubt: Array | None, at: int, line: BudgetLine) -> tuple[tuple[BudgetLine, Array], ...]:
-    """The torsional correction as a shared error of one order's vector."""
-    if doubt is None or not doubt[at : at + 2].any():
-        return ()
-    return ((line, doubt[at : at + 2]),)
-
-
-def with_bench(
-    found: polar.Polar, lines: tuple[BudgetLine, ...], bound: float, unsaid: str = ""
-) -> tuple[Estimate, Estimate]:
-    """Amplitude and phase with what the bench may add; "weakly" where that alone may make all of it, or where nobody
-    says what it adds (`unsaid`).
-    """
-    amplitude = found.amplitude.with_budget(lines)
-    phase = found.phase.with_budget(polar.over_amplitude(lines, amplitude.value))
-    loud = bool(lines) and amplitude.value <= max(amplitude.expanded_uncertainty, bound)
-    if amplitude.identifiable == "yes" and (loud or unsaid):
-        note = unsaid or "not distinguishable from what encoders and mounting may add"
-        return (
-            replace(amplitude, identifiable="weakly", note=note),
-            replace(phase, identifiable="weakly", note=note),
-        )
-    return amplitude, phase
 
 
 def _sampling_warnings(

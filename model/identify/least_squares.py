@@ -1,4 +1,3 @@
-# pyright: standard
 """Linear least squares with errors that respect autocorrelation: the common ground of every linear fit here.
 
 Parameters of y = X b + r come from a column-scaled QR-equivalent (SVD) solution; their covariance
@@ -13,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
@@ -53,33 +52,45 @@ class LinearFit:
         return float(self.values[index]) - half, float(self.values[index]) + half
 
 
-def _correlation_length(residual: Array) -> float:
-    """Integral correlation length of a residual in samples, (1 + rho)/(1 - rho) of an AR(1) fit; 1 for white noise."""
+def inverse_of(matrix: Array) -> Array:
+    """Raises NumPy's `LinAlgError` for a matrix that has none."""
+    return np.asarray(np.linalg.inv(matrix), dtype=float)
+
+
+def solution_of(matrix: Array, right: Array) -> Array:
+    """Of matrix x = right."""
+    return np.asarray(np.linalg.solve(matrix, right), dtype=float)
+
+
+def closest(design: Array, observed: Array) -> Array:
+    """The values (p,) of least squares alone, without their errors."""
+    return np.asarray(np.linalg.lstsq(design, observed, rcond=None)[0], dtype=float)
+
+
+def _persistence(residual: Array) -> float:
+    """Of an AR(1) fit to a residual, from its integral correlation length in samples (1 + rho)/(1 - rho)."""
     centred = residual - residual.mean()
     power = float(centred @ centred)
     if power <= 0.0 or len(centred) < 3:
-        return 1.0
+        return 0.0
     rho = min(max(float(centred[1:] @ centred[:-1]) / power, 0.0), 0.9999)
-    return (1.0 + rho) / (1.0 - rho)
+    length = (1.0 + rho) / (1.0 - rho)
+    return (length - 1.0) / (length + 1.0)
 
 
-def _bartlett_lag(residual: Array) -> int:
-    """Andrews' automatic lag of the Bartlett kernel from an AR(1) approximation."""
-    length = _correlation_length(residual)
-    rho = (length - 1.0) / (length + 1.0)
+def bartlett_sum(scores: Array, rho: float) -> tuple[Array, float]:
+    """S (p, p) of scores (n, p) by Bartlett weights over lags, and how many independent ones they are worth.
+
+    The lag is Andrews' automatic one of an AR(1) approximation with this persistence.
+    """
+    n = len(scores)
     alpha = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
-    return int(min(math.ceil(1.1447 * (alpha * len(residual)) ** (1.0 / 3.0)), len(residual) // 5))
-
-
-def _lagged_scores(design: Array, residual: Array) -> tuple[Array, float]:
-    """S by Bartlett weights and the effective number of independent scores."""
-    scores = design * residual[:, None]
-    lag = _bartlett_lag(residual)
+    lag = int(min(math.ceil(1.1447 * (alpha * n) ** (1.0 / 3.0)), n // 5))
     total = scores.T @ scores
     for k in range(1, lag + 1):
         cross = scores[k:].T @ scores[:-k]
-        total += (1.0 - k / (lag + 1.0)) * (cross + cross.T)
-    return total, len(residual) / (1.0 + 2.0 * lag / 3.0)
+        total = total + (1.0 - k / (lag + 1.0)) * (cross + cross.T)
+    return total, n / (1.0 + 2.0 * lag / 3.0)
 
 
 def _block_scores(design: Array, residual: Array, starts: Array) -> tuple[Array, float]:
@@ -108,7 +119,7 @@ def solve(
         )
     left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
     condition = float(singular[0] / max(singular[-1], np.finfo(float).tiny))
-    if condition > CONDITION_LIMIT:
+    if not condition <= CONDITION_LIMIT:
         raise IdentificationError(
             "the data cannot separate the parameters",
             where=where,
@@ -120,7 +131,7 @@ def solve(
     residual = observed - design @ values
     inverse = (right.T / singular**2) @ right / np.outer(scale, scale)
     if block_starts is None:
-        score, effective = _lagged_scores(design, residual)
+        score, effective = bartlett_sum(design * residual[:, None], _persistence(residual))
     else:
         score, effective = _block_scores(design, residual, block_starts)
     freedom = max(effective - (p if block_starts is None else 0), 1.0)

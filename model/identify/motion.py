@@ -1,4 +1,3 @@
-# pyright: standard
 """Inertia and friction from any motion: inverse dynamics by instrumental variables (IDIM-LS and IDIM-IV;
 Gautier and Khalil 1990, Janot, Vandanjon and Gautier 2014).
 

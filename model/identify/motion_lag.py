@@ -17,6 +17,7 @@ import numpy as np
 
 from model.errors import IdentificationError
 from model.identify.checks import Array
+from model.identify.least_squares import closest, inverse_of, solution_of
 from model.identify.motion_columns import LEAST_SAMPLES, Basis, MotionFilter
 from model.identify.motion_ladder import base_of, gathered
 from model.identify.motion_moments import Moments, lagged_sum, noise_sums, solve_moments
@@ -90,11 +91,9 @@ class Alignment:
                 break
             lag += left.lag
             if abs(left.lag) <= _SETTLED * left.standard_uncertainty:
-                gain = (
-                    float(np.min(1.0 - fit.half_errors / without))
-                    if np.all(without > 0.0)
-                    else math.nan
-                )
+                gain = math.nan
+                if np.all(without > 0.0):
+                    gain = float(np.min(1.0 - fit.half_errors / without))
                 halves = tuple(
                     lag + _lag_left(half, names, fit.values).lag for half in moments.halves()
                 )
@@ -124,7 +123,7 @@ def _least(moments: Moments, regressors: Sequence[str]) -> float:
     for k, lag in [(-1, 0.0), *enumerate(TRIED)]:
         y = moments.names.index("effort" if k < 0 else f"effort_{k}")
         cross: Array = total[x, y]
-        told, _, _, _ = np.linalg.lstsq(squares, cross, rcond=None)
+        told = closest(squares, cross)
         left[lag] = 1.0 - float(told @ cross) / float(total[y, y])
     return min(left, key=lambda lag: left[lag])
 
@@ -134,7 +133,7 @@ def lag_sensitivity(moments: Moments, regressors: Sequence[str]) -> Array:
     names, total = tuple(regressors), moments.sums.sum(axis=0)
     x, rate = moments.places(names), moments.names.index("effort_rate")
     squares = total[np.ix_(x, x)] - noise_sums(moments, names).sum(axis=0)
-    return np.asarray(np.linalg.solve(squares, total[x, rate]), dtype=float)
+    return solution_of(squares, total[x, rate])
 
 
 def _lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> LagEstimate:
@@ -155,8 +154,8 @@ def _lag_left(moments: Moments, regressors: tuple[str, ...], values: Array) -> L
     right = np.concatenate([sums[:, x, y], guide[:, [y]]], axis=1)
     whole = left.sum(axis=0)
     try:
-        found: Array = np.asarray(np.linalg.solve(whole, right.sum(axis=0)), dtype=float)
-        inverse: Array = np.asarray(np.linalg.inv(whole), dtype=float)
+        found = solution_of(whole, right.sum(axis=0))
+        inverse = inverse_of(whole)
     except np.linalg.LinAlgError:
         # Without jerk and reversals nothing tells a lag.
         return LagEstimate(0.0, math.inf)

@@ -100,15 +100,7 @@ def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
             value=float(pieces[0][1][0]),
             remedy="Choose a part of the run with motion.",
         )
-    rows = min(_SPECTRUM_ROWS, min(len(v) for _, v in pieces) // 4)
-    spectra: list[Array] = []
-    frequency = np.empty(0)
-    for _, values in pieces:
-        frequency, power = scipy.signal.welch(
-            values, rate, window="blackmanharris", nperseg=rows, detrend="linear"
-        )
-        spectra.append(power * len(values))
-    power = np.sum(spectra, axis=0) / sum(len(v) for _, v in pieces)
+    frequency, power = _spectrum([values for _, values in pieces], rate)
     seen = frequency <= band
     if np.count_nonzero(seen) > _LEAST_LINES:
         frequency, power = frequency[seen], power[seen]
@@ -133,6 +125,19 @@ def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
     cutoff = float(np.clip(max(float(frequency[end]), fastest), *limits))
     slow = float(np.clip(fastest, limits[0], cutoff))
     return Look(cutoff, slow, floor, _top_speed(source, pieces, cutoff), of_position)
+
+
+def _spectrum(pieces: list[Array], rate: float) -> tuple[Array, Array]:
+    """Frequencies [Hz] and power density of the pieces, each by its length."""
+    rows = min(_SPECTRUM_ROWS, min(len(values) for values in pieces) // 4)
+    spectra: list[Array] = []
+    frequency = np.empty(0)
+    for values in pieces:
+        frequency, power = scipy.signal.welch(
+            values, rate, window="blackmanharris", nperseg=rows, detrend="linear"
+        )
+        spectra.append(power * len(values))
+    return frequency, np.sum(spectra, axis=0) / sum(len(values) for values in pieces)
 
 
 def _pieces(source: MotionSource) -> list[tuple[bool, Array]]:

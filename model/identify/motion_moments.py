@@ -32,7 +32,13 @@ from numpy.typing import NDArray
 from model.arrays import BoolArray
 from model.errors import IdentificationError
 from model.identify.checks import Array
-from model.identify.least_squares import CONDITION_LIMIT, student_quantile
+from model.identify.least_squares import (
+    CONDITION_LIMIT,
+    bartlett_sum,
+    inverse_of,
+    solution_of,
+    student_quantile,
+)
 from model.identify.motion_columns import Samples
 
 _MOST_BLOCKS = 2000
@@ -178,24 +184,10 @@ def solve_moments(
             remedy="Record more motion, or lower least_speed.",
         )
     total = system.squares.sum(axis=0)
-    size = np.sqrt(np.diag(total))
-    if not np.all(size > 0.0):
-        column = regressors[int(np.argmin(size))]
-        raise IdentificationError(
-            "has a regressor that is zero throughout", where=where, value=column
-        )
-    condition = math.sqrt(float(np.linalg.cond(total / np.outer(size, size))))
-    if not condition <= math.sqrt(CONDITION_LIMIT):
-        raise IdentificationError(
-            "the data cannot separate the parameters",
-            where=where,
-            value=f"condition number {condition:.3g}",
-            limit=f"<= {math.sqrt(CONDITION_LIMIT):g}",
-            remedy="Excite the motion more richly, or ask for fewer parameters.",
-        )
+    condition = _condition(total, regressors, where)
     values = system.solution(np.ones(len(moments.sums), dtype=bool))
     scores = system.right - system.left @ values
-    inverse: Array = np.asarray(np.linalg.inv(system.left.sum(axis=0)), dtype=float)
+    inverse = inverse_of(system.left.sum(axis=0))
     spread, effective = lagged_sum(scores[np.any(system.squares != 0.0, axis=(1, 2))])
     n = moments.kept
     covariance, freedom = _wider(
@@ -213,6 +205,26 @@ def solve_moments(
         effort_norm=math.sqrt(float(system.effort.sum())),
         fold_errors=system.fold_errors(),
     )
+
+
+def _condition(squares: Array, regressors: Sequence[str], where: str) -> float:
+    """The condition number of columns scaled to unit length, by X'X; refused where one is empty or a combination."""
+    size = np.sqrt(np.diag(squares))
+    if not np.all(size > 0.0):
+        column = regressors[int(np.argmin(size))]
+        raise IdentificationError(
+            "has a regressor that is zero throughout", where=where, value=column
+        )
+    condition = math.sqrt(float(np.linalg.cond(squares / np.outer(size, size))))
+    if not condition <= math.sqrt(CONDITION_LIMIT):
+        raise IdentificationError(
+            "the data cannot separate the parameters",
+            where=where,
+            value=f"condition number {condition:.3g}",
+            limit=f"<= {math.sqrt(CONDITION_LIMIT):g}",
+            remedy="Excite the motion more richly, or ask for fewer parameters.",
+        )
+    return condition
 
 
 def _wider(lagged: Array, effective: float, parts: Array) -> tuple[Array, float]:
@@ -256,7 +268,7 @@ class _System:
 
     def solution(self, blocks: BoolArray) -> Array:
         left, right = self.left[blocks].sum(axis=0), self.right[blocks].sum(axis=0)
-        return np.asarray(np.linalg.solve(left, right), dtype=float)
+        return solution_of(left, right)
 
     def error(self, values: Array) -> Array:
         """Squared residual of each block."""
@@ -295,17 +307,9 @@ def lagged_sum(scores: Array) -> tuple[Array, float]:
 
     The lag is Andrews' automatic one of the most persistent score (AR(1) approximation).
     """
-    n = len(scores)
     persistence = 0.0
     for score in scores.T:
         power = float(score @ score)
-        if power > 0.0 and n > 2:
+        if power > 0.0 and len(scores) > 2:
             persistence = max(persistence, float(score[1:] @ score[:-1]) / power)
-    rho = min(persistence, 0.97)
-    alpha = 4.0 * rho**2 / ((1.0 - rho) ** 2 * (1.0 + rho) ** 2)
-    lag = int(min(math.ceil(1.1447 * (alpha * n) ** (1.0 / 3.0)), n // 5))
-    total = scores.T @ scores
-    for k in range(1, lag + 1):
-        cross = scores[k:].T @ scores[:-k]
-        total = total + (1.0 - k / (lag + 1.0)) * (cross + cross.T)
-    return total, n / (1.0 + 2.0 * lag / 3.0)
+    return bartlett_sum(scores, min(persistence, 0.97))

@@ -142,15 +142,9 @@ def _estimates(chosen: Fitted, rotary: bool) -> dict[str, Estimate]:
             verdict, note = "no", "negative, which is not physical"
         elif wrong:
             verdict, note = "weakly", f"{' and '.join(wrong)} came out negative in the same fit"
-        value, width = values[name], float(half[place])
-        estimates[name] = Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=value - width,
-            high=value + width,
-            identifiable=verdict,
-            note=note,
+        width = float(half[place])
+        estimates[name] = Estimate.about(
+            name, values[name], width, unit, identifiable=verdict, note=note
         )
     return estimates
 
@@ -165,11 +159,9 @@ def _warnings(fit: MomentFit, estimates: Mapping[str, Estimate]) -> tuple[str, .
     sizes = [estimate for name, estimate in estimates.items() if _is_size(name)]
     negative = [estimate for estimate in sizes if estimate.value < 0.0]
     # A force of the wrong sign turns all of them round; of one alone something else is the cause.
-    cause = (
-        "check the sign of the force"
-        if len(negative) == len(sizes)
-        else "what moves this axis beside inertia and friction is in it (a load over position, another axis, a lag)"
-    )
+    cause = "what moves this axis beside inertia and friction is in it (a load over position, another axis, a lag)"
+    if len(negative) == len(sizes):
+        cause = "check the sign of the force"
     warnings = [
         f"{one.name} is {one.value:.4g} {one.unit}, which is not physical: {cause}."
         for one in negative

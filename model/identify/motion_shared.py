@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from model.identify.checks import Array
+from model.identify.least_squares import inverse_of
 from model.identify.motion_moments import Moments, lagged_sum, noise_sums
 
 _APART_OF = {"acceleration": "apart_acceleration", "speed": "apart_speed"}
@@ -61,13 +62,12 @@ def shared_noise(moments: Moments, regressors: Sequence[str], values: Array) -> 
     far = sums[:, z][:, :, x]
     inertia = float(values[place])
     try:
-        own: Array = np.asarray(np.linalg.inv(near.sum(axis=0)), dtype=float)[place]
-        other: Array = np.asarray(np.linalg.inv(far.sum(axis=0)), dtype=float)[place]
+        own: Array = inverse_of(near.sum(axis=0))[place]
+        whole = inverse_of(far.sum(axis=0))
     except np.linalg.LinAlgError:
         return SharedNoise(0.0, math.inf, inertia)
-    apart: Array = np.asarray(np.linalg.inv(far.sum(axis=0)), dtype=float) @ sums[:, z, y].sum(
-        axis=0
-    )
+    other: Array = whole[place]
+    apart: Array = whole @ sums[:, z, y].sum(axis=0)
     scores = (sums[:, z, y] - far @ apart) @ other - (sums[:, x, y] - near @ values) @ own
     spread, _ = lagged_sum(scores[np.any(near != 0.0, axis=(1, 2))][:, None])
     return SharedNoise(float(apart[place]) - inertia, math.sqrt(float(spread[0, 0])), inertia)

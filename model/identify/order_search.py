@@ -11,16 +11,8 @@ import math
 
 import numpy as np
 
-from model.identify.angle_regression import (
-    CELLS,
-    LATTICE_TOLERANCE,
-    WHOLE_TURN,
-    AngleFit,
-    Basis,
-    Cells,
-    Spectrum,
-    solve_angle,
-)
+from model.identify.angle_fit import WHOLE_TURN, AngleFit, Spectrum, solve_angle
+from model.identify.angle_regression import CELLS, LATTICE_TOLERANCE, Basis, Cells
 from model.identify.checks import Array
 from model.identify.counting import LockedRounding
 from model.kinematic_error import lattice_label

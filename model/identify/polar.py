@@ -37,11 +37,9 @@ def rice_interval(length: float, error: float) -> tuple[float, float]:
     if length > _ALMOST_NORMAL * error:
         return length - _NORMAL_QUANTILE * error, length + _NORMAL_QUANTILE * error
     square = (length / error) ** 2
-    low = (
-        float(scipy.special.chndtrinc(square, 2.0, 0.975))
-        if scipy.special.chndtr(square, 2.0, 0.0) > 0.975
-        else 0.0
-    )
+    low = 0.0
+    if scipy.special.chndtr(square, 2.0, 0.0) > 0.975:
+        low = float(scipy.special.chndtrinc(square, 2.0, 0.975))
     high = float(scipy.special.chndtrinc(max(square, _LEAST_CHANCE), 2.0, 0.025))
     return error * math.sqrt(low), error * math.sqrt(high)
 
@@ -73,31 +71,13 @@ def polar(
     size, phase = math.hypot(a, b), math.atan2(b, a)
     along = np.array([math.cos(phase), math.sin(phase)])
     across = np.array([-along[1], along[0]])
-    radial, tangential = (_error(e, covariance) for e in (along, across))
-    lines: list[BudgetLine] = []
-    turned: list[BudgetLine] = []
     whole = np.array(covariance)
-    for line, change in shared:
+    for _, change in shared:
         whole = whole + np.outer(change, change)
-        lines.append(replace(line, standard_uncertainty=abs(float(along @ change))))
-        turned.append(replace(line, standard_uncertainty=abs(float(across @ change))))
-    widened = student_quantile(freedom) / _NORMAL_QUANTILE
-    wide_radial, wide_tangential = _error(along, whole), _error(across, whole)
-    error = wide_radial
-    if size <= _ALMOST_NORMAL * wide_radial:
-        error = math.sqrt(0.5 * (wide_radial**2 + wide_tangential**2))
-    low, high = rice_interval(size, widened * error)
-    turn = math.pi
-    if size > 0.0:
-        turn = min(student_quantile(freedom) * wide_tangential / size, math.pi)
-    (xx, xy), (_, yy) = whole.tolist()
-    determinant = xx * yy - xy * xy
-    length = a * a * yy - 2.0 * a * b * xy + b * b * xx
-    distance = length / determinant if determinant > 0.0 else 0.0
-    significant = distance > _SIGNIFICANT
+    low, high, turn = _intervals(size, _error(along, whole), _error(across, whole), freedom)
+    significant = _squared_length(a, b, whole) > _SIGNIFICANT
     verdict = "yes" if significant else "weakly"
     below = amount_in_words(high, unit, high)
-    note = "" if significant else f"{NOT_FROM_ZERO}, below {below}"
     amplitude = Estimate(
         name=f"amplitude_{label}",
         value=size,
@@ -105,23 +85,58 @@ def polar(
         low=low,
         high=max(high, size),
         identifiable=verdict,
-        note=note,
-        budget=(BudgetLine(RESIDUAL, "A", radial, degrees_of_freedom=freedom), *lines),
+        note="" if significant else f"{NOT_FROM_ZERO}, below {below}",
+        budget=_budget(along, covariance, freedom, shared),
     )
-    first = BudgetLine(RESIDUAL, "A", tangential, degrees_of_freedom=freedom)
     return Polar(
         amplitude=amplitude,
-        phase=Estimate(
-            name=f"phase_{label}",
-            value=phase,
-            unit="rad",
-            low=phase - turn,
-            high=phase + turn,
+        phase=Estimate.about(
+            f"phase_{label}",
+            phase,
+            turn,
+            "rad",
+            over_amplitude(_budget(across, covariance, freedom, shared), size),
             identifiable=verdict,
             note="" if significant else f"of an amplitude {NOT_FROM_ZERO}",
-            budget=over_amplitude((first, *turned), size),
         ),
         significant=significant,
+    )
+
+
+def _intervals(
+    size: float, radial: float, tangential: float, freedom: float
+) -> tuple[float, float, float]:
+    """Low and high end of an amplitude and half the width of its phase, by the noise along and across its vector."""
+    error, turn = radial, math.pi
+    if size <= _ALMOST_NORMAL * radial:
+        error = math.sqrt(0.5 * (radial**2 + tangential**2))
+    quantile = student_quantile(freedom)
+    if size > 0.0:
+        turn = min(quantile * tangential / size, math.pi)
+    return *rice_interval(size, quantile / _NORMAL_QUANTILE * error), turn
+
+
+def _squared_length(a: float, b: float, covariance: Array) -> float:
+    """The square of a vector's length in its variances (Mahalanobis)."""
+    (xx, xy), (_, yy) = covariance.tolist()
+    determinant = xx * yy - xy * xy
+    length = a * a * yy - 2.0 * a * b * xy + b * b * xx
+    return length / determinant if determinant > 0.0 else 0.0
+
+
+def _budget(
+    direction: Array,
+    covariance: Array,
+    freedom: float,
+    shared: tuple[tuple[BudgetLine, Array], ...],
+) -> tuple[BudgetLine, ...]:
+    """What the residual and each shared error change of a vector in a direction."""
+    return (
+        BudgetLine(RESIDUAL, "A", _error(direction, covariance), degrees_of_freedom=freedom),
+        *(
+            replace(line, standard_uncertainty=abs(float(direction @ change)))
+            for line, change in shared
+        ),
     )
 
 

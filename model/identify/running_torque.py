@@ -1,4 +1,3 @@
-# pyright: standard
 """The running torque of one constant speed: work per whole revolution, with an error that respects autocorrelation.
 
     T = (1/2 pi K) * integral of T d theta over K whole input revolutions
@@ -93,7 +92,7 @@ def average_torque(
             remedy="Hold the speed for longer.",
         )
     work = np.concatenate([[0.0], np.cumsum(0.5 * (effort[1:] + effort[:-1]) * np.diff(turned))])
-    marks = turned[-1] - REVOLUTION * np.arange(whole, -1, -1.0)
+    marks: Array = turned[-1] - REVOLUTION * np.arange(whole, -1, -1.0)
     rising = np.concatenate([[True], np.diff(turned) > 0.0])
     at_marks = np.interp(marks, turned[rising], work[rising])
     means = np.diff(at_marks) / REVOLUTION
@@ -102,7 +101,9 @@ def average_torque(
     inside = turned >= marks[0]
     error, freedom = _mean_error(means, turned[inside] - marks[0], effort[inside], whole)
     tenths = np.interp(
-        np.linspace(marks[0], marks[-1], 10 * whole + 1), turned[rising], clock[rising]
+        np.linspace(float(marks[0]), float(marks[-1]), 10 * whole + 1),
+        turned[rising],
+        clock[rising],
     )
     local = REVOLUTION / 10.0 / np.maximum(np.diff(tenths), 1e-12)
     rests = np.diff(clock[rising])
@@ -237,16 +238,9 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
         raise IdentificationError(
             "holds no point", where="running torque", remedy="Give at least six speeds."
         )
-    ordered = sorted(range(len(holds)), key=lambda k: abs(holds[k].speed))
-    groups: list[list[int]] = []
-    for k in ordered:
-        if groups and abs(holds[k].speed) <= abs(holds[groups[-1][0]].speed) * (1.0 + tolerance):
-            groups[-1].append(k)
-        else:
-            groups.append([k])
     rows: list[tuple[float, ...]] = []
     members: list[tuple[int, ...]] = []
-    for level, group in enumerate(groups):
+    for level, group in enumerate(_speed_levels(holds, tolerance)):
         in_time = sorted(group, key=lambda k: holds[k].time)
         ahead = [k for k in in_time if holds[k].speed > 0.0]
         back = [k for k in in_time if holds[k].speed < 0.0]
@@ -261,7 +255,7 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
             rows.append((*one, level))
             members.append((k,))
     alone = sum(len(m) == 1 for m in members)
-    warnings = []
+    warnings: list[str] = []
     if alone:
         warnings.append(
             f"{alone} of {len(holds)} holds have no partner in the other direction: an error "
@@ -281,6 +275,17 @@ def pair_directions(holds: Sequence[RunningTorque], *, tolerance: float = 0.03) 
         level=levels.astype(np.intp),
         warnings=tuple(warnings),
     )
+
+
+def _speed_levels(holds: Sequence[RunningTorque], tolerance: float) -> list[list[int]]:
+    """The places of the holds of each speed, slowest first."""
+    levels: list[list[int]] = []
+    for k in sorted(range(len(holds)), key=lambda k: abs(holds[k].speed)):
+        if levels and abs(holds[k].speed) <= abs(holds[levels[-1][0]].speed) * (1.0 + tolerance):
+            levels[-1].append(k)
+        else:
+            levels.append([k])
+    return levels
 
 
 def _pair(a: RunningTorque, b: RunningTorque) -> tuple[float, ...]:

@@ -1,4 +1,3 @@
-# pyright: standard
 """What velocity steps can and cannot identify: singular values of the sensitivity of equation 2 to its parameters.
 
 Each parameter of equation 2 (K_m, K_b, K_t, J_o, C_b, C_t) is changed by a small share, the
@@ -48,11 +47,8 @@ class Direction:
         ordered = sorted(self.components.items(), key=lambda item: -abs(item[1]))
         terms = [f"{value:+.2f} {PARAMETERS[name]}" for name, value in ordered if abs(value) > 0.15]
         percent = 100.0 * self.relative_deviation
-        return (
-            f"{' '.join(terms)}: known to {percent:.2g} %"
-            if percent < 1000.0
-            else f"{' '.join(terms)}: not determined"
-        )
+        known = f"known to {percent:.2g} %" if percent < 1000.0 else "not determined"
+        return f"{' '.join(terms)}: {known}"
 
 
 @dataclass(frozen=True)
@@ -64,6 +60,31 @@ class Identifiability:
     marginal: dict[str, float]
     condition: float
     verdicts: dict[str, str]
+
+    @classmethod
+    def of(cls, columns: dict[str, Array], *, with_torque: bool) -> Identifiability:
+        """By the sensitivity to each parameter (n,), in units of the noise."""
+        names = list(columns)
+        _, singular, right = np.linalg.svd(
+            np.column_stack(list(columns.values())), full_matrices=False
+        )
+        deviations = 1.0 / np.maximum(singular, 1e-12)
+        directions = tuple(
+            Direction(float(d), dict(zip(names, (float(x) for x in row), strict=True)))
+            for d, row in zip(deviations, right, strict=True)
+        )
+        marginal = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
+        verdicts: dict[str, str] = {
+            name: _identifiable(float(error)) for name, error in zip(names, marginal, strict=True)
+        }
+        verdicts |= {n: "no" for n in ("mesh_stiffness", "bearing_damping") if n in verdicts}
+        return cls(
+            with_torque=with_torque,
+            directions=directions,
+            marginal=dict(zip(names, (float(m) for m in marginal), strict=True)),
+            condition=float(singular[0] / max(singular[-1], 1e-12)),
+            verdicts=verdicts,
+        )
 
     @property
     def count(self) -> int:
@@ -121,33 +142,13 @@ def step_identifiability(
             parts.append(simulated.wave_generator_torque / positive("torque_noise", torque_noise))
         return np.concatenate(parts)
 
-    columns, names = [], []
+    columns: dict[str, Array] = {}
     for name in PARAMETERS:
         value = float(getattr(base, name))
         if value == 0.0:
             continue
-        columns.append(
-            (outputs({name: value * (1 + STEP)}) - outputs({name: value * (1 - STEP)}))
-            / (2.0 * STEP)
-        )
-        names.append(name)
+        change = outputs({name: value * (1 + STEP)}) - outputs({name: value * (1 - STEP)})
+        columns[name] = change / (2.0 * STEP)
     if not columns:
         raise IdentificationError("has no parameter to vary", where="gear")
-    _, singular, right = np.linalg.svd(np.column_stack(columns), full_matrices=False)
-    deviations = 1.0 / np.maximum(singular, 1e-12)
-    directions = tuple(
-        Direction(float(d), dict(zip(names, (float(x) for x in row), strict=True)))
-        for d, row in zip(deviations, right, strict=True)
-    )
-    marginal = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
-    verdicts = {
-        name: _identifiable(float(error)) for name, error in zip(names, marginal, strict=True)
-    }
-    verdicts |= {name: "no" for name in ("mesh_stiffness", "bearing_damping") if name in verdicts}
-    return Identifiability(
-        with_torque=torque_noise is not None,
-        directions=directions,
-        marginal=dict(zip(names, (float(m) for m in marginal), strict=True)),
-        condition=float(singular[0] / max(singular[-1], 1e-12)),
-        verdicts=verdicts,
-    )
+    return Identifiability.of(columns, with_torque=torque_noise is not None)

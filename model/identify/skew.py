@@ -13,8 +13,7 @@ same window, to first order in tau: y = a + g x - g tau dx/dt.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import cast
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,11 +65,7 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
     both = bool((means.speed > 0).any() and (means.speed < 0).any())
     span = float(np.abs(means.speed).max() / np.abs(means.speed).min())
     if not both or span < SPEED_SPAN:
-        why = (
-            "one direction only"
-            if not both
-            else f"one speed only (largest over smallest {span:.3g})"
-        )
+        why = f"one speed only (largest over smallest {span:.3g})" if both else "one direction only"
         return _unknown(
             "encoder_skew", f"{why}: wind-up by friction and skew times speed are one number"
         )
@@ -80,7 +75,6 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
         value, deviation, freedom = _fit(means, orders)
     except IdentificationError as error:
         return _unknown("encoder_skew", str(error))
-    half = deviation * student_quantile(freedom)
     lines = [BudgetLine("scatter between stretches", "A", deviation, degrees_of_freedom=freedom)]
     if viscous_windup > 0.0:
         lines.append(
@@ -88,24 +82,14 @@ def encoder_skew(means: RevolutionMeans, needed: float, viscous_windup: float = 
                 "viscous wind-up c/K", "B", viscous_windup, "proportional to speed as the skew is"
             )
         )
-    estimate = Estimate(
-        name="encoder_skew",
-        value=value,
-        unit="s",
-        low=value - half,
-        high=value + half,
-        identifiable="yes",
-        note="",
-        budget=tuple(lines),
-    )
-    notes = (
-        []
-        if orders
-        else [f"only {turned / REVOLUTION:.2f} output revolutions: its orders are in the scatter"]
-    )
+    half = deviation * student_quantile(freedom)
+    estimate = Estimate.about("encoder_skew", value, half, "s", tuple(lines))
+    notes: list[str] = []
+    if not orders:
+        turns = turned / REVOLUTION
+        notes.append(f"only {turns:.2f} output revolutions: its orders are in the scatter")
     if half > needed:
-        notes.append(f"the scatter allows {half:.2g} s, {needed:.2g} s were needed")
-        return _judged(estimate, "no", notes)
+        return _judged(estimate, "no", [*notes, _too_wide(half, needed)])
     if estimate.expanded_uncertainty > needed:
         notes.append(
             "skew and viscous wind-up together; what is proportional to speed is known, not which of them it is"
@@ -132,7 +116,6 @@ def torque_skew(
     if isinstance(match, str):
         return _unknown("torque_skew", match)
     delay, error, freedom = match
-    half = error * student_quantile(freedom)
     longer = _delay(first, second, interval, starts, quantum, 2 * WINDOW - 1)
     lines = [BudgetLine("scatter between pieces", "A", error, degrees_of_freedom=freedom)]
     if not isinstance(longer, str):
@@ -145,20 +128,10 @@ def torque_skew(
                 "aliased ripple changes with it",
             )
         )
-    estimate = Estimate(
-        name="torque_skew",
-        value=delay,
-        unit="s",
-        low=delay - half,
-        high=delay + half,
-        identifiable="yes",
-        note="",
-        budget=tuple(lines),
-    )
+    half = error * student_quantile(freedom)
+    estimate = Estimate.about("torque_skew", delay, half, "s", tuple(lines))
     if half > needed:
-        return _judged(
-            estimate, "no", [f"the scatter allows {half:.2g} s, {needed:.2g} s were needed"]
-        )
+        return _judged(estimate, "no", [_too_wide(half, needed)])
     if estimate.expanded_uncertainty > needed:
         return _judged(
             estimate,
@@ -270,26 +243,13 @@ def _smoothed(
     return x, slope, y, begins.astype(np.int64)
 
 
-def _judged(estimate: Estimate, verdict: str, notes: list[str]) -> Estimate:
-    return Estimate(
-        name=estimate.name,
-        value=estimate.value,
-        unit=estimate.unit,
-        low=estimate.low,
-        high=estimate.high,
-        identifiable=cast("Identifiable", verdict),
-        note="; ".join(notes),
-        budget=estimate.budget,
-    )
+def _too_wide(half: float, needed: float) -> str:
+    return f"the scatter allows {half:.2g} s, {needed:.2g} s were needed"
+
+
+def _judged(estimate: Estimate, verdict: Identifiable, notes: list[str]) -> Estimate:
+    return replace(estimate, identifiable=verdict, note="; ".join(notes))
 
 
 def _unknown(name: str, why: str) -> Estimate:
-    return Estimate(
-        name=name,
-        value=math.nan,
-        unit="s",
-        low=math.nan,
-        high=math.nan,
-        identifiable="no",
-        note=why,
-    )
+    return Estimate.about(name, math.nan, math.nan, "s", identifiable="no", note=why)

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from model.identify.checks import Array
-from model.identify.step_fit import STEPS, Problem, Solution, StepArrays
+from model.identify.step_fit import Solution
+from model.identify.step_problem import STEPS, Problem, StepArrays
 from model.units import REVOLUTION
 
 _BAND = 0.15

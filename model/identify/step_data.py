@@ -1,4 +1,3 @@
-# pyright: standard
 """One velocity step as arrays, the motion that its input prescribes, and the scores of a prediction.
 
 Scored is x = theta_o - theta_i/N - ke, never the raw angle (a rigid gear is almost perfect there),
@@ -14,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
@@ -132,9 +131,8 @@ def drive_of(data: StepData) -> Driven:
     substeps = int(np.clip(math.ceil(period * fastest * 8.0 / math.pi), 2, 12))
     interval = period / substeps
     fine = np.arange(data.time[0], data.time[-1] + 0.5 * interval, interval)
-    angle = scipy.interpolate.CubicSpline(data.time, data.input_angle)(
-        fine
-    )  # unsmoothed: a count is 1/N of one at the output
+    # Unsmoothed: a count is 1/N of one at the output.
+    angle: Array = scipy.interpolate.CubicSpline(data.time, data.input_angle)(fine)
     speed = np.interp(fine, motion.time, motion.speed)
     ideal = angle / data.ratio + series_value(data.kinematic_error, angle)
     onset = max(int(np.argmax(np.abs(speed) > 0.02 * np.max(np.abs(speed)))) - 1, 0)
@@ -150,11 +148,11 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
     if ideal is None:
         drive = drive_of(data)
         ideal = np.interp(drive.stamps, drive.fine, drive.ideal)
-    motion = speed_from_counts(data.time, data.output_angle, data.output_quantum, longest=0.06)
-    window = motion.window
+    quantum = data.output_quantum
+    window = speed_from_counts(data.time, data.output_angle, quantum, longest=0.06).window
 
     def slope(angle: Array) -> Array:
-        return speed_from_counts(data.time, angle, data.output_quantum, window=window).speed
+        return speed_from_counts(data.time, angle, quantum, window=window).speed
 
     rigid = data.input_angle / data.ratio
     x, x_hat = data.output_angle - ideal, output - ideal
@@ -167,22 +165,21 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
         "rigid": slope(rigid),
     }
     sse = {name: float(np.sum((speeds["measured"] - s) ** 2)) for name, s in speeds.items()}
-    steady = data.target / data.ratio
+    left, steady = float(np.sum((x - x_hat) ** 2)), data.target / data.ratio
     metrics = {
-        "skill": _skill(float(np.sum((x - x_hat) ** 2)), float(x @ x)),
-        "skill_rigid": _skill(float(np.sum((x - x_hat) ** 2)), float(np.sum((x - rigid_x) ** 2))),
+        "skill": _skill(left, float(x @ x)),
+        "skill_rigid": _skill(left, float(np.sum((x - rigid_x) ** 2))),
         "skill_speed": _skill(sse["predicted"], sse["ideal"]),
         "skill_speed_rigid": _skill(sse["predicted"], sse["rigid"]),
         "mse_speed": normalised_mse(speeds["measured"], speeds["predicted"]),
-        "rms": float(np.sqrt(np.mean((x - x_hat) ** 2))),
+        "rms": math.sqrt(left / len(x)),
         "rms_speed": math.sqrt(sse["predicted"] / len(x)),
         "window": window,
     }
-    last = slice(len(x) // 2, None)
     for name in ("measured", "predicted"):
         curve = speeds[name] / steady
         metrics[f"overshoot_{name}"] = float(curve.max()) - 1.0
-        metrics[f"ripple_{name}"] = float(np.ptp(curve[last]))
+        metrics[f"ripple_{name}"] = float(np.ptp(curve[len(x) // 2 :]))
     return StepScore(
         metrics=metrics,
         time=data.time,

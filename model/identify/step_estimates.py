@@ -14,7 +14,8 @@ from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.step_counts import led_away, left_in_band, louder_in_band
 from model.identify.step_data import StepData
-from model.identify.step_fit import Problem, Solution
+from model.identify.step_fit import Solution
+from model.identify.step_problem import Problem
 from model.identify.step_rungs import LEAST_RELAXATION, Expected
 from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ
 from model.identify.torsional_mode import TorsionModel
@@ -300,15 +301,8 @@ class _Told:
             if share[index] > 0.0
         ]
         verdict, note = self._verdict(name, relative, half) if is_log else ("yes", "")
-        return Estimate(
-            name=name,
-            value=value,
-            unit=unit,
-            low=value - half,
-            high=value + half,
-            identifiable=verdict,
-            note=note,
-            budget=(noise, *lines),
+        return Estimate.about(
+            name, value, half, unit, (noise, *lines), identifiable=verdict, note=note
         )
 
     def _verdict(self, name: str, relative: float, half: float) -> tuple[Identifiable, str]:

@@ -1,4 +1,3 @@
-# pyright: standard
 """The inertia at the output, from the torque port during steps whose mode has been identified.
 
     T = L(J_i theta_i'' + J_o (1/N + ke'(theta_i)) theta_o'' + friction(theta_i')) + T_0,  tau L(x)' + L(x) = x
@@ -25,7 +24,7 @@ from model.errors import IdentificationError
 from model.gear import Harmonic
 from model.identify.checks import Array
 from model.identify.step_data import SPEED_SMOOTHING, StepData
-from model.identify.step_fit import FALLING
+from model.identify.step_problem import FALLING
 from model.kinematic_error import series_slope
 
 WIDTH = 1.2

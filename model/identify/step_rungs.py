@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from model.identify.step_fit import Shape
+from model.identify.step_problem import Shape
 from model.identify.torsional_mode import TorsionModel
 from model.units import REVOLUTION
 
@@ -54,6 +54,9 @@ def models_of(expected: Expected) -> Callable[[Mapping[str, float]], TorsionMode
         frequency, damping = math.exp(0.5 * values["stiffness"]), math.exp(values["damping"])
         # The bearing damps by no more than its card says; the rest is lost beside the springs and stiffens nothing.
         bearing = 0.5 * expected.share * max(expected.relaxation, LEAST_RELAXATION) * frequency
+        soft = (0.0, 0.0)
+        if "soft" in values:
+            soft = (math.exp(values["soft"]), math.exp(values["limit"]))
         return TorsionModel(
             stiffness=math.exp(values["stiffness"]),
             relaxation=2.0 * min(damping, bearing) / (expected.share * frequency),
@@ -62,9 +65,7 @@ def models_of(expected: Expected) -> Callable[[Mapping[str, float]], TorsionMode
             second=stiffer,
             third=stiffer * math.exp(values.get("third", 0.0)),
             torques=(first * later, second * later) if hardens else (math.inf, math.inf),
-            hysteresis=(math.exp(values["soft"]), math.exp(values["limit"]))
-            if "soft" in values
-            else (0.0, 0.0),
+            hysteresis=soft,
         )
 
     return model

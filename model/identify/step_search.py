@@ -12,15 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from model.identify.checks import Array
-from model.identify.step_fit import (
-    BAD_STEP,
-    Problem,
-    Shape,
-    Solution,
-    StepArrays,
-    fit_all,
-    reweighted,
-)
+from model.identify.step_fit import BAD_STEP, Solution, fit_all, reweighted
+from model.identify.step_problem import Problem, Shape, StepArrays
 from model.identify.step_rungs import BEARING_TORQUE, FITTED, Expected, shapes_of
 from model.units import REVOLUTION
 

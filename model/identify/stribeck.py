@@ -1,4 +1,3 @@
-# pyright: standard
 """The Stribeck curve from forces over speed: variable projection, profile likelihood, and the paper's genetic search.
 
     F(v) = F_c + (F_s - F_c) exp[-(v/v_s)^sigma] + c_v v        v = |theta_i'|        (equation 19)
@@ -20,14 +19,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
+import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels
 from model.identify.common_errors import whitening_of
-from model.identify.least_squares import student_quantile
-from model.kernels import regression as kernels
+from model.identify.least_squares import closest, student_quantile
+from model.kernels import stribeck as kernels
 
 NAMES = ("coulomb", "static", "stribeck_velocity", "shape", "viscous")
 """F_c, F_s, v_s, sigma, c_v: the order of every array of parameters here."""
@@ -105,16 +104,24 @@ def stribeck_jacobian(speed: Array, values: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Points:
-    """Forces (n,) over speed (n,), whitened: `whitening` W (n, n), `white` (3, n) of W f, W 1, W v."""
+    """Forces (n,) over speed (n,), whitened: `whitening` W (n, n), `white` (3, n) of W f, W 1, W v.
+
+    `limits` (2, 2): between which logarithms of v_s and sigma are searched.
+    """
 
     speed: Array
     force: Array
     whitening: Array
     white: Array
+    limits: Array
 
 
 def _points(
-    speed: ArrayLike, force: ArrayLike, standard_error: ArrayLike, common: Array | None
+    speed: ArrayLike,
+    force: ArrayLike,
+    standard_error: ArrayLike,
+    common: Array | None,
+    bounds: StribeckBounds | None,
 ) -> _Points:
     v, f, u = channels(
         6,
@@ -139,7 +146,9 @@ def _points(
             remedy="Measure at more speeds, dense at the low end.",
         )
     whitening = whitening_of(u, common)
-    return _Points(v, f, whitening, np.array([whitening @ x for x in (f, np.ones_like(f), v)]))
+    white = np.array([whitening @ x for x in (f, np.ones_like(f), v)])
+    limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
+    return _Points(v, f, whitening, white, limits)
 
 
 def fit_stribeck(
@@ -156,32 +165,20 @@ def fit_stribeck(
     standard uncertainty of each error that they share does to them. F_c, F_s and c_v are kept
     non-negative.
     """
-    points = _points(speed, force, standard_error, common)
-    v, f = points.speed, points.force
-    limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
-    grid_v, grid_s = (
-        np.linspace(limits[0][0], limits[0][1], 16),
-        np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1]),
-    )
-    chi, best, linear = _search(points, limits, grid_v, grid_s)
+    points = _points(speed, force, standard_error, common, bounds)
+    v, f, limits = points.speed, points.force, points.limits
+    grid_v = np.linspace(float(limits[0][0]), float(limits[0][1]), 16)
+    grid_s = np.clip(np.log([0.5, 0.8, 1.2, 2.0]), *limits[1])
+    chi, best, linear = _search(points, grid_v, grid_s)
     values = np.array([linear[0], linear[1], math.exp(best[0]), math.exp(best[1]), linear[2]])
     jacobian = stribeck_jacobian(v, values)
     freedom = len(v) - 5
     scale = max(1.0, chi / max(freedom, 1))
     white = points.whitening @ jacobian
     size = np.sqrt(np.maximum(np.sum(white**2, axis=0), 1e-300))
-    inverse = np.linalg.pinv((white / size).T @ (white / size), rcond=1e-12, hermitian=True)
+    normal = (white / size).T @ (white / size)
+    inverse: Array = np.asarray(np.linalg.pinv(normal, rcond=1e-12, hermitian=True), dtype=float)
     inverse = inverse / np.outer(size, size)
-    at_bound = [
-        name
-        for name, k in (("stribeck_velocity", 0), ("shape", 1))
-        if np.min(np.abs(limits[k] - best[k])) < 1e-6
-    ]
-    at_bound += [
-        name
-        for name, value in zip(("coulomb", "static", "viscous"), linear, strict=True)
-        if value <= 0.0
-    ]
     fitted = stribeck_curve(v, values)
     gain = inverse @ white.T @ points.whitening
     shared = np.empty((len(v), 0)) if common is None else common
@@ -197,22 +194,31 @@ def fit_stribeck(
         gain=gain,
         common=common_gain @ (f - fitted),
         common_gain=common_gain - common_gain @ jacobian @ gain,
-        at_bound=tuple(at_bound),
+        at_bound=_at_bound(limits, best, linear),
         chance=_chance(points, float(chi), freedom, scale),
     )
+
+
+def _at_bound(limits: Array, best: Array, linear: Array) -> tuple[str, ...]:
+    """Names of the parameters that stopped at a bound: of the search, or zero."""
+    searched = [
+        name
+        for name, k in (("stribeck_velocity", 0), ("shape", 1))
+        if np.min(np.abs(limits[k] - best[k])) < 1e-6
+    ]
+    names = [NAMES[k] for k, value in zip(LINEAR, linear, strict=True) if value <= 0.0]
+    return (*searched, *names)
 
 
 def _chance(points: _Points, chi: float, freedom: int, scale: float) -> float:
     """The probability that a straight line would leave chi-square as much larger (F test, three parameters)."""
     white, line = points.white[0], points.white[1:].T
-    left = white - line @ np.linalg.lstsq(line, white, rcond=None)[0]
+    left = white - line @ closest(line, white)
     gain = max(float(left @ left) - chi, 0.0) / 3.0
     return float(scipy.special.fdtrc(3.0, max(freedom, 1), gain / scale))
 
 
-def _search(
-    points: _Points, limits: Array, grid_v: Array, grid_s: Array
-) -> tuple[float, Array, Array]:
+def _search(points: _Points, grid_v: Array, grid_s: Array) -> tuple[float, Array, Array]:
     """The best of a coarse grid of (log v_s, log sigma), then descent from its two best cells that
     are not neighbours.
     """
@@ -240,11 +246,11 @@ def _search(
     cells.sort()
     apart = [c for c in cells[1:] if abs(c[1] - cells[0][1]) + abs(c[2] - cells[0][2]) > 1.0]
     hold = np.zeros(2, dtype=np.int64)
-    starts = []
+    starts: list[tuple[float, Array, Array]] = []
     for _, x, s in (cells[0], *apart[:1]):
         start, linear = np.array([x, s]), np.zeros(3)
         chi = kernels.stribeck_descend(
-            v, white, whitening, start, hold, kernels.FREE, 0.0, limits, 60, linear
+            v, white, whitening, start, hold, kernels.FREE, 0.0, points.limits, 60, linear
         )
         starts.append((float(chi), start, linear))
     return min(starts, key=lambda item: item[0])
@@ -265,9 +271,8 @@ def profile_intervals(
     The data must be those of the fit. Holding one parameter, all others are at their best. F_c, F_s and c_v are never
     negative: where the profile has not closed at zero, zero is the low end, which is physics and no bound of a search.
     """
-    points = _points(speed, force, standard_error, common)
-    v, f = points.speed, points.force
-    limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
+    points = _points(speed, force, standard_error, common, bounds)
+    v, f, limits = points.speed, points.force, points.limits
     rise = fit.scale * student_quantile(fit.freedom, level) ** 2
     optimum = np.log(fit.values[2:4])
     errors = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
@@ -286,7 +291,7 @@ def profile_intervals(
             [0.0, ceiling / max(float(v.min()), 1e-6)],
         ]
     )
-    profile = _Profile(points, limits, optimum, fit.chi_square)
+    profile = _Profile(points, optimum, fit.chi_square)
     intervals = np.array(
         [
             [
@@ -306,7 +311,6 @@ class _Profile:
     """The profile of chi-square along one parameter, the others at their best."""
 
     points: _Points
-    limits: Array
     optimum: Array
     lowest: float
 
@@ -328,7 +332,7 @@ class _Profile:
             hold,
             mode,
             place,
-            self.limits,
+            self.points.limits,
             20,
             np.zeros(3),
         )
@@ -397,18 +401,11 @@ def fit_stribeck_genetic(
     """Equation 19 by differential evolution, as in the paper, for comparison with `fit_stribeck`;
     same data, same bounds.
     """
-    points = _points(speed, force, standard_error, common)
+    points = _points(speed, force, standard_error, common, bounds)
     v, f = points.speed, points.force
-    box = StribeckBounds.of(v) if bounds is None else bounds
     top = 3.0 * float(np.max(np.abs(f)))
     slope = 3.0 * float(np.max(np.abs(f)) / v.max())
-    ranges = [
-        (0.0, top),
-        (0.0, top),
-        np.log(box.stribeck_velocity),
-        np.log(box.shape),
-        (0.0, slope),
-    ]
+    ranges: Array = np.array([(0.0, top), (0.0, top), *points.limits, (0.0, slope)])
 
     def chi_square(population: Array) -> Array:
         coulomb, static, velocity, shape, viscous = population.T
@@ -417,14 +414,14 @@ def fit_stribeck_genetic(
         return np.sum((points.whitening @ (f[:, None] - curve)) ** 2, axis=0)
 
     random = np.random.default_rng(seed)
-    low, high = np.array(ranges).T
+    low, high = ranges.T
     population = random.uniform(low, high, (POPULATION, len(low)))
     cost, done = chi_square(population), 0
     while done < generations and cost.std() > CONVERGED * cost.mean():
         done += 1
         order = random.permutation(POPULATION)
         differences = population[order] - population[np.roll(order, 1)]
-        mutant = population[np.argmin(cost)] + random.uniform(*MUTATION) * differences
+        mutant: Array = population[np.argmin(cost)] + random.uniform(*MUTATION) * differences
         mixed = np.where(random.random(mutant.shape) < CROSSOVER, mutant, population)
         # What leaves the box is drawn anew.
         drawn = random.uniform(low, high, mixed.shape)

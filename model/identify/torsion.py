@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.identify.angle_regression import AngleFit, solve_angle
+from model.identify.angle_fit import AngleFit, solve_angle
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine
 from model.identify.least_squares import student_quantile

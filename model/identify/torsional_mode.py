@@ -58,11 +58,10 @@ class TorsionModel:
         """Exact steps (3, 3, 6) of the pieces of the spring: states, u at start and end, constant acceleration."""
         tables = np.empty((3, 3, 6))
         for piece, factor in enumerate((1.0, self.second, self.third)):
-            tables[piece] = (
-                tables[0]
-                if piece and factor == 1.0
-                else self._step(interval, (factor - 1.0) * self.stiffness)
-            )
+            if piece and factor == 1.0:
+                tables[piece] = tables[0]
+            else:
+                tables[piece] = self._step(interval, (factor - 1.0) * self.stiffness)
         return tables
 
     def system(self, extra: float = 0.0) -> Array:

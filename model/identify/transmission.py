@@ -1,4 +1,3 @@
-# pyright: standard
 """Curves and single numbers from a fitted kinematic error: transmission accuracy, averaged curve, goodness of fit."""
 
 from __future__ import annotations
@@ -9,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from model.identify.angle_regression import CELLS, LEAST_TURNS, WHOLE_TURN, AngleFit, Spectrum
+from model.identify.angle_fit import LEAST_TURNS, WHOLE_TURN, AngleFit, Spectrum
+from model.identify.angle_regression import CELLS
 from model.identify.checks import Array
 from model.identify.estimate import BudgetLine, Estimate
 from model.kernels import regression as kernels
@@ -66,10 +66,9 @@ def transmission_accuracy(
     places = [_extremes(sign * curve, reach) for sign in (1.0, -1.0)]
     columns = [_waves(orders, angle[at]) * use for at in places]
     random = np.random.default_rng(1)
-    shape = kernels.square_root(spread)
-    draws = random.standard_normal((_DRAWS, len(shape)))
+    draws = random.standard_normal((_DRAWS, len(spread)))
     draws *= np.sqrt(freedom / random.chisquare(freedom, _DRAWS))[:, None]
-    shaped = np.ascontiguousarray(shape.T)
+    shaped = np.ascontiguousarray(kernels.square_root(spread).T)
     noise = [
         kernels.times_transposed(draws, kernels.times_transposed(waves, shaped))
         for waves in columns
@@ -182,14 +181,16 @@ def left_out_mse(fit: AngleFit) -> float:
     regressors, chosen = cells.regressors, used[2::2]
     whole = regressors.normal(fit.basis, chosen)
     of_odd = regressors.normal(fit.basis, chosen, odd)
-    scores = []
+    scores: list[float] = []
     for seen, half in ((of_odd, odd), (whole - of_odd, cells.count - odd)):
         new = cells.count - half
         values = np.zeros(len(used))
         values[used] = np.linalg.solve(seen, regressors.products(fit.basis, chosen, half * mean))
         series = cells.series(fit.basis, values)
         away = mean - values[0] - values[1] * cells.trend
-        _, (measured, predicted) = cells.per_place(away, series, weight=new)
+        curves = cells.per_place(away, series, weight=new)[1]
+        measured: Array = curves[0]
+        predicted: Array = curves[1]
         scores.append(normalised_mse(measured, predicted + np.mean(measured - predicted)))
     return float(np.mean(scores))
 
@@ -208,4 +209,5 @@ def repeatability(fit: AngleFit) -> float:
         return math.nan
     rows = (cells.count * fit.residual).reshape(cells.rows, CELLS)[full]
     lines = 2.0 * np.fft.rfft(rows, axis=1)[:, whole.astype(np.int64)] / counts[full][:, None]
-    return math.sqrt(float(np.mean(np.sum(0.5 * np.abs(lines) ** 2, axis=1))))
+    square: Array = np.sum(0.5 * np.abs(lines) ** 2, axis=1)
+    return math.sqrt(float(np.mean(square)))

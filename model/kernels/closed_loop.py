@@ -1,4 +1,3 @@
-# pyright: standard
 """The compiled closed loop: servo, rotor, wedge, mesh, output, and everything that makes a real one worse.
 
 `run` takes equal steps, `advance` whole SYNC cycles of them. The linear part of a substep is exact (one of the matrix
@@ -13,7 +12,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from model.arrays import FloatArray
+from model.kernels.loop_tables import cogging_at, compiled, error_at, friction_at
 
 # State. W..UO are the linear part: speeds absolute, displacements relative to the rigid gear (x2 - lambda theta, ...).
 (
@@ -152,8 +152,8 @@ STEADY = 0.05
 """Share of itself by which a creeping speed may change within a step: friction is taken in its middle."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _servo_reference(state, servo, mode, target):
+@compiled
+def _servo_reference(state: FloatArray, servo: FloatArray, mode: int, target: float) -> None:
     """One servo period: the filtered torque reference of the drive from its set-point; carries ramp and integral."""
     limit = servo[TORQUE_LIMIT]
     speed = state[W]
@@ -170,17 +170,11 @@ def _servo_reference(state, servo, mode, target):
         ramp = state[RAMP]
         slower = servo[RATE_DOWN] if mode == SPEED else servo[RATE_QUICK_STOP]
         if goal >= ramp:
-            ramp = (
-                min(goal, ramp + servo[RATE_UP])
-                if ramp >= 0.0
-                else min(goal, min(0.0, ramp + slower))
-            )
+            reached = ramp + servo[RATE_UP] if ramp >= 0.0 else min(0.0, ramp + slower)
+            ramp = min(goal, reached)
         else:
-            ramp = (
-                max(goal, ramp - servo[RATE_UP])
-                if ramp <= 0.0
-                else max(goal, max(0.0, ramp - slower))
-            )
+            reached = ramp - servo[RATE_UP] if ramp <= 0.0 else max(0.0, ramp - slower)
+            ramp = max(goal, reached)
         state[RAMP] = ramp
         difference = ramp - speed
         summed = state[INTEGRAL] + servo[INTEGRAL_STEP] * difference
@@ -194,44 +188,8 @@ def _servo_reference(state, servo, mode, target):
     state[FILTER] += servo[FILTER_STEP] * (wanted - state[FILTER])
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def error_at(table, turns, points, angle):
-    """e and de/dtheta of the wedge at an input angle, from cubic pieces (points + 1, 4) of one period (1/turns rad)."""
-    place = angle * turns
-    place = (place - math.floor(place)) * points
-    index = int(place)
-    f = place - index
-    c1, c2, c3 = table[index, 1], table[index, 2], table[index, 3]
-    return table[index, 0] + f * (c1 + f * (c2 + f * c3)), (c1 + f * (2.0 * c2 + 3.0 * f * c3)) * (
-        turns * points
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _cogging_at(table, points, angle):
-    """Cogging torque at an input angle, linear between (points + 2,) values of one revolution."""
-    place = angle * (0.5 / math.pi)
-    place = (place - math.floor(place)) * points
-    index = int(place)
-    return table[index] + (place - index) * (table[index + 1] - table[index])
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _friction_at(table, scale, last, speed):
-    """Mesh dry, mesh viscous, bearing above its low-speed value [N m], wind-up [rad] at a speed >= 0, over its root."""
-    place = math.sqrt(speed) * scale
-    index = min(int(place), last)
-    f = place - index
-    return (
-        table[index, 0] + f * (table[index + 1, 0] - table[index, 0]),
-        table[index, 1] + f * (table[index + 1, 1] - table[index, 1]),
-        table[index, 2] + f * (table[index + 1, 2] - table[index, 2]),
-        table[index, 3] + f * (table[index + 1, 3] - table[index, 3]),
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def _hardened(physics, torsion):
+@compiled
+def _hardened(physics: FloatArray, torsion: float) -> float:
     """Torque beyond the linear stiffness at a torsion of the gear: none within the play, K2 above T1, K3 above T2."""
     size, extra = abs(torsion), 0.0
     if physics[PLAY] > 0.0:
@@ -244,18 +202,20 @@ def _hardened(physics, torsion):
     return extra if torsion > 0.0 else -extra
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
-def dahl(physics, torque, moved):
+@compiled
+def dahl(physics: FloatArray, torque: float, moved: float) -> float:
     """The torque of the hysteresis element after a movement: dT = sigma (1 - T sgn(d)/T_h) d (Dahl 1968)."""
     limit = physics[HYSTERESIS_LIMIT]
     pull = 1.0 - math.copysign(torque / limit, torque * moved)
     return min(max(torque + physics[HYSTERESIS_STIFFNESS] * moved * pull, -limit), limit)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def run(
-    state, physics, servo, matrix, pace, tables, cogging_table, mode, targets, substeps, rows, first, begun, whole
-):  # fmt: skip
+    state: FloatArray, physics: FloatArray, servo: FloatArray, matrix: FloatArray, pace: tuple[float, float, float],
+    tables: tuple[FloatArray, FloatArray], cogging_table: FloatArray | None, mode: int, targets: FloatArray,
+    substeps: int, rows: FloatArray, first: int, begun: int, whole: bool,
+) -> tuple[int, int]:  # fmt: skip
     """Steps of one length from substep `begun` of row `first` on; the row and the substep at which it left off.
 
     Whole steps (`whole`) end at one that has to be taken in parts, which is left undone, or behind the last row. Parts
@@ -296,12 +256,8 @@ def run(
     e0, slope0, force_before, friction = state[ERROR], state[SLOPE], state[FORCE], state[FRICTION]
     acceleration, output_acceleration = state[ACCELERATION], state[OUTPUT_ACCELERATION]
     port, extra, hysteresis, torsion = state[PORT], state[EXTRA], state[HYSTERESIS], state[TORSION]
-    windup, wedge, since, output_drag = (
-        state[WINDUP],
-        state[WEDGE],
-        state[SWITCHED],
-        state[OUTPUT_FRICTION],
-    )
+    windup, wedge = state[WINDUP], state[WEDGE]
+    since, output_drag = state[SWITCHED], state[OUTPUT_FRICTION]
     gear_heat, motor_heat = state[GEAR_HEAT], state[MOTOR_HEAT]
     housing, motor, tick = state[HOUSING], state[MOTOR], int(state[TICK])
     was_held = uo == 0.0
@@ -377,9 +333,9 @@ def run(
                 torque -= extra * (inverse_ratio + slope0 * tangent * per_radius)
             reaction = torque_factor * reference - torque + lift * force
             if cogging_table is not None and cogging > 0:
-                torque += _cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
+                torque += cogging_at(cogging_table, cogging, theta + 0.5 * h * w)
             speed = max(abs(w) + math.copysign(0.5 * h * acceleration, w * acceleration), 0.0)
-            dry, viscous, bearing, wound = _friction_at(
+            dry, viscous, bearing, wound = friction_at(
                 friction_table, friction_scale, last_friction, speed
             )
             sliding = 1.0 + slope0 * per_lift
@@ -467,31 +423,27 @@ def run(
     state[ERROR], state[SLOPE], state[FORCE], state[FRICTION] = e0, slope0, force_before, friction
     state[ACCELERATION], state[OUTPUT_ACCELERATION] = acceleration, output_acceleration
     state[PORT], state[EXTRA], state[HYSTERESIS], state[TORSION] = port, extra, hysteresis, torsion
-    state[WINDUP], state[WEDGE], state[SWITCHED], state[OUTPUT_FRICTION] = (
-        windup,
-        wedge,
-        since,
-        output_drag,
-    )
+    state[WINDUP], state[WEDGE] = windup, wedge
+    state[SWITCHED], state[OUTPUT_FRICTION] = since, output_drag
     state[GEAR_HEAT], state[MOTOR_HEAT] = gear_heat, motor_heat
     state[HOUSING], state[MOTOR], state[TICK] = housing, motor, tick
     return k, n
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
+@compiled
 def advance(
-    state,
-    physics,
-    servo,
-    step,
-    error_table,
-    friction_table,
-    cogging_table,
-    mode,
-    targets,
-    substeps,
-    rows,
-):
+    state: FloatArray,
+    physics: FloatArray,
+    servo: FloatArray,
+    step: FloatArray,
+    error_table: FloatArray,
+    friction_table: FloatArray,
+    cogging_table: FloatArray | None,
+    mode: int,
+    targets: FloatArray,
+    substeps: int,
+    rows: FloatArray,
+) -> None:
     """Run one SYNC cycle of `substeps` per row of `rows` (n, ROW_SIZE), filled with what is true at each SYNC.
 
     `targets` (n,) acts from its row on; `error_table` (points, 4) holds cubic pieces of e over one period of the wedge;

@@ -1,4 +1,3 @@
-# pyright: standard
 """The compiled incremental encoder: an angle latched late, its errors, whole counts, and the index latch."""
 
 from __future__ import annotations
@@ -7,12 +6,16 @@ import math
 
 from numba import njit
 
+from model.arrays import BoolArray, FloatArray, IntArray
+
+_compiled = njit(cache=True, nogil=True, error_model="numpy")
+
 TURN, LATCHED, SEEN = 0, 1, 2
 """What an index latch carries: whole turns past the mark, the latched count, whether a mark was seen."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def count_at(angle, waves, fine, quantum, offset):
+@_compiled
+def count_at(angle: float, waves: FloatArray, fine: FloatArray, quantum: float, offset: int) -> int:
     """The count at a true angle; `waves` (n, 3) are order, amplitude [rad] and phase of the errors over the angle.
 
     `fine` (points + 1, 4), where it is not empty, holds cubic pieces of what many more orders add over one revolution.
@@ -30,23 +33,23 @@ def count_at(angle, waves, fine, quantum, offset):
     return math.floor(read / quantum) + offset
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@_compiled
 def read_encoder(
-    rows,
-    column,
-    sense,
-    late,
-    delay,
-    waves,
-    fine,
-    quantum,
-    offset,
-    mark,
-    latch,
-    counts,
-    indices,
-    seen,
-):
+    rows: FloatArray,
+    column: int,
+    sense: float,
+    late: FloatArray,
+    delay: float,
+    waves: FloatArray,
+    fine: FloatArray,
+    quantum: float,
+    offset: int,
+    mark: float,
+    latch: FloatArray,
+    counts: IntArray,
+    indices: IntArray,
+    seen: BoolArray,
+) -> None:
     """Counts, latched index counts and whether a mark was seen, per row.
 
     Angle, speed and acceleration stand in the columns from `column` on; `late` (n,) [s] is how late

@@ -11,10 +11,12 @@ from numba import njit
 
 from model.arrays import FloatArray
 
-_FAST = {"contract", "reassoc", "nsz"}
+_compiled = njit(
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract", "reassoc", "nsz"}
+)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_compiled
 def inner(left: FloatArray, right: FloatArray) -> FloatArray:
     """left' right (q, p) of `left` (n, q) and `right` (n, p)."""
     rows, wide = left.shape[0], right.shape[1]
@@ -35,7 +37,7 @@ def inner(left: FloatArray, right: FloatArray) -> FloatArray:
     return out
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_compiled
 def take_out(basis: FloatArray, columns: FloatArray) -> None:
     """Take from `columns` (n, p) what lies along the orthonormal columns of `basis` (n, q)."""
     share = inner(basis, columns)
@@ -45,7 +47,7 @@ def take_out(basis: FloatArray, columns: FloatArray) -> None:
                 columns[i, k] -= basis[i, j] * share[j, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_compiled
 def orthonormal(columns: FloatArray) -> FloatArray:
     """Orthonormal columns (n, q) that span the same as `columns` (n, q); a dependent one becomes zero.
 

@@ -1,4 +1,3 @@
-# pyright: standard
 """Compiled propagation of equation 2 with a prescribed input: input signals, modal recurrence, outputs, batches.
 
 Samples are handled in short chunks that stay in the cache, loop by loop, so that everything but the recurrence itself
@@ -10,13 +9,24 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from model.arrays import FloatArray
+
 CHUNK = 248
 SIGNALS = 5
-_FAST = {"contract", "nsz", "nnan", "ninf"}
+_compiled = njit(
+    cache=True, nogil=True, fastmath={"contract", "nsz", "nnan", "ninf"}, error_model="numpy"
+)
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def add_series(angle, orders, cosine, sine, value, slope):
+@_compiled
+def add_series(
+    angle: FloatArray,
+    orders: FloatArray,
+    cosine: FloatArray,
+    sine: FloatArray,
+    value: FloatArray,
+    slope: FloatArray,
+) -> None:
     """Add sum a cos(n theta) + b sin(n theta) and its derivative by theta; polynomials good to 3e-15 (SIMD)."""
     for j in range(orders.size):
         turns = orders[j] / (2.0 * np.pi)
@@ -48,8 +58,16 @@ def add_series(angle, orders, cosine, sine, value, slope):
             slope[i] += nb * c - na * s
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def friction_signals(speed, before, after, friction, mesh, bearing, jump):
+@_compiled
+def friction_signals(
+    speed: FloatArray,
+    before: float,
+    after: float,
+    friction: FloatArray,
+    mesh: FloatArray,
+    bearing: FloatArray,
+    jump: FloatArray,
+) -> None:
     """F_fm and M_0 (equations 18, 19) just before each sample, and the change of sign at it.
 
     `friction` = (F_c, F_s - F_c, v_s, sigma, c_v, 0.1 f_0 d_m^3, nu n per rad/s, least nu n, smoothing speed). `before`
@@ -87,10 +105,20 @@ def friction_signals(speed, before, after, friction, mesh, bearing, jump):
         bearing[i] = torque * sign
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
+@_compiled
 def _input_signals(
-    angle, speed, before, after, load, ratio, series, friction, signals, slope, jump
-):
+    angle: FloatArray,
+    speed: FloatArray,
+    before: float,
+    after: float,
+    load: FloatArray,
+    ratio: float,
+    series: FloatArray,
+    friction: FloatArray,
+    signals: FloatArray,
+    slope: FloatArray,
+    jump: FloatArray,
+) -> None:
     """Fill the rows of `signals` (5, >= n), d psi/d theta in `slope` and the sign changes of friction in `jump`."""
     n = angle.size
     ideal, rate = signals[0, :n], signals[1, :n]
@@ -109,8 +137,10 @@ def _input_signals(
 # The loops below take whole arrays and indices instead of slices: a slice costs two atomic reference counts.
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def _drive(n, gain, k, m, signals, loaded, track):
+@_compiled
+def _drive(
+    n: int, gain: FloatArray, k: int, m: int, signals: FloatArray, loaded: bool, track: FloatArray
+) -> None:
     """Rows 2 m and 2 m + 1 of `track` = real and imaginary part of what the signals add to mode m of set k."""
     for part in range(2):
         r = 2 * m + part
@@ -125,8 +155,19 @@ def _drive(n, gain, k, m, signals, loaded, track):
                 track[r, i] += f4 * signals[4, i]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def _observe(n, output, through, k, o, modes, signals, loaded, track, row):
+@_compiled
+def _observe(
+    n: int,
+    output: FloatArray,
+    through: FloatArray,
+    k: int,
+    o: int,
+    modes: int,
+    signals: FloatArray,
+    loaded: bool,
+    track: FloatArray,
+    row: FloatArray,
+) -> None:
     """row = output o of set k: sum of through x signals + real part of sum of output[m] z[m]."""
     f0, f1, f2 = through[k, o, 0], through[k, o, 1], through[k, o, 2]
     f3, f4 = through[k, o, 3], through[k, o, 4]
@@ -149,8 +190,17 @@ def _observe(n, output, through, k, o, modes, signals, loaded, track, row):
             )
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def _advance_modes(n, k, first, decay, jump, kick, state, track):
+@_compiled
+def _advance_modes(
+    n: int,
+    k: int,
+    first: int,
+    decay: FloatArray,
+    jump: FloatArray,
+    kick: FloatArray,
+    state: FloatArray,
+    track: FloatArray,
+) -> None:
     """Four modes of set k over a chunk, z' = E z + g: `track` holds g (rows real, imaginary) and then the states z."""
     a, b, c, d = first, first + 1, first + 2, first + 3
     r0, r1, r2, r3, r4, r5, r6, r7 = (
@@ -185,8 +235,16 @@ def _advance_modes(n, k, first, decay, jump, kick, state, track):
     state[k, 0, c], state[k, 1, c], state[k, 0, d], state[k, 1, d] = vr, vi, wr, wi
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def _advance_dense(n, k, transition, jump, kick, state, track):
+@_compiled
+def _advance_dense(
+    n: int,
+    k: int,
+    transition: FloatArray,
+    jump: FloatArray,
+    kick: FloatArray,
+    state: FloatArray,
+    track: FloatArray,
+) -> None:
     """All six real states of set k over a chunk with a full transition matrix; `track` as for the modes."""
     old = np.empty(6)
     for i in range(n):
@@ -200,29 +258,29 @@ def _advance_dense(n, k, transition, jump, kick, state, track):
             track[2 * r, i] = old[r]
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
+@_compiled
 def propagate(
-    angle,
-    speed,
-    before,
-    after,
-    load,
-    ratio,
-    series,
-    friction,
-    lever,
-    dense,
-    decay,
-    transition,
-    gain,
-    kick,
-    output,
-    through,
-    state,
-    stride,
-    offset,
-    result,
-):
+    angle: FloatArray,
+    speed: FloatArray,
+    before: float,
+    after: float,
+    load: FloatArray,
+    ratio: float,
+    series: FloatArray,
+    friction: FloatArray,
+    lever: FloatArray,
+    dense: bool,
+    decay: FloatArray,
+    transition: FloatArray,
+    gain: FloatArray,
+    kick: FloatArray,
+    output: FloatArray,
+    through: FloatArray,
+    state: FloatArray,
+    stride: int,
+    offset: int,
+    result: FloatArray,
+) -> None:
     """Propagate a block for every parameter set and keep the outputs of every `stride`-th sample.
 
     Per set (first axis): `decay` (2, m) or `transition` (6, 6); `gain` (2, m, 5) and `kick` (2, m) drive the modes;
@@ -274,8 +332,17 @@ def propagate(
         written += samples
 
 
-@njit(cache=True, nogil=True, fastmath=_FAST, error_model="numpy")
-def refine(angle, speed, interval, load, steps, fine_angle, fine_speed, fine_load):
+@_compiled
+def refine(
+    angle: FloatArray,
+    speed: FloatArray,
+    interval: float,
+    load: FloatArray,
+    steps: int,
+    fine_angle: FloatArray,
+    fine_speed: FloatArray,
+    fine_load: FloatArray,
+) -> None:
     """Cubic Hermite interpolation of angle and speed, linear of load, at `steps` points per interval."""
     for j in range(steps):
         s = j / steps

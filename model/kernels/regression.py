@@ -1,5 +1,4 @@
-# pyright: standard
-"""Compiled sums of samples over cells of angle, and the chi-square of the friction curve."""
+"""Compiled sums of samples over cells of angle, and what is solved of them."""
 
 from __future__ import annotations
 
@@ -8,19 +7,28 @@ import math
 import numpy as np
 from numba import njit
 
+from model.arrays import FloatArray as Array
+from model.arrays import IntArray
+
+_summed = njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
+"""For sums over samples: their order is free, so that several are added at a time."""
+
 LANES = 5
 """Columns of a cell before its values: number of samples, sums of their offsets from its centre to the fourth power."""
+Layout = tuple[float, int, float, int, int]
+"""Cells per radian, first cell, direction of travel, cells per turn of the output, halvings of the turns."""
 _STRIP = 256
 """Cells that are worked on at a time: what belongs to them stays in the processor's cache."""
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def bin_samples(angle, values, start, grid, totals, layout):
+@_summed
+def bin_samples(
+    angle: Array, values: Array, start: int, grid: Array, totals: Array, layout: Layout
+) -> int:
     """Add samples from `start` on to their cells of angle; returns the index of the first that found no room.
 
     grid (cells, LANES + m): of each cell the LANES columns and the sums of its m values about their
-    reference; totals (m, 4): reference, sum of squares about it, lowest, highest. layout: cells per
-    radian, first cell, direction of travel, cells per turn of the output, halvings of the turns.
+    reference; totals (m, 4): reference, sum of squares about it, lowest, highest.
     """
     per_angle, first, direction, turn, halvings = layout
     width, end = 1.0 / per_angle, angle.shape[0]
@@ -64,8 +72,10 @@ def bin_samples(angle, values, start, grid, totals, layout):
     return end
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def wave_means(angle, moments, ratio, lattice, order, out):
+@_summed
+def wave_means(
+    angle: Array, moments: Array, ratio: float, lattice: IntArray, order: Array, out: Array
+) -> None:
     """out (2 orders, c) receives the means of cos v theta and sin v theta over the samples of each cell.
 
     angle (c,) of their centroids; moments (3, c): second, third and fourth about it. lattice (2, orders):
@@ -113,8 +123,8 @@ def wave_means(angle, moments, ratio, lattice, order, out):
                 sine[k] = im[k] * even - re[k] * odd
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def weighted_products(design, weight, first, normal):
+@_summed
+def weighted_products(design: Array, weight: Array, first: int, normal: Array) -> None:
     """normal (p, p) += X W X' of a design (p, c): the columns from `first` on, their rows down to the diagonal.
 
     In one thread, whatever else the machine does; eight products at a time, from the cache.
@@ -159,8 +169,8 @@ def weighted_products(design, weight, first, normal):
             normal[i, j] += total[i, j - first]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def row_products(design, vector, out):
+@_summed
+def row_products(design: Array, vector: Array, out: Array) -> None:
     """out (p,) += X y of a design (p, c)."""
     for i in range(design.shape[0]):
         total = 0.0
@@ -169,8 +179,8 @@ def row_products(design, vector, out):
         out[i] += total
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def row_combination(design, factor, out):
+@_summed
+def row_combination(design: Array, factor: Array, out: Array) -> None:
     """out (c,) += X' a of a design (p, c)."""
     p, c = design.shape
     for start in range(0, c, _STRIP):
@@ -186,8 +196,8 @@ def row_combination(design, factor, out):
                 part[k] += factor[i] * design[i, start + k]
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def stretch_products(design, weight, out):
+@_summed
+def stretch_products(design: Array, weight: Array, out: Array) -> None:
     """out (p, s) = sums of X w over s equal stretches of the cells."""
     width = design.shape[1] // out.shape[1]
     for i in range(out.shape[0]):
@@ -198,8 +208,8 @@ def stretch_products(design, weight, out):
             out[i, j] = total
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def times_transposed(left, right):
+@_summed
+def times_transposed(left: Array, right: Array) -> Array:
     """A B' of matrices (m, p) and (n, p), in one thread."""
     out = np.empty((left.shape[0], right.shape[0]))
     for i in range(left.shape[0]):
@@ -221,8 +231,8 @@ def times_transposed(left, right):
     return out
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def square_root(matrix):
+@_summed
+def square_root(matrix: Array) -> Array:
     """Lower L with L L' = A for a symmetric A that is positive or has nothing in some rows; those stay zero."""
     p = matrix.shape[0]
     lower = np.zeros((p, p))
@@ -239,8 +249,8 @@ def square_root(matrix):
     return lower
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def inverse_of(lower):
+@_summed
+def inverse_of(lower: Array) -> Array:
     """(L L')^-1 of a lower L without zeros on its diagonal."""
     p = lower.shape[0]
     solved, out = np.zeros((p, p)), np.zeros((p, p))
@@ -262,8 +272,8 @@ def inverse_of(lower):
     return out
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
-def largest_eigenvalue(matrix):
+@_summed
+def largest_eigenvalue(matrix: Array) -> float:
     """Of a symmetric positive matrix, by sixty rounds of the power method: from below, to a few per cent."""
     p = matrix.shape[0]
     vector, image = np.empty(p), np.empty(p)
@@ -289,7 +299,7 @@ def largest_eigenvalue(matrix):
 
 
 @njit(cache=True, nogil=True)
-def series_on_grid(angle, order, cosine, sine):
+def series_on_grid(angle: Array, order: Array, cosine: Array, sine: Array) -> Array:
     """sum of a cos(n theta) + b sin(n theta) at each angle."""
     out = np.zeros(len(angle))
     for i in range(len(angle)):
@@ -299,174 +309,3 @@ def series_on_grid(angle, order, cosine, sine):
             total += cosine[k] * math.cos(phase) + sine[k] * math.sin(phase)
         out[i] = total
     return out
-
-
-FREE, FIXED_COULOMB, FIXED_STATIC, FIXED_VISCOUS = 0, 1, 2, 3
-"""Which linear parameter of the Stribeck curve a profile holds."""
-
-
-@njit(cache=True, nogil=True)
-def _solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2):
-    """Solve a symmetric 3 x 3 system in the unknowns whose mask is 1; the others are 0. NaN where it is singular."""
-    a = u0 * g00 + 1.0 - u0
-    b = u0 * u1 * g01 / a
-    c = u0 * u2 * g02 / a
-    d = u1 * g11 + 1.0 - u1 - b * b * a
-    if d <= 1e-13 * g11:
-        return np.nan, np.nan, np.nan
-    e = (u1 * u2 * g12 - b * c * a) / d
-    f = u2 * g22 + 1.0 - u2 - c * c * a - e * e * d
-    if f <= 1e-13 * g22:
-        return np.nan, np.nan, np.nan
-    y0 = u0 * r0
-    y1 = u1 * r1 - b * y0
-    y2 = u2 * r2 - c * y0 - e * y1
-    x2 = y2 / f
-    x1 = y1 / d - e * x2
-    return y0 / a - b * x1 - c * x2, x1, x2
-
-
-@njit(cache=True, nogil=True)
-def stribeck_inner(speed, white, whitening, velocity, shape, mode, fixed, parameters, residual):
-    """Chi-square of the Stribeck curve (equation 19) with its linear parameters at their best non-negative values.
-
-    `whitening` (n, n) is lower triangular, W with W' W the inverse covariance of the forces; `white`
-    (3, n) holds W f, W 1 and W v. parameters receives F_c, F_s, c_v; residual the whitened residuals.
-    """
-    n = len(speed)
-    g00, g01, g02, g11, g12, g22, r0, r1, r2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    held_0 = fixed if mode == FIXED_COULOMB else 0.0
-    held_1 = fixed if mode == FIXED_STATIC else 0.0
-    held_2 = fixed if mode == FIXED_VISCOUS else 0.0
-    decay = np.empty(n)
-    for i in range(n):
-        decay[i] = math.exp(-((speed[i] / velocity) ** shape))
-    for i in range(n):
-        c1 = 0.0
-        for j in range(i + 1):
-            c1 += whitening[i, j] * decay[j]
-        c0, c2 = white[1, i] - c1, white[2, i]
-        y = white[0, i] - held_0 * c0 - held_1 * c1 - held_2 * c2
-        residual[i] = c1
-        g00 += c0 * c0
-        g01 += c0 * c1
-        g02 += c0 * c2
-        g11 += c1 * c1
-        g12 += c1 * c2
-        g22 += c2 * c2
-        r0 += c0 * y
-        r1 += c1 * y
-        r2 += c2 * y
-    free = 7 - (1 << (mode - 1)) if mode > 0 else 7
-    b0, b1, b2, lowest = 0.0, 0.0, 0.0, 0.0
-    for code in range(7, 0, -1):
-        if code & free != code:
-            continue
-        u0, u1, u2 = float(code & 1), float((code >> 1) & 1), float((code >> 2) & 1)
-        x0, x1, x2 = _solve_masked(g00, g01, g02, g11, g12, g22, r0, r1, r2, u0, u1, u2)
-        if x0 >= 0.0 and x1 >= 0.0 and x2 >= 0.0:
-            gain = x0 * r0 + x1 * r1 + x2 * r2
-            if gain > lowest:
-                b0, b1, b2, lowest = x0, x1, x2, gain
-            if code == free:
-                break
-    coulomb, static, viscous = b0 + held_0, b1 + held_1, b2 + held_2
-    total = 0.0
-    for i in range(n):
-        r = white[0, i] - coulomb * (white[1, i] - residual[i]) - viscous * white[2, i]
-        r -= static * residual[i]
-        residual[i] = r
-        total += r * r
-    parameters[0], parameters[1], parameters[2] = coulomb, static, viscous
-    return total
-
-
-@njit(cache=True, nogil=True)
-def _copy_into(target, source):
-    """target[:] = source, which compiles twenty times faster when it is written as a loop."""
-    for i in range(len(target)):
-        target[i] = source[i]
-
-
-@njit(cache=True, nogil=True)
-def stribeck_descend(
-    speed, white, whitening, start, hold, mode, fixed, bounds, iterations, parameters
-):
-    """Levenberg-Marquardt in (log v_s, log sigma) on the projected residual; `hold` fixes one of them.
-
-    start (2,) is changed in place to the optimum; bounds (2, 2) in log. Returns chi-square.
-    """
-    n = len(speed)
-    residual = np.empty(n)
-    moved = np.empty(n)
-    slopes = np.zeros((2, n))
-    trial_parameters = np.zeros(3)
-    trial = np.empty(2)
-    _copy_into(trial, start)
-    a, b, c, g, e = 0.0, 0.0, 0.0, 0.0, 0.0
-    chi, damping, h = np.inf, 1e-3, 1e-5
-    phase, rounds, tries = 0, 0, 0
-    while rounds < iterations:
-        trial_chi = stribeck_inner(
-            speed,
-            white,
-            whitening,
-            math.exp(trial[0]),
-            math.exp(trial[1]),
-            mode,
-            fixed,
-            trial_parameters,
-            moved,
-        )
-        if phase == 0:
-            chi = trial_chi
-            _copy_into(residual, moved)
-            _copy_into(parameters, trial_parameters)
-        elif phase <= 2:
-            for i in range(n):
-                slopes[phase - 1, i] = (moved[i] - residual[i]) / h
-        else:
-            gain = chi - trial_chi
-            if gain > 0.0:
-                chi = trial_chi
-                _copy_into(start, trial)
-                _copy_into(residual, moved)
-                _copy_into(parameters, trial_parameters)
-                damping = max(damping * 0.2, 1e-9)
-                rounds += 1
-                if gain < 1e-9 * chi + 1e-9:
-                    break
-                phase = 0
-            else:
-                damping *= 8.0
-                tries += 1
-                if tries > 12:
-                    break
-        phase += 1
-        while 1 <= phase <= 2 and hold[phase - 1] == 1:
-            phase += 1
-        _copy_into(trial, start)
-        if phase <= 2:
-            h = 1e-5 if start[phase - 1] + 1e-5 <= bounds[phase - 1, 1] else -1e-5
-            trial[phase - 1] += h
-            continue
-        if phase == 3:
-            a, b, c, g, e = 0.0, 0.0, 0.0, 0.0, 0.0
-            for i in range(n):
-                a += slopes[0, i] * slopes[0, i]
-                b += slopes[0, i] * slopes[1, i]
-                c += slopes[1, i] * slopes[1, i]
-                g += slopes[0, i] * residual[i]
-                e += slopes[1, i] * residual[i]
-            tries = 0
-        phase = 3
-        p = a * (1.0 + damping) + 1e-12
-        q = c * (1.0 + damping) + 1e-12
-        determinant = p * q - b * b
-        move_0 = -(q * g - b * e) / determinant
-        move_1 = -(p * e - b * g) / determinant
-        if hold[0] == 0:
-            trial[0] = min(max(start[0] + min(max(move_0, -1.0), 1.0), bounds[0, 0]), bounds[0, 1])
-        if hold[1] == 0:
-            trial[1] = min(max(start[1] + min(max(move_1, -0.7), 0.7), bounds[1, 0]), bounds[1, 1])
-    return chi

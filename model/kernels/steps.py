@@ -19,14 +19,17 @@ from numba import njit
 
 from model.arrays import FloatArray, IntArray
 
-_FAST = {"contract", "nsz", "nnan", "ninf"}
+_exact = njit(cache=True, nogil=True, error_model="numpy")
+_fast = njit(
+    cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz", "nnan", "ninf"}
+)
 _TERMS = 14
 """Of the exponential series at a norm of at most a quarter: what is left out lies below 1e-20."""
 _CHUNK = 128
 """Samples whose unit waves are made at once, so that they stay in the cache and all orders advance side by side."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@_exact
 def exponential(matrix: FloatArray) -> FloatArray:
     """exp of a small matrix by its series, halved until that converges and squared again.
 
@@ -54,7 +57,7 @@ def exponential(matrix: FloatArray) -> FloatArray:
     return whole
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@_exact
 def _product(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
     for i in range(left.shape[0]):
         for j in range(right.shape[1]):
@@ -64,7 +67,7 @@ def _product(left: FloatArray, right: FloatArray, out: FloatArray) -> None:
             out[i, j] = total
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_fast
 def error_signal(
     whole: FloatArray,
     slow: FloatArray,
@@ -87,7 +90,17 @@ def error_signal(
             ideal[i] += a * (c * d - s * t) + b * (s * d + c * t)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_fast
+def _forced(
+    m: FloatArray, row: int, state: tuple[float, float, float], drive: tuple[float, float, float]
+) -> float:
+    """A state after a step: by its row of the step matrix from the states, u at both ends, and an acceleration."""
+    return (m[row, 0] * state[0] + m[row, 1] * state[1] + m[row, 2] * state[2]) + (
+        m[row, 3] * drive[0] + m[row, 4] * drive[1] + m[row, 5] * drive[2]
+    )
+
+
+@_fast
 def respond(
     ideal: FloatArray,
     drag: float,
@@ -134,15 +147,10 @@ def respond(
             torsion = middle
             force += memory
         m = step[r]
-        new = (m[0, 0] * theta + m[0, 1] * omega + m[0, 2] * bearing) + (
-            m[0, 3] * before + m[0, 4] * after + m[0, 5] * force
-        )
-        new_omega = (m[1, 0] * theta + m[1, 1] * omega + m[1, 2] * bearing) + (
-            m[1, 3] * before + m[1, 4] * after + m[1, 5] * force
-        )
-        bearing = (m[2, 0] * theta + m[2, 1] * omega + m[2, 2] * bearing) + (
-            m[2, 3] * before + m[2, 4] * after + m[2, 5] * force
-        )
+        state, drive = (theta, omega, bearing), (before, after, force)
+        new = _forced(m, 0, state, drive)
+        new_omega = _forced(m, 1, state, drive)
+        bearing = _forced(m, 2, state, drive)
         if drag > 0.0:
             # The bearing holds an output that it can stop within the step, and drags at one that it can't.
             holding = min(max(new_omega / m[1, 5], -drag), drag)
@@ -154,7 +162,7 @@ def respond(
     piece[ideal.size - 1] = 0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_fast
 def sensitivities(
     whole: FloatArray,
     slow: FloatArray,
@@ -220,7 +228,7 @@ def sensitivities(
             omega, fast = fast, omega
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_fast
 def _unit_waves(
     whole: FloatArray,
     slow: FloatArray,
@@ -240,7 +248,7 @@ def _unit_waves(
             waves[i - first, 2 * j + 1] = s * d + c * t
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+@_fast
 def sampled(
     angle: FloatArray,
     speed: FloatArray,

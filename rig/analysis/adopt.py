@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Adopted:
+class _Adopted:
     """A parameter set with identified values in it, and the paths of what was identified."""
 
     gear: HarmonicDrive
@@ -71,7 +71,7 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Pooled:
+class _Pooled:
     """How one quantity spreads between runs: mean, standard deviation, number of runs (SI)."""
 
     kind: str
@@ -96,7 +96,7 @@ class Pooled:
         }
 
 
-def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
+def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> _Adopted:
     """The set with everything that these results identify, marked "identified" with its uncertainty; later results win.
 
     What an analysis takes over, and what it leaves because the data cannot identify it, is the analysis' own decision.
@@ -109,7 +109,7 @@ def adopt(gear: HarmonicDrive, results: Sequence[Result]) -> Adopted:
         take_over = catalogue.load(result.kind).identified
         if take_over is not None:
             gear, bare = take_over(result, gear), take_over(result, bare)
-    return Adopted(
+    return _Adopted(
         gear,
         tuple(path for path, origin in bare.origins.items() if origin.provenance == "identified"),
     )
@@ -174,7 +174,7 @@ def _is_phase(quantity: Quantity) -> bool:
     return quantity.is_circular and quantity.placeholder == "order"
 
 
-def pooled(results: Sequence[Result]) -> tuple[Pooled, ...]:
+def pooled(results: Sequence[Result]) -> tuple[_Pooled, ...]:
     """Mean and spread of every quantity that at least two runs of one kind give."""
     groups: dict[tuple[str, str, str], list[float]] = {}
     for result in results:
@@ -182,7 +182,7 @@ def pooled(results: Sequence[Result]) -> tuple[Pooled, ...]:
             if math.isfinite(estimate.value) and not _is_phase(result.quantity(name)):
                 groups.setdefault((result.kind, name, estimate.unit), []).append(estimate.value)
     return tuple(
-        Pooled(kind, name, unit, statistics.fmean(v), statistics.stdev(v), len(v))
+        _Pooled(kind, name, unit, statistics.fmean(v), statistics.stdev(v), len(v))
         for (kind, name, unit), v in groups.items()
         if len(v) > 1
     )

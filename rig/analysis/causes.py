@@ -35,7 +35,7 @@ _Part = tuple[str, Cause | None]
 
 
 @dataclass(frozen=True)
-class CombinedUncertainty:
+class _CombinedUncertainty:
     """U of a difference: `independent`, as if nothing were shared; `own`, without what is; `shared` names what is."""
 
     independent: float
@@ -62,11 +62,9 @@ def grounds_of(recording: Recording, analysis: Analysis) -> Grounds:
 def _instrument(recording: Recording, channel: str) -> str:
     """One instrument with one calibration; "" where nothing tells it from another one."""
     source = recording.source
-    column = (
-        next((c.channel for c in source.columns if c.name == channel), None)
-        if isinstance(source, FileSource)
-        else None
-    )
+    column = None
+    if isinstance(source, FileSource):
+        column = next((c.channel for c in source.columns if c.name == channel), None)
     if column is None:
         return ""
     identity = column.serial_number or column.calibration.certificate
@@ -122,7 +120,7 @@ def common_grounds(first: Grounds, second: Grounds) -> frozenset[Ground]:
 
 def combined_uncertainty(
     first: Estimate, second: Estimate, common: frozenset[Ground]
-) -> CombinedUncertainty | None:
+) -> _CombinedUncertainty | None:
     """U of the difference of two estimates; None where one has no uncertainty."""
     a, b = _parts(first), _parts(second)
     if a is None or b is None:
@@ -133,7 +131,7 @@ def combined_uncertainty(
         BudgetLine("", "B", a[part].standard_uncertainty - b[part].standard_uncertainty)
         for part in shared
     ]
-    return CombinedUncertainty(
+    return _CombinedUncertainty(
         _expanded([*a.values(), *b.values()]),
         _expanded(own),
         tuple(source for source, _ in shared),

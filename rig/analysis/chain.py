@@ -6,7 +6,7 @@ walk reads and judges nothing; it says what it finds, link by link, and goes on 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -191,26 +191,17 @@ def _links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
 
 def _run_named(kind: str, path: Path, sha256: str, by: Analysis) -> Link:
     """A run file that an analysis names by its hash."""
-    if not path.is_file():
-        return Link(
-            kind,
-            Severity.WARNS,
-            f"is not here; {by.name} rests on SHA-256 {sha256}",
-            where=str(path),
-        )
-    try:
-        found = check_seal(path).sha256
-    except RigError as error:
-        return broken(kind, path, error)
-    if found != sha256:
-        text = f"is not the one on which {by.name} rests: that had SHA-256 {sha256}"
-        return Link(kind, Severity.BLOCKS, text, where=str(path), sha256=found)
-    return Link(kind, Severity.PASSED, f"ok, named by {by.name}", where=str(path), sha256=found)
+    return _named(kind, path, sha256, by, lambda: check_seal(path).sha256)
 
 
 def _analysis_named(kind: str, path: Path, naming: Mapping[str, Any], by: Analysis) -> Link:
     """A stored analysis that another one names by its hash."""
     sha256 = str(naming.get("analysis_sha256", ""))
+    return _named(kind, path, sha256, by, lambda: read_analysis(path).seal.sha256)
+
+
+def _named(kind: str, path: Path, sha256: str, by: Analysis, sealed: Callable[[], str]) -> Link:
+    """A file that an analysis names by its hash, beside the one that its own seal has."""
     if not path.is_file():
         return Link(
             kind,
@@ -219,7 +210,7 @@ def _analysis_named(kind: str, path: Path, naming: Mapping[str, Any], by: Analys
             where=str(path),
         )
     try:
-        found = read_analysis(path).seal.sha256
+        found = sealed()
     except RigError as error:
         return broken(kind, path, error)
     if found != sha256:

@@ -18,7 +18,8 @@ from experiments.recording import Recording
 from model.compensation import CompensationTable, DirectionTable, Proof
 from model.compensation_file import compensation_from
 from model.identify.directions import combine
-from model.identify.kinematic_error import Encoders, KinematicErrorFit
+from model.identify.encoders import Encoders
+from model.identify.kinematic_error import KinematicErrorFit
 from rig.analysis.fit_run import evidence_for
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import bench_of
@@ -97,7 +98,7 @@ def table_from(runs: Sequence[Path]) -> CompensationTable:
 
 
 def _seen(run: Path) -> _Seen:
-    from experiments.protocols.kinematic_error.analysis import fitted_traverses
+    from experiments.protocols.kinematic_error.traverses import fitted_traverses
 
     recording, evidence = evidence_for(run, KIND)
     if recording.metadata.experiment != KIND:

@@ -303,11 +303,9 @@ def _compared(
     shown = replace(shown, uncertainty=combined.independent, shown=text)
     unknown = [e for e in (first, second) if e.identifiable == "no"]
     if unknown or other_subject:
-        note = (
-            "not identifiable from one of the runs"
-            if unknown
-            else "not the same quantity: see how they were analysed"
-        )
+        note = "not the same quantity: see how they were analysed"
+        if unknown:
+            note = "not identifiable from one of the runs"
         return replace(shown, note=note)
     significant = abs(change) > combined.independent
     shown = replace(shown, significant=significant)

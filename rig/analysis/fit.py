@@ -43,6 +43,10 @@ class OtherTare:
 LEFT_AWAY = "left away by hand"
 """Why an analysis has no tare where nobody wanted one."""
 NOT_SEALED = "The run file is not sealed: nothing beside it says that it is what was recorded."
+_SHIPPED_SET = (
+    "The run carries no parameter set; the shipped {name} was used where the analysis "
+    "needs one. Give yours with --parameters."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,6 +181,19 @@ def kind_of(recording: Recording, kind: str = "") -> str:
     )
 
 
+def _circumstances(
+    recording: Recording, tare: Fit | None, largest_missed_share: float | None
+) -> dict[str, Any]:
+    """What a result keeps of scale, tare and bound that it was analysed with."""
+    kept: dict[str, Any] = {}
+    if scale := scale_of(recording):
+        kept["torque_scale"] = scale
+    kept["tare_run"] = tare.recording.metadata.run_id if tare else "none"
+    if largest_missed_share is not None:
+        kept["largest_missed_share"] = largest_missed_share
+    return kept
+
+
 def fit_recording(
     recording: Recording,
     kind: str = "",
@@ -203,10 +220,7 @@ def fit_recording(
     if parameters is None:
         parameters = shipped_gear()
         if experiment.has_plan:
-            remarks.append(
-                f"The run carries no parameter set; the shipped {parameters.name} was used where the analysis "
-                "needs one. Give yours with --parameters."
-            )
+            remarks.append(_SHIPPED_SET.format(name=parameters.name))
     if path is not None and not recording.metadata.is_sealed:
         remarks.append(NOT_SEALED)
     if tare is not None:
@@ -216,11 +230,7 @@ def fit_recording(
     options = dict(result.options)
     if gear_known or experiment.has_plan:
         options.setdefault("parameter_set", parameters.name)
-    if scale := scale_of(recording):
-        options["torque_scale"] = scale
-    options["tare_run"] = tare.recording.metadata.run_id if tare else "none"
-    if largest_missed_share is not None:
-        options["largest_missed_share"] = largest_missed_share
+    options |= _circumstances(recording, tare, largest_missed_share)
     result = dataclasses.replace(result, warnings=(*result.warnings, *remarks), options=options)
     return Fit(
         recording=recording,
@@ -278,11 +288,9 @@ def evidence_of(
         tare_recording=tare.recording if tare else None,
         other_tares=tuple(other.result for other in other_tares),
     )
-    return (
-        evidence
-        if largest_missed_share is None
-        else dataclasses.replace(evidence, maximum_missed_share=largest_missed_share)
-    )
+    if largest_missed_share is None:
+        return evidence
+    return dataclasses.replace(evidence, maximum_missed_share=largest_missed_share)
 
 
 def stored_fit(path: Path, analysis: Analysis, recording: Recording | None = None) -> Fit:

@@ -34,7 +34,7 @@ CheckState = Literal["changed", "no change seen", "learning"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CheckedRun:
+class _CheckedRun:
     """One run beside the first ones: its difference and U of that (NaN while the first are gathered), in SI."""
 
     run: str
@@ -48,6 +48,11 @@ class CheckedRun:
         """Whether the difference is more than what the run does not share explains."""
         return abs(self.difference) > self.expanded_uncertainty
 
+    @property
+    def uncertainty_where_judged(self) -> float | None:
+        """U, or None while the first are gathered."""
+        return None if math.isnan(self.expanded_uncertainty) else self.expanded_uncertainty
+
 
 @dataclass(frozen=True, kw_only=True)
 class CheckedQuantity:
@@ -58,10 +63,10 @@ class CheckedQuantity:
     factor: float
     shown_unit: str
     mean: float
-    runs: tuple[CheckedRun, ...]
+    runs: tuple[_CheckedRun, ...]
 
     @property
-    def newest(self) -> CheckedRun:
+    def newest(self) -> _CheckedRun:
         """The run that was made last."""
         return self.runs[-1]
 
@@ -116,9 +121,7 @@ class Golden:
                             "run": run.run,
                             "start": run.start,
                             "difference": run.difference,
-                            "expanded_uncertainty": None
-                            if math.isnan(run.expanded_uncertainty)
-                            else run.expanded_uncertainty,
+                            "expanded_uncertainty": run.uncertainty_where_judged,
                             "changes": list(run.changes),
                         }
                         for run in one.runs
@@ -157,7 +160,7 @@ def _checked(group: Group) -> CheckedQuantity:
     )
 
 
-def _runs(group: Group, values: Sequence[float]) -> Iterator[CheckedRun]:
+def _runs(group: Group, values: Sequence[float]) -> Iterator[_CheckedRun]:
     first = np.array(values[:FIRST])
     freedom = len(first) - 1.0
     scatter = float(first.std(ddof=1)) if len(first) == FIRST else math.nan
@@ -171,7 +174,7 @@ def _runs(group: Group, values: Sequence[float]) -> Iterator[CheckedRun]:
             for one in (member, group.members[0])
         )
         stated = wider * math.hypot(own, its / math.sqrt(FIRST))
-        yield CheckedRun(
+        yield _CheckedRun(
             run=member.run.run_id,
             start=member.run.start,
             difference=values[place] - float(first.mean()),

@@ -177,11 +177,10 @@ def _newest(
             return run, found
         if run.protocol != kind:
             continue
-        passed_over.append(
-            f"Run {run.run_id} ({kind}) is not analysed: rig fit {run.path}"
-            if run.outcome in COUNTED_OUTCOMES
-            else f"Run {run.run_id} ({kind}) ended {run.outcome} and does not stand here."
-        )
+        why = f"ended {run.outcome} and does not stand here."
+        if run.outcome in COUNTED_OUTCOMES:
+            why = f"is not analysed: rig fit {run.path}"
+        passed_over.append(f"Run {run.run_id} ({kind}) {why}")
     return None
 
 
@@ -196,14 +195,15 @@ def _strongest(
         return analysis is by_hand, fresh, bool(analysis.tare), analysis.number
 
     best = max(analyses, key=strength)
+    renewed_by = ""
+    if stale[best.number]:
+        renewed_by = _renewing(run, best, kept_by_hand=best is by_hand, things=things)
     return InForce(
         kind=kind,
         analysis=best,
         stale=stale[best.number],
         why_this=_why(best, analyses, kept if best is by_hand else None, stale),
-        renewed_by=_renewing(run, best, kept_by_hand=best is by_hand, things=things)
-        if stale[best.number]
-        else "",
+        renewed_by=renewed_by,
         of_this_run=things.is_of_this_run(best),
     )
 

@@ -33,6 +33,7 @@ from rig.analysis.next_run import next_step_of
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
 from rig.gears.acceptance import Acceptance, Limit, Part, Subject, acceptance_for
+from rig.gears.card import UNNAMED
 from rig.library.listed import IndexedRun
 
 if TYPE_CHECKING:
@@ -259,7 +260,7 @@ def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) ->
     if acceptance is not None:
         nothing = f"{acceptance.path} lists no limit"
     else:
-        nothing = NO_ACCEPTANCE.format(serial=serial) if serial else NO_GEAR
+        nothing = NO_GEAR if serial in UNNAMED else NO_ACCEPTANCE.format(serial=serial)
     return replace(not_judged(nothing), stale=_stale(found))
 
 

@@ -211,7 +211,7 @@ def with_learnt_scale(recording: Recording, folder: Path, named: str | None = No
         fitting = {
             one.name: scaled(recording.signals[one.name], one, scale, _name_of(file))
             for one in scale.channel
-            if recording.has(one.name) and is_better(recording.signals[one.name], one)
+            if recording.has(one.name) and _is_better(recording.signals[one.name], one)
         }
         if is_its and fitting:
             return replace(recording, signals={**recording.signals, **fitting})
@@ -224,7 +224,7 @@ def is_same(channel: Channel, scale: ChannelScale) -> bool:
     return mine == (scale.model, scale.serial_number, scale.sensor)
 
 
-def is_better(channel: Channel, scale: ChannelScale) -> bool:
+def _is_better(channel: Channel, scale: ChannelScale) -> bool:
     """Whether a channel's learnt scale is known better than the one that its description states."""
     stated = channel.calibration.scale_relative_uncertainty
     return is_same(channel, scale) and (stated is None or scale.relative_uncertainty < stated)

@@ -38,18 +38,19 @@ from rig.bench.config.certificate_file import (
     certificate_text,
 )
 from rig.errors import ConfigurationError
+from rig.gears.card import UNNAMED
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import sealed_sha256
 from rig.runfile.sealed import write_new_sealed
 
 KIND = "kinematic-error"
-NOT_TRACEABLE = "none: learnt on this bench"
+_NOT_TRACEABLE = "none: learnt on this bench"
 """How the certificate of a learnt curve begins: no laboratory vouches for it."""
 _FARTHEST_ROWS = 1 << 18
 
 
 @dataclass(frozen=True, kw_only=True)
-class Observation:
+class _Observation:
     """What one run says of the encoder of its bench. `skipped` says why it says nothing."""
 
     run: Path
@@ -73,8 +74,8 @@ class Learnt:
     origin: str
     curve: LearntCurve
     mounted: tuple[Mounted, ...]
-    taught: tuple[Observation, ...]
-    skipped: tuple[Observation, ...]
+    taught: tuple[_Observation, ...]
+    skipped: tuple[_Observation, ...]
 
     def certificate(self, today: date, due: date | None) -> str:
         """The text of its file. Raises `ConfigurationError` where the encoder is not parted from the gears."""
@@ -90,7 +91,7 @@ class Learnt:
         count = f"{len(gears)} gears" if len(gears) > 1 else f"gear {next(iter(gears))}"
         header = Header(
             format=FORMAT,
-            certificate=f"{NOT_TRACEABLE} from {count}: {basis}, not traceable",
+            certificate=f"{_NOT_TRACEABLE} from {count}: {basis}, not traceable",
             date=today,
             due=due,
             serial_number=self.encoder,
@@ -134,14 +135,15 @@ def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
     only = kinds[0] if len(kinds) == 1 else None
     if only is None:
         told = "; ".join(f"bench {b}, encoder {e or 'without serial number'}" for _, b, e in kinds)
+        what, remedy = "hold no run that tells of an encoder", "Analyse them first: rig fit RUN."
+        if kinds:
+            what, remedy = "are runs of several benches or encoders", "Name the bench: --bench ID."
         raise ConfigurationError(
-            "are runs of several benches or encoders"
-            if kinds
-            else "hold no run that tells of an encoder",
+            what,
             where="rig bench learn",
             value=told or "; ".join(sorted({one.skipped for one in seen}))[:300] or None,
             limit="kinematic-error runs of one bench and one encoder, analysed, with index marks",
-            remedy="Name the bench: --bench ID." if kinds else "Analyse them first: rig fit RUN.",
+            remedy=remedy,
         )
     taught.sort(key=lambda one: one.start)
     mounted = tuple(_by_mounting(taught))
@@ -163,7 +165,7 @@ def learn(runs: Iterable[Path], bench: str = "") -> Learnt:
     )
 
 
-def _refuse_contradiction(mounted: Sequence[Mounted], taught: Sequence[Observation]) -> None:
+def _refuse_contradiction(mounted: Sequence[Mounted], taught: Sequence[_Observation]) -> None:
     """Raise `ConfigurationError` where the mountings cannot be of one encoder and one mark."""
     found = contradiction(mounted)
     if found is None:
@@ -192,12 +194,12 @@ def _refuse_contradiction(mounted: Sequence[Mounted], taught: Sequence[Observati
 
 def assumed_seat() -> float:
     """What an eccentric seat is assumed to give a component of order 1/N [rad], as the kinematic error assumes it."""
-    from experiments.protocols.kinematic_error.analysis import OUTPUT_ECCENTRICITY
+    from experiments.protocols.kinematic_error.traverses import OUTPUT_ECCENTRICITY
 
     return OUTPUT_ECCENTRICITY * ARCSEC / math.sqrt(2.0)
 
 
-def _by_mounting(taught: Sequence[Observation]) -> Iterator[Mounted]:
+def _by_mounting(taught: Sequence[_Observation]) -> Iterator[Mounted]:
     """The runs of one mounting are one witness: their mean."""
     groups: dict[tuple[str, str, float | None], list[Mounted]] = defaultdict(list)
     for one in taught:
@@ -208,11 +210,11 @@ def _by_mounting(taught: Sequence[Observation]) -> Iterator[Mounted]:
         yield replace(several[0], waves=waves)
 
 
-def observed(run: Path) -> Observation:
+def observed(run: Path) -> _Observation:
     """What one run shows at the orders of the output encoder, over the encoder's own angle; or why nothing."""
     found = in_force(run, KIND)
     if found.analysis is None:
-        return Observation(run=run, skipped="no kinematic error of it is analysed")
+        return _Observation(run=run, skipped="no kinematic error of it is analysed")
     result = found.analysis.whole_result()
     recording = with_learnt_curve(open_run(run), run.parent)
     try:
@@ -221,24 +223,26 @@ def observed(run: Path) -> Observation:
         close_recording(recording)
 
 
-def _observed(run: Path, recording: Recording, result: Result) -> Observation:
+def _observed(run: Path, recording: Recording, result: Result) -> _Observation:
     metadata = recording.metadata
-    if not metadata.gear_serial or metadata.gear_serial == "unknown":
-        return Observation(run=run, skipped="it names no gear")
+    if metadata.gear_serial in UNNAMED:
+        return _Observation(run=run, skipped="it names no gear")
     if result.options.get("phases_count_from") != "index marks":
-        return Observation(run=run, skipped="it saw no index mark of both encoders")
+        return _Observation(run=run, skipped="it saw no index mark of both encoders")
     if not is_known(metadata, recording.signals[CHANNEL]):
-        return Observation(
+        return _Observation(
             run=run, skipped="its bench, or the serial number of its output encoder, is not stated"
         )
     taken = _taken_off(recording, result)
     if taken is None:
-        return Observation(run=run, skipped="it is corrected by a curve that is gone: rig fit it")
+        return _Observation(run=run, skipped="it is corrected by a curve that is gone: rig fit it")
     seen = _waves(recording, result)
     if seen is None:
-        return Observation(run=run, skipped="its output index marks do not stand whole turns apart")
+        return _Observation(
+            run=run, skipped="its output index marks do not stand whole turns apart"
+        )
     angle = stated_angle(metadata)
-    return Observation(
+    return _Observation(
         run=run,
         bench=bench_of(metadata),
         encoder=recording.signals[CHANNEL].serial_number,

@@ -32,7 +32,7 @@ from rig.bench.config.torque_scale_file import (
     TorqueScale,
     torque_scale_text,
 )
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, misstated
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import sealed_sha256
 from rig.runfile.sealed import write_new_sealed
@@ -42,12 +42,12 @@ _QUARTZ = 1e-4
 _STEPS = 5e-4
 """The same of what steps of the set-point leave of a torque that is sampled once in each, assumed: where the drive's
 gains are the same in all runs it does not depend on the inertia."""
-BELIEVABLE = (0.5, 2.0)
+_BELIEVABLE = (0.5, 2.0)
 """Gains of a torque channel beyond which it is the disc that is wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TorqueRun:
+class _TorqueRun:
     """What one run says of the torque channels of its bench. `skipped` says why it says nothing."""
 
     run: Path
@@ -78,8 +78,8 @@ class LearntScale:
     lags: Mapping[str, tuple[float, float]]
     channels: Mapping[str, Channel]
     discs: tuple[str, ...]
-    taught: tuple[TorqueRun, ...]
-    skipped: tuple[TorqueRun, ...]
+    taught: tuple[_TorqueRun, ...]
+    skipped: tuple[_TorqueRun, ...]
 
     def content(self, today: date, due: date | None) -> bytes:
         """The bytes of its file."""
@@ -101,6 +101,10 @@ class LearntScale:
     def _channel(self, name: str) -> ChannelScale:
         gain, channel = self.gains[name], self.channels[name]
         lag, error = self.lags.get(name, (None, None))
+
+        def finite(freedom: float) -> float | None:
+            return freedom if math.isfinite(freedom) else None
+
         return ChannelScale(
             name="torque" if name == "torque" else "drive_torque",
             model=channel.model,
@@ -116,9 +120,7 @@ class LearntScale:
                     source=line.source,
                     kind=line.kind,
                     relative_uncertainty=line.standard_uncertainty / gain.value,
-                    degrees_of_freedom=line.degrees_of_freedom
-                    if math.isfinite(line.degrees_of_freedom)
-                    else None,
+                    degrees_of_freedom=finite(line.degrees_of_freedom),
                     note=line.note,
                 )
                 for line in gain.budget
@@ -172,7 +174,7 @@ def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
 
 def _refuse_unbelievable(channel: str, gain: Gain) -> None:
     """Raise `ConfigurationError` for a gain that no scale has: the disc that is stated was not the one that turned."""
-    low, high = BELIEVABLE
+    low, high = _BELIEVABLE
     if not (low <= gain.gain <= high and gain.rotor_inertia > 0.0):
         raise ConfigurationError(
             "shows another inertia than the one that is stated",
@@ -183,13 +185,13 @@ def _refuse_unbelievable(channel: str, gain: Gain) -> None:
         )
 
 
-def _seen(run: Path) -> TorqueRun:
+def _seen(run: Path) -> _TorqueRun:
     """What a run shows by its analysis in force."""
     found = in_force(run, SCALE_KIND)
     if found.analysis is None:
-        return TorqueRun(run=run, skipped="it is not analysed")
+        return _TorqueRun(run=run, skipped="it is not analysed")
     if not found.of_this_run:
-        return TorqueRun(run=run, skipped="its analysis is of other bytes")
+        return _TorqueRun(run=run, skipped="its analysis is of other bytes")
     recording = open_run(run, rows=False)
     try:
         metadata = recording.metadata
@@ -197,8 +199,8 @@ def _seen(run: Path) -> TorqueRun:
     finally:
         close_recording(recording)
     if not bench_of(metadata):
-        return TorqueRun(run=run, skipped="its bench has no name")
-    return TorqueRun(
+        return _TorqueRun(run=run, skipped="its bench has no name")
+    return _TorqueRun(
         run=run,
         metadata=metadata,
         channels=channels,
@@ -208,14 +210,14 @@ def _seen(run: Path) -> TorqueRun:
     )
 
 
-def _rows(run: TorqueRun, channel: str) -> list[tuple[float | int | str, ...]]:
+def _rows(run: _TorqueRun, channel: str) -> list[tuple[float | int | str, ...]]:
     """The rows of a channel in what the run's ramps show: all accelerations first."""
     assert run.result is not None
     table = next(one for one in run.result.tables if one.name == LEVELS)
     return [row for row in table.rows if row[0] == channel]
 
 
-def _gain(runs: Sequence[TorqueRun], channel: str) -> Gain:
+def _gain(runs: Sequence[_TorqueRun], channel: str) -> Gain:
     shown: list[ShownInertia] = []
     for run in runs:
         disc = run.disc
@@ -239,19 +241,13 @@ def _gain(runs: Sequence[TorqueRun], channel: str) -> Gain:
     try:
         return gain_of(shown)
     except IdentificationError as error:
-        raise ConfigurationError(
-            error.what,
-            where="these runs",
-            value=error.value,
-            limit=error.limit,
-            remedy=error.remedy,
-        ) from error
+        raise misstated(error, "these runs") from error
 
 
 def _estimate(
     channel: str,
     gain: Gain,
-    runs: Sequence[TorqueRun],
+    runs: Sequence[_TorqueRun],
     apart: float,
     lag: tuple[float, float] | None,
 ) -> Estimate:
@@ -308,7 +304,7 @@ def _late_share(lag: tuple[float, float] | None) -> float:
     return late / EDGE * math.exp(-EDGE / late)
 
 
-def _temperature(runs: Sequence[TorqueRun]) -> tuple[float, float]:
+def _temperature(runs: Sequence[_TorqueRun]) -> tuple[float, float]:
     """Mean housing temperature [degC], NaN where one run has none, and half the range of the runs [K]."""
     found = [one.result.metrics.get("housing_temperature", math.nan) for one in runs if one.result]
     if not all(map(math.isfinite, found)):
@@ -316,7 +312,7 @@ def _temperature(runs: Sequence[TorqueRun]) -> tuple[float, float]:
     return sum(found) / len(found), 0.5 * (max(found) - min(found))
 
 
-def _lag(runs: Sequence[TorqueRun], channel: str) -> tuple[float, float] | None:
+def _lag(runs: Sequence[_TorqueRun], channel: str) -> tuple[float, float] | None:
     """Mean lag of the runs with a disc, by their errors, and its standard uncertainty [s]; None without."""
     found = [
         (float(row[5]), float(row[6]), run.metadata.sample_rate)

@@ -26,7 +26,7 @@ from experiments.result import Verdict
 from model.identify.estimate import BudgetLine, Cause, Estimate, coverage_factor_of
 from rig.content.wording import decimals_of, fixed, laboratory_unit, number
 
-Helps = Literal["nothing needed", "visits", "other days", "calibration", "nothing"]
+_Helps = Literal["nothing needed", "visits", "other days", "calibration", "nothing"]
 
 _HALF = 0.5
 _MOST_VISITS = 50
@@ -90,7 +90,7 @@ class Advice:
     line: str
     share: float
     type_b_share: float
-    helps: Helps
+    helps: _Helps
     becomes: float | None
     times: int | None
     needed: float | None
@@ -177,7 +177,7 @@ def merged(estimate: Estimate) -> list[BudgetLine]:
 class _Found:
     """What helps: how many times, what u the line must become, and U of the whole after it."""
 
-    helps: Helps
+    helps: _Helps
     times: int | None = None
     needed: float | None = None
     becomes: float | None = None
@@ -197,7 +197,7 @@ def _found(lines: list[BudgetLine], wanted: float) -> _Found:
         return _by_repeating(
             "other days", [float(line is largest) for line in lines], lines, wanted
         )
-    if remedy_of(largest) is None:
+    if _remedy_of(largest) is None:
         return _Found("nothing")
     needed = _needed(lines, wanted)
     after = [replace(largest, standard_uncertainty=needed), *lines[1:]]
@@ -214,8 +214,19 @@ def _falling(line: BudgetLine) -> float:
     return FALLING.get(line.source, float(line.kind == "A"))
 
 
+def _repeated(line: BudgetLine, share: float, times: int) -> BudgetLine:
+    """A line of which `share` of u^2 falls, after so many times as many visits."""
+    if not share:
+        return line
+    return replace(
+        line,
+        standard_uncertainty=line.standard_uncertainty * math.sqrt(share / times + 1.0 - share),
+        degrees_of_freedom=times * line.degrees_of_freedom,
+    )
+
+
 def _by_repeating(
-    helps: Helps, falling: Sequence[float], lines: Sequence[BudgetLine], wanted: float
+    helps: _Helps, falling: Sequence[float], lines: Sequence[BudgetLine], wanted: float
 ) -> _Found:
     """The fewest times at which U is small enough; what is seen n times as often is known n times as well.
 
@@ -223,17 +234,7 @@ def _by_repeating(
     """
     becomes = math.inf
     for times in range(2, _MOST_VISITS + 1):
-        after = [
-            replace(
-                line,
-                standard_uncertainty=line.standard_uncertainty
-                * math.sqrt(share / times + 1.0 - share),
-                degrees_of_freedom=times * line.degrees_of_freedom,
-            )
-            if share
-            else line
-            for line, share in zip(lines, falling, strict=True)
-        ]
+        after = [_repeated(line, share, times) for line, share in zip(lines, falling, strict=True)]
         becomes = _expanded(after)
         if becomes <= wanted:
             return _Found(helps, times=times, becomes=becomes)
@@ -256,7 +257,7 @@ def _needed(lines: Sequence[BudgetLine], wanted: float) -> float:
     return low
 
 
-def remedy_of(line: BudgetLine) -> str | None:
+def _remedy_of(line: BudgetLine) -> str | None:
     """Who can lower a line of type B; None where nobody can: it is the method's own."""
     if line.assumed:
         # What nobody gave has its remedy where it is assumed.
@@ -298,7 +299,7 @@ def _sentence(one: Advice, largest: BudgetLine, shown: tuple[float, str]) -> str
         )
     if one.helps == "nothing":
         return f"{now}. {named}, which belongs to the method: no run helps, and no calibration."
-    remedy = remedy_of(largest)
+    remedy = _remedy_of(largest)
     assert one.becomes is not None
     if not one.needed:
         best = f"which alone makes U {text(one.becomes)} at best, and is not enough"

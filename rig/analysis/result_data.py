@@ -67,9 +67,7 @@ def _estimate_from_mapping(name: str, mapping: Mapping[str, Any]) -> Estimate:
             standard_uncertainty=_number(b["standard_uncertainty"]),
             note=str(b.get("note", "")),
             cause=Cause(b["cause"]) if b.get("cause") else None,
-            degrees_of_freedom=math.inf
-            if b.get("degrees_of_freedom") is None
-            else b["degrees_of_freedom"],
+            degrees_of_freedom=math.inf if (d := b.get("degrees_of_freedom")) is None else d,
             assumed=str(b.get("assumed", "")),
             distribution=Distribution(b.get("distribution", Distribution.NORMAL)),
         )

@@ -194,21 +194,12 @@ def validate_runs(
     samples = {path: _sample(ladder, path, kind, choices) for path in [*runs, *others]}
     train = [samples[path] for path in runs]
     # In its turn each run is held out: who fits them all can judge none.
-    turns = (
-        [(train, [samples[path] for path in others])]
-        if others
-        else [([s for s in train if s is not one], [one]) for one in train]
-    )
+    if others:
+        turns = [(train, [samples[path] for path in others])]
+    else:
+        turns = [([s for s in train if s is not one], [one]) for one in train]
     unit, shown = _units(ladder, list(samples.values()))
-    rungs = ladder.rungs_for(list(samples.values()))
-    with analysing(f"the ladder of {kind}"):
-        all_fitted = [rung.fit(train) for rung in rungs]
-        held = [_held_out(ladder, rung, turns) for rung in rungs]
-    within = [
-        np.concatenate([ladder.left(rung, one, sample) for sample in train])
-        for rung, one in zip(rungs, all_fitted, strict=True)
-    ]
-    independent = independent_values(min(within, key=lambda left: float(left @ left)))
+    rungs, independent = _validated(ladder, list(samples.values()), train, turns, kind)
     return Validation(
         kind=kind,
         quantity=ladder.quantity,
@@ -216,17 +207,7 @@ def validate_runs(
         shown=shown,
         fitted=tuple(sample.run for sample in train),
         judged=tuple(samples[path].run for path in (others or runs)),
-        rungs=tuple(
-            ValidatedRung(
-                name=rung.name,
-                parameters=rung.numbers(one),
-                fitted_error=_rms(inside),
-                held_out_error=_rms(outside),
-                skill=1.0 - float(outside @ outside) / float(held[0] @ held[0]),
-                bic=_bic(inside, rung.numbers(one), independent),
-            )
-            for rung, one, inside, outside in zip(rungs, all_fitted, within, held, strict=True)
-        ),
+        rungs=rungs,
         origin=next((s.origin for s in samples.values() if s.origin != "hardware"), "hardware"),
         independent=independent,
     )
@@ -304,6 +285,37 @@ def _held_out(
         fitted = rung.fit(train)
         left += [ladder.left(rung, fitted, sample) for sample in judged]
     return np.concatenate(left)
+
+
+def _validated(
+    ladder: Ladder,
+    samples: list[Sample],
+    train: list[Sample],
+    turns: Sequence[tuple[list[Sample], list[Sample]]],
+    kind: str,
+) -> tuple[tuple[ValidatedRung, ...], float]:
+    """Every rung that applies to the samples, fitted to `train` and judged in turn; and n_e of the fitted runs."""
+    rungs = ladder.rungs_for(samples)
+    with analysing(f"the ladder of {kind}"):
+        all_fitted = [rung.fit(train) for rung in rungs]
+        held = [_held_out(ladder, rung, turns) for rung in rungs]
+    within = [
+        np.concatenate([ladder.left(rung, one, sample) for sample in train])
+        for rung, one in zip(rungs, all_fitted, strict=True)
+    ]
+    independent = independent_values(min(within, key=lambda left: float(left @ left)))
+    validated = tuple(
+        ValidatedRung(
+            name=rung.name,
+            parameters=rung.numbers(one),
+            fitted_error=_rms(inside),
+            held_out_error=_rms(outside),
+            skill=1.0 - float(outside @ outside) / float(held[0] @ held[0]),
+            bic=_bic(inside, rung.numbers(one), independent),
+        )
+        for rung, one, inside, outside in zip(rungs, all_fitted, within, held, strict=True)
+    )
+    return validated, independent
 
 
 def _rms(left: FloatArray) -> float:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.api.reading import load
 from rig.api.runs import Run
-from rig.bench.backends.order import WorldChoice, world_of
+from rig.bench.backends.order import Order, WorldChoice, world_of
 from rig.bench.backends.registry import HARDWARE
 from rig.commands.ordering import order_of
 from rig.commands.prompting import terminal_ask
@@ -74,6 +74,11 @@ def execute(
         "status": None if status is None else Path(status),
     }
     order = order_of(protocol, parameters, {k: v for k, v in said.items() if v is not None})
+    return _executed(order, confirm, ask)
+
+
+def _executed(order: Order, confirm: str, ask: Callable[[Prompt], str | None] | None) -> Run:
+    """The run of an order, as it ended."""
     planned = plan_order(order)
     stop = StopRequest()
     # Signals reach the main thread alone: from another one a run cannot be stopped by Ctrl-C.

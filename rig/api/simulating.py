@@ -75,6 +75,11 @@ def simulate(
         "torque": answer.wave_generator_torque,
         "cup_torque": answer.torsion_torque,
     }
+    return _as_run(gear, arrays, rate)
+
+
+def _as_run(gear: HarmonicDrive, arrays: dict[str, FloatArray], rate: float) -> Run:
+    """Arrays (n,) by channel, at `rate` [Hz], as a run in memory."""
     signals = {
         name: Channel(name=name, unit=unit, is_counted=False, long_name=what)
         for name, (unit, what) in UNITS.items()
@@ -91,7 +96,7 @@ def simulate(
         time_base="virtual",
         process={"backend": "model"},
     )
-    times = np.rint(np.arange(len(answer.input_angle)) * (1e9 / rate)).astype(np.int64)
+    times = np.rint(np.arange(len(arrays["input_angle"])) * (1e9 / rate)).astype(np.int64)
     return Run(Recording(metadata, signals, (), (), ArraySource(arrays, times)))
 
 

@@ -131,7 +131,7 @@ COUPLED = frozenset(NAMES[NAMES.index("coupled") :])
 """Those that let the output turn further than once; the others let the input turn faster than 30 r/min."""
 
 Device = Mapping[str, str]
-DEVICE_WORDS = ("vendor_id", "product_code", "revision", "serial_number", "software_version")
+_DEVICE_WORDS = ("vendor_id", "product_code", "revision", "serial_number", "software_version")
 """By what a device is known for the same."""
 
 
@@ -219,7 +219,7 @@ def _why_not(done: StageDone | None, description: str, devices: Mapping[str, Dev
 
 
 def _known_by(device: Device | None) -> tuple[str, ...]:
-    return tuple((device or {}).get(word, "") for word in DEVICE_WORDS)
+    return tuple((device or {}).get(word, "") for word in _DEVICE_WORDS)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -162,12 +162,7 @@ def fit(
     fits = tuple(fit_run(run, kind, choices) for run in runs)
     fits, notes = _store(fits) if stored else (fits, [])
     if parameters_out is not None:
-        from model.gear_file import save_gear
-        from rig.analysis.adopt import adopt
-
-        adopted = adopt(fits[-1].gear, [f.result for f in fits])
-        save_gear(adopted.gear, parameters_out)
-        notes.append(f"{parameters_out}: {len(adopted.changed)} identified values written")
+        notes.append(_adopted_into(parameters_out, fits))
     verdicts = [judged_run(one, one.path, acceptance) for one in fits]
     if json:
         print_json(_as_object(fits, verdicts, plots=plots))
@@ -178,6 +173,16 @@ def fit(
 
 # Its help is its own: with a kind it shows what that kind lets one choose.
 fit.__dict__["context_settings"] = {"help_option_names": []}
+
+
+def _adopted_into(file: Path, fits: Sequence[Fit]) -> str:
+    """Write a parameter set with what the fits identified; a line about it."""
+    from model.gear_file import save_gear
+    from rig.analysis.adopt import adopt
+
+    adopted = adopt(fits[-1].gear, [f.result for f in fits])
+    save_gear(adopted.gear, file)
+    return f"{file}: {len(adopted.changed)} identified values written"
 
 
 def compare(

@@ -45,7 +45,7 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
 
     def analysing(one: Analysing) -> None:
         if not quiet:
-            echo(f"      {analysing_in_words(one)}", errors=True)
+            echo(f"      {_analysing_in_words(one)}", errors=True)
 
     def confirm(order: Order, planned: PlannedRun) -> str:
         return confirmed(order, planned, "", not quiet)
@@ -89,25 +89,10 @@ def program_crew(
 
     def analysing(one: Analysing) -> None:
         left = one.left if math.isfinite(one.left) else None
-        words = analysing_in_words(one)
+        words = _analysing_in_words(one)
         remote.tell("analysing", {"what": words, "waiting": one.waiting, "left": left})
 
-    remote.tell(
-        "campaign",
-        {
-            "campaign": walked.plan.name,
-            "title": walked.plan.title,
-            "gear": walked.stages[0].order.serial,
-            "stages": [
-                {
-                    "protocol": one.order.protocol,
-                    "nominal": one.planned.nominal,
-                    "longest": one.planned.longest,
-                }
-                for one in walked.stages
-            ],
-        },
-    )
+    remote.tell("campaign", _announced(walked))
     if listens:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
     with pressed_by_signals(stop):
@@ -124,7 +109,24 @@ def program_crew(
         )
 
 
-def analysing_in_words(one: Analysing) -> str:
+def _announced(walked: Walk) -> dict[str, object]:
+    """What a program is told before the first stage."""
+    return {
+        "campaign": walked.plan.name,
+        "title": walked.plan.title,
+        "gear": walked.stages[0].order.serial,
+        "stages": [
+            {
+                "protocol": one.order.protocol,
+                "nominal": one.planned.nominal,
+                "longest": one.planned.longest,
+            }
+            for one in walked.stages
+        ],
+    }
+
+
+def _analysing_in_words(one: Analysing) -> str:
     """Which run is being analysed, and how many wait behind it."""
     behind = f", {one.waiting} behind it" if one.waiting else ""
     return f"analysing {one.run.stem}{behind}"

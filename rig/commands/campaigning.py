@@ -93,14 +93,17 @@ def campaign(
         from rig.trial.campaign.junit import write_junit
 
         write_junit(report.campaign, junit, require_verdict=require_verdict)
-    if events:
-        pass
-    elif json:
+    if not events:
+        _tell(report, json)
+    raise typer.Exit(_code_of(report.campaign, require_verdict))
+
+
+def _tell(report: _Conducted, json: bool) -> None:
+    if json:
         print_json(report.as_json())
     else:
         _print_report(report.campaign, report.certificate)
         _print_alarms(report)
-    raise typer.Exit(_code_of(report.campaign, require_verdict))
 
 
 @dataclass(frozen=True)

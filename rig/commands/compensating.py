@@ -147,7 +147,7 @@ def _as_json(table: CompensationTable) -> dict[str, Any]:
 
 def _show(table: CompensationTable) -> None:
     out = console()
-    out.print(painted(orders_grid(table)))
+    out.print(painted(_orders_grid(table)))
     out.print(fact_table(_facts(table), "Table"))
 
 
@@ -185,7 +185,7 @@ def _facts(table: CompensationTable) -> list[tuple[str, str]]:
     ]
 
 
-def orders_grid(table: CompensationTable) -> Grid:
+def _orders_grid(table: CompensationTable) -> Grid:
     """Every order of a table: amplitude each way, its noise, and what the encoder may add [arcsec]."""
     from rig.content.grid import Grid, columns, number_columns
     from rig.content.wording import number

@@ -167,11 +167,11 @@ def _print(nodes: Sequence[FoundNode], proposal: Proposal, bus: Bus, write: Path
     out.print(painted(_rates(len(nodes))))
     for word, asks in proposal.questions:
         out.print(f"to be said: {word}: {asks}", soft_wrap=True, markup=False)
-    done = (
-        f"{write} is written; fill in what begins with SAY:, then `rig config check {write}`."
-        if write
-        else ("Nothing is written: --write rig.toml does.")
-    )
+    done = "Nothing is written: --write rig.toml does."
+    if write:
+        done = (
+            f"{write} is written; fill in what begins with SAY:, then `rig config check {write}`."
+        )
     out.print(done, soft_wrap=True)
 
 

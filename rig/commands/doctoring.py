@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rig.bench.backends.assembly import AssembledRig
     from rig.bench.backends.order import Order
     from rig.run.dry_run import PlannedRun
+    from rig.run.stop import StopRequest
     from rig.trial.doctor.examine import Examination
 
 
@@ -84,9 +85,8 @@ def doctor(
     from rig.bench.backends.registry import HARDWARE
     from rig.commands.ordering import order_of
     from rig.run.remote import RemoteOperator, lines_of
-    from rig.run.start import plan_order, rig_for
-    from rig.run.stop import StopRequest, pressed_by_signals
-    from rig.trial.doctor.examine import examine, readout_of
+    from rig.run.start import plan_order
+    from rig.run.stop import StopRequest
     from rig.trial.doctor.motion import EXPERIMENT
 
     _refuse_a_replay(said.get("backend", ""))
@@ -95,29 +95,13 @@ def doctor(
     moves = move if move is not None else order.backend != HARDWARE
     if moves:
         _arm(order, planned, confirm, asks=not (json or stdin_control))
-    made: list[AssembledRig] = []
-
-    def make() -> AssembledRig:
-        made.append(rig_for(order, planned))
-        return made[-1]
-
     stop = StopRequest()
     remote = RemoteOperator(stop, partial(print, flush=True), WallClock())
     if stdin_control:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
-    with _bench_of_its_own(order, moves), pressed_by_signals(stop):
-        examination = examine(
-            make,
-            order,
-            moves=moves,
-            why_not="asked not to move; --move lets it",
-            serial_line=readout_of(order),
-            stop=stop,
-            on_stage=lambda stage: (
-                None if json or stdin_control else echo(f"{stage} ...", errors=True)
-            ),
-        )
-        packed = _bundle(bundle, examination, made, order)
+    examination, packed = _examined(
+        order, planned, stop, bundle, moves=moves, quiet=json or stdin_control
+    )
     if stdin_control:
         remote.report(json_ready(examination.as_json()))
     elif json:
@@ -127,6 +111,43 @@ def doctor(
     if examination.was_stopped:
         raise typer.Exit(exits.ABORTED)
     raise typer.Exit(exits.DONE if examination.is_fine else exits.ERROR)
+
+
+def _examined(
+    order: Order,
+    planned: PlannedRun,
+    stop: StopRequest,
+    bundle: Path | None,
+    *,
+    moves: bool,
+    quiet: bool,
+) -> tuple[Examination, tuple[str, ...]]:
+    """What was found of a rig, on its bench alone, and what was packed of it."""
+    from rig.run.start import rig_for
+    from rig.run.stop import pressed_by_signals
+    from rig.trial.doctor.examine import examine, readout_of
+
+    made: list[AssembledRig] = []
+
+    def make() -> AssembledRig:
+        made.append(rig_for(order, planned))
+        return made[-1]
+
+    def on_stage(stage: str) -> None:
+        if not quiet:
+            echo(f"{stage} ...", errors=True)
+
+    with _bench_of_its_own(order, moves), pressed_by_signals(stop):
+        examination = examine(
+            make,
+            order,
+            moves=moves,
+            why_not="asked not to move; --move lets it",
+            serial_line=readout_of(order),
+            stop=stop,
+            on_stage=on_stage,
+        )
+        return examination, _bundle(bundle, examination, made, order)
 
 
 def _arm(order: Order, planned: PlannedRun, confirm: str, *, asks: bool) -> None:

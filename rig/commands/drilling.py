@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +11,7 @@ import typer
 from rig.commands.terminal import Json, console, echo, painted, print_json
 
 if TYPE_CHECKING:
+    from rig.trial.drill.catalogue import Drill
     from rig.trial.drill.suite import DrillRow
 
 
@@ -100,15 +102,11 @@ def drill(
         raise typer.Exit(DONE if _run_pairs(pairs, seed, backend, output, json) else ERROR)
     drills = random_drills(random, seed, backend) if random else chosen(fault or (), backend)
     if list_:
-        out = console()
-        for one in drills:
-            out.print(f"{one.name}: {one.what} ({' or '.join(one.carriers)})", soft_wrap=True)
+        _print_list(drills)
         return
 
     def run(without: bool) -> list[DrillRow]:
-        rows: list[DrillRow] = []
-        missed = "fails " if without else "FAILED"
-        for row in run_drills(
+        rows = run_drills(
             drills,
             backend=backend,
             seed=seed,
@@ -116,12 +114,9 @@ def drill(
             offset=random_offset(seed) if random else None,
             without_faults=without,
             is_compensated=compensated,
-        ):
-            rows.append(row)
-            if not json:
-                word = "ok    " if row.passed else missed
-                echo(f"[{len(rows)}/{len(drills)}] {word} {row.fault}", errors=True)
-        return rows
+        )
+        missed = "fails " if without else "FAILED"
+        return list(rows) if json else list(_told_of_each(rows, len(drills), missed))
 
     rows = run(without_faults)
     if json:
@@ -134,6 +129,20 @@ def drill(
         _write(markdown, rows, run(without=True))
     good = proves_detection(rows) if without_faults else all(row.passed for row in rows)
     raise typer.Exit(DONE if good else ERROR)
+
+
+def _print_list(drills: Sequence[Drill]) -> None:
+    out = console()
+    for one in drills:
+        out.print(f"{one.name}: {one.what} ({' or '.join(one.carriers)})", soft_wrap=True)
+
+
+def _told_of_each(rows: Iterable[DrillRow], drills: int, missed: str) -> Iterator[DrillRow]:
+    """The rows of so many drills, each told on the terminal as it comes; `missed` is the word for one that failed."""
+    for number, row in enumerate(rows, 1):
+        word = "ok    " if row.passed else missed
+        echo(f"[{number}/{drills}] {word} {row.fault}", errors=True)
+        yield row
 
 
 def _refuse_together(**given: object) -> None:
@@ -253,11 +262,9 @@ def _print_without(rows: list[DrillRow]) -> None:
     out.print(drills)
     claiming = [row for row in rows if row.claims_detection]
     failing = [row for row in claiming if not row.names_cause]
-    proof = (
-        "what they detect is the fault, and nothing else"
-        if proves_detection(rows)
-        else "the others prove nothing: they find their cause where nothing is wrong"
-    )
+    proof = "the others prove nothing: they find their cause where nothing is wrong"
+    if proves_detection(rows):
+        proof = "what they detect is the fault, and nothing else"
     out.print(
         f"{len(failing)} of {len(claiming)} drills that claim a detection fail with their fault taken out: {proof}. "
         f"{len(rows) - len(claiming)} claim none.",

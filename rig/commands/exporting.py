@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rig.exchange.exporting import Export
 
 
-class TargetWord(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+class _TargetWord(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """For which tool."""
 
     json = "json"
@@ -83,7 +83,7 @@ _Output = Annotated[
 
 def export_model(
     source: _Source,
-    to: Annotated[TargetWord, typer.Option("--to", help="The tool.")],
+    to: Annotated[_TargetWord, typer.Option("--to", help="The tool.")],
     side: _Side = SideWord.joint,
     form: _Form = FormWord.lugre,
     samples: _Samples = 0,

@@ -115,15 +115,9 @@ def runs(
     listed = newest(listed, most if last is None else last)
     judged = judge_listed(listed)
     if json:
-        print_json(
-            {
-                "folder": str(folder),
-                "index": index.rebuilt,
-                "found": found,
-                "not_looked_into": index.refused,
-                "runs": [_listed_as_json(run, judged.get(run.path)) for run in listed],
-            }
-        )
+        told = [_listed_as_json(run, judged.get(run.path)) for run in listed]
+        listing = {"folder": str(folder), "index": index.rebuilt, "found": found}
+        print_json({**listing, "not_looked_into": index.refused, "runs": told})
         return
     from rig.commands.file_tables import print_runs
 
@@ -204,19 +198,24 @@ def _show_frames(path: Path, json: bool) -> None:
         print_frames(played, log)
 
 
+_Format = Annotated[
+    _TableFormat | None,
+    typer.Option(
+        "--format",
+        help="Text, MATLAB 5 or Parquet (extra: import); by the suffix of FILE without it, else text.",
+    ),
+]
+
+_ExportFile = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", metavar="FILE", help="Beside the run without it."),
+]
+
+
 def export(
     run: _RunArgument,
-    format: Annotated[
-        _TableFormat | None,
-        typer.Option(
-            "--format",
-            help="Text, MATLAB 5 or Parquet (extra: import); by the suffix of FILE without it, else text.",
-        ),
-    ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="Beside the run without it."),
-    ] = None,
+    format: _Format = None,
+    output: _ExportFile = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite an export that is there already.")
     ] = False,

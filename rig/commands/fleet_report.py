@@ -76,11 +76,10 @@ def _print(lot: Lot, written: Path) -> None:
         found = one.capability
         if one.limits is None:
             continue
-        told = (
-            f"no capability: {found}"
-            if isinstance(found, str)
-            else f"Cpk {with_interval(found.actual, found.actual_interval)}"
-        )
+        if isinstance(found, str):
+            told = f"no capability: {found}"
+        else:
+            told = f"Cpk {with_interval(found.actual, found.actual_interval)}"
         out.print(Text(f"  {one.title}: {told}"), soft_wrap=True)
     for gear in lot.to_look_at:
         out.print(Text(f"  look at {gear.gear}: {'; '.join(why_of(gear))}"), soft_wrap=True)

@@ -238,9 +238,8 @@ def simulate(
     if json:
         print_json(report.as_json())
     else:
-        echo(
-            f"{report.runs} runs: {report.made} made, {report.reused} there before, {len(report.failed)} failed"
-        )
+        made = f"{report.made} made, {report.reused} there before, {len(report.failed)} failed"
+        echo(f"{report.runs} runs: {made}")
         _print_failures(report.failed)
         echo(f"fit them: rig fleet fit {report.output} --acceptance demonstration")
     raise typer.Exit(exits.ERROR if len(report.failed) == report.runs else exits.DONE)

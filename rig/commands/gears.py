@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -40,7 +41,8 @@ gear.command("check")(gear_sets.check)
 @gear.command("list")
 def list_(output: Folder = Path("runs"), json: Json = False) -> None:
     """List the cards of a folder of runs."""
-    from rig.gears.card import list_cards, stated_facts
+    from rig.gears.card import list_cards
+    from rig.gears.facts import stated_facts
 
     listed = list_cards(output)
     if json:
@@ -111,17 +113,10 @@ def set_(
         echo(context.get_help())
         _print_flags()
         raise typer.Exit
-    from experiments.errors import PlanError
     from experiments.parameters import parameter_fields
     from rig.commands.running import read_flags
-    from rig.errors import ConfigurationError
-    from rig.gears.card import (
-        GearFacts,
-        card_for,
-        now_text,
-        with_changes,
-        with_confirmation,
-    )
+    from rig.gears.card import card_for, now_text, with_confirmation
+    from rig.gears.facts import GearFacts
     from rig.gears.making import write_card
 
     if not serial or serial.startswith("-"):
@@ -132,19 +127,7 @@ def set_(
         for name, text in read_flags("gear set", fields, context.args).items()
     }
     before = card_for(output, serial)
-    try:
-        card = with_changes(
-            before, {**({} if before else {"serial": serial}), **values}, by, now_text()
-        )
-    except PlanError as error:
-        # The fields are checked as those of a protocol are; nothing is planned here.
-        raise ConfigurationError(
-            error.what,
-            where=error.where,
-            value=error.value,
-            limit=error.limit,
-            remedy=error.remedy,
-        ) from None
+    card = _changed(before, {**({} if before else {"serial": serial}), **values}, by)
     if confirm:
         card = with_confirmation(card, by, now_text())
     write_card(output, card)
@@ -160,6 +143,19 @@ def confirm_(serial: Serial, by: By, output: Folder = Path("runs"), json: Json =
     card = with_confirmation(_card(output, serial), by, now_text())
     write_card(output, card)
     _answer(card, json)
+
+
+def _changed(before: GearCard | None, values: Mapping[str, object], by: str) -> GearCard:
+    """The card with new values. Raises `ConfigurationError` for one that cannot be."""
+    from experiments.errors import PlanError
+    from rig.errors import misstated
+    from rig.gears.card import now_text, with_changes
+
+    try:
+        return with_changes(before, values, by, now_text())
+    except PlanError as error:
+        # The fields are checked as those of a protocol are; nothing is planned here.
+        raise misstated(error) from None
 
 
 def _card(folder: Path, serial: str) -> GearCard:
@@ -200,7 +196,7 @@ def _print(card: GearCard) -> None:
     from experiments.finding import Severity
     from experiments.parameters import parameter_fields
     from rig.content.wording import named
-    from rig.gears.card import GearFacts, stated_facts
+    from rig.gears.facts import GearFacts, stated_facts
     from rig.run.gear import acceptance_checks_of_card
 
     out = console()
@@ -232,7 +228,7 @@ def _print(card: GearCard) -> None:
 def _print_flags() -> None:
     from experiments.parameters import parameter_fields
     from rig.content.grid import Grid, columns
-    from rig.gears.card import CHOICES, GearFacts
+    from rig.gears.facts import CHOICES, GearFacts
 
     rows = [
         (one.flag, one.unit, ", ".join(CHOICES.get(one.name, ())) or one.limit, one.help)

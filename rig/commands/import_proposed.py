@@ -15,7 +15,7 @@ from rig.runfile.importing.answers import answered
 from rig.runfile.importing.channel_source import ChannelSource, parse_channel
 from rig.runfile.importing.proposed import Proposal
 
-MOST_QUESTIONS = 5
+_MOST_QUESTIONS = 5
 Ask = Callable[[str], str]
 _LAST = "Enter imports it so; NAME=COLUMN:UNIT says another channel first, such as position=4:rad; Ctrl-C leaves it."
 
@@ -40,7 +40,7 @@ def settled(proposal: Proposal, ask: Ask) -> Proposal:
     while proposal.questions:
         question = proposal.questions[0]
         asked += 1
-        if asked > 3 * MOST_QUESTIONS or len(proposal.questions) > MOST_QUESTIONS:
+        if asked > 3 * _MOST_QUESTIONS or len(proposal.questions) > _MOST_QUESTIONS:
             raise accepting.still_open(proposal, "more is open than can be asked one by one")
         answer = ask(accepting.wording(question)).strip() or question.by_evidence
         try:

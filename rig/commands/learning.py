@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import math
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, date, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Protocol
+from typing import Annotated
 
 import typer
 
+from rig.commands.lessons import LESSONS
 from rig.commands.terminal import Json, console, echo, painted, print_json
-
-if TYPE_CHECKING:
-    from rig.analysis.learnt_encoder import Learnt
 
 bench = typer.Typer(
     name="bench",
     no_args_is_help=True,
     help="What a bench knows of itself: its output encoder, its torque scale.",
 )
+_Told = dict[str, object]
+"""One thing that is known, as a script is told it."""
 _RUNS = typer.Option("--runs", metavar="DIR", help="Folder of the runs.")
 
 
@@ -89,9 +88,9 @@ def learn(
         )
     today = datetime.now(UTC).date()
     until = today + timedelta(days=365) if due is None else due.date()
-    told: list[dict[str, object]] = []
+    told: list[_Told] = []
     for kind, named in groups.items():
-        lesson = _LESSONS[kind](named, bench_id)
+        lesson = LESSONS[kind](named, bench_id)
         if not (dry_run or json or lesson.is_certificate):
             # What it found is seen before it is refused as a certificate.
             lesson.show(None)
@@ -121,7 +120,6 @@ def show(
     Each with its age and until when it holds. With a description (--config, or rig.toml here) the calibrations that it
     states and what was commissioned of that bench besides.
     """
-    from rig.content.grid import Grid, columns
     from rig.errors import ConfigurationError
 
     learnt, tares = [*_curves(folder), *_scales(folder)], list(_tares(folder))
@@ -144,32 +142,38 @@ def show(
             }
         )
         return
-    heads = columns(
-        "what", ("U", "number"), ("age [d]", "number"), "due", "bench", "file", "rests on"
-    )
-    keys = ("of", "u", "age_days", "due", "bench", "file", "basis")
-    rows = [tuple("" if one[key] is None else str(one[key]) for key in keys) for one in learnt]
-    out = console()
-    if rows:
-        out.print(painted(Grid("What the benches learnt of themselves", heads, rows)))
-    heads = columns("run", "bench", ("age [d]", "number"))
-    rows = [tuple(str(one[key]) for key in ("run", "bench", "age_days")) for one in tares]
-    if rows:
-        out.print(painted(Grid("Motor tares, the newest first", heads, rows)))
-    for title, keys, found in (
-        ("Calibrations that the description states", ("channel", "certificate", "due"), stated),
-        ("Commissioned", ("stage", "passed", "at", "operator"), commissioned),
-    ):
-        if found:
-            rows = [tuple(str(one[key]) for key in keys) for one in found]
-            out.print(painted(Grid(title, columns(*keys), rows)))
+    _print_known(learnt, tares, stated, commissioned)
     if golden is not None:
         echo(f"golden gear {golden['gear']}: {golden['found']}")
 
 
-def _described(
-    folder: Path, config: Path | None
-) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
+def _print_known(
+    learnt: list[_Told], tares: list[_Told], stated: list[_Told], commissioned: list[_Told]
+) -> None:
+    """One table for each kind of thing that is known."""
+    from rig.content.grid import Grid, columns
+
+    age = ("age [d]", "number")
+    of_learnt = columns("what", ("U", "number"), age, "due", "bench", "file", "rests on")
+    of_tares = columns("run", "bench", age)
+    in_learnt = ("of", "u", "age_days", "due", "bench", "file", "basis")
+    in_stated = ("channel", "certificate", "due")
+    in_commissioned = ("stage", "passed", "at", "operator")
+    out = console()
+    for title, heads, keys, told in (
+        ("What the benches learnt of themselves", of_learnt, in_learnt, learnt),
+        ("Motor tares, the newest first", of_tares, ("run", "bench", "age_days"), tares),
+        ("Calibrations that the description states", columns(*in_stated), in_stated, stated),
+        ("Commissioned", columns(*in_commissioned), in_commissioned, commissioned),
+    ):
+        if told:
+            rows = [
+                tuple("" if one[key] is None else str(one[key]) for key in keys) for one in told
+            ]
+            out.print(painted(Grid(title, heads, rows)))
+
+
+def _described(folder: Path, config: Path | None) -> tuple[list[_Told], list[_Told]]:
     """The calibrations that a description states, and the stages of its bench as they came out last; nothing without
     one of hardware.
     """
@@ -180,7 +184,8 @@ def _described(
     from rig.bench.identity import bench_of
 
     path = config or DEFAULT_PATH
-    if not path.is_file() or not is_bench(path):
+    # A description may have the tables of a laboratory alone: a bench has a bus.
+    if not path.is_file() or "bus" not in tomllib.loads(path.read_text(encoding="utf-8")):
         return [], []
     stated = list(_calibrations("", load_configuration(path).model_dump()))
     newest = {done.stage: done for done in read_record(bench_of(HARDWARE, folder, path).state)}
@@ -190,12 +195,7 @@ def _described(
     ]
 
 
-def is_bench(path: Path) -> bool:
-    """Whether a description has more than the tables of a laboratory: a bus."""
-    return "bus" in tomllib.loads(path.read_text(encoding="utf-8"))
-
-
-def _calibrations(place: str, content: object) -> Iterator[dict[str, object]]:
+def _calibrations(place: str, content: object) -> Iterator[_Told]:
     """Every calibration with a certificate within a description, by its place."""
     if not isinstance(content, Mapping):
         return
@@ -216,7 +216,7 @@ def _days_since(text: str) -> int:
     return (datetime.now(UTC).date() - date.fromisoformat(text[:10])).days
 
 
-def _tares(folder: Path) -> Iterator[dict[str, object]]:
+def _tares(folder: Path) -> Iterator[_Told]:
     """The complete motor tares of a folder, the newest first; five are enough."""
     from rig.library.index import LibraryIndex
 
@@ -230,7 +230,7 @@ def _tares(folder: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def _golden(folder: Path, config: Path | None) -> dict[str, object] | None:
+def _golden(folder: Path, config: Path | None) -> _Told | None:
     """What the golden gear says, where one is named."""
     from rig.analysis.alarm.laboratory import watching_in_force
     from rig.analysis.golden import golden_check
@@ -290,7 +290,7 @@ def check(
         raise typer.Exit(FAIL)
 
 
-def _curves(folder: Path) -> Iterator[dict[str, object]]:
+def _curves(folder: Path) -> Iterator[_Told]:
     """The learnt curves of encoders."""
     from model.units import ARCSEC
     from rig.analysis.learnt import learnt_files
@@ -313,7 +313,7 @@ def _curves(folder: Path) -> Iterator[dict[str, object]]:
         }
 
 
-def _scales(folder: Path) -> Iterator[dict[str, object]]:
+def _scales(folder: Path) -> Iterator[_Told]:
     """The learnt scales of torque channels."""
     from rig.analysis.learnt import learnt_scales
     from rig.content.wording import number
@@ -349,197 +349,12 @@ def _by_kind(runs: list[Path] | None, folder: Path) -> dict[str, list[Path]]:
     for one in sorted(folders):
         for run in LibraryIndex(one).search():
             is_wanted = run.is_complete and (not named or run.path in named)
-            if run.protocol in _LESSONS and is_wanted:
+            if run.protocol in LESSONS and is_wanted:
                 groups.setdefault(run.protocol, []).append(run.path)
     if not groups:
         raise ConfigurationError(
             "hold no run that teaches anything of a bench",
             where=", ".join(map(str, runs)) if runs else str(folder),
-            limit=f"complete runs of {', '.join(_LESSONS)}",
+            limit=f"complete runs of {', '.join(LESSONS)}",
         )
     return groups
-
-
-class _Lesson(Protocol):
-    """What the runs of one protocol teach: to be shown, told to a script, and written."""
-
-    bench: str
-    prefix: str
-    suffix: str
-    is_certificate: bool
-
-    def show(self, path: Path | None) -> None: ...
-
-    def as_json(self) -> dict[str, object]: ...
-
-    def write(self, path: Path, today: date, due: date) -> Path: ...
-
-
-class _EncoderLesson:
-    """The output encoder, by kinematic-error runs."""
-
-    suffix = ".csv"
-
-    def __init__(self, runs: list[Path], bench_id: str) -> None:
-        from rig.analysis.learnt import PREFIX
-        from rig.analysis.learnt_encoder import learn as learn_from
-
-        self.prefix = PREFIX
-        self._learnt = learn_from(runs, bench_id)
-        self.bench, self.is_certificate = self._learnt.bench, self._learnt.curve.is_parted
-
-    def show(self, path: Path | None) -> None:
-        _print(self._learnt, path)
-
-    def as_json(self) -> dict[str, object]:
-        return _as_json(self._learnt)
-
-    def write(self, path: Path, today: date, due: date) -> Path:
-        from rig.analysis.learnt_encoder import write_learnt
-
-        return write_learnt(self._learnt, path, today, due)
-
-
-class _TorqueLesson:
-    """The scale of the torque channels, by torque-scale runs."""
-
-    suffix = ".toml"
-    is_certificate = True
-
-    def __init__(self, runs: list[Path], bench_id: str) -> None:
-        from rig.analysis.learnt import SCALE_PREFIX
-        from rig.analysis.learnt_torque import learn_torque
-
-        self.prefix = SCALE_PREFIX
-        self._learnt = learn_torque(runs, bench_id)
-        self.bench = self._learnt.bench
-
-    def show(self, path: Path | None) -> None:
-        from rig.content.grid import Grid, columns
-        from rig.content.wording import number
-
-        learnt = self._learnt
-        rows = [
-            (
-                name,
-                number(gain.value, 5),
-                number(100.0 * gain.expanded_uncertainty / gain.value, 2),
-                number(1e3 * learnt.lags[name][0], 2) if name in learnt.lags else "",
-                max(gain.budget, key=lambda line: line.standard_uncertainty).source,
-            )
-            for name, gain in learnt.gains.items()
-        ]
-        heads = columns(
-            "channel",
-            ("gain", "number"),
-            ("U [%]", "number"),
-            ("lag [ms]", "number"),
-            "largest part of U",
-        )
-        at = f" at {learnt.temperature:.1f} °C" if math.isfinite(learnt.temperature) else ""
-        grid = Grid(f"Torque scale of bench {learnt.bench}{at}", heads, rows)
-        console().print(painted(grid.without_empty()))
-        echo(
-            f"from {'; '.join(learnt.discs)}; the rotor has {number(1e4 * learnt.rotor_inertia, 4)} kg cm2"
-        )
-        for one in learnt.skipped:
-            echo(f"left out: {one.run.name}: {one.skipped}")
-        _say_written(path, self.prefix)
-
-    def as_json(self) -> dict[str, object]:
-        learnt = self._learnt
-        return {
-            "of": "torque scale",
-            "bench": learnt.bench,
-            "origin": learnt.origin,
-            "motor": learnt.motor,
-            "housing_temperature": learnt.temperature,
-            "rotor_inertia": learnt.rotor_inertia,
-            "gains": {name: gain.as_json() for name, gain in learnt.gains.items()},
-            "lags": {name: {"value": v, "u": u} for name, (v, u) in learnt.lags.items()},
-            "left_out": [{"run": one.run.name, "reason": one.skipped} for one in learnt.skipped],
-        }
-
-    def write(self, path: Path, today: date, due: date) -> Path:
-        from rig.analysis.learnt_torque import write_scale
-
-        return write_scale(self._learnt, path, today, due)
-
-
-_LESSONS: dict[str, Callable[[list[Path], str], _Lesson]] = {
-    "kinematic-error": _EncoderLesson,
-    "torque-scale": _TorqueLesson,
-}
-"""By the protocol whose runs teach it."""
-
-
-def _say_written(path: Path | None, prefix: str) -> None:
-    if path is None:
-        return
-    echo(f"file         {path}")
-    if path.name.startswith(prefix):
-        echo(f"next         rig fit RUN of {path.parent}: every analysis takes it")
-    else:
-        echo(f"next         lay it beside the runs as {prefix}...: there every analysis takes it")
-
-
-def _print(learnt: Learnt, path: Path | None) -> None:
-    from model.units import ARCSEC
-    from rig.analysis.learnt import PREFIX
-    from rig.content.grid import Grid, columns, number_columns
-    from rig.content.wording import number
-
-    curve = learnt.curve
-    rows = [
-        (
-            f"{one.order}/N",
-            number(abs(one.wave) / ARCSEC, 3),
-            number(one.radius / ARCSEC, 2),
-            number(one.gears / ARCSEC, 2),
-            "" if one.way == "parted" else "mean: encoder and what gears share",
-        )
-        for one in curve.orders
-    ]
-    heads = number_columns("order", "encoder [arcsec]", "U", "gears differ by")
-    grid = Grid(
-        f"Output encoder of bench {learnt.bench}: {curve.basis}",
-        (*heads, *columns(("remark", "sentence"))),
-        rows,
-        "U: 95 % of the errors of the complex amplitude are no longer. Orders above 8 and the subdivision stay.",
-    )
-    console().print(painted(grid.without_empty()))
-    echo(
-        f"{len(curve.gears)} gear{'s' * (len(curve.gears) > 1)} in {curve.mountings} mountings; U of the curve "
-        f"{number(curve.expanded_uncertainty / ARCSEC, 2)} arcsec. Not traceable: no laboratory vouches for it."
-    )
-    for one in learnt.skipped:
-        echo(f"left out: {one.run.name}: {one.skipped}")
-    _say_written(path, PREFIX)
-
-
-def _as_json(learnt: Learnt) -> dict[str, object]:
-    curve = learnt.curve
-    return {
-        "of": "output encoder",
-        "bench": learnt.bench,
-        "encoder": learnt.encoder,
-        "origin": learnt.origin,
-        "basis": curve.basis,
-        "gears": list(curve.gears),
-        "mountings": curve.mountings,
-        "expanded_uncertainty": curve.expanded_uncertainty,
-        "orders": [
-            {
-                "order": one.order,
-                "cosine": one.wave.real,
-                "sine": one.wave.imag,
-                "standard_uncertainty": one.standard_uncertainty,
-                "degrees_of_freedom": one.degrees_of_freedom,
-                "radius": one.radius,
-                "way": one.way,
-                "gears": one.gears,
-            }
-            for one in curve.orders
-        ],
-        "left_out": [{"run": one.run.name, "reason": one.skipped} for one in learnt.skipped],
-    }

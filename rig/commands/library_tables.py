@@ -37,11 +37,10 @@ def print_difference(
             *changes,
             *(change for change in compared.same if change.group == group and everything),
         ]
-        title = (
-            f"{group}: {len(changes)} of {looked_at} differ"
-            if looked_at
-            else f"{group}: nothing to compare"
-        )
+        if looked_at:
+            title = f"{group}: {len(changes)} of {looked_at} differ"
+        else:
+            title = f"{group}: nothing to compare"
         out.print(Text(title, style="bold" if changes else "dim"))
         if shown:
             out.print(painted(change_grid(shown).without("group").without_empty(), title=None))

@@ -66,13 +66,8 @@ def plan(
     if json:
         told = prediction.as_json()
         told["warnings"] += [wanted] if wanted else []
-        print_json(
-            {
-                **planned.as_json(),
-                "prediction": told,
-                "figures": [str(path) for path in written],
-            }
-        )
+        figures_told = [str(path) for path in written]
+        print_json({**planned.as_json(), "prediction": told, "figures": figures_told})
         return
     print_plan(planned)
     _print(prediction, written)

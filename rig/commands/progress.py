@@ -13,6 +13,8 @@ from rig.commands.terminal import console
 from rig.run.progress import in_words
 
 if TYPE_CHECKING:
+    from rich.progress import ProgressColumn
+
     from experiments.recording import Event
     from rig.run.parts import Progress
 
@@ -23,19 +25,13 @@ _REDRAW_INTERVAL = 0.1
 """s of wall time between two redraws; a rig in virtual time reports far more often."""
 
 
-@contextmanager
-def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[Listeners]:
-    """Draws while the block runs; yields what to call with progress and with events. Silent without a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield _nothing, _nothing
-        return
+def _columns() -> tuple[ProgressColumn, ...]:
+    """What the line of a run shows."""
     from rich.progress import BarColumn
-    from rich.progress import Progress as Bar
 
     from rig.commands.visible import plain_column
 
-    out = console(errors=True)
-    columns = (
+    return (
         plain_column("{task.description}"),
         BarColumn(),
         plain_column("{task.fields[left]} left"),
@@ -43,7 +39,18 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
         plain_column("step {task.fields[step]}: {task.fields[what]}"),
         plain_column("margin {task.fields[margin]}"),
     )
-    with Bar(*columns, console=out, transient=True) as bar:
+
+
+@contextmanager
+def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[Listeners]:
+    """Draws while the block runs; yields what to call with progress and with events. Silent without a terminal."""
+    if quiet or not sys.stderr.isatty():
+        yield _nothing, _nothing
+        return
+    from rich.progress import Progress as Bar
+
+    out = console(errors=True)
+    with Bar(*_columns(), console=out, transient=True) as bar:
         task = bar.add_task(
             title,
             total=duration,

@@ -169,16 +169,8 @@ def report(
     from rig.gears.acceptance import acceptance_named
     from rig.present.build import report_on_files, report_on_gear
 
-    if bool(runs) == bool(gear):
-        raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
-    if models and (gear or per_run):
-        raise typer.BadParameter(
-            "needs several runs in one report: leave --gear and --per-run out",
-            param_hint="--models",
-        )
+    _refuse_together(runs, gear, models=models, per_run=per_run, passport=passport)
     if passport:
-        if not gear:
-            raise typer.BadParameter("is of a gear: name it with --gear", param_hint="--passport")
         watching = watching_in_force(false_alarms=false_alarms, over=over, baseline=baseline)
         show_passport(gear, folders, tare, origin, analyse=analyse, watching=watching, json=json)
         return
@@ -210,6 +202,21 @@ def report(
     _show(reports, json=json)
     verdicts = [one.verdict.verdict for one in reports]
     raise typer.Exit(code_of_verdicts(verdicts, required=require_verdict))
+
+
+def _refuse_together(
+    runs: Sequence[Path] | None, gear: str, *, models: bool, per_run: bool, passport: bool
+) -> None:
+    """Options that ask for different reports."""
+    if bool(runs) == bool(gear):
+        raise typer.BadParameter("name either runs or --gear SERIAL", param_hint="RUN... or --gear")
+    if models and (gear or per_run):
+        raise typer.BadParameter(
+            "needs several runs in one report: leave --gear and --per-run out",
+            param_hint="--models",
+        )
+    if passport and not gear:
+        raise typer.BadParameter("is of a gear: name it with --gear", param_hint="--passport")
 
 
 def _places_per_run(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
@@ -147,9 +148,7 @@ def run(
     from rig.commands.ending import ending_of
     from rig.exits import ERROR, code_of_run
 
-    def ended(report: RunReport) -> Ending:
-        return ending_of(report, order)
-
+    ended = partial(ending_of, order=order)
     if events or stdin_control:
         report, ending = _run_for_a_program(
             order,
@@ -162,11 +161,9 @@ def run(
     else:
         report = _run_with_signals(order, planned, (confirmation, uncommissioned), quiet=json)
         ending = ended(report)
-    if events:
-        pass
-    elif json:
+    if json and not events:
         print_json({**report.as_json(), **ending.as_json()})
-    else:
+    elif not events:
         bench = option_of(order.backend, order.folder, order.config)
         print_report(report, bench, ending, everything=everything)
     if ending.crash or ending.refusal:

@@ -124,17 +124,10 @@ def serve(
     """
     from model.gear_file import load_gear
     from rig.bench.backends.serving import serve_rig
-    from rig.errors import ConfigurationError
 
     asked = {**said, "gear": load_gear(said["gear"])} if "gear" in said else said
     order = Order(protocol="serve", sample_rate=sample_rate, **asked)
-    if order.mounting not in MOUNTINGS:
-        raise ConfigurationError(
-            "no such mounting",
-            where="--mounting",
-            value=repr(order.mounting),
-            limit=", ".join(MOUNTINGS),
-        )
+    _refuse_unknown_mounting(order.mounting)
 
     def announce(served: Served) -> None:
         echo(served.as_json() if json else _sentence(served, config_out))
@@ -154,6 +147,18 @@ def serve(
         configuration=config_out,
         announce=announce,
     )
+
+
+def _refuse_unknown_mounting(mounting: str) -> None:
+    from rig.errors import ConfigurationError
+
+    if mounting not in MOUNTINGS:
+        raise ConfigurationError(
+            "no such mounting",
+            where="--mounting",
+            value=repr(mounting),
+            limit=", ".join(MOUNTINGS),
+        )
 
 
 def _faults(texts: list[str]) -> list[Any]:

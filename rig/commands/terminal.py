@@ -90,7 +90,7 @@ class FittedTable:
         """
         left_out: tuple[str, ...] = ()
         for left_out in self.choices():
-            if self.has_room(self.grid.without(*left_out), console, options):
+            if self._has_room(self.grid.without(*left_out), console, options):
                 break
         else:
             is_of_sentences = any(one.kind == "sentence" for one in self.grid.columns)
@@ -109,7 +109,7 @@ class FittedTable:
         for count in range(1, len(numbers)):
             yield (*texts, *numbers[:count])
 
-    def has_room(self, grid: Grid, console: Console, options: ConsoleOptions) -> bool:
+    def _has_room(self, grid: Grid, console: Console, options: ConsoleOptions) -> bool:
         """Whether no row of the grid takes more than two lines at this width, and no word is cut."""
         from rich.cells import cell_len
 

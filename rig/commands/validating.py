@@ -81,15 +81,10 @@ def validate(
 
     With --against no model is fitted: what a parameter set predicts of one run, and what was measured.
     """
-    from experiments import catalogue
     from rig.analysis.validate import validate_runs
     from rig.runfile.damage import refuse_missing
 
-    if kind and kind not in catalogue.kinds():
-        raise typer.BadParameter(
-            f"no such kind of fit: {kind!r}. {nearest(kind, catalogue.kinds())}",
-            param_hint="--kind",
-        )
+    _refuse_unknown_kind(kind)
     if against is not None and (len(runs) != 1 or on or plot or parameters):
         raise typer.BadParameter(
             "holds one parameter set against one run: leave --on, --plot and --parameters out",
@@ -115,6 +110,16 @@ def validate(
         print_json(found.as_json())
     else:
         _print(found)
+
+
+def _refuse_unknown_kind(kind: str) -> None:
+    from experiments import catalogue
+
+    if kind and kind not in catalogue.kinds():
+        raise typer.BadParameter(
+            f"no such kind of fit: {kind!r}. {nearest(kind, catalogue.kinds())}",
+            param_hint="--kind",
+        )
 
 
 def _draw(found: Validation, path: Path) -> None:

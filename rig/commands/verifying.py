@@ -68,7 +68,7 @@ def verify(
     """
     from experiments.finding import first_blocking
     from rig import exits
-    from rig.present.certificate.verify import certificates_in, runs_of, verify_certificate
+    from rig.present.certificate.verify import certificates_in, verify_certificate
     from rig.runfile.damage import refuse_missing
     from rig.runfile.verify import verify_run
     from rig.trial.chain import links_of, runs_in
@@ -87,28 +87,28 @@ def verify(
     checked = {str(run): verify_run(run) for run in runs}
     checked |= {str(one): verify_certificate(one) for one in certificates}
     links = [link for place in places for link in links_of(place)]
-    named = [run for one in certificates for run in runs_of(one)] if recompute else []
-    again = (
-        [one for run in dict.fromkeys((*runs, *named)) for one in _again(run)] if recompute else []
-    )
+    again = _made_again(runs, certificates) if recompute else None
     held = hold_against(manifest, places[0], gear) if manifest is not None else None
-    error = _first_error(checked, first_blocking(links), again) or (held and held.error)
+    error = _first_error(checked, first_blocking(links), again or ()) or (held and held.error)
     if json:
-        told = _as_object(checked, links, again if recompute else None, error)
+        told = _as_object(checked, links, again, error)
         print_json(told if held is None else told | {"manifest": held.as_json()})
     else:
-        from rig.commands.findings import print_findings, print_links
-
-        print_findings(checked)
-        print_links(links, again)
-        if held is not None:
-            _print_manifest(held)
+        _print(checked, links, again or (), held)
     if error:
         raise typer.Exit(exits.ERROR)
 
 
 def _is_one_folder(places: Sequence[Path]) -> bool:
     return len(places) == 1 and places[0].is_dir()
+
+
+def _made_again(runs: Sequence[Path], certificates: Sequence[Path]) -> list[Recomputed]:
+    """Every stored analysis of the runs, and of those on which the certificates rest, made again."""
+    from rig.present.certificate.verify import runs_of
+
+    named = [run for one in certificates for run in runs_of(one)]
+    return [one for run in dict.fromkeys((*runs, *named)) for one in _again(run)]
 
 
 def _again(run: Path) -> list[Recomputed]:
@@ -175,6 +175,20 @@ def _as_object(
     if again is not None:
         told["recomputed"] = [one.as_json() for one in again]
     return told if error is None else told | exits.error_object(error, str(error))
+
+
+def _print(
+    checked: Mapping[str, Sequence[Finding]],
+    links: Sequence[Link],
+    again: Sequence[Recomputed],
+    held: HeldManifest | None,
+) -> None:
+    from rig.commands.findings import print_findings, print_links
+
+    print_findings(checked)
+    print_links(links, again)
+    if held is not None:
+        _print_manifest(held)
 
 
 def _print_manifest(held: HeldManifest) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.progress import Task, TextColumn
 
 
-HANGING = 2
+_HANGING = 2
 """Letters by which a line that goes on is set in."""
 
 
@@ -51,11 +51,11 @@ class VisibleConsole(Console):
         (given,) = objects
         text = given if isinstance(given, rich.text.Text) else Text(str(given))
         indent = len(text.plain) - len(text.plain.lstrip(" "))
-        width = max(self.width - indent - HANGING, 20)
+        width = max(self.width - indent - _HANGING, 20)
         text = text[indent:]
         for number, line in enumerate(text.divide(breaks(text.plain, width))):
             line.rstrip()
-            line.pad_left(indent + HANGING * (number > 0))
+            line.pad_left(indent + _HANGING * (number > 0))
             super().print(line, no_wrap=True, overflow="ignore", crop=False, **look)
 
     def render_str(self, text: str, **look: Any) -> rich.text.Text:

@@ -44,7 +44,7 @@ TONES: Mapping[str, Tone] = {
 _WORD = re.compile(rf"({'|'.join(TONES)})(?= \(|[:,;]|$)")
 
 
-NOTHING_SAID = frozenset({"", "–"})
+_NOTHING_SAID = frozenset({"", "–"})
 """What stands in a cell about which there is nothing to say."""
 
 
@@ -97,7 +97,7 @@ class Grid:
     def without_empty(self) -> Grid:
         """The table without the columns that say nothing; the whole one where none says anything."""
         places = range(len(self.columns))
-        says = [any(row[place] not in NOTHING_SAID for row in self.rows) for place in places]
+        says = [any(row[place] not in _NOTHING_SAID for row in self.rows) for place in places]
         return self._only(says) if any(says) else self
 
     def _only(self, kept: Sequence[bool]) -> Grid:

@@ -35,11 +35,9 @@ class Shown:
 
     def number(self, value: float) -> str:
         """Another value of the same quantity (SI), such as a truth, in the same unit and one decimal more."""
-        return (
-            number(value / self.scale, 6)
-            if self.decimals is None
-            else fixed(value / self.scale, self.decimals + 1)
-        )
+        if self.decimals is None:
+            return number(value / self.scale, 6)
+        return fixed(value / self.scale, self.decimals + 1)
 
     @property
     def pair(self) -> str:
@@ -49,11 +47,9 @@ class Shown:
     @property
     def with_uncertainty(self) -> str:
         """`value ± U unit`."""
-        return (
-            f"{self.value} ± {self.expanded} {self.unit}".rstrip()
-            if self.expanded
-            else f"{self.value} {self.unit}"
-        )
+        if self.expanded:
+            return f"{self.value} ± {self.expanded} {self.unit}".rstrip()
+        return f"{self.value} {self.unit}"
 
 
 def laboratory_unit(unit: str, size: float, shown: str = "") -> tuple[float, str]:

@@ -21,7 +21,7 @@ from rig.exchange.identified import IdentifiedGear
 from rig.exchange.joint import Joint, torque_at
 from rig.extras import optional
 
-AT_RPM = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 2000.0, 3000.0)
+_AT_RPM = (3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 2000.0, 3000.0)
 """Input speeds [r/min] at which the target is asked, as far as they lie among the compared ones."""
 STEADY_RPM = (300.0, 1000.0, 3000.0)
 """Input speeds [r/min] whose torque the target is given, until its speed is steady. Below them friction falls with
@@ -120,7 +120,7 @@ def _rows(mujoco: Any, model: Any, identified: IdentifiedGear, joint: Joint) -> 
 
 def _speeds(identified: IdentifiedGear) -> list[float]:
     low, high = identified.compared_over
-    return [rpm * RPM for rpm in AT_RPM if 0.999 * low <= rpm * RPM <= 1.001 * high]
+    return [rpm * RPM for rpm in _AT_RPM if 0.999 * low <= rpm * RPM <= 1.001 * high]
 
 
 def _held(mujoco: Any, model: Any, speed: float, inertia: float) -> float:

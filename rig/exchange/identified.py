@@ -31,7 +31,7 @@ from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.read import close_recording, open_run
 
-EXPORTED = (
+_EXPORTED = (
     "mesh_friction.coulomb",
     "mesh_friction.static",
     "mesh_friction.stribeck_velocity",
@@ -84,7 +84,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class GearRun:
+class _GearRun:
     """A run that the gear was identified from: its analysis in force."""
 
     run: str
@@ -109,7 +109,7 @@ class IdentifiedGear:
     mounting: Mounting = "circular-spline-fixed"
     speeds: tuple[float, ...] = ()
     temperatures: tuple[float, ...] = ()
-    runs: tuple[GearRun, ...] = ()
+    runs: tuple[_GearRun, ...] = ()
     mark: str = ""
     remarks: tuple[str, ...] = field(default=())
 
@@ -224,9 +224,9 @@ def _of_all(metadata: Sequence[RunMetadata]) -> str:
     return next((word for word in words if word), "")
 
 
-def _runs(fits: Sequence[Fit], found: Sequence[InForce]) -> tuple[GearRun, ...]:
+def _runs(fits: Sequence[Fit], found: Sequence[InForce]) -> tuple[_GearRun, ...]:
     return tuple(
-        GearRun(fit.result.run, fit.result.kind, fit.recording.metadata.sha256, one.number)
+        _GearRun(fit.result.run, fit.result.kind, fit.recording.metadata.sha256, one.number)
         for fit, one in zip(fits, found, strict=True)
         if fit.recording.metadata.gear_mounted and _identifies(one.kind)
     )
@@ -241,7 +241,7 @@ def _with_results(
     gear: HarmonicDrive,
     results: Sequence[Result],
     metadata: RunMetadata,
-    runs: tuple[GearRun, ...],
+    runs: tuple[_GearRun, ...],
     mark: str,
 ) -> IdentifiedGear:
     parameters = tuple(_parameters(gear))
@@ -318,8 +318,8 @@ def _path_of(name: str, kind: str, gear: HarmonicDrive) -> str:
 def _parameters(gear: HarmonicDrive) -> Iterator[Parameter]:
     """The numbers that are exported, then the orders of the kinematic error by cosine and sine."""
     values = {one.path: one for one in gear.values()}
-    ranges = {path: _range(gear, path) for path in EXPORTED}
-    for path in EXPORTED:
+    ranges = {path: _range(gear, path) for path in _EXPORTED}
+    for path in _EXPORTED:
         one = values[path]
         u = one.origin.standard_uncertainty
         yield Parameter(

@@ -112,7 +112,7 @@ def seen_from(identified: IdentifiedGear, side: Side) -> Joint:
     )
 
 
-RISING = 250.0 * RPM
+_RISING = 250.0 * RPM
 """rad/s at the input above which steady speeds count: below, friction of most gears falls, and there are none."""
 STEADY, LEAST_RISE = 3.0, 0.1
 """Weight of the speed's relative error over the torque's; least e, for speeds at which friction is flat."""
@@ -151,7 +151,7 @@ def _lugre(joint: Joint) -> Form:
 def _steady_weights(joint: Joint) -> FloatArray:
     """What each speed's relative error of torque counts (n,): with the error of the steady speed that it makes."""
     rise = np.gradient(np.log(joint.friction), np.log(joint.speeds))
-    is_steady = (joint.speeds * joint.factor > RISING) & (rise > 0.5 * LEAST_RISE)
+    is_steady = (joint.speeds * joint.factor > _RISING) & (rise > 0.5 * LEAST_RISE)
     speed = np.where(is_steady, STEADY / np.maximum(rise, LEAST_RISE), 0.0)
     top = np.where(joint.speeds > TOP * joint.speeds[-1], TOP_WEIGHT, 1.0)
     return np.asarray(np.hypot(1.0, speed) * top, dtype=np.float64)

@@ -9,6 +9,7 @@ coefficients (F = d0 v + d1 v |v| + d2 v^3), its motor actuator a LuGre friction
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from model.units import REVOLUTION
@@ -18,17 +19,17 @@ from rig.exchange.notes import NEVER, Meaning, Notes
 
 BODY_INERTIA = 1e-6
 """kg m2, share of the joint's inertia that the body has: MuJoCo refuses a body without any."""
-BRISTLE_FREQUENCY = 50.0
+_BRISTLE_FREQUENCY = 50.0
 """Hz at which the gear's own inertia would ring on the bristles. Nothing was measured of them: they are stiff enough to
 stick, and slow enough for a time step of 2 ms.
 """
-BRISTLE_DAMPING = 0.1
+_BRISTLE_DAMPING = 0.1
 """Damping ratio of that ringing; more would brake, for one step, a joint put at a speed with straight bristles."""
-INTEGRATOR = "Euler"
+_INTEGRATOR = "Euler"
 """The implicit ones take h sigma1 for inertia: 6 % more of a CSF-25-120 at a step h of 1 ms."""
 _OPEN_CIRCUIT = 1e12
 """ohm; the actuator is there for its friction, and shall not brake as a motor with closed windings does."""
-TIMESTEP = 1e-3
+_TIMESTEP = 1e-3
 
 
 def mjcf_text(identified: IdentifiedGear, joint: Joint, form: Form) -> str:
@@ -37,7 +38,7 @@ def mjcf_text(identified: IdentifiedGear, joint: Joint, form: Form) -> str:
     root.append(ElementTree.Comment(_head(identified, joint, form)))
     ElementTree.SubElement(root, "compiler", angle="radian")
     ElementTree.SubElement(
-        root, "option", timestep=_text(TIMESTEP), integrator=INTEGRATOR, gravity="0 0 0"
+        root, "option", timestep=_text(_TIMESTEP), integrator=_INTEGRATOR, gravity="0 0 0"
     )
     body = ElementTree.SubElement(
         ElementTree.SubElement(root, "worldbody"), "body", name=_body_name(joint)
@@ -91,8 +92,8 @@ def _used(form: Form) -> tuple[float, ...]:
 
 def bristles(joint: Joint) -> tuple[float, float]:
     """sigma0 [N m/rad] and sigma1 [N m s/rad] of the bristles: the joint's inertia rings on them, a little damped."""
-    omega = REVOLUTION * BRISTLE_FREQUENCY
-    return joint.inertia * omega**2, 2.0 * BRISTLE_DAMPING * joint.inertia * omega
+    omega = REVOLUTION * _BRISTLE_FREQUENCY
+    return joint.inertia * omega**2, 2.0 * _BRISTLE_DAMPING * joint.inertia * omega
 
 
 def joint_name(joint: Joint) -> str:
@@ -108,66 +109,16 @@ def mjcf_notes(
     identified: IdentifiedGear, joint: Joint, form: Form, forms: tuple[Form, ...], file: str
 ) -> Notes:
     """What each number of the file means in MuJoCo, and what it does not hold."""
-    meanings = [
-        Meaning("joint armature", f"{joint.inertia:.6g} kg m2", _inertia_words(joint)),
-        *(
-            Meaning(f"joint damping d{power}", f"{value:.6g} {unit}", f"torque {law}")
-            for power, (value, unit, law) in enumerate(
-                zip(_used(form), _UNITS, _LAWS, strict=False)
-            )
-        ),
-    ]
-    if form.name == "lugre":
-        stiffness, damping = bristles(joint)
-        meanings += [
-            Meaning(
-                "dcmotor lugre F_c",
-                f"{form.coulomb:.6g} N m",
-                "friction at speed, without the polynomial",
-            ),
-            Meaning("dcmotor lugre F_s", f"{form.static:.6g} N m", "friction near standstill"),
-            Meaning(
-                "dcmotor lugre v_s",
-                f"{form.stribeck:.6g} rad/s",
-                "speed over which one becomes the other",
-            ),
-            Meaning(
-                "dcmotor lugre sigma0", f"{stiffness:.6g} N m/rad", "bristles: chosen, not measured"
-            ),
-            Meaning(
-                "dcmotor lugre sigma1", f"{damping:.6g} N m s/rad", "bristles: chosen, not measured"
-            ),
-        ]
-    else:
-        meanings.append(
-            Meaning(
-                "joint frictionloss",
-                f"{form.coulomb:.6g} N m",
-                "dry friction, a constraint of the solver",
-            )
-        )
-    pre_sliding = (
-        (
-            "friction before it slides: the bristles are chosen",
-            "an implicit integrator: it would take timestep times sigma1 for inertia",
-            "bristles that are bent from the start: put a joint at a speed with data.act[0] = F_c/sigma0",
-        )
-        if form.name == "lugre"
-        else (
-            "the dip of friction over speed (Stribeck): static friction is that at speed",
-            "dry friction at the slowest speeds: frictionloss is a soft constraint (--check shows where it is whole)",
-        )
-    )
     return Notes(
         title=f"{joint.name} as MJCF, seen from the {joint.side}",
         target="MuJoCo 4" if form.name != "linear" else "MuJoCo 2 to 4",
         joint=joint,
-        meanings=tuple(meanings),
+        meanings=tuple(_meanings(joint, form)),
         form=form.name,
         forms=forms,
         cannot=(
             *NEVER,
-            *pre_sliding,
+            *(_LUGRE_LACKS if form.name == "lugre" else _DRY_LACKS),
             "the motor's rotor and the load: they are no part of the gear",
         ),
         example=(
@@ -183,14 +134,43 @@ def mjcf_notes(
 
 _UNITS = ("N m s/rad", "N m s2/rad2", "N m s3/rad3")
 _LAWS = ("d0 v", "d1 v |v|", "d2 v^3")
+_LUGRE_LACKS = (
+    "friction before it slides: the bristles are chosen",
+    "an implicit integrator: it would take timestep times sigma1 for inertia",
+    "bristles that are bent from the start: put a joint at a speed with data.act[0] = F_c/sigma0",
+)
+_DRY_LACKS = (
+    "the dip of friction over speed (Stribeck): static friction is that at speed",
+    "dry friction at the slowest speeds: frictionloss is a soft constraint (--check shows where it is whole)",
+)
+"""What a law of friction does not hold before the joint slides."""
+
+
+def _meanings(joint: Joint, form: Form) -> Iterator[Meaning]:
+    """Each number of the file: of the joint, then of its law of friction."""
+    yield Meaning("joint armature", f"{joint.inertia:.6g} kg m2", _inertia_words(joint))
+    for power, (value, unit, law) in enumerate(zip(_used(form), _UNITS, _LAWS, strict=False)):
+        yield Meaning(f"joint damping d{power}", f"{value:.6g} {unit}", f"torque {law}")
+    coulomb = f"{form.coulomb:.6g} N m"
+    if form.name != "lugre":
+        yield Meaning("joint frictionloss", coulomb, "dry friction, a constraint of the solver")
+        return
+    stiffness, damping = bristles(joint)
+    chosen = "bristles: chosen, not measured"
+    for name, number, words in (
+        ("F_c", coulomb, "friction at speed, without the polynomial"),
+        ("F_s", f"{form.static:.6g} N m", "friction near standstill"),
+        ("v_s", f"{form.stribeck:.6g} rad/s", "speed over which one becomes the other"),
+        ("sigma0", f"{stiffness:.6g} N m/rad", chosen),
+        ("sigma1", f"{damping:.6g} N m s/rad", chosen),
+    ):
+        yield Meaning(f"dcmotor lugre {name}", number, words)
 
 
 def _inertia_words(joint: Joint) -> str:
-    return (
-        "N^2 J_wg + J_g (what of it turns)"
-        if joint.side == "joint"
-        else "J_wg + J_g/N^2 (what of it turns)"
-    )
+    if joint.side == "joint":
+        return "N^2 J_wg + J_g (what of it turns)"
+    return "J_wg + J_g/N^2 (what of it turns)"
 
 
 def _text(value: float) -> str:

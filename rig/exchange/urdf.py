@@ -6,6 +6,7 @@ the joint; `<transmission>` names the reduction, by which a controller takes the
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from rig.exchange.identified import IdentifiedGear
@@ -61,51 +62,44 @@ def _word(name: str) -> str:
     return "".join(one if one.isalnum() else "_" for one in name)
 
 
+def _meanings(joint: Joint, form: Form) -> Iterator[Meaning]:
+    """Each number of the file: of the law of friction, then of the joint."""
+    for name, number, words in (
+        ("dynamics friction", f"{form.coulomb:.6g} N m", "dry friction; static is taken for equal"),
+        ("dynamics damping", f"{form.damping[0]:.6g} N m s/rad", "friction that grows with speed"),
+        ("limit effort", f"{joint.largest_torque:.6g} N m", "limit for repeated peak torque"),
+        (
+            "limit velocity",
+            f"{joint.largest_speed:.6g} rad/s",
+            "maximum input speed with this lubricant",
+        ),
+    ):
+        yield Meaning(name, number, words)
+    if joint.side == "joint":
+        words = "motor revolutions per revolution of the joint"
+        yield Meaning("mechanicalReduction", f"{joint.ratio:g}", words)
+
+
 def urdf_notes(
     identified: IdentifiedGear, joint: Joint, forms: tuple[Form, ...], file: str
 ) -> Notes:
     """What each number of the file means in ROS, and what it does not hold."""
     form = next(one for one in forms if one.name == "linear")
-    meanings = [
-        Meaning(
-            "dynamics friction",
-            f"{form.coulomb:.6g} N m",
-            "dry friction; static is taken for equal",
-        ),
-        Meaning(
-            "dynamics damping", f"{form.damping[0]:.6g} N m s/rad", "friction that grows with speed"
-        ),
-        Meaning(
-            "limit effort", f"{joint.largest_torque:.6g} N m", "limit for repeated peak torque"
-        ),
-        Meaning(
-            "limit velocity",
-            f"{joint.largest_speed:.6g} rad/s",
-            "maximum input speed with this lubricant",
-        ),
-    ]
-    if joint.side == "joint":
-        meanings.append(
-            Meaning(
-                "mechanicalReduction",
-                f"{joint.ratio:g}",
-                "motor revolutions per revolution of the joint",
-            )
-        )
+    sense = "the sense of the output"
+    if identified.mounting == "circular-spline-fixed":
+        sense = "that the output turns against the wave generator"
     held = (
         "the gear's inertia: URDF has no armature; a controller or a plug-in needs "
         f"{joint.inertia:.6g} kg m2 at this side",
         "the dip of friction over speed (Stribeck)",
-        "that the output turns against the wave generator"
-        if identified.mounting == "circular-spline-fixed"
-        else "the sense of the output",
+        sense,
         "the motor's rotor and the load: they are no part of the gear",
     )
     return Notes(
         title=f"{joint.name} as URDF, seen from the {joint.side}",
         target="URDF (ROS 1 and 2)",
         joint=joint,
-        meanings=tuple(meanings),
+        meanings=tuple(_meanings(joint, form)),
         form="linear",
         forms=forms,
         cannot=(*NEVER, *held),

@@ -12,7 +12,7 @@ from rig.content.grid import Column, Grid, Kind
 from rig.content.wording import laboratory_unit, number
 from rig.fleet.questions import Answer, Question
 
-IN_UNIT = frozenset(
+_IN_UNIT = frozenset(
     (
         "mean",
         "standard_deviation",
@@ -98,7 +98,7 @@ def _row(order: Sequence[str], cells: dict[str, Any]) -> tuple[str, ...]:
         cells["quantity"], cells["unit"]
     )
     factor, unit = laboratory_unit(cells["unit"], _size(cells), quantity.shown)
-    for name in IN_UNIT & cells.keys():
+    for name in _IN_UNIT & cells.keys():
         if _is_number(cells[name]):
             cells[name] /= factor
     cells |= {"unit": unit, "quantity": quantity.titled(cells["quantity"])}

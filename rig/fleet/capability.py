@@ -81,7 +81,7 @@ def capability(
         potential_interval=None if both is None else potential_interval(both, n),
         actual=actual,
         actual_interval=actual_interval(actual, n),
-        anderson_darling=anderson_darling(found, mean, deviation),
+        anderson_darling=_anderson_darling(found, mean, deviation),
     )
 
 
@@ -106,7 +106,7 @@ def actual_interval(actual: float, n: int) -> Interval:
     return actual - half, actual + half
 
 
-def anderson_darling(values: np.ndarray, mean: float, deviation: float) -> float:
+def _anderson_darling(values: np.ndarray, mean: float, deviation: float) -> float:
     """A^2 (1 + 0.75 / n + 2.25 / n^2) of values (n,) against a normal distribution of their mean and deviation."""
     from scipy.special import log_ndtr
 

@@ -87,27 +87,27 @@ class Outcome(Protocol):
     def seconds(self) -> float: ...
 
 
-SomePiece = TypeVar("SomePiece", bound=Piece)
-SomeOutcome = TypeVar("SomeOutcome", bound=Outcome)
+_SomePiece = TypeVar("_SomePiece", bound=Piece)
+_SomeOutcome = TypeVar("_SomeOutcome", bound=Outcome)
 
 
-class Batches(Generic[SomePiece]):
+class Batches(Generic[_SomePiece]):
     """The pieces that are still to be done, handed out in batches of about `batch_seconds` of work."""
 
-    def __init__(self, pieces: Sequence[SomePiece], batch_seconds: float = BATCH_SECONDS) -> None:
+    def __init__(self, pieces: Sequence[_SomePiece], batch_seconds: float = BATCH_SECONDS) -> None:
         self._least_seconds = self._batch_seconds = batch_seconds
         self._waiting = deque(pieces)
-        self._suspects: deque[SomePiece] = deque()
+        self._suspects: deque[_SomePiece] = deque()
         self._seconds: dict[str, float] = {}
 
     def __bool__(self) -> bool:
         return bool(self._waiting or self._suspects)
 
-    def take(self) -> list[SomePiece]:
+    def take(self) -> list[_SomePiece]:
         """The next batch; empty where nothing is left. What was in a batch that killed its worker comes alone."""
         if self._suspects:
             return [self._suspects.popleft()]
-        batch: list[SomePiece] = []
+        batch: list[_SomePiece] = []
         expected = 0.0
         while self._waiting and len(batch) < _LARGEST_BATCH:
             expected += self._seconds.get(self._waiting[0].kind, _FIRST_GUESS)
@@ -120,11 +120,11 @@ class Batches(Generic[SomePiece]):
         """Hand out batches from here on that keep so many threads busy with few enough tasks."""
         self._batch_seconds = max(self._least_seconds, threads / _TASKS_PER_SECOND)
 
-    def suspect(self, batch: Sequence[SomePiece]) -> None:
+    def suspect(self, batch: Sequence[_SomePiece]) -> None:
         """Hand out these pieces again, each alone."""
         self._suspects.extend(batch)
 
-    def learn(self, batch: Sequence[SomePiece], seconds: float) -> None:
+    def learn(self, batch: Sequence[_SomePiece], seconds: float) -> None:
         """What a batch took, shared among its kinds by what they were expected to take."""
         expected = [self._seconds.get(piece.kind, _FIRST_GUESS) for piece in batch]
         factor = seconds / max(sum(expected), 1e-9)
@@ -135,11 +135,11 @@ class Batches(Generic[SomePiece]):
 
 
 @dataclass(frozen=True)
-class Errand(Generic[SomePiece, SomeOutcome]):
+class Errand(Generic[_SomePiece, _SomeOutcome]):
     """What is done with a batch, on whichever computer; and what is told of a piece that no worker survived."""
 
-    work: Callable[[Sequence[SomePiece]], SomeOutcome]
-    lost: Callable[[SomePiece, str], SomeOutcome]
+    work: Callable[[Sequence[_SomePiece]], _SomeOutcome]
+    lost: Callable[[_SomePiece, str], _SomeOutcome]
 
 
 class Hands:
@@ -150,8 +150,8 @@ class Hands:
         self._client: Client | None = None
 
     def outcomes(
-        self, errand: Errand[SomePiece, SomeOutcome], pieces: Sequence[SomePiece]
-    ) -> Generator[tuple[list[SomePiece], SomeOutcome]]:
+        self, errand: Errand[_SomePiece, _SomeOutcome], pieces: Sequence[_SomePiece]
+    ) -> Generator[tuple[list[_SomePiece], _SomeOutcome]]:
         """Batches with what came of them, as they come to their end."""
         batches = Batches(pieces, self._crew.batch_seconds)
         if not pieces:
@@ -173,8 +173,8 @@ def at_work(crew: Crew) -> Iterator[Hands]:
 
 
 def _work_here(
-    errand: Errand[SomePiece, SomeOutcome], batches: Batches[SomePiece]
-) -> Generator[tuple[list[SomePiece], SomeOutcome]]:
+    errand: Errand[_SomePiece, _SomeOutcome], batches: Batches[_SomePiece]
+) -> Generator[tuple[list[_SomePiece], _SomeOutcome]]:
     while batch := batches.take():
         outcome = errand.work(batch)
         batches.learn(batch, outcome.seconds)
@@ -182,11 +182,11 @@ def _work_here(
 
 
 def _work_on(
-    client: Client, errand: Errand[SomePiece, SomeOutcome], batches: Batches[SomePiece]
-) -> Generator[tuple[list[SomePiece], SomeOutcome]]:
+    client: Client, errand: Errand[_SomePiece, _SomeOutcome], batches: Batches[_SomePiece]
+) -> Generator[tuple[list[_SomePiece], _SomeOutcome]]:
     from distributed import as_completed
 
-    underway: dict[Future, list[SomePiece]] = {}
+    underway: dict[Future, list[_SomePiece]] = {}
     coming = as_completed(loop=client.loop, raise_errors=False)
     threads, counted = 0, -math.inf
     try:

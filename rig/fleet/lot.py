@@ -312,11 +312,9 @@ def _notes(data: LotData, quantities: Sequence[LotQuantity]) -> list[str]:
     ]
     for origin, gears in data.other_origins:
         if gears:
-            which = (
-                f"{origin} are left out: --origin {origin}"
-                if origin
-                else "that is not stated are left out"
-            )
+            which = "that is not stated are left out"
+            if origin:
+                which = f"{origin} are left out: --origin {origin}"
             notes.append(f"{gears} gears of origin {which}")
     if data.nameless_runs:
         notes.append(f"{data.nameless_runs} runs name no gear and are left out")

@@ -7,7 +7,7 @@ the same runs.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -19,11 +19,8 @@ from rig.errors import ConfigurationError
 from rig.fleet.questions import connected
 from rig.library.listed import COUNTED_OUTCOMES
 
-NO_SERIAL = ("", "unknown")
-"""What stands for a gear that nobody named: of several such runs nobody knows whether they are of one gear."""
 
-
-class QuantityRow(Protocol):
+class _QuantityRow(Protocol):
     """A row that says which quantity it is of."""
 
     @property
@@ -106,6 +103,29 @@ class LotData:
     histories: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+_OF_PART = "(part = ? OR ? = '')"
+_NAMED = "gear IS NOT NULL AND gear NOT IN ('', 'unknown')"
+"""Rows of a part, or of any where none is asked for; rows whose gear is known."""
+_COUNTED = f"SELECT origin, count(DISTINCT gear) FROM results WHERE {_OF_PART} GROUP BY origin ORDER BY origin"
+"""How many gears there are of each origin."""
+_HISTORY = f"""
+SELECT DISTINCT gear, run_file FROM here SEMI JOIN (
+    SELECT gear FROM here WHERE {_NAMED} AND failure = '' GROUP BY gear, kind HAVING count(DISTINCT run_file) > ?
+) USING (gear) WHERE failure = '' ORDER BY ALL
+"""
+"""Every run file of the gears of which some kind has more whole runs than a baseline."""
+
+
+def _no_gear(folder: Path, wanted: Iterable[str], origins: Iterable[str]) -> ConfigurationError:
+    return ConfigurationError(
+        "hold no gear of this lot",
+        where=str(folder),
+        value=" ".join(filter(None, wanted)) or None,
+        limit=", ".join(filter(None, origins)),
+        remedy='Look with `rig fleet query "SELECT DISTINCT gear, origin, part FROM results"`.',
+    )
+
+
 def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
     """The lot in a folder of results: of one origin (hardware alone where there is any) and, if asked, one part.
 
@@ -116,44 +136,32 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
         def rows_of(sql: str, *values: Any) -> list[tuple[Any, ...]]:
             return connection.execute(sql, list(values)).fetchall()
 
-        where = "(part = ? OR ? = '')"
-        counted = rows_of(
-            f"SELECT origin, count(DISTINCT gear) FROM results WHERE {where} GROUP BY origin ORDER BY origin",
-            part,
-            part,
-        )
+        counted = rows_of(_COUNTED, part, part)
         gears_by_origin = {str(word or ""): int(count) for word, count in counted}
         chosen = origin or origin_of(gears_by_origin)
         connection.execute(
-            f"CREATE TABLE here AS SELECT * FROM results WHERE coalesce(origin, '') = ? AND {where}"
+            f"CREATE TABLE here AS SELECT * FROM results WHERE coalesce(origin, '') = ? AND {_OF_PART}"
             f" AND kind IN (SELECT unnest(?))",
             [chosen, part, part, list(_kinds_of_gears())],
         )
-        named = "gear IS NOT NULL AND gear NOT IN ('', 'unknown')"
-        gears = rows_of(f"SELECT DISTINCT gear FROM here WHERE {named} ORDER BY gear")
+        gears = rows_of(f"SELECT DISTINCT gear FROM here WHERE {_NAMED} ORDER BY gear")
         if not gears:
-            raise ConfigurationError(
-                "hold no gear of this lot",
-                where=str(folder),
-                value=" ".join(word for word in (chosen, part) if word) or None,
-                limit=", ".join(word for word in gears_by_origin if word),
-                remedy='Look with `rig fleet query "SELECT DISTINCT gear, origin, part FROM results"`.',
-            )
-        runs = rows_of(f"SELECT count(DISTINCT run_file) FROM here WHERE {named}")[0][0]
-        nameless = rows_of(f"SELECT count(DISTINCT run_file) FROM here WHERE NOT ({named})")[0][0]
+            raise _no_gear(folder, (chosen, part), gears_by_origin)
+        runs = rows_of(f"SELECT count(DISTINCT run_file) FROM here WHERE {_NAMED}")[0][0]
+        nameless = rows_of(f"SELECT count(DISTINCT run_file) FROM here WHERE NOT ({_NAMED})")[0][0]
         failures = rows_of(
             f"SELECT DISTINCT gear, coalesce(run, run_file), failure FROM here"
-            f" WHERE {named} AND failure <> '' ORDER BY ALL"
+            f" WHERE {_NAMED} AND failure <> '' ORDER BY ALL"
         )
         unfinished = rows_of(
-            f"SELECT DISTINCT gear, run, outcome FROM here WHERE {named} AND failure = ''"
+            f"SELECT DISTINCT gear, run, outcome FROM here WHERE {_NAMED} AND failure = ''"
             f" AND outcome NOT IN (SELECT unnest(?)) ORDER BY ALL",
             list(COUNTED_OUTCOMES),
         )
         histories: dict[str, list[str]] = defaultdict(list)
-        for gear, file in rows_of(_history_sql(named), watching_in_force().promise.baseline):
+        for gear, file in rows_of(_HISTORY, watching_in_force().promise.baseline):
             histories[gear].append(file)
-        rows = rows_of(_newest_sql(named), list(COUNTED_OUTCOMES), *key_families())
+        rows = rows_of(_newest_sql(), list(COUNTED_OUTCOMES), *key_families())
     return LotData(
         folder=folder,
         origin=chosen,
@@ -168,16 +176,7 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
     )
 
 
-def _history_sql(named: str) -> str:
-    """Every run file of the gears of which some kind has more whole runs than a baseline."""
-    return f"""
-SELECT DISTINCT gear, run_file FROM here SEMI JOIN (
-    SELECT gear FROM here WHERE {named} AND failure = '' GROUP BY gear, kind HAVING count(DISTINCT run_file) > ?
-) USING (gear) WHERE failure = '' ORDER BY ALL
-"""
-
-
-def _newest_sql(named: str) -> str:
+def _newest_sql() -> str:
     """The rows of the newest whole run of every gear and kind that a lot looks at: judged ones, and key quantities."""
     columns = ", ".join(
         f"coalesce({name}, '')" if LotRow.__annotations__[name] == "str" else name
@@ -188,7 +187,7 @@ def _newest_sql(named: str) -> str:
     return f"""
 WITH newest AS (
     SELECT gear, kind, arg_max(run_file, (coalesce(started, TIMESTAMPTZ '1970-01-01'), run_file)) AS run_file
-    FROM here WHERE {named} AND failure = '' AND outcome IN (SELECT unnest(?)) GROUP BY gear, kind
+    FROM here WHERE {_NAMED} AND failure = '' AND outcome IN (SELECT unnest(?)) GROUP BY gear, kind
 ), key_families AS (SELECT unnest(?) AS kind, unnest(?) AS family)
 SELECT {columns} FROM here SEMI JOIN newest USING (gear, kind, run_file)
 WHERE NOT is_metric AND quantity <> ''
@@ -213,7 +212,7 @@ def key_families() -> tuple[list[str], list[str]]:
     return [kind for kind, _ in pairs], [family for _, family in pairs]
 
 
-def declared_quantity(row: QuantityRow) -> Quantity:
+def declared_quantity(row: _QuantityRow) -> Quantity:
     """What its protocol declares of the quantity of a row; what stands in the row of one that it no longer declares."""
     found = catalogue.declared_quantity(row.kind, row.quantity)
     return found or Quantity(name=row.quantity, title=row.title or row.quantity, unit=row.unit)

@@ -201,11 +201,10 @@ def connected(folder: Path) -> Iterator[duckdb.DuckDBPyConnection]:
     pattern = _quoted(str(folder / "part-*.parquet"))
     renewed = data.has_renewed_rows()
     newest = "filename = max(filename) OVER (PARTITION BY run_file, kind)"
-    view = (
-        f"SELECT * EXCLUDE (filename) FROM read_parquet({pattern}, filename = true) QUALIFY {newest}"
-        if renewed
-        else f"SELECT * FROM read_parquet({pattern})"
-    )
+    if renewed:
+        view = f"SELECT * EXCLUDE (filename) FROM read_parquet({pattern}, filename = true) QUALIFY {newest}"
+    else:
+        view = f"SELECT * FROM read_parquet({pattern})"
     connection = duckdb.connect()
     try:
         connection.execute(f"CREATE VIEW results AS {view}")

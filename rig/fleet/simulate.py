@@ -197,14 +197,13 @@ def simulate_fleet(
 
     def tell() -> None:
         done = reused + made + len(failed)
-        seconds = now() - began
         on_progress(
             Progress(
                 runs=sum(each.values()),
                 done=done,
                 reused=reused,
                 failed=len(failed),
-                seconds=seconds,
+                seconds=now() - began,
             )
         )
 

@@ -29,7 +29,7 @@ from experiments.quantity import Quantity, quantity_of
 from model import quantities
 from model.errors import ParameterError
 from model.unit_text import read
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, misstated
 from rig.gears.card import card_for
 
 if TYPE_CHECKING:
@@ -188,7 +188,7 @@ def load_acceptance(path: str | Path) -> Acceptance:
         raw = quantities.read_raw(path)
         content = quantities.parse_toml(raw, str(path))
     except ParameterError as error:
-        raise _refusal(error, "") from error
+        raise misstated(error) from error
     return _with_hash(_acceptance(content, str(path)), raw)
 
 
@@ -271,17 +271,6 @@ def acceptance_text(acceptance: Acceptance) -> str:
 
 def _shipped() -> Any:
     return resources.files("rig.gears") / "shipped"
-
-
-def _refusal(error: ParameterError | ConfigurationError, before: str) -> ConfigurationError:
-    """The same refusal as one of a configuration, with what stands before its place."""
-    return ConfigurationError(
-        error.what,
-        where=before + error.where,
-        value=error.value,
-        limit=error.limit,
-        remedy=error.remedy,
-    )
 
 
 def _acceptance(content: Mapping[str, Any], path: str) -> Acceptance:
@@ -375,9 +364,9 @@ def _limit(row: object, path: str, table: str, use: str) -> Limit:
         }
         remark = "" if limit.unit in ("", si) else read(limit.unit, (si,)).remark
     except ConfigurationError as error:
-        raise _refusal(error, f"{path}: {table}.quantity") from error
+        raise misstated(error, f"{path}: {table}.quantity{error.where}") from error
     except ParameterError as error:
-        raise _refusal(error, f"{path}: {table}.") from error
+        raise misstated(error, f"{path}: {table}.{error.where}") from error
     source = limit.source if remark in limit.source else f"{limit.source}; {remark}"
     limit = dataclasses.replace(limit, source=source, **bounds)
     _check_sense(limit, path, table, use)
@@ -422,7 +411,7 @@ def _check_keys(content: Mapping[str, Any], allowed: Any, path: str, table: str)
     try:
         quantities.check_keys(content, allowed, table)
     except ParameterError as error:
-        raise _refusal(error, f"{path}: ") from error
+        raise misstated(error, f"{path}: {error.where}") from error
 
 
 def _place(path: str, table: str, key: str) -> str:

@@ -14,15 +14,9 @@ from model.gear import HarmonicDrive, Origin
 from model.gear_file import save_gear, shipped_gear
 from rig.errors import ConfigurationError
 from rig.gears.acceptance import acceptance_named
-from rig.gears.card import (
-    GearCard,
-    card_for,
-    gear_of,
-    save_card,
-    stated_facts,
-    with_changes,
-)
+from rig.gears.card import GearCard, card_for, gear_of, save_card, with_changes
 from rig.gears.card_places import card_file, cards_folder
+from rig.gears.facts import stated_facts
 
 _SETS = "sets"
 """Folder of the parameter sets that were made for cards, in the folder of the cards."""

@@ -9,7 +9,7 @@ from typing import Any
 
 from model import quantities
 from model.errors import ParameterError
-from model.gear import Section, allowed_range
+from model.sections import Section, allowed_range
 from model.unit_text import read, understood
 
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")

@@ -184,13 +184,14 @@ def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fi
         fit = made.fit
     if fit is None:
         because = made.because if made is not None else ()
+        remedy = ""
+        if protocol_of(path) not in catalogue.kinds():
+            remedy = f"A recording of another rig is analysed first: rig fit KIND {path}."
         raise RigError(
             "this run does not bear its analysis",
             where=str(path),
             value="; ".join(because),
-            remedy=f"A recording of another rig is analysed first: rig fit KIND {path}."
-            if protocol_of(path) not in catalogue.kinds()
-            else "",
+            remedy=remedy,
         )
     lines = [] if made is None or not made.not_stored else [f"Not stored: {made.not_stored}"]
     return fit, lines + [f"{path.name}: {words}" for words in doubts_of(fit)]

@@ -9,7 +9,7 @@ from experiments.result import DECISION_RULE
 from experiments.terms import PaperFigure, Term
 from rig.content.page import Section
 
-PAPER = (
+_PAPER = (
     "Zou, Tao, Jiang, Mei, Wu: A harmonic drive model considering geometry and internal "
     "interaction. Proc IMechE Part C: "
     "Journal of Mechanical Engineering Science (2015), DOI 10.1177/0954406215621097"
@@ -70,7 +70,7 @@ def sections(
             title="Definitions",
             anchor="definitions",
             terms=(*terms, *_definitions_for(kinds)),
-            note=f"Equation and figure numbers are those of {PAPER}.",
+            note=f"Equation and figure numbers are those of {_PAPER}.",
         ),
         Section(title="What this rig cannot measure", anchor="scope", items=_NOT_MEASURED),
     )

@@ -63,8 +63,6 @@ def gear_alarms(passport: Passport) -> tuple[str, ...]:
 def _named(runs: Sequence[str]) -> str:
     if len(runs) == 1:
         return f"run {runs[0]}"
-    return (
-        f"runs {', '.join(runs)}"
-        if len(runs) <= 3
-        else f"{len(runs)} runs, {runs[0]} to {runs[-1]}"
-    )
+    if len(runs) <= 3:
+        return f"runs {', '.join(runs)}"
+    return f"{len(runs)} runs, {runs[0]} to {runs[-1]}"

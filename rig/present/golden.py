@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -24,9 +23,7 @@ def checked_grid(golden: Golden) -> Grid:
             one.title,
             str(len(one.runs)),
             number(one.newest.difference / one.factor, 3),
-            "–"
-            if math.isnan(one.newest.expanded_uncertainty)
-            else number(one.newest.expanded_uncertainty / one.factor, 2),
+            _uncertainty(one),
             one.shown_unit,
             one.state,
         )
@@ -42,6 +39,11 @@ def checked_grid(golden: Golden) -> Grid:
     )
     note = f"From the mean of the first {FIRST} runs; U (99 %) without what all runs share."
     return Grid(f"Golden gear {golden.serial}", heads, rows, note)
+
+
+def _uncertainty(one: CheckedQuantity) -> str:
+    u = one.newest.uncertainty_where_judged
+    return "–" if u is None else number(u / one.factor, 2)
 
 
 def difference_plot(one: CheckedQuantity) -> Plot:
@@ -71,7 +73,7 @@ def difference_plot(one: CheckedQuantity) -> Plot:
     )
 
 
-def golden_page(golden: Golden, created: str) -> Page:
+def _golden_page(golden: Golden, created: str) -> Page:
     """The page of the check; `created` is its calendar time (ISO 8601)."""
     state = "CHANGED" if golden.is_changed else "NO CHANGE SEEN"
     return Page(
@@ -118,4 +120,4 @@ def _sections(golden: Golden) -> Iterator[Section]:
 
 def write_golden_page(golden: Golden, path: Path, created: str) -> Path:
     """Write it as HTML or, by its suffix, as PDF. Raises `RigError` where it cannot be written."""
-    return write_page(golden_page(golden, created), path)
+    return write_page(_golden_page(golden, created), path)

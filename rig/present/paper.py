@@ -97,9 +97,10 @@ def _breakable(text: str) -> str:
     if all(len(word) <= _LONGEST_WORD for word in text.split()):
         return text
     step = _LONGEST_WORD // 2
-    return " ".join(
-        word
-        if len(word) <= _LONGEST_WORD
-        else "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
-        for word in text.split(" ")
-    )
+
+    def broken(word: str) -> str:
+        if len(word) <= _LONGEST_WORD:
+            return word
+        return "\u200b".join(word[i : i + step] for i in range(0, len(word), step))
+
+    return " ".join(map(broken, text.split(" ")))

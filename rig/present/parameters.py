@@ -80,11 +80,10 @@ def parameter_grids(fits: Sequence[Fit]) -> tuple[Grid, ...]:
     for gear, kinds in parameter_sets:
         grid = _parameter_grid(gear)
         whole = whole or grid
-        title = (
-            f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"
-            if len(parameter_sets) > 1
-            else grid.title
-        )
+        if len(parameter_sets) > 1:
+            title = f"{grid.title}, used for {', '.join(dict.fromkeys(kinds))}"
+        else:
+            title = grid.title
         if grid is not whole:
             first = set(whole.rows)
             rows = tuple(row for row in grid.rows if row not in first)

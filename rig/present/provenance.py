@@ -116,7 +116,10 @@ def doubts_about(recording: Recording) -> Iterator[str]:
 def _identity(fit: Fit) -> Iterator[Fact]:
     """Who, what, when and on what, and the program; without long texts and the truth of a simulated rig."""
     m = fit.recording.metadata
-    gear = fit.gear.name if fit.gear_known else "not stated"
+    mounted = "none mounted"
+    if m.gear_mounted:
+        gear = fit.gear.name if fit.gear_known else "not stated"
+        mounted = f"{gear}, serial {m.gear_serial or 'not stated'}"
     texts = {
         "run": m.run_id,
         "protocol": m.experiment or "none (recording from another rig)",
@@ -125,9 +128,7 @@ def _identity(fit: Fit) -> Iterator[Fact]:
         "started": _moment(m.start_time),
         "ended": _moment(m.end_time),
         "operator": m.operator,
-        "gear": f"{gear}, serial {m.gear_serial or 'not stated'}"
-        if m.gear_mounted
-        else "none mounted",
+        "gear": mounted,
         "mounting": m.mounting_said.replace("-", " ") if m.gear_mounted else "none",
         "file": fit.path.name if fit.path else "in memory",
         "analysis": fit.stored or "not stored",

@@ -41,6 +41,7 @@ from rig.program import version
 from rig.runfile.header import ORIGIN_WORDS
 
 if TYPE_CHECKING:
+    from experiments.recording import RunMetadata
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
     from rig.analysis.fit import Fit
@@ -110,10 +111,7 @@ def report_page(
         *provenance_sections(sources, _file_grid(fits)),
         *definitions.sections(fit.result.kind for fit in fits),
     )
-    judged = (
-        verdict_grid(verdict),
-        catalogue.catalogue_grid(fits, [s.conditions for _, s in sources]),
-    )
+    conditions = [source.conditions for _, source in sources]
     return Page(
         number=_report_number(fits),
         heading=_heading(gears, serials, fits),
@@ -121,18 +119,13 @@ def report_page(
         version=program_version(),
         subtitle=" · ".join(part.title for part in parts),
         note=note,
-        facts=page_facts(
-            [gear.name for gear in gears],
-            ", ".join(serials),
-            [m.operator or "not stated" for m in runs],
-            days_text(m.start_time for m in runs),
-        ),
+        facts=_facts([gear.name for gear in gears], serials, runs),
         marks=marks_of(m.origin for m in runs),
         states=(overall(verdict, fits),),
         alarms=_alarms([one for _, one in sources], serials),
-        judged=shown(*judged),
+        judged=shown(verdict_grid(verdict), catalogue.catalogue_grid(fits, conditions)),
         warnings=tuple((part.title, part.anchor, text) for part in parts for text in part.warnings),
-        summary=shown(key_grid(_key_results(fits)), paper_grid(plots, whole=len(fits) > 1)),
+        summary=shown(key_grid(_key_results(fits)), _paper_grid(plots, whole=len(fits) > 1)),
         sections=sections,
         annexes=annexes_of(sections, "parameter set with its sources", parameter_grids(fits)),
         signature=signature_of(fits),
@@ -143,6 +136,13 @@ def report_page(
 def shown(*grids: Grid | None) -> tuple[Grid, ...]:
     """The tables in which anything stands."""
     return tuple(grid for grid in grids if grid is not None and grid.rows)
+
+
+def _facts(
+    gears: Sequence[str], serials: Sequence[str], runs: Sequence[RunMetadata]
+) -> tuple[tuple[str, str], ...]:
+    operators = [m.operator or "not stated" for m in runs]
+    return page_facts(gears, ", ".join(serials), operators, days_text(m.start_time for m in runs))
 
 
 def page_facts(
@@ -414,7 +414,7 @@ def figures_of(plots: Sequence[Plot], origin: str, before: int) -> list[tuple[Fi
     return figures_and_plots
 
 
-def paper_grid(figures_and_plots: Sequence[tuple[Figure, Plot]], *, whole: bool) -> Grid:
+def _paper_grid(figures_and_plots: Sequence[tuple[Figure, Plot]], *, whole: bool) -> Grid:
     """The paper's figures: the number of each, what it shows, and the figures here; `whole` also what is missing."""
     rows = []
     for figure, kind in definitions.paper_figures():
@@ -446,7 +446,7 @@ def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Seque
     return ", ".join(runs)
 
 
-NOT_SIGNED = {
+_NOT_SIGNED = {
     "marked": "This report holds runs marked {runs}. There is no room for a signature on it.",
     "unsealed": "Not sealed, so that it could still change: {runs}. It is not signed.",
     "unfinished": "Not every run reached its end; an incomplete test is not signed.",
@@ -456,15 +456,15 @@ NOT_SIGNED = {
 
 def signature_of(fits: Sequence[Fit], said: Callable[[str], str] = str) -> Signature:
     """Only runs from hardware, sealed and brought to their end, all of them, are signed; `said` is another language's
-    sentence for one of `NOT_SIGNED`.
+    sentence for one of `_NOT_SIGNED`.
     """
     runs = [fit.recording.metadata for fit in fits]
     words = ", ".join(word for word, _ in marks_of(m.origin for m in runs))
     if words:
-        return Signature(False, said(NOT_SIGNED["marked"]).format(runs=words))
+        return Signature(False, said(_NOT_SIGNED["marked"]).format(runs=words))
     unsealed = ", ".join(m.run_id for m in runs if not m.is_sealed)
     if unsealed:
-        return Signature(False, said(NOT_SIGNED["unsealed"]).format(runs=unsealed))
+        return Signature(False, said(_NOT_SIGNED["unsealed"]).format(runs=unsealed))
     if any(m.outcome in UNFINISHED for m in runs):
-        return Signature(False, said(NOT_SIGNED["unfinished"]))
+        return Signature(False, said(_NOT_SIGNED["unfinished"]))
     return Signature(True)

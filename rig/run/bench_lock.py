@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Generator
 from datetime import UTC, datetime
 
 from rig.bench.held import HeldFile, read_held
@@ -19,7 +19,7 @@ LOCK_NAME = ".in-use.json"
 
 
 @contextlib.contextmanager
-def bench_lock(bench: Bench, purpose: str) -> Iterator[None]:
+def bench_lock(bench: Bench, purpose: str) -> Generator[None, None, None]:
     """Have a bench for the time of the block. `purpose` is what a second process is told, such as "rig run friction".
 
     Raises `BenchInUseError` while another process has it.

@@ -126,7 +126,7 @@ class BoundMaker:
         bounds = [
             *self.speeds(),
             *self.torques(),
-            *self.travels(counts),
+            *self._travels(counts),
             *([twist] if twist is not None else []),
         ]
         if HOUSING_TEMPERATURE in self.channels:
@@ -153,7 +153,7 @@ class BoundMaker:
 
     def enabled(self) -> tuple[Bound, ...]:
         """What must hold while the drive is to be in operation enabled."""
-        bounds = []
+        bounds: list[Bound] = []
         if GUARD_CLOSED in self.channels:
             bounds.append(Bound(cause=GUARD_OPEN, weights={GUARD_CLOSED: 1.0}, low=0.5))
         if STATUSWORD in self.channels:
@@ -219,7 +219,7 @@ class BoundMaker:
             for c in torques
         ]
 
-    def travels(self, reference: Mapping[str, int]) -> list[Bound]:
+    def _travels(self, reference: Mapping[str, int]) -> list[Bound]:
         """The input angle from the start [rad]; nothing where the plan has no end to its travel."""
         low, high = self.travel
         if math.isinf(low) and math.isinf(high):

@@ -12,7 +12,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -179,7 +179,9 @@ class Bystander:
 
 
 @contextlib.contextmanager
-def standing_by(order: Order, complain: Callable[[str], None]) -> Iterator[Bystander | None]:
+def standing_by(
+    order: Order, complain: Callable[[str], None]
+) -> Generator[Bystander | None, None, None]:
     """The process beside a run, for an order with a status page or a configuration with `[notify]`; None without.
 
     `complain` takes what fails there, from any thread.

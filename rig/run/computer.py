@@ -15,7 +15,7 @@ _MCL_CURRENT_AND_FUTURE = 3
 
 def claim_real_time(priority: int, lock_memory: bool) -> tuple[Finding, ...]:
     """Ask for SCHED_FIFO with this priority (0: do not ask) and for locked memory. What was refused is a warning."""
-    checks = []
+    checks: list[Finding] = []
     if priority > 0:
         checks.append(_claim_priority(priority))
     if lock_memory:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from typing import Any, Protocol
 
 CLOSE, LOGOFF, SHUTDOWN = 2, 5, 6
@@ -18,14 +18,16 @@ LONGEST_WAIT = 4.0
 """s that the handler waits for the run; the system allows five."""
 
 
-class Abortable(Protocol):
+class _Abortable(Protocol):
     """What can be asked for a quick stop."""
 
     def abort(self) -> None: ...
 
 
 @contextlib.contextmanager
-def aborted_by_console(stop: Abortable, wait: Callable[[float], object]) -> Iterator[None]:
+def aborted_by_console(
+    stop: _Abortable, wait: Callable[[float], object]
+) -> Generator[None, None, None]:
     """ABORT when the console ends: there is no time for a ramp. `wait` returns once the run is over, or after s."""
 
     def handle(event: int) -> bool:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 from experiments.contract import Experiment
 from experiments.steps.kind import (
@@ -164,6 +164,7 @@ class PlannedRun:
     def as_json(self) -> dict[str, Any]:
         """The object that `rig plan --json` prints."""
         peak = max((abs(step.speed) for step in self.steps), default=0.0)
+        turned = self.input_revolutions / self.load.ratio if self.experiment.gear_mounted else 0.0
         return {
             "protocol": self.experiment.name,
             "parameters": {name: _plain(value) for name, value in vars_of(self.parameters).items()},
@@ -172,9 +173,7 @@ class PlannedRun:
             "steps": len(self.plan),
             "duration": {"nominal": self.nominal, "longest": self.longest, "unit": "s"},
             "input_revolutions": self.input_revolutions,
-            "output_revolutions": self.input_revolutions / self.load.ratio
-            if self.experiment.gear_mounted
-            else 0.0,
+            "output_revolutions": turned,
             "samples": self.samples,
             "sample_rate": {"value": self.sample_rate, "unit": "Hz"},
             "file_size": {"value": self.file_size(), "unit": "bytes"},
@@ -333,14 +332,11 @@ def _margins(
             worst = max(steps, key=of)
             yield Margin(quantity, of(worst), worst.where, limit)
     duration = sum(step.nominal for step in steps)
-    means = {
-        lim.AVERAGE_SPEED: sum(step.turned for step in steps) / duration if duration else 0.0,
-        lim.RMS_TORQUE: math.sqrt(
-            sum(step.nominal * mean_square(step) for step in steps) / duration
-        )
-        if duration
-        else 0.0,
-    }
+    means = {lim.AVERAGE_SPEED: 0.0, lim.RMS_TORQUE: 0.0}
+    if duration:
+        squares = sum(step.nominal * mean_square(step) for step in steps)
+        means[lim.AVERAGE_SPEED] = sum(step.turned for step in steps) / duration
+        means[lim.RMS_TORQUE] = math.sqrt(squares / duration)
     for quantity, value in means.items():
         limit = limits.tightest(quantity)
         if limit is not None:
@@ -355,4 +351,4 @@ def vars_of(parameters: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
+    return list(cast("tuple[Any, ...]", value)) if isinstance(value, tuple) else value

@@ -7,7 +7,7 @@ it stands. Whatever is raised on the way is counted and told.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Final
@@ -34,7 +34,7 @@ class Caught:
         self._times: Counter[str] = Counter()
 
     @contextmanager
-    def catching(self) -> Iterator[None]:
+    def catching(self) -> Generator[None, None, None]:
         """Whatever is raised in the block is counted, and goes no further."""
         try:
             yield
@@ -50,10 +50,10 @@ class Caught:
 
 
 @dataclass
-class LaterJournal:
+class _LaterJournal:
     """Keeps what make-safe says until the rig stands."""
 
-    events: list[tuple[str, str, str, str]] = field(default_factory=list)
+    events: list[tuple[str, str, str, str]] = field(default_factory=list[tuple[str, str, str, str]])
 
     def event(self, level: str, code: str, source: str, text: str) -> None:
         """Keep an event."""
@@ -76,7 +76,7 @@ class Emergency:
         self.caught = Caught()
         self._port, self._machine, self._cycles = port, machine, block_cycles
         self._begin = make_safe
-        self._journal = LaterJournal()
+        self._journal = _LaterJournal()
         self._blocks: list[SampleBlock] = []
         self._silent = 0
 

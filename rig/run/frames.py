@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rig.bench.backends.assembly import AssembledRig
     from rig.run.parts import RunReport
 
-KEPT_S = 120.0
+_KEPT_S = 120.0
 """s before its end of which the frames are kept."""
 SUFFIX = "-frames.log.gz"
 """What stands behind the name of a run in that of its frames: the format is that of python-can."""
@@ -29,7 +29,7 @@ def keep_frames(rig: AssembledRig, report: RunReport) -> None:
         return
     path = frames_of(report.path)
     try:
-        keep(path, KEPT_S)
+        keep(path, _KEPT_S)
         seal_in_place(path, path.read_bytes())
     except OSError as error:
         report.warnings.append(

@@ -10,7 +10,8 @@ from model.gear_file import shipped_gear
 from rig.bench.backends.order import Order
 from rig.content.wording import named
 from rig.gears.acceptance import Part, acceptance_named
-from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of, stated_facts
+from rig.gears.card import EXPECTED, GearCard, conditions_of, gear_of
+from rig.gears.facts import stated_facts
 
 
 def with_card(order: Order, card: GearCard, *, parameters_given: bool = False) -> Order:

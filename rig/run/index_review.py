@@ -41,14 +41,14 @@ _SIDES = ((INPUT_ANGLE, INPUT_INDEX, 1), (OUTPUT_ANGLE, OUTPUT_INDEX, 2))
 
 
 @dataclass(frozen=True, kw_only=True)
-class MarkState:
+class _MarkState:
     """One encoder: latest count and latch (None: none yet), first latch by direction, marks
     compared, counts too many (+) or
     lost (-) at the latest and at worst, the excess that was reported last, marks beyond the limit in a row."""
 
     count: int | None = None
     latched: int | None = None
-    first: Mapping[int, int] = field(default_factory=dict)
+    first: Mapping[int, int] = field(default_factory=dict[int, int])
     marks: int = 0
     excess: int = 0
     worst: int = 0
@@ -56,9 +56,9 @@ class MarkState:
     beyond: int = 0
 
 
-IndexState = tuple[MarkState, MarkState]
+IndexState = tuple[_MarkState, _MarkState]
 """What is carried from block to block: input and output encoder."""
-NO_MARKS: IndexState = (MarkState(), MarkState())
+NO_MARKS: IndexState = (_MarkState(), _MarkState())
 
 
 @dataclass(frozen=True)
@@ -91,13 +91,13 @@ class IndexReview:
 
     def _side(
         self,
-        state: MarkState,
+        state: _MarkState,
         names: tuple[str, str, int],
         block: SampleBlock,
         start: int,
         trips: list[Trip],
         notes: list[tuple[str, str]],
-    ) -> MarkState:
+    ) -> _MarkState:
         angle, index, bit = names
         if not all(name in self.column for name in (angle, index, INDEX_SEEN)):
             return state
@@ -119,7 +119,7 @@ class IndexReview:
         return replace(state, count=int(counts[-1]))
 
     def _passes(
-        self, state: MarkState, latches: NDArray[np.int64], usable: NDArray[np.bool_]
+        self, state: _MarkState, latches: NDArray[np.int64], usable: NDArray[np.bool_]
     ) -> list[int]:
         """The rows in which another mark is latched than before."""
         rows = np.flatnonzero(usable)
@@ -131,7 +131,7 @@ class IndexReview:
         before = seen[0] - 1 if state.latched is None else state.latched
         return rows[np.diff(seen, prepend=before) != 0].tolist()
 
-    def _passed(self, state: MarkState, direction: int, revolution: int) -> MarkState:
+    def _passed(self, state: _MarkState, direction: int, revolution: int) -> _MarkState:
         """The state after a mark that was passed in a direction (0: not known, so not compared)."""
         latched = state.latched
         assert latched is not None
@@ -152,27 +152,21 @@ class IndexReview:
 
     def _tell(
         self,
-        state: MarkState,
+        state: _MarkState,
         channel: Channel,
         row: int,
         trips: list[Trip],
         notes: list[tuple[str, str]],
     ) -> None:
         if abs(state.excess - state.reported) > self.watch.index_repeatability:
-            what = "too many" if state.excess > 0 else "lost"
-            text = (
-                f"{channel.name}: {abs(state.excess)} counts {what} at an index mark since the "
-                "first one passed in this "
-                f"direction, row {row}"
-            )
-            notes.append(
-                (
-                    "index-mark",
-                    text
-                    if state.excess
-                    else f"{channel.name}: index mark in its place again, row {row}",
+            text = "index mark in its place again"
+            if state.excess:
+                what = "too many" if state.excess > 0 else "lost"
+                text = (
+                    f"{abs(state.excess)} counts {what} at an index mark since the "
+                    "first one passed in this direction"
                 )
-            )
+            notes.append(("index-mark", f"{channel.name}: {text}, row {row}"))
         if state.beyond >= self.watch.index_marks:
             trips.append(
                 Trip(

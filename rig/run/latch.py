@@ -14,6 +14,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from rig.bench.held import synchronise_folder
 from rig.bench.identity import Bench
@@ -88,11 +89,9 @@ class TripLatch:
         path, trip = self._latched(alone=bool(self._bench))
         if trip is None:
             return
-        unsafe = (
-            ""
-            if trip.standstill_verified
-            else ". Standstill was NOT verified: look at the rig before anything else"
-        )
+        unsafe = ". Standstill was NOT verified: look at the rig before anything else"
+        if trip.standstill_verified:
+            unsafe = ""
         told = f" ({trip.message})" if trip.cause == CUT_OFF else ""
         raise LatchedTripError(
             f"a trip has not been acknowledged; nothing turns before it is{unsafe}",
@@ -175,7 +174,7 @@ def _cut_off(orphan: Orphan) -> LatchedTrip:
 def _trip_in(path: Path) -> LatchedTrip | None:
     """The trip that a file tells; None where there is none."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] | None = json.loads(path.read_text(encoding="utf-8"))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except (OSError, ValueError):

@@ -6,7 +6,7 @@ An error of the recorder is remembered and ends the run, but never the making sa
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -99,7 +99,7 @@ class Logbook:
         return self.run.part, False
 
     @contextlib.contextmanager
-    def _recording(self) -> Iterator[None]:
+    def _recording(self) -> Generator[None, None, None]:
         if self.error is not None:
             # The recorder has failed and said so: its file is left as it is.
             with contextlib.suppress(RigError):

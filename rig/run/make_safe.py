@@ -19,8 +19,10 @@ waits for their answers, the cycles go on meanwhile.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import ClassVar
 
 from drivers.channel import STATUSWORD
 from drivers.drive_state import DriveState
@@ -87,12 +89,12 @@ class MakeSafeReport:
     """How it went: action, the stages taken, what standstill was verified by, and what is wrong if it was not."""
 
     action: Action
-    stages: list[str] = field(default_factory=list)
+    stages: list[str] = field(default_factory=list[str])
     verified_by: tuple[str, ...] = ()
     safe: bool = False
     rows: int = 0
     problem: str = ""
-    escalated: list[str] = field(default_factory=list)
+    escalated: list[str] = field(default_factory=list[str])
     """The stages that were not seen to be obeyed."""
     silent: tuple[str, ...] = ()
     """Observers that this rig has and that said nothing, neither in the cyclic data nor when they were asked."""
@@ -195,7 +197,7 @@ class MakeSafe:
         by_sdo = self._insists() or self._is_deaf()
         self._stage = stage
         self.report.stages.append(f"{stage.value} by SDO" if by_sdo else stage.value)
-        yield from _STAGES[stage](self)
+        yield from self._STAGES[stage](self)
 
     def _is_deaf(self) -> bool:
         """Whether the drive can be spoken to one by one, and hears no process data."""
@@ -283,10 +285,9 @@ class MakeSafe:
     def _windows(self, patience: float) -> int:
         return max(1, math.ceil(patience / self._patience.window))
 
-
-_STAGES = {
-    Stage.RAMP_DOWN: MakeSafe._ramp_down,
-    Stage.QUICK_STOP: MakeSafe._quick_stop,
-    Stage.ZERO_REFERENCE: MakeSafe._quick_stop,
-    Stage.SERVO_OFF: MakeSafe._servo_off,
-}
+    _STAGES: ClassVar[dict[Stage, Callable[[MakeSafe], Phases]]] = {
+        Stage.RAMP_DOWN: _ramp_down,
+        Stage.QUICK_STOP: _quick_stop,
+        Stage.ZERO_REFERENCE: _quick_stop,
+        Stage.SERVO_OFF: _servo_off,
+    }

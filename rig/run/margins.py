@@ -80,7 +80,7 @@ class Peaks:
     quantities need. Immutable.
     """
 
-    values: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, float] = field(default_factory=dict[str, float])
     input_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     output_tail: NDArray[np.int64] = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     stale_run: int = 0
@@ -147,7 +147,7 @@ class MarginWatch:
         return moved[-lag:], fastest * self.channels[name].scale
 
     def _values(self, counts: NDArray[np.int64]) -> dict[str, float]:
-        values = {}
+        values: dict[str, float] = {}
         torque = TORQUE if TORQUE in self.column else DRIVE_TORQUE
         if torque in self.column:
             values[lim.MOTOR_TORQUE] = float(
@@ -190,7 +190,7 @@ class MarginWatch:
 
     def report(self, peaks: Peaks, following_patience: float) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
-        values = {}
+        values: dict[str, dict[str, float]] = {}
         for name, peak in sorted(peaks.values.items()):
             limit = self._limit(name, following_patience)
             if math.isfinite(limit) and limit > 0.0:

@@ -89,11 +89,9 @@ class Observers:
             state = drive_state(pair[1].count)
         if state is None:
             return "the statusword is silent"
-        return (
-            f"the drive is in {state.value}"
-            if state in POWERED_STATES or state is DriveState.UNKNOWN
-            else None
-        )
+        if state in POWERED_STATES or state is DriveState.UNKNOWN:
+            return f"the drive is in {state.value}"
+        return None
 
     def problem(self) -> str | None:
         """Why standstill without power is not verified; None where it is."""

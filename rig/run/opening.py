@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -75,7 +75,7 @@ def begin_threaded_run(
 
 
 @contextlib.contextmanager
-def claimed(parts: SessionParts, start_time: str) -> Iterator[RunPlace]:
+def claimed(parts: SessionParts, start_time: str) -> Generator[RunPlace, None, None]:
     """The next number in the order's folder, marked as running before there is a file.
 
     Raises `RigError`; nothing has moved, and no marker is left.
@@ -93,10 +93,8 @@ def claimed(parts: SessionParts, start_time: str) -> Iterator[RunPlace]:
         raise
 
 
-def header_of(
-    parts: SessionParts, description: RigDescription, run_id: str, epoch_ns: int, start_time: str
-) -> RunHeader:
-    """Everything of a run that is known before its first row."""
+def _process_of(parts: SessionParts, description: RigDescription) -> dict[str, Any]:
+    """What made the run: program, rig, bench and the files that describe them."""
     order, planned, world = parts.order, parts.planned, parts.rig.world
     process: dict[str, Any] = {
         "backend": parts.rig.name,
@@ -119,6 +117,14 @@ def header_of(
     if world:
         process["world"] = world
         process["output_bearing"] = OUTPUT_BEARINGS[world["population"]]
+    return process
+
+
+def header_of(
+    parts: SessionParts, description: RigDescription, run_id: str, epoch_ns: int, start_time: str
+) -> RunHeader:
+    """Everything of a run that is known before its first row."""
+    order, planned = parts.order, parts.planned
     run = RunMetadata(
         run_id=run_id,
         experiment=planned.experiment.name,
@@ -136,7 +142,7 @@ def header_of(
         time_base=parts.rig.port.time_base,
         parameters=vars_of(planned.parameters),
         conditions=dict(order.conditions),
-        process=process,
+        process=_process_of(parts, description),
     )
     columns = tuple(Column.of(channel) for channel in parts.rig.port.channels)
     return RunHeader(

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 from drivers.errors import BusLostError
 
 
-class SecondBus(Protocol):
+class _SecondBus(Protocol):
     """As much of a bus as is needed to stop a drive."""
 
     def send(self, msg: Any, /) -> None: ...
@@ -21,14 +21,14 @@ class OwnHandle:
 
     def __init__(
         self,
-        open_bus: Callable[[], SecondBus],
+        open_bus: Callable[[], _SecondBus],
         frames: Callable[[], Sequence[tuple[int, bytes]]],
         known: str = "",
     ) -> None:
         self.known = known
         """What is known of opening this adapter twice, in words."""
         self._open_bus, self._frames = open_bus, frames
-        self._bus: SecondBus | None = None
+        self._bus: _SecondBus | None = None
 
     def open(self) -> None:
         """Open the bus for the second time. Raises whatever the adapter's library raises."""

@@ -84,6 +84,17 @@ Begin = Callable[[SessionParts, RigDescription, int, str], OpenRun]
 """Makes the run file: parts, what the rig says it is, calendar time of a stamp of zero [ns], start time (ISO 8601)."""
 
 
+def _trip_as_json(trip: Trip) -> dict[str, Any]:
+    return {
+        "cause": trip.cause,
+        "row": trip.row,
+        "value": _finite(trip.value),
+        "limit": _finite(trip.limit),
+        "unit": trip.unit,
+        "action": trip.action.value,
+    }
+
+
 @dataclass(kw_only=True)
 class RunReport:
     """How a run ended."""
@@ -113,16 +124,7 @@ class RunReport:
             "path": str(self.path),
             "rows": self.rows,
             "message": self.message,
-            "trip": None
-            if self.trip is None
-            else {
-                "cause": self.trip.cause,
-                "row": self.trip.row,
-                "value": _finite(self.trip.value),
-                "limit": _finite(self.trip.limit),
-                "unit": self.trip.unit,
-                "action": self.trip.action.value,
-            },
+            "trip": None if self.trip is None else _trip_as_json(self.trip),
             "make_safe": self.make_safe.as_json() if self.make_safe else None,
             "warnings": self.warnings,
             "metrics": self.metrics,
@@ -145,7 +147,9 @@ class Progress:
     events: int
     nearest: str = ""
     margin: float = 1.0
-    margins: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    margins: Mapping[str, Mapping[str, float]] = field(
+        default_factory=dict[str, Mapping[str, float]]
+    )
     """Peak, limit and share left of every limited quantity so far."""
     file: str = ""
     """The run file that grows."""

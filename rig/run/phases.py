@@ -54,7 +54,7 @@ class Phase:
 
 
 @dataclass(frozen=True, slots=True)
-class PhaseEnd:
+class _PhaseEnd:
     """How a phase ended: cycles done, the bound that ended it (None: its cycles were up), and the
     tally (exact integers).
     """
@@ -76,7 +76,7 @@ class Turn:
     enabled: bool = False
 
 
-Phases = Generator[Phase, PhaseEnd, None]
+Phases = Generator[Phase, _PhaseEnd, None]
 
 
 class Journal(Protocol):
@@ -223,7 +223,7 @@ class PhaseRunner:
         broken = block.broken if block.broken is not None and not block.broken.is_trip else None
         if broken is None and self._done_cycles < phase.cycles:
             return
-        end = PhaseEnd(self._done_cycles, broken, self._total, self._samples, self._incomplete)
+        end = _PhaseEnd(self._done_cycles, broken, self._total, self._samples, self._incomplete)
         try:
             self._enter(self._phases.send(end))
         except StopIteration:

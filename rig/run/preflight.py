@@ -157,7 +157,7 @@ def _points(planned: PlannedRun) -> tuple[Finding, ...]:
 def _ratings(planned: PlannedRun) -> tuple[Finding, ...]:
     if not planned.experiment.gear_mounted:
         return ()
-    doubtful = []
+    doubtful: list[str] = []
     for name in ("repeated_peak_torque", "maximum_input_speed"):
         value = planned.gear.value(f"ratings.{name}")
         if value.origin.provenance not in _VERIFIED_PROVENANCES:
@@ -180,7 +180,7 @@ def channel_checks(
     """Whether the rig has the channels that the protocol needs, and whether their calibrations are still valid."""
     names = {channel.name for channel in channels}
     missing = [name for name in (*needs, INPUT_ANGLE) if name not in names]
-    checks = []
+    checks: list[Finding] = []
     if missing:
         checks.append(
             Finding(
@@ -260,12 +260,14 @@ def _limits_by_hand_check(allowed: DriveLimits, held: DriveLimits) -> Finding:
     for name in ("torque", "speed"):
         value, most = getattr(held, name), getattr(allowed, name)
         if not value <= (1.0 + _READBACK_TOLERANCE) * most:
+            what, words = f"nobody has said which {name} limit was set in the drive", None
+            if math.isfinite(value):
+                what = f"the drive's {name} limit, set by hand, is wider than gear and motor bear"
+                words = _limit_words(name, value)
             raise LimitError(
-                f"the drive's {name} limit, set by hand, is wider than gear and motor bear"
-                if math.isfinite(value)
-                else f"nobody has said which {name} limit was set in the drive",
+                what,
                 where="drive limits",
-                value=_limit_words(name, value) if math.isfinite(value) else None,
+                value=words,
                 limit=f"<= {_limit_words(name, most)}",
                 remedy="Set it by the maker's tool, then say it in [drive.limits_by_hand].",
             )
@@ -351,10 +353,9 @@ def standing_checks(
 
 
 def _completeness(flags: NDArray[np.uint16]) -> Finding:
-    share = float(np.mean((flags & CycleFlag.INCOMPLETE) != 0)) if len(flags) else 1.0
-    late = (
-        float(np.mean((flags & (CycleFlag.LATE | CycleFlag.DOUBLED)) != 0)) if len(flags) else 0.0
-    )
+    cycles = max(len(flags), 1)
+    share = int(np.count_nonzero(flags & CycleFlag.INCOMPLETE)) / cycles if len(flags) else 1.0
+    late = int(np.count_nonzero(flags & (CycleFlag.LATE | CycleFlag.DOUBLED))) / cycles
     evidence = f"{100.0 * (1.0 - share):.1f} % of {len(flags)} cycles complete"
     remedy = "Check the bus before anything moves."
     if late:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import gc
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 
 from experiments.recording import Event
 from rig.run.callbacks import Callbacks, brought_to_its_end
@@ -67,7 +67,7 @@ def execute_in_real_time(
 
 
 @contextlib.contextmanager
-def collector_off() -> Iterator[None]:
+def collector_off() -> Generator[None, None, None]:
     """The garbage collector frozen and off."""
     was_on = gc.isenabled()
     gc.collect()

@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
+from experiments.recording import RunMetadata
 from model.gear_file import gear_from_mapping
 from rig.bench.backends.assembly import WORLD_OF_0_2_0
 from rig.bench.backends.order import Order, StartState, WorldChoice
@@ -27,15 +28,7 @@ def repetition(path: Path, order: Order) -> tuple[Order, str]:
     close_recording(open_run(path, rows=False))
     header = read_run_header(path)
     run, process = header.metadata, header.metadata.process
-    world = process.get("world")
-    if not isinstance(world, Mapping):
-        raise ConfigurationError(
-            "this run cannot be made again",
-            where="--repeat",
-            value=path.name,
-            limit="a run of a simulated rig that names its world",
-            remedy="Only a simulated rig does the same twice; version 0.1.0 did not say which it was.",
-        )
+    world = _world(run, path)
     repeated = replace(
         order,
         protocol=run.experiment,
@@ -63,11 +56,26 @@ def repetition(path: Path, order: Order) -> tuple[Order, str]:
                 remedy="Give the --config that it was made with.",
             )
     version, now = process["program_version"], program_version()
-    return repeated, (
-        f"{run.run_id} was made by version {version}, this is {now}: counts may differ"
-        if version != now
-        else ""
+    if version == now:
+        return repeated, ""
+    return (
+        repeated,
+        f"{run.run_id} was made by version {version}, this is {now}: counts may differ",
     )
+
+
+def _world(run: RunMetadata, path: Path) -> Mapping[str, Any]:
+    """The simulated world of a run. Raises `ConfigurationError` where it names none."""
+    world: Mapping[str, Any] | None = run.process.get("world")
+    if not isinstance(world, Mapping):
+        raise ConfigurationError(
+            "this run cannot be made again",
+            where="--repeat",
+            value=path.name,
+            limit="a run of a simulated rig that names its world",
+            remedy="Only a simulated rig does the same twice; version 0.1.0 did not say which it was.",
+        )
+    return world
 
 
 def _nominal(world: Mapping[str, Any], gear: Any, order: Order) -> Any:

@@ -82,7 +82,7 @@ class Relay:
         self._callbacks.took(SERVING, error)
 
 
-class TurnThread(threading.Thread):
+class _TurnThread(threading.Thread):
     """The thread in which the rig turns. Never a daemon: the interpreter would end it in the middle of a motion."""
 
     def __init__(self, turn: Callable[[], RunReport]) -> None:
@@ -117,7 +117,7 @@ def serve(
 ) -> RunReport:
     """Turn in a thread of its own and serve it from this one. Raises what `turn` raises, and only once it has ended."""
     relay = Relay(callbacks)
-    thread = TurnThread(lambda: turn(relay))
+    thread = _TurnThread(lambda: turn(relay))
     usual = sys.getswitchinterval()
     if threading.current_thread() is not threading.main_thread():
         pressed_by_the_exit(stop)
@@ -135,7 +135,7 @@ def serve(
     return thread.result()
 
 
-def _start(thread: TurnThread, relay: Relay) -> None:
+def _start(thread: _TurnThread, relay: Relay) -> None:
     try:
         thread.start()
     except Exception:
@@ -146,7 +146,7 @@ def _start(thread: TurnThread, relay: Relay) -> None:
         thread.begun.wait(_BEGIN_PATIENCE)
 
 
-def _serve_until_over(thread: TurnThread, relay: Relay) -> None:
+def _serve_until_over(thread: _TurnThread, relay: Relay) -> None:
     try:
         while thread.is_alive():
             relay.serve()

@@ -337,11 +337,10 @@ class Session:
         if level and self._make_safe is None:
             stop = level == 1
             action = Action.CONTROLLED_STOP if stop else Action.QUICK_STOP
-            text = (
-                f"STOP by {self._stop.by}: controlled ramp"
-                if stop
-                else f"ABORT by {self._stop.by}: quick stop"
-            )
+            if stop:
+                text = f"STOP by {self._stop.by}: controlled ramp"
+            else:
+                text = f"ABORT by {self._stop.by}: quick stop"
             self._end(action, "ABORTED", text, "STOP" if stop else "ABORT")
             return True
         if level == 2 and ramps:
@@ -421,11 +420,10 @@ class Session:
             )
             if self._outcome not in ("TRIPPED", "ERROR", "ABORTED"):
                 self._outcome, trip = "TRIPPED", failure
-            self._message = (
-                f"{failure} (What ended the run: {self._message})"
-                if self._message
-                else str(failure)
-            )
+            if self._message:
+                self._message = f"{failure} (What ended the run: {self._message})"
+            else:
+                self._message = str(failure)
         margins = supervisor.margins()
         for name, margin in margins.items():
             words, unit, factor = worded(name)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 
 from drivers.clock import WallClock
 from experiments import catalogue
@@ -107,7 +108,9 @@ def rig_for(order: Order, planned: PlannedRun) -> AssembledRig:
 
 
 @contextmanager
-def in_its_world(order: Order, planned: PlannedRun) -> Iterator[tuple[Order, RunPlace | None]]:
+def _in_its_world(
+    order: Order, planned: PlannedRun
+) -> Generator[tuple[Order, RunPlace | None], None, None]:
     """An order whose simulated world is said to the end, and the number in its folder if it owns one already.
 
     The number owns the noise, so it is taken before the rig is put together, and given back if
@@ -158,7 +161,7 @@ def run_order(
     with bench_lock(bench, f"rig run {order.protocol}"):
         # Before anything is connected: a rig that tripped is left alone until somebody has looked.
         latch_of(bench).refuse()
-        with in_its_world(order, planned) as (settled, place):
+        with _in_its_world(order, planned) as (settled, place):
             return run_on(
                 rig_for(settled, planned),
                 settled,
@@ -195,20 +198,11 @@ def run_on(
     # Asked now: between opening a rig and its first turns a drive counts the ms without a heartbeat.
     this_program()
     marker = RunMarker(bench.state, bench.id)
-
     cycles = order.block_cycles
     if rig.real_time:
         cycles = block_cycles(order.sample_rate, cycles, rig.reaction)
     handle = handle_of(rig)
-
-    asked = order.backend == HARDWARE and uncommissioned is not None
-    standing = standing_of(bench, order) if asked else None
-
-    def commissioned() -> tuple[Finding, ...]:
-        if standing is None:
-            return ()
-        return (commissioned_check(rig, order, standing, planned, uncommissioned or ""),)
-
+    commissioned = _commissioning(rig, order, planned, bench, uncommissioned)
     parts = SessionParts(
         order=order,
         planned=planned,
@@ -223,22 +217,43 @@ def run_on(
         arm=(lambda: (*commissioned(), *arm(rig, handle))) if rig.real_time else None,
         files=files_used(order.config),
     )
-    run, begin = (
-        (execute_in_real_time, begin_threaded_run) if rig.real_time else (execute, begin_inline_run)
-    )
-    stop = stop or StopRequest()
+    hears = {"ask": ask, "on_progress": on_progress, "on_event": on_event}
     try:
-        with standing_by(order, stop.problem) as bystander:
-            hears = {"ask": ask, "on_progress": on_progress, "on_event": on_event}
-            if bystander is not None:
-                hears = bystander.hears(ask, on_progress, on_event)
-            report = run(parts, begin, stop=stop, **hears)
-            if bystander is not None:
-                bystander.reported(report)
+        report = _run_beside(parts, stop or StopRequest(), hears)
     finally:
         marker.let_go()
     if report.outcome in _FRAMES_OF or uncommissioned is None:
         keep_frames(rig, report)
+    return report
+
+
+def _commissioning(
+    rig: AssembledRig,
+    order: Order,
+    planned: PlannedRun,
+    bench: Bench,
+    uncommissioned: str | None,
+) -> Callable[[], tuple[Finding, ...]]:
+    """The check that a bench of hardware is commissioned for what was planned; of any other rig, and of a stage of the
+    commissioning itself, there is none.
+    """
+    if order.backend != HARDWARE or uncommissioned is None:
+        return lambda: ()
+    standing = standing_of(bench, order)
+    return lambda: (commissioned_check(rig, order, standing, planned, uncommissioned),)
+
+
+def _run_beside(parts: SessionParts, stop: StopRequest, hears: dict[str, Any]) -> RunReport:
+    """The run, in its own time, with a process that stands by where the order wants one."""
+    run, begin = execute, begin_inline_run
+    if parts.rig.real_time:
+        run, begin = execute_in_real_time, begin_threaded_run
+    with standing_by(parts.order, stop.problem) as bystander:
+        if bystander is not None:
+            hears = bystander.hears(**hears)
+        report = run(parts, begin, stop=stop, **hears)
+        if bystander is not None:
+            bystander.reported(report)
     return report
 
 

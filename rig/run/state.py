@@ -168,8 +168,8 @@ class RunState:
     def _reported(self, report: dict[str, Any]) -> RunState:
         """After the report of one run."""
         outcome = str(report.get("outcome", ""))
-        made_safe = report.get("make_safe") or {}
-        trip = report.get("trip") or {}
+        made_safe: dict[str, Any] = report.get("make_safe") or {}
+        trip: dict[str, Any] = report.get("trip") or {}
         # What was said not to stand stands by no later word of the same run.
         safe = bool(made_safe.get("safe")) and self.safe is not False
         cause = str(trip.get("cause", "")) or ("" if outcome != "TRIPPED" else self.cause)

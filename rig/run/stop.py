@@ -12,7 +12,7 @@ import signal
 import threading
 import weakref
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -80,7 +80,7 @@ class StopRequest:
 
 
 def _taken(texts: deque[str]) -> list[str]:
-    taken = []
+    taken: list[str] = []
     while texts:
         taken.append(texts.popleft())
     return taken
@@ -116,7 +116,7 @@ SAID_TWICE = ("SIGHUP",)
 
 
 @contextmanager
-def pressed_by_signals(stop: StopRequest) -> Iterator[None]:
+def pressed_by_signals(stop: StopRequest) -> Generator[None, None, None]:
     """Ctrl-C, a termination request and a closed terminal press STOP. The handlers before are put back.
 
     A signal that this process was started to ignore stays ignored: `nohup` keeps a run alive without its terminal,

@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from drivers.channel import (
     DRIVE_TORQUE,
     HOUSING_TEMPERATURE,
-    INPUT_ANGLE,
     OUTPUT_ANGLE,
     STATUSWORD,
-    TARGET_SPEED,
     TORQUE,
     Channel,
 )
@@ -34,6 +32,7 @@ from model.units import RPM
 from rig.bench import limits as lim
 from rig.bench.limits import Limits
 from rig.run.bounds import BoundMaker, Geometry, Watch
+from rig.run.following_review import FollowingReview, FollowingState, first_run
 from rig.run.index_review import NO_MARKS, IndexReview, IndexState
 from rig.run.margins import DIFFERENCE, FOLLOWING, MISSED, MarginWatch, Peaks
 from rig.run.phases import Turn
@@ -42,11 +41,9 @@ from rig.run.thermometer_review import ThermometerState, stood
 from rig.run.torque_review import TorqueReview, TorqueState
 from rig.run.trips import (
     COUNT_JUMP,
-    CREEP,
     DEVICE_CAUSES,
     DISAGREEMENT,
     DRIVE_FAULT,
-    FOLLOWING_ERROR,
     FOREIGN_COMMAND,
     GUARD_OPEN,
     LATE_TURN,
@@ -75,7 +72,7 @@ _MISSED_FLAGS = np.uint16(CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.SHOR
 
 
 @dataclass(frozen=True, kw_only=True)
-class WatchState:
+class _WatchState:
     """What the supervisor carries from block to block. Immutable: a review makes the next one."""
 
     rows: int = 0
@@ -88,17 +85,12 @@ class WatchState:
     flagged: int = 0
     window_rows: int = 0
     window_missed: int = 0
-    tail_time: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    tail_angle: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
-    tail_target: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    following_run: int = 0
-    following_longest: int = 0
+    following: FollowingState = field(default_factory=FollowingState)
     flag_runs: tuple[int, int, int] = (0, 0, 0)
     has_stamps: bool = False
     """Whether some cycle so far carried a stamp of the hardware or the device."""
     torque: TorqueState = field(default_factory=TorqueState)
     index: IndexState = NO_MARKS
-    creep_run: int = 0
     slip: SlipState = field(default_factory=SlipState)
     thermometer: ThermometerState = field(default_factory=ThermometerState)
     notes: tuple[tuple[str, str], ...] = ()
@@ -126,7 +118,7 @@ class Supervisor:
     ) -> None:
         self.watch = watch or Watch()
         self.limits = limits
-        self.state = WatchState()
+        self.state = _WatchState()
         self._channels = {channel.name: channel for channel in channels}
         self._column = {channel.name: i for i, channel in enumerate(channels)}
         self._period = cycle_ns * 1e-9
@@ -139,6 +131,13 @@ class Supervisor:
         self._enabled: tuple[Bound, ...] = ()
         self._margins = self._margin_watch(())
         self._torque_review = TorqueReview(self.watch, limits.value(lim.RMS_TORQUE), self._period)
+        self._following_review = FollowingReview(
+            watch=self.watch,
+            period=self._period,
+            channels=self._channels,
+            column=self._column,
+            limits=limits,
+        )
         self._index_review = IndexReview(self.watch, self._channels, self._column)
         self._slip_review = self._slip_review_from({})
 
@@ -213,7 +212,7 @@ class Supervisor:
 
     # The rest is pure: state and block in, state out.
 
-    def reviewed(self, state: WatchState, block: SampleBlock, turn: Turn) -> WatchState:
+    def reviewed(self, state: _WatchState, block: SampleBlock, turn: Turn) -> _WatchState:
         """The state after a block. The break of the guard comes first: it is the earliest."""
         if not len(block):
             return state
@@ -227,7 +226,7 @@ class Supervisor:
         trips += new
         state, new = self._flags(state, block, start)
         trips += new
-        state, new = self._following(state, block, turn, start)
+        following, new = self._following_review.reviewed(state.following, block, turn, start)
         trips += new
         state, new = self._torques(state, block, start)
         trips += new
@@ -237,6 +236,7 @@ class Supervisor:
         trips += new
         return replace(
             state,
+            following=following,
             index=index,
             notes=(*state.notes, *notes),
             peaks=self._margins.after(state.peaks, block).with_values(self._shares(state)),
@@ -244,11 +244,11 @@ class Supervisor:
             trip=trips[0] if state.trip is None and trips else state.trip,
         )
 
-    def _shares(self, state: WatchState) -> dict[str, float]:
+    def _shares(self, state: _WatchState) -> dict[str, float]:
         """How far the review's own quantities have come."""
         length = max(1, round(self.watch.missed_window / self._period))
         shares = {
-            FOLLOWING: state.following_longest * self._period,
+            FOLLOWING: state.following.longest * self._period,
             MISSED: state.window_missed / max(state.window_rows, length),
             DIFFERENCE: state.torque.share,
         }
@@ -305,8 +305,8 @@ class Supervisor:
         return Trip(broken.cause, row, broken.value / factor, broken.limit / factor, unit)
 
     def _cycles(
-        self, state: WatchState, block: SampleBlock, turn: Turn
-    ) -> tuple[WatchState, list[Trip]]:
+        self, state: _WatchState, block: SampleBlock, turn: Turn
+    ) -> tuple[_WatchState, list[Trip]]:
         """Lost, incomplete and late cycles over a window, SYNCs that the computer sent far too late,
         and stamps that run backwards or away from the SYNCs.
         """
@@ -338,7 +338,7 @@ class Supervisor:
         return state, trips
 
     def _intervals(
-        self, state: WatchState, block: SampleBlock, turn: Turn, lost: int
+        self, state: _WatchState, block: SampleBlock, turn: Turn, lost: int
     ) -> list[Trip]:
         """SYNCs that the computer sent far too late, and stamps that run backwards or away from the SYNCs."""
         longest = LONGEST_STEP * self._cycle_ns
@@ -367,8 +367,8 @@ class Supervisor:
         return changes(times, before)
 
     def _flags(
-        self, state: WatchState, block: SampleBlock, start: int
-    ) -> tuple[WatchState, list[Trip]]:
+        self, state: _WatchState, block: SampleBlock, start: int
+    ) -> tuple[_WatchState, list[Trip]]:
         """Flags that devices and decoders raise, several cycles in a row; a jump of a count at once."""
         trips: list[Trip] = []
         if not block.flags.any():
@@ -378,7 +378,7 @@ class Supervisor:
         jumps = np.flatnonzero(block.flags & CycleFlag.JUMPED)
         if len(jumps):
             trips.append(Trip(COUNT_JUMP, start + int(jumps[0]), math.nan, math.nan))
-        runs = []
+        runs: list[int] = []
         for flag, before, cause, allowed in (
             (CycleFlag.SIGNAL_ERROR, state.flag_runs[0], SIGNAL_ERROR, self.watch.signal_cycles),
             (CycleFlag.SATURATED, state.flag_runs[1], TORQUE_PORT, self.watch.torque_port_cycles),
@@ -391,7 +391,7 @@ class Supervisor:
             ),
         ):
             raised = (block.flags & flag) != 0
-            at, run, _ = _first_run(raised, before, allowed)
+            at, run, _ = first_run(raised, before, allowed)
             runs.append(run)
             if at is not None:
                 trips.append(
@@ -400,83 +400,9 @@ class Supervisor:
         has_stamps = state.has_stamps or bool(((block.flags & CycleFlag.HOST_TIME) == 0).any())
         return replace(state, flag_runs=(runs[0], runs[1], runs[2]), has_stamps=has_stamps), trips
 
-    def _following(
-        self, state: WatchState, block: SampleBlock, turn: Turn, start: int
-    ) -> tuple[WatchState, list[Trip]]:
-        """Mean speed over a window against the mean set-point, beyond tolerance for longer than
-        steps and ramps need.
-        """
-        lag = max(1, round(self.watch.following_window / self._period))
-        if not turn.enabled or turn.command.mode is not Mode.SPEED:
-            return replace(
-                state,
-                tail_angle=state.tail_angle[:0],
-                tail_time=state.tail_time[:0],
-                tail_target=state.tail_target[:0],
-                following_run=0,
-                creep_run=0,
-            ), []
-        channel = self._channels[INPUT_ANGLE]
-        angle = np.concatenate([state.tail_angle, block.counts[:, self._column[INPUT_ANGLE]]])
-        times = np.concatenate([state.tail_time, block.interval_ns])
-        sent = turn.command.target[: len(block)]
-        received = self._si(block, TARGET_SPEED) if TARGET_SPEED in self._column else sent
-        target = np.concatenate(
-            [state.tail_target, np.where(np.abs(sent) > np.abs(received), sent, received)]
-        )
-        tail = slice(-lag - 1, None)
-        tails = {
-            "tail_angle": angle[tail],
-            "tail_time": times[tail],
-            "tail_target": target[tail],
-        }
-        if len(angle) <= lag:
-            return replace(state, **tails), []
-        # A SYNC that came late has left the shaft more time: that between the SYNCs, the nominal one at least.
-        elapsed = np.maximum((times[lag:] - times[:-lag]) * 1e-9, lag * self._period)
-        measured = (angle[lag:] - angle[:-lag]) * (channel.direction * channel.scale) / elapsed
-        total = np.concatenate([[0.0], np.cumsum(target)])
-        wanted = (total[lag + 1 :] - total[1:-lag]) / lag
-        allowed = self.watch.following_absolute + self.watch.following_share * np.abs(wanted)
-        error = np.abs(measured - wanted)
-        new = min(len(block), len(error))
-        patience = max(1, round(self._following_patience / self._period))
-        at, run, longest = _first_run(error[-new:] > allowed[-new:], state.following_run, patience)
-        trips = []
-        if at is not None:
-            index = len(error) - new + at
-            row = start + len(block) - new + at
-            detail = f"set-point {wanted[index] / RPM:.4g} r/min, speed {measured[index] / RPM:.4g} r/min"
-            trips.append(
-                Trip(
-                    FOLLOWING_ERROR, row, error[index] / RPM, allowed[index] / RPM, "r/min", detail
-                )
-            )
-        speed = np.where(wanted == 0.0, np.abs(measured), 0.0)[-new:]
-        creep_run, creeping = self._creep(state.creep_run, speed, start + len(block) - new)
-        carried = replace(
-            state,
-            **tails,
-            following_run=run,
-            following_longest=max(longest, state.following_longest),
-            creep_run=creep_run,
-        )
-        return carried, creeping + trips
-
-    def _creep(self, before: int, speed: NDArray[np.float64], start: int) -> tuple[int, list[Trip]]:
-        """Speed (n,) [rad/s] where the set-point is zero, for longer than a drive that brakes is so slow: cycles in a
-        row that it is so by now, of which there were some `before`.
-        """
-        low, high = self.watch.creep_speed
-        patience = max(1, round(self.watch.creep_time / self._period))
-        at, run, _ = _first_run((speed > low) & (speed < high), before, patience)
-        if at is None:
-            return run, []
-        return run, [Trip(CREEP, start + at, float(speed[at]) / RPM, low / RPM, "r/min")]
-
     def _slow(
-        self, state: WatchState, block: SampleBlock, start: int
-    ) -> tuple[WatchState, list[Trip]]:
+        self, state: _WatchState, block: SampleBlock, start: int
+    ) -> tuple[_WatchState, list[Trip]]:
         """What goes wrong slowly: slip between the encoders, a thermometer that does not move any more."""
         slip, trips = self._slip_review.reviewed(state.slip, block, start)
         thermometer, notes = state.thermometer, ()
@@ -486,15 +412,9 @@ class Supervisor:
         notes = (*state.notes, *notes)
         return replace(state, slip=slip, thermometer=thermometer, notes=notes), trips
 
-    @property
-    def _following_patience(self) -> float:
-        """s that a step to the highest allowed speed needs with the drive's own ramp, and room."""
-        ramp = self.limits.value(lim.INPUT_SPEED) / self.limits.value(lim.ACCELERATION)
-        return self.watch.following_time + (2.0 * ramp if math.isfinite(ramp) else 0.0)
-
     def _torques(
-        self, state: WatchState, block: SampleBlock, start: int
-    ) -> tuple[WatchState, list[Trip]]:
+        self, state: _WatchState, block: SampleBlock, start: int
+    ) -> tuple[_WatchState, list[Trip]]:
         """Heat of the motor, and port against drive in complete cycles while nothing has tripped."""
         name = TORQUE if TORQUE in self._column else DRIVE_TORQUE
         if name not in self._column:
@@ -521,7 +441,7 @@ class Supervisor:
 
     def margins(self) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
-        return self._margins.report(self.state.peaks, self._following_patience)
+        return self._margins.report(self.state.peaks, self._following_review.patience)
 
     def smallest_margin(self) -> tuple[str, float]:
         """The limit that the run came nearest to, and the share of it that was left."""
@@ -530,17 +450,3 @@ class Supervisor:
             return "", 1.0
         name = min(margins, key=lambda n: margins[n]["margin"])
         return name, margins[name]["margin"]
-
-
-def _first_run(raised: NDArray[np.bool_], before: int, allowed: int) -> tuple[int | None, int, int]:
-    """Where a run of `allowed` raised cycles is complete (None: nowhere), how long the run at the
-    end is, and the longest.
-    """
-    if not raised.any():
-        return None, 0, 0
-    index = np.arange(len(raised))
-    last_clear = np.maximum.accumulate(np.where(raised, -1 - before, index))
-    lengths = np.where(raised, index - last_clear, 0)
-    reached = np.flatnonzero(lengths >= allowed)
-    at = int(reached[0]) if len(reached) else None
-    return at, int(lengths[-1]), int(lengths.max())

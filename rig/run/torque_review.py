@@ -56,15 +56,13 @@ class Agreement:
             "scatter": math.sqrt(scatter),
             "worst": self.worst,
         }
-        return (
-            {**figures, "slope": common / spread}
-            if spread > 9.0 * scatter and spread > 0.0
-            else figures
-        )
+        if spread > 9.0 * scatter and spread > 0.0:
+            return {**figures, "slope": common / spread}
+        return figures
 
 
 @dataclass(frozen=True, kw_only=True)
-class Still:
+class _Still:
     """A stretch of complete cycles in which the torque port stood on one value: which, for how many cycles, the least
     and the largest torque by the drive meanwhile, and for how many cycles they have been too far apart.
     """
@@ -141,7 +139,7 @@ class TorqueState:
     windows: int = 0
     zero: float | None = None
     apart: int = 0
-    still: Still = field(default_factory=Still)
+    still: _Still = field(default_factory=_Still)
     agreement: Agreement = field(default_factory=Agreement)
 
 
@@ -163,7 +161,7 @@ class TorqueReview:
             state.heat, np.square(torque / self.rating), self.period / self.watch.thermal_time
         )
         hottest = float(heat.max())
-        trips = []
+        trips: list[Trip] = []
         if hottest > 1.0:
             row = int(np.argmax(heat > 1.0))
             trips.append(
@@ -244,13 +242,13 @@ class TorqueReview:
         edges = np.concatenate([[0], np.flatnonzero(np.diff(port)) + 1, [len(port)]])
         lengths, still = np.diff(edges), state.still
         if port[0] != still.value:
-            still = Still()
+            still = _Still()
         lengths[0] += still.cycles
         last = still
         trips: list[Trip] = []
         # Only a stretch that is long enough, and the last one, which may become so.
         for i in np.union1d(np.flatnonzero(lengths >= least), [len(lengths) - 1]).tolist():
-            before = still if i == 0 else Still()
+            before = still if i == 0 else _Still()
             part = drive[edges[i] : edges[i + 1]]
             lows = np.minimum(np.minimum.accumulate(part), before.low)
             highs = np.maximum(np.maximum.accumulate(part), before.high)
@@ -261,7 +259,7 @@ class TorqueReview:
                 row = int(raised[0])
                 found, unit = float(highs[row] - lows[row]), "N m by the drive"
                 trips.append(Trip(TORQUE_FROZEN, start + int(edges[i]) + row, found, change, unit))
-            last = Still(
+            last = _Still(
                 value=float(port[-1]),
                 cycles=len(part) + before.cycles,
                 low=float(lows[-1]),

@@ -96,10 +96,11 @@ def _as_named(folder: Path, word: str, world: Mapping[str, Any]) -> StartState:
     path = run_named(folder, word)
     ending = ending_of(glance(path).metadata)
     if ending is None or not ending.shares(_BODIES, world):
+        what = "ended with the temperatures of another gear or bench"
+        if ending is None:
+            what = "has no temperatures to start from"
         raise ConfigurationError(
-            "has no temperatures to start from"
-            if ending is None
-            else "ended with the temperatures of another gear or bench",
+            what,
             where="--world start-state",
             value=word,
             limit="a sealed run of this gear on this bench, simulated, that came to its end",
@@ -132,8 +133,8 @@ def _ending_as_it_is(
 
 def ending_of(metadata: RunMetadata) -> Ending | None:
     """The ending of a run; None where it knows of none: no simulated rig, not ended, or an older version's."""
-    world = metadata.process.get("world")
-    state = metadata.process.get("acquisition", {}).get("thermal_state")
+    world: Mapping[str, Any] | None = metadata.process.get("world")
+    state: Mapping[str, Any] | None = metadata.process.get("acquisition", {}).get("thermal_state")
     if not isinstance(world, Mapping) or not isinstance(state, Mapping):
         return None
     return Ending(world, StartState(metadata.run_id, state["end"]))

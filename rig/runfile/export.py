@@ -108,6 +108,23 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
             limit=f"<= {_LARGEST_MATLAB_BYTES // 8} rows",
             remedy="MATLAB opens the run file itself with h5read.",
         )
+    content = _matlab_content(recording)
+    partial = _partial(target, overwrite)
+    try:
+        with partial.open("wb") as stream:
+            scipy.io.savemat(
+                stream, content, do_compression=True, long_field_names=True, oned_as="column"
+            )
+        os.replace(partial, target)
+    except OSError as error:
+        raise _not_written(target, error) from error
+    finally:
+        partial.unlink(missing_ok=True)
+    return recording.rows
+
+
+def _matlab_content(recording: Recording) -> dict[str, Any]:
+    """The variables of a MATLAB file of a run."""
     m = recording.metadata
     content: dict[str, Any] = {
         "time": recording.time(),
@@ -144,18 +161,7 @@ def export_mat(recording: Recording, target: Path, *, overwrite: bool = False) -
         "direction": np.array([float(s.direction) for s in recording.segments]),
         "repeat": np.array([float(s.repeat) for s in recording.segments]),
     }
-    partial = _partial(target, overwrite)
-    try:
-        with partial.open("wb") as stream:
-            scipy.io.savemat(
-                stream, content, do_compression=True, long_field_names=True, oned_as="column"
-            )
-        os.replace(partial, target)
-    except OSError as error:
-        raise _not_written(target, error) from error
-    finally:
-        partial.unlink(missing_ok=True)
-    return recording.rows
+    return content
 
 
 def export_parquet(recording: Recording, target: Path, *, overwrite: bool = False) -> int:

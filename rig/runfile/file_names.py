@@ -16,7 +16,7 @@ _DEVICES = frozenset(
 )
 
 
-LONGEST_ON_WINDOWS: Final = 259
+_LONGEST_ON_WINDOWS: Final = 259
 """Letters of a whole path, where long ones are not switched on."""
 _BESIDE: Final = 40
 """Letters that names beside a file have more than its own: analyses, notes, frames, exports."""
@@ -27,9 +27,9 @@ def too_long(path: Path) -> str:
     if os.name != "nt":
         return ""
     letters = len(os.path.abspath(path)) + _BESIDE
-    if letters <= LONGEST_ON_WINDOWS:
+    if letters <= _LONGEST_ON_WINDOWS:
         return ""
-    return f"its path, and what lies beside it, would have {letters} letters, allowed {LONGEST_ON_WINDOWS}"
+    return f"its path, and what lies beside it, would have {letters} letters, allowed {_LONGEST_ON_WINDOWS}"
 
 
 def is_device(name: str) -> bool:

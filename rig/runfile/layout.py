@@ -23,7 +23,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -273,24 +273,29 @@ def create_data(
         )
     filters = _FILTERS if compress else {"fletcher32": False}
     datasets: dict[str, h5py.Dataset] = {}
-
-    def create(name: str, dtype: str, attributes: Mapping[str, Any]) -> None:
+    for name, dtype, attributes in _dataset_forms(columns):
         dataset = group.create_dataset(
             name, (0,), dtype, maxshape=(None,), chunks=(chunk_rows,), **filters
         )
         for key, value in attributes.items():
             dataset.attrs[key] = text_attribute(value) if isinstance(value, str) else value
         datasets[name] = dataset
+    datasets[TIME].make_scale(TIME)
+    for name, dataset in datasets.items():
+        dataset.dims[0].label = TIME
+        if name != TIME:
+            dataset.dims[0].attach_scale(datasets[TIME])
+    return datasets
 
-    create(
-        TIME,
-        "<i8",
-        {"units": _TIME_UNITS, "calendar": "proleptic_gregorian", "long_name": "time (UTC)"},
-    )
-    create(CYCLE, "<i8", {"units": "1", "long_name": "index of the SYNC cycle"})
+
+def _dataset_forms(columns: Sequence[Column]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+    """Name, type and attributes of every dataset: those of the cycles, then those of the channels."""
+    time = {"units": _TIME_UNITS, "calendar": "proleptic_gregorian", "long_name": "time (UTC)"}
+    yield TIME, "<i8", time
+    yield CYCLE, "<i8", {"units": "1", "long_name": "index of the SYNC cycle"}
     flags = [flag for flag in CycleFlag if flag]
     meanings = " ".join(str(flag.name).lower() for flag in flags)
-    create(
+    yield (
         FLAGS,
         "<u2",
         {
@@ -300,7 +305,7 @@ def create_data(
         },
     )
     for column in columns:
-        create(
+        yield (
             column.name,
             "<" + np.dtype(column.dtype).str[1:],
             {
@@ -310,12 +315,6 @@ def create_data(
                 "add_offset": np.float64(column.channel.offset),
             },
         )
-    datasets[TIME].make_scale(TIME)
-    for name, dataset in datasets.items():
-        dataset.dims[0].label = TIME
-        if name != TIME:
-            dataset.dims[0].attach_scale(datasets[TIME])
-    return datasets
 
 
 def create_tables(file: h5py.File) -> tuple[h5py.Dataset, h5py.Dataset]:

@@ -48,7 +48,7 @@ _TEXTS = tuple(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Listing:
+class _Listing:
     """What a list of runs says of one. `duration` in s from the first to the last row; `notes` the operators', in one
     text; `bench` "" where the file does not say it.
     """
@@ -70,7 +70,7 @@ class Listing:
     mounting: str
 
 
-def read_listing(path: Path) -> Listing:
+def read_listing(path: Path) -> _Listing:
     """What a list says of a run file. Raises `RunFileError` as `glance` does."""
     if not path.name.endswith(PART_SUFFIX):
         try:
@@ -85,10 +85,10 @@ def read_listing(path: Path) -> Listing:
     return _carefully(path)
 
 
-def _carefully(path: Path) -> Listing:
+def _carefully(path: Path) -> _Listing:
     seen = glance(path)
     m = seen.metadata
-    return Listing(
+    return _Listing(
         run_id=m.run_id,
         protocol=m.experiment,
         gear_serial=m.gear_serial,
@@ -112,7 +112,7 @@ def _notes_of(events: tuple[Event, ...]) -> str:
     return "; ".join(e.text for e in events if e.source == "operator" and e.code == "note")
 
 
-def _quickly(file: h5py.File) -> Listing | None:
+def _quickly(file: h5py.File) -> _Listing | None:
     """The same of a sealed file; None where something is not as this program writes it."""
     check_format(file)
     found = examined_members(file, _READ)
@@ -134,7 +134,7 @@ def _quickly(file: h5py.File) -> Listing | None:
     ):
         return None
     rows, duration = _span(found[f"{layout.DATA}/{layout.TIME}"])
-    return Listing(
+    return _Listing(
         run_id=texts[f"{layout.ENTRY}/run_id"],
         protocol=texts[f"{layout.PROCESS}/experiment"],
         gear_serial=texts[f"{layout.SAMPLE}/serial_number"],

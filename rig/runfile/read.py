@@ -117,7 +117,7 @@ def follow(recording: Recording) -> Recording:
 
 
 @dataclasses.dataclass(frozen=True)
-class Glance:
+class _Glance:
     """What a list of runs says of one: metadata, rows, time from the first to the last row [s], events."""
 
     metadata: RunMetadata
@@ -126,7 +126,7 @@ class Glance:
     events: tuple[Event, ...]
 
 
-def glance(path: Path) -> Glance:
+def glance(path: Path) -> _Glance:
     """What a list of runs says of a run file, without looking at its columns: several times quicker than opening it.
 
     Raises `RunFileError` as `open_run` does, but for damage in what it does not look at.
@@ -142,7 +142,7 @@ def glance(path: Path) -> Glance:
         stamps = held.refresh(f"{layout.DATA}/{TIME}")
         rows = min(rows_flushed(file), int(stamps.shape[0]))
         duration = (int(stamps[rows - 1]) - int(stamps[0])) * 1e-9 if rows else 0.0
-        return Glance(metadata, rows, duration, events)
+        return _Glance(metadata, rows, duration, events)
 
 
 def close_recording(recording: Recording) -> None:

@@ -87,22 +87,22 @@ class MainWindow(QMainWindow):
         session.theme_changed.connect(lambda _: self._apply_theme())
         self.prepare.start_requested.connect(self.start)
         self.run.review_requested.connect(self.show_review)
-        self.review.run_requested.connect(self.prepare_run)
+        self.review.run_requested.connect(self._prepare_run)
         self.fleet.run_chosen.connect(self.show_review)
         self.run.state_changed.connect(self._show_state)
         self.prepare.asking_changed.connect(self._watch)
-        self.run.next_gear_requested.connect(self.prepare_next_gear)
+        self.run.next_gear_requested.connect(self._prepare_next_gear)
         self.run.closed_safely.connect(self.close)
         # Stopping works from everywhere: whoever looks at something else must not look for the button first.
         buttons = self.run.buttons
         self.stop_filter = StopFilter(
             self,
-            self.stop_rig,
-            self.abort_rig,
+            self._stop_rig,
+            self._abort_rig,
             [
                 (buttons.stop, self.run.stop),
                 (buttons.abort, self.run.abort),
-                (self.stop, self.stop_rig),
+                (self.stop, self._stop_rig),
             ],
             lambda: session.free_for("Another window"),
         )
@@ -134,7 +134,7 @@ class MainWindow(QMainWindow):
             shortcut.activated.connect(lambda name=name: self.show_page(name))
         self.stop = push_button("STOP", tip="Controlled ramp to standstill (Esc)")
         self.stop.setObjectName("small-stop")
-        self.stop.pressed.connect(self.stop_rig)
+        self.stop.pressed.connect(self._stop_rig)
         self.stop.hide()
         row.addWidget(self.stop)
         where = f"rig: {self.session.backend}   runs: {self.session.folder}"
@@ -176,23 +176,23 @@ class MainWindow(QMainWindow):
         """Whether something is at work that may turn the rig: a run, a campaign, or `rig doctor`."""
         return self.run.is_active or self.prepare.is_asking
 
-    def stop_rig(self) -> None:
+    def _stop_rig(self) -> None:
         """Controlled ramp to standstill of whatever turns the rig."""
         self.run.stop()
         self.prepare.stop_asking()
 
-    def abort_rig(self) -> None:
+    def _abort_rig(self) -> None:
         """Quick stop of whatever turns the rig."""
         self.run.abort()
         self.prepare.abort_asking()
 
-    def prepare_run(self, serial: str, protocol: str) -> None:
+    def _prepare_run(self, serial: str, protocol: str) -> None:
         """Bring up the page Prepare with a gear and a protocol."""
         self.prepare.gear.choose(serial)
         self.prepare.protocol.choose(protocol)
         self.show_page("prepare")
 
-    def prepare_next_gear(self) -> None:
+    def _prepare_next_gear(self) -> None:
         """Bring up the page Prepare for another gear of the same part."""
         self.show_page("prepare")
         self.prepare.gear.begin_next()
@@ -225,12 +225,12 @@ class MainWindow(QMainWindow):
 
     def dragEnterEvent(self, event: QDragEnterEvent) -> None:
         """Files may be dropped on the window."""
-        if dropped_files(event.mimeData()):
+        if _dropped_files(event.mimeData()):
             event.acceptProposedAction()
 
     def dropEvent(self, event: QDropEvent) -> None:
         """Files that were dropped are one recording: it is looked at on the page Review."""
-        if files := dropped_files(event.mimeData()):
+        if files := _dropped_files(event.mimeData()):
             event.acceptProposedAction()
             self.show_page("review")
             self.review.show_recording(files)
@@ -280,7 +280,7 @@ class MainWindow(QMainWindow):
         self.stop.setVisible(self.may_turn and self.stack.currentWidget() is not self.run)
 
 
-def dropped_files(data: QMimeData) -> list[Path]:
+def _dropped_files(data: QMimeData) -> list[Path]:
     """The files of this computer among what is dropped; folders are none."""
     paths = [Path(url.toLocalFile()) for url in data.urls() if url.isLocalFile()]
     return [path for path in paths if path.is_file()]

@@ -27,11 +27,9 @@ from drivers.samples import CycleFlag
 from model import closed_loop
 from model.gear import HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
-from model.kinematic_error import output_sign
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
-from sim_backend.clock import SyncTimer
-from sim_backend.drawing import draw
+from sim_backend.assembly import assemble
 from sim_backend.faults import (
     BusLost,
     DeviceFault,
@@ -44,10 +42,7 @@ from sim_backend.faults import (
     Stall,
 )
 from sim_backend.imperfections import Imperfections
-from sim_backend.plant import Plant
-from sim_backend.sensors import Instruments
 from sim_backend.servo_drive import ServoDrive
-from sim_backend.truth import tell
 from sim_backend.wire.analog_amplifier import AnalogAmplifier, ReferenceDevice
 from sim_backend.wire.analog_input import AnalogInput
 from sim_backend.wire.counter import Counter
@@ -142,30 +137,21 @@ class WireBench:
                 value="adc_steps or drive_torque_steps off",
                 remedy="Leave both imperfections on.",
             )
-        self._on, self._motor, self._world = on, motor, world
         self.clock: Clock = VirtualClock() if clock is None else clock
-        self._sense = round(output_sign(mounting))
-        ratio = gear.mounted_ratio(mounting)
-        self._condition = draw(on, ratio, world, start)
-        self.plant = Plant(
-            self._condition.gear_of(gear),
+        self._assembly = assemble(
+            gear,
             motor,
-            self._condition,
+            on,
+            world,
             cycle_ns=cycle_ns,
             mounting=mounting,
             gear_mounted=gear_mounted,
             disc_inertia=disc_inertia,
+            start=start,
+            start_ns=start_ns,
         )
-        self.instruments = Instruments(
-            on, self._condition, motor, world.run_seed, self._sense, self.plant.output_angle
-        )
-        self._sync = SyncTimer(
-            cycle_ns,
-            self._condition.sync_jitter,
-            world.run_seed,
-            start_ns,
-            rate_error=self._condition.clock_error,
-        )
+        self.plant, self.instruments = self._assembly.plant, self._assembly.instruments
+        self._sync = self._assembly.sync
         self.cycle_ns = cycle_ns
         self._silence_cycles = silence_cycles
         what = f"{gear.name} on {motor.name}" if gear_mounted else f"bare {motor.name}"
@@ -215,7 +201,7 @@ class WireBench:
             peak_torque=motor.peak_torque,
             maximum_speed=motor.maximum_speed,
             cycle_ns=self.cycle_ns,
-            serial_number=self._world.bench_seed & 0xFFFF_FFFF,
+            serial_number=self._assembly.world.bench_seed & 0xFFFF_FFFF,
         )
 
     def _begin(self, faults: Sequence[Fault]) -> None:
@@ -294,15 +280,7 @@ class WireBench:
     @functools.cached_property
     def truth(self) -> dict[str, Any]:
         """Every effective parameter of this rig on this day, as of the direct rig."""
-        return tell(
-            self.plant.loop,
-            self._motor,
-            on=self._on,
-            condition=self._condition,
-            instruments=self.instruments,
-            world=self._world,
-            output_sense=self._sense,
-        )
+        return self._assembly.truth()
 
     def bus(self, *, receive_own_messages: bool = True) -> BenchBus:
         """Open the bus for one client: a python-can bus without a thread."""
@@ -369,11 +347,7 @@ class WireBench:
 
     def wire_faults(self) -> list[WireFault]:
         """Those of them that touch frames and lines."""
-        return (
-            [f for f in self._faults if isinstance(f, WireFault) and f.active(self._cycle)]
-            if self._faults
-            else []
-        )
+        return [f for f in self._faults if isinstance(f, WireFault) and f.active(self._cycle)]
 
     def line_faults(self) -> list[WireFault]:
         """Those of the cycle whose SYNC has been, for lines that are used between two SYNCs."""
@@ -505,9 +479,7 @@ class WireBench:
         reached = self._unless_stalled((cob_id, data))
         for fault in wire:
             reached = fault.alter_to_devices(reached, self)
-        following = (
-            [slave for slave in self.slaves if slave.sync_cob_id == cob_id] if reached else []
-        )
+        following = [slave for slave in self.slaves if reached and slave.sync_cob_id == cob_id]
         for slave in following:
             slave.hear_sync(self.clock.monotonic_ns())
             slave.latch()

@@ -72,11 +72,9 @@ def _object(index: int, entries: list[Entry], node_id: int) -> list[str]:
 
 
 def _fields(entry: Entry, name: str, node_id: int) -> list[str]:
-    access = (
-        {"t": "rwr", "r": "rww", "tr": "rw"}.get(entry.mappable, "rw")
-        if entry.access == "rw"
-        else entry.access
-    )
+    access: str = entry.access
+    if access == "rw":
+        access = {"t": "rwr", "r": "rww", "tr": "rw"}.get(entry.mappable, "rw")
     default = str(int(entry.default)) if isinstance(entry.default, bool) else str(entry.default)
     if entry.index == _EMCY_COB_ID or (entry.index in _PDO_COMMUNICATION and entry.sub == 1):
         # The same file for every node-ID.

@@ -12,8 +12,6 @@ import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from drivers import channel as names
 from drivers.samples import CycleFlag
 from sim_backend.faults import (
@@ -207,9 +205,7 @@ class OutputSlips(SignalFault):
     counts_per_cycle: float = 3.0
 
     def corrupt(self, sensed: Sensed) -> None:
-        rows = sensed.rows(self.at_cycle, self.end)
-        cycles = sensed.first_cycle + np.arange(rows.start, rows.stop) - self.at_cycle + 1
-        slipped = np.rint(self.counts_per_cycle * cycles).astype(np.int64)
+        rows, slipped = sensed.grown(self.at_cycle, self.end, self.counts_per_cycle)
         sensed.counts[rows, sensed.column[names.OUTPUT_ANGLE]] += slipped
 
 
@@ -276,12 +272,10 @@ class TpdoShort(_TpdoFault):
     missing: int = 1
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
+        if not self._is_mine(frame, bench):
+            return (frame,)
         cob_id, data = frame
-        return (
-            ((cob_id, data[: max(0, len(data) - self.missing)]),)
-            if self._is_mine(frame, bench)
-            else (frame,)
-        )
+        return ((cob_id, data[: max(0, len(data) - self.missing)]),)
 
 
 @dataclass(frozen=True)

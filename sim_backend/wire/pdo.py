@@ -145,10 +145,7 @@ class Pdo:
         self.cob_id, self.transmission = number(self.index, 1), number(self.index, 2)
         self.event_ns = number(self.index, 5) * 1_000_000 if self.transmit else 0
         self.inhibit_ns = number(self.index, 3) * 100_000 if self.transmit else 0
-        words = [
-            number(self.mapped_index, slot) for slot in range(1, number(self.mapped_index, 0) + 1)
-        ]
-        self._adopt(tuple((w >> 16, (w >> 8) & 0xFF, w & 0xFF) for w in words))
+        self._adopt(self._words(number(self.mapped_index, 0)))
         self.rest()
 
     def rest(self) -> None:
@@ -170,17 +167,21 @@ class Pdo:
         for mapped, value in zip(self._entries, self._frame.unpack_from(data), strict=True):
             self.dictionary.write(mapped, value)
 
-    def _adopt(self, mapping: Mapping) -> None:
-        self.mapping = mapping
+    def _words(self, count: int) -> list[int]:
+        """The first words of the mapping as the dictionary has them."""
+        return [self.dictionary.number(self.mapped_index, slot) for slot in range(1, count + 1)]
+
+    def _adopt(self, words: list[int]) -> None:
+        mapping = tuple((w >> 16, (w >> 8) & 0xFF, w & 0xFF) for w in words)
+        self.mapping: Mapping = mapping
         objects = [(index, sub) for index, sub, _ in mapping if index >= 0x20]
         self._keys = objects
         self._entries = [self.dictionary.entry(index, sub) for index, sub in objects]
         form = "<"
         for index, sub, bits in mapping:
+            is_object = index >= 0x20
             form += (
-                self.dictionary.entry(index, sub).type.form[1:]
-                if index >= 0x20
-                else f"{bits // 8}x"
+                self.dictionary.entry(index, sub).type.form[1:] if is_object else f"{bits // 8}x"
             )
         self._frame = struct.Struct(form)
 
@@ -212,14 +213,12 @@ class Pdo:
     def _write_count(self, value: Number) -> None:
         if self.exists:
             raise AbortError(Abort.DEVICE_STATE)
-        words = [
-            self.dictionary.number(self.mapped_index, slot) for slot in range(1, int(value) + 1)
-        ]
+        words = self._words(int(value))
         for word in words:
             self._check_object(word)
         if sum(word & 0xFF for word in words) > 64:
             raise AbortError(Abort.PDO_LENGTH)
-        self._adopt(tuple((w >> 16, (w >> 8) & 0xFF, w & 0xFF) for w in words))
+        self._adopt(words)
 
     def _write_slot(self, value: Number) -> None:
         if self.exists or self.dictionary.number(self.mapped_index, 0):

@@ -17,6 +17,7 @@ NO_LONGER_SO = (
     "there is no public python interface yet",
     "eight layers of its own",
     "a file may point at data outside itself",
+    "rung of the ladder",
     "birge",
     "dip by chance",
     "left by measured input",

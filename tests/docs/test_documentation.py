@@ -17,7 +17,7 @@ import pytest
 import typer
 
 from rig import main
-from tests.docs.building import commands_of, hold_against_kept
+from tests.docs.building import building, commands_of, hold_against_kept
 from tests.docs.given_files import lay_out
 from tests.rig.slow_computer import says_too_slow
 
@@ -176,6 +176,10 @@ def test_every_picture_that_is_kept_stands_in_a_page() -> None:
     kept = {picture.name for picture in (DOCS / "screenshots").iterdir()}
     assert kept
     assert {name for name in kept if f"screenshots/{name}" not in pages} == set()
+
+
+def test_the_pictures_of_the_window_are_those_of_the_window_as_it_is() -> None:
+    assert building("picture_sources").are_new(), "python docs/make_screenshots.py makes them anew"
 
 
 def test_every_page_is_in_the_table_of_contents() -> None:

@@ -46,7 +46,7 @@ class Babbler(ScriptedBus):
 
 
 @given(st.lists(st.tuples(SDO_DATA, st.booleans()), max_size=12))
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 def test_any_answers_are_a_pdo_or_a_driver_error(answers: list[tuple[bytes, bool]]) -> None:
     device = RemoteDevice(PumpedBus(Babbler(answers), VirtualClock()), 2, sdo_timeout_ns=1_000_000)
     for action in (
@@ -77,7 +77,6 @@ MAPPED = st.builds(
 
 
 @given(st.lists(MAPPED, min_size=1, max_size=8))
-@settings(deadline=None)
 def test_any_mapping_words_lie_where_their_bits_lie(words: list[int]) -> None:
     class Mapped(ScriptedBus):
         def send(self, msg: Any) -> None:
@@ -205,7 +204,6 @@ def decoder() -> ColumnDecoder:
     st.integers(1, 6),
     st.booleans(),
 )
-@settings(deadline=None)
 def test_any_frames_give_latches_beside_their_counter_and_what_is_old_says_so(
     cycles: list[list[tuple[int, bytes]]], length: int, echo: bool
 ) -> None:

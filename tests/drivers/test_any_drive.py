@@ -85,7 +85,7 @@ DAY = (Mode.OFF, Mode.SPEED, Mode.TORQUE, Mode.SPEED, Mode.QUICK_STOP, Mode.OFF)
 
 
 @given(DRIVES)
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 def test_any_drive_runs_or_is_refused(traits: Traits) -> None:
     clock = VirtualClock()
     wire = Wire(clock)

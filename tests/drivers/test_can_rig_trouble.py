@@ -195,7 +195,7 @@ STRAY = st.tuples(
 
 
 @given(st.dictionaries(st.integers(0, 29), STRAY, max_size=6))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_stray_frames_never_give_a_wrong_count_that_is_not_marked(
     strays: dict[int, tuple[int, bytes]],
 ) -> None:

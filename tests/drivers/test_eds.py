@@ -384,7 +384,7 @@ LINES = st.lists(st.one_of(PIECES, st.text(max_size=30), PIECES.map(lambda s: s[
         LINES.map(lambda ls: "\n".join(ls).encode("utf-8", "surrogatepass")),
     )
 )
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_file_is_a_description_or_a_decode_error(data: bytes) -> None:
     try:
         description = parse_eds(data, 1)
@@ -395,7 +395,7 @@ def test_any_file_is_a_description_or_a_decode_error(data: bytes) -> None:
 
 
 @given(st.integers(0, len(GOOD) - 1), st.integers(0, 255), st.integers(0, 40))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_a_damaged_file_is_survived(at: int, byte: int, cut: int) -> None:
     data = bytearray(GOOD.encode())
     data[at] = byte

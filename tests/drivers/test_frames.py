@@ -6,7 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.bus.cia301 import I16, I32, REAL32, U16, U32, DataType, ObjectRef
@@ -226,7 +226,6 @@ def columns(modulus: int = 720000) -> list[Column]:
     st.integers(-(2**31), 2**31 - 1),
     st.integers(0, 719_999),
 )
-@settings(deadline=None)
 def test_counters_are_unwrapped_the_same_by_row_and_by_blocks_of_any_length(
     steps: list[tuple[int, int, int]], length: int, start: int, start_count: int
 ) -> None:
@@ -263,7 +262,6 @@ def test_counters_are_unwrapped_the_same_by_row_and_by_blocks_of_any_length(
     ),
     st.integers(1, 9),
 )
-@settings(deadline=None)
 def test_a_doubtful_value_never_costs_a_turn_and_rows_agree_with_blocks(
     rows: list[tuple[int, int, int]], length: int
 ) -> None:
@@ -439,7 +437,6 @@ BOUNDS = st.builds(
     st.integers(0, 3),
     st.integers(1, 15),
 )
-@settings(deadline=None)
 def test_the_judge_of_single_cycles_agrees_with_the_watch_over_blocks(
     rows: list[tuple[int, int, int]], bounds: list[Bound], stale: int, length: int
 ) -> None:

@@ -139,7 +139,7 @@ ANSWERS = st.lists(
 
 
 @given(ANSWERS)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_answer_is_bytes_or_a_driver_error(answers: list[bytes]) -> None:
     for action in (
         lambda s: s.upload(0x1008, 0),
@@ -155,7 +155,7 @@ def test_any_answer_is_bytes_or_a_driver_error(answers: list[bytes]) -> None:
 
 
 @given(ANSWERS)
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 def test_any_answer_to_a_posted_transfer_ends_it_and_raises_nothing(answers: list[bytes]) -> None:
     bus = PumpedBus(Babbler(answers), VirtualClock())
     sdo = SdoClient(bus, 1)

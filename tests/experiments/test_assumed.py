@@ -27,6 +27,7 @@ from experiments.contract import Evidence
 from experiments.evidence.conclusion import judged
 from experiments.load import carrying, load_of
 from experiments.protocols.kinematic_error import analysis as kinematic_error
+from experiments.protocols.kinematic_error.traverses import spring_of, stated_mode
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.tares.motor_heat import motor_heat
@@ -147,13 +148,13 @@ def test_orders_of_the_output_are_never_sure_without_a_stated_encoder(
 
 
 def test_the_load_of_another_gear_tells_no_resonance(gear: HarmonicDrive) -> None:
-    unstated = kinematic_error.spring_of(gear, 120.0)
+    unstated = spring_of(gear, 120.0)
     assert isinstance(unstated, UnstatedMode)
     assert unstated.line.assumed == "output inertia"
     inertia = {"inertia.output": gear.inertia.output}
     stated = gear.with_values(inertia, Origin("measured", "gear card of 7"))
-    assert isinstance(kinematic_error.spring_of(stated, 120.0), Torsion)
-    assert isinstance(kinematic_error.spring_of(gear, 120.0, is_simulated=True), Torsion)
+    assert isinstance(spring_of(stated, 120.0), Torsion)
+    assert isinstance(spring_of(gear, 120.0, is_simulated=True), Torsion)
     half = unstated.response(np.array([unstated.first_mode * 0.2]))[0]
     assert half == pytest.approx(1.0 / (1.0 - 0.5 * 0.04))
 
@@ -162,10 +163,10 @@ def test_a_resonance_that_the_import_states_is_used(kinematic_error_run: Recordi
     metadata = dataclasses.replace(
         kinematic_error_run.metadata, process={"stated": {"resonance_hz": 50.0}}
     )
-    mode = kinematic_error.stated_mode(dataclasses.replace(kinematic_error_run, metadata=metadata))
+    mode = stated_mode(dataclasses.replace(kinematic_error_run, metadata=metadata))
     assert isinstance(mode, StatedMode)
     assert mode.first_mode == pytest.approx(100.0 * np.pi)
-    assert kinematic_error.stated_mode(kinematic_error_run) is None
+    assert stated_mode(kinematic_error_run) is None
 
 
 def test_an_inertia_that_the_import_states_is_used_and_the_assumed_line_goes(

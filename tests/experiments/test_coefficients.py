@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.protocols.friction.coefficients import per_kelvin
-from experiments.protocols.friction.points import RUN_TO_RUN
+from experiments.protocols.friction.influences import RUN_TO_RUN
 from experiments.protocols.friction.quantities import QUANTITIES
 from experiments.protocols.friction.temperature import ASSUMED
 from experiments.result import Result

@@ -17,7 +17,8 @@ from experiments.protocols.friction import analysis as friction
 from experiments.protocols.friction import declaration as friction_declaration
 from experiments.protocols.friction import plan as friction_plan
 from experiments.protocols.friction.estimates import at_20_degrees, coefficients_of
-from experiments.protocols.friction.points import FittedCurve, measure_friction, reproducibility
+from experiments.protocols.friction.influences import FittedCurve
+from experiments.protocols.friction.points import measure_friction, reproducibility
 from experiments.protocols.friction.temperature import THERMOMETRY, VISCOUS, temperature_law
 from experiments.protocols.motor_tare import analysis as motor_tare
 from experiments.protocols.motor_tare import declaration as motor_tare_declaration

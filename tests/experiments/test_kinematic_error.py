@@ -14,6 +14,7 @@ from experiments.planning.speeds import first_resonances
 from experiments.protocols.kinematic_error import analysis as kinematic_error
 from experiments.protocols.kinematic_error import declaration as kinematic_error_declaration
 from experiments.protocols.kinematic_error import plan as kinematic_error_plan
+from experiments.protocols.kinematic_error.traverses import spring_of
 from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.channel import Calibration
@@ -235,13 +236,11 @@ def test_the_spring_is_as_well_known_as_a_run_or_the_set_says(gear: HarmonicDriv
     """+-40 % of stiffness in a rectangle: 1/K has a relative standard uncertainty of 26 %."""
     inertia = gear.inertia.output
     stated = gear.with_values({"inertia.output": inertia}, Origin("measured", "gear card of 7"))
-    assert kinematic_error.spring_of(stated, 120.0).relative_uncertainty == pytest.approx(
-        0.2622, abs=1e-4
-    )
+    assert spring_of(stated, 120.0).relative_uncertainty == pytest.approx(0.2622, abs=1e-4)
     known = gear.with_values(
         {"inertia.output": inertia}, Origin("identified", "run 7", 0.01 * inertia)
     )
-    spring = kinematic_error.spring_of(known, 120.0)
+    spring = spring_of(known, 120.0)
     assert spring.relative_uncertainty == pytest.approx(0.01)
     assert spring.first_mode == pytest.approx(first_resonances(gear)[-1], rel=1e-3)
 

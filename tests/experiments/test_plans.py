@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from annotated_types import Ge, Gt, Le, Lt
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments import catalogue
@@ -70,7 +70,7 @@ def parameters_of(name: str) -> st.SearchStrategy[Any]:
 
 
 @pytest.mark.parametrize("name", catalogue.names())
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=25)
 @given(data=st.data())
 def test_every_plan_is_pure_finite_and_between_torque_zeros(name: str, data: st.DataObject) -> None:
     check_plan(catalogue.load(name), data.draw(parameters_of(name)), GEAR)

@@ -136,7 +136,7 @@ def test_one_figure_19_per_speed(result: Result) -> None:
         measured, simulated = by_label["measured"].y, by_label["simulated from command"].y
         others, left = plot.of_panel(1)
         assert np.allclose(left.y, measured - simulated)
-        assert others.label == "left by measured input"
+        assert others.label == "residual, measured input"
         assert others.role == "null"
         # The drive of this bench rises otherwise than the command: that is left here, and not with the measured input.
         if plot.name in ("velocity-step-1800", "velocity-step-2950"):

@@ -20,8 +20,9 @@ from model.friction import (
     speed_sign,
     stribeck_magnitude,
 )
-from model.gear import HarmonicDrive, MeshFriction
+from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
+from model.sections import MeshFriction
 from model.units import RPM
 
 GEAR = shipped_gear()

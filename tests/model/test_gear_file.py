@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model import quantities
+from model.catalogue.contradictions import contradictions
 from model.errors import ModelError, ParameterError
 from model.gear import Harmonic, HarmonicDrive, ModelOptions, Origin
 from model.gear_file import (
@@ -67,7 +68,7 @@ def test_text_and_mapping_read_back_to_the_same_gear(tmp_path: Path) -> None:
     )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     torsion=st.floats(0.01, 0.05),
     angle=st.floats(math.radians(15), math.radians(35)),
@@ -205,7 +206,7 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
         shipped_gear("csf-26")
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.binary(max_size=200))
 def test_any_bytes_give_a_gear_or_a_refusal(raw: bytes) -> None:
     with pytest.raises(ModelError):
@@ -221,7 +222,7 @@ JSON = st.recursive(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     section=st.sampled_from(
         ["teeth", "bearing", "cup", "options", "kinematic_error", "ratings", "name", "format"]
@@ -243,3 +244,11 @@ def test_any_content_gives_a_gear_or_a_refusal(section: str, found: object, insi
     assert isinstance(outcome, HarmonicDrive) or (
         isinstance(outcome, str) and outcome.startswith("x: ")
     )
+
+
+def test_a_count_that_was_computed_stays_a_whole_number() -> None:
+    gear = shipped_gear().with_values({"tooth.slices": 40.0})
+    assert type(gear.tooth.slices) is int
+    assert contradictions(gear) == contradictions(shipped_gear().with_values({"tooth.slices": 40}))
+    with pytest.raises(ParameterError, match="whole number"):
+        gear.with_values({"tooth.slices": 40.5})

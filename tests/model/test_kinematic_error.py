@@ -57,7 +57,7 @@ def test_series_slope_is_the_derivative() -> None:
     assert series_value(series, angle.reshape(3, 167)).shape == (3, 167)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(turns=st.integers(-1000, 1000), angle=st.floats(0.0, 6.3))
 def test_whole_orders_are_periodic(turns: int, angle: float) -> None:
     moved = series_value(GEAR.kinematic_error, angle + 2.0 * math.pi * turns)

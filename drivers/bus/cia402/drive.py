@@ -1,4 +1,3 @@
-# pyright: standard
 """A CiA 402 servo amplifier: brought up from any state, moved by a table of transitions, its numbers in SI.
 
 Torque: T = x / 1000 * (0x6076) with 0x6076 in mN m. Speed: 0x60FF in the drive's velocity unit,
@@ -147,7 +146,7 @@ class ServoAmplifier:
         return (*self._unwatched, *self._unstopped)
 
     def _write_options(self) -> dict[str, float]:
-        config, written = self.config, {}
+        config, written = self.config, dict[str, float]()
         for entry, value, consequence in (
             (
                 obj.ABORT_OPTION,
@@ -199,11 +198,9 @@ class ServoAmplifier:
     def error_text(self) -> str:
         """The error code 0x603F in words."""
         code = self.device.read_optional(obj.ERROR_CODE, "faults have no code")
-        return (
-            "no error code"
-            if code is None
-            else f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
-        )
+        if code is None:
+            return "no error code"
+        return f"0x{int(code):04X} {error_code_text(int(code), obj.ERROR_CODES)}"
 
     def to_off(self, *, resets_fault: bool = True) -> None:
         """Servo off from any state: a turning drive is quick-stopped first, a fault is reset where its cause is gone.
@@ -288,11 +285,9 @@ class ServoAmplifier:
         of the preferred ones it has.
         """
         readings, config = self.readings, self.config
-        chosen, preferred = (
-            (readings.speed_mode, config.speed_modes)
-            if mode is Mode.SPEED
-            else (readings.torque_mode, config.torque_modes)
-        )
+        chosen, preferred = readings.torque_mode, config.torque_modes
+        if mode is Mode.SPEED:
+            chosen, preferred = readings.speed_mode, config.speed_modes
         if chosen is None:
             return ()
         if self._is_mode_unknown and chosen is not OperationMode.CYCLIC_POSITION:
@@ -315,11 +310,8 @@ class ServoAmplifier:
         any other switched off.
         """
         with contextlib.suppress(DriverError):
-            self._control(
-                stop_words.QUICK_STOP
-                if self.state() is DriveState.ENABLED
-                else stop_words.DISABLE_VOLTAGE
-            )
+            is_enabled = self.state() is DriveState.ENABLED
+            self._control(stop_words.QUICK_STOP if is_enabled else stop_words.DISABLE_VOLTAGE)
 
     def _choose_one(self, candidates: Sequence[OperationMode]) -> None:
         """The first of the modes that the drive takes: one without 0x6502 shows by refusing what it does not have."""

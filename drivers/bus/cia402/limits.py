@@ -32,13 +32,11 @@ def write_limits(
     is that of 0x6080, which holds in every mode; 0x607F, the second value, holds for profiles. inf: not held.
     Raises `DriverError` for a limit that cannot be expressed, `ReadbackError` for one that reads back differently.
     """
-    no_torque_limit = "the drive does not limit torque"
-    torque = _limit(device, torque_entry, limits.torque, torque_unit, no_torque_limit)
+    written = (limits.torque, torque_unit, "the drive does not limit torque")
+    torque = _limit(device, torque_entry, *written)
     if not math.isfinite(torque) and torque_entry.key == obj.MAX_TORQUE.key:
         either = (obj.POSITIVE_TORQUE_LIMIT, obj.NEGATIVE_TORQUE_LIMIT)
-        torque = max(
-            _limit(device, entry, limits.torque, torque_unit, no_torque_limit) for entry in either
-        )
+        torque = max(_limit(device, entry, *written) for entry in either)
     speed = _limit(
         device,
         obj.MAX_MOTOR_SPEED,
@@ -53,15 +51,15 @@ def write_limits(
         velocity_unit,
         "the drive does not limit profile velocities",
     )
+    values = (
+        (obj.ACCELERATION, limits.acceleration),
+        (obj.DECELERATION, limits.deceleration),
+        (obj.QUICK_STOP_DECELERATION, limits.quick_stop_deceleration),
+    )
+    unshaped = "the drive does not shape its "
     ramps = [
-        _limit(
-            device, entry, value, acceleration_unit, f"the drive does not shape its {entry.name}"
-        )
-        for entry, value in (
-            (obj.ACCELERATION, limits.acceleration),
-            (obj.DECELERATION, limits.deceleration),
-            (obj.QUICK_STOP_DECELERATION, limits.quick_stop_deceleration),
-        )
+        _limit(device, entry, value, acceleration_unit, unshaped + entry.name)
+        for entry, value in values
     ]
     if math.isinf(ramps[1]) and limits.deceleration == limits.acceleration:
         ramps[1] = ramps[0]

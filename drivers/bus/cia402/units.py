@@ -172,11 +172,9 @@ def _compare_torque(
         return
     says = f"0x6076 says {raw * 1e-3:g} N m, the configuration {configured:g} N m; "
     if isinstance(own, Question) or _is_micro(own, configured):
-        why = (
-            "that is the same in uN m, a thousandth of the standard's unit"
-            if _is_micro(raw * 1e-3, configured)
-            else "no motor of this rig has what the drive says"
-        )
+        why = "no motor of this rig has what the drive says"
+        if _is_micro(raw * 1e-3, configured):
+            why = "that is the same in uN m, a thousandth of the standard's unit"
         text = f"{says}{why}: the configuration holds, for the torque limit as well"
     else:
         text = (

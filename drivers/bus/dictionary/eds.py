@@ -1,4 +1,3 @@
-# pyright: standard
 """Vendors' EDS and DCF files (CiA 306): what a device says that it has. Tolerant of their defects, which it lists.
 
 The canopen library reads them too, and first: `drivers.bus.dictionary.device_file`. It refuses what is read here.
@@ -98,7 +97,9 @@ class DeviceDescription:
     product_number: int | None = None
     revision_number: int | None = None
     bit_rates: tuple[int, ...] = ()
-    entries: Mapping[tuple[int, int], EdsEntry] = field(default_factory=dict)
+    entries: Mapping[tuple[int, int], EdsEntry] = field(
+        default_factory=dict[tuple[int, int], EdsEntry]
+    )
     defects: tuple[str, ...] = ()
 
     def entry(self, index: int, subindex: int = 0) -> EdsEntry | None:

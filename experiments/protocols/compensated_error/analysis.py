@@ -31,7 +31,7 @@ from experiments.protocols.compensated_error.turns import (
     turns_of,
     waves_of,
 )
-from experiments.protocols.kinematic_error.analysis import spring_of
+from experiments.protocols.kinematic_error.traverses import spring_of
 from experiments.recording import Recording
 from experiments.result import Result, Table
 from experiments.steps.follow import INDEX_GAP

@@ -22,13 +22,8 @@ from experiments.evidence import usable
 from experiments.recording import Recording, Segment
 from model.arrays import ComplexArray, FloatArray
 from model.compensation import CompensationTable, DirectionTable
-from model.identify.angle_regression import (
-    AngleFit,
-    AngleRegression,
-    Basis,
-    solve_angle,
-    standard_basis,
-)
+from model.identify.angle_fit import AngleFit, solve_angle
+from model.identify.angle_regression import AngleRegression, Basis, standard_basis
 from model.identify.remainder import HYSTERESIS, REPRODUCED, OrdersLeft
 from model.identify.torsion import Spring
 from model.kinematic_error import order_of_label

@@ -28,6 +28,17 @@ from experiments.protocols.friction.estimates import (
     running_torques,
 )
 from experiments.protocols.friction.foreign import friction_in_foreign_unit
+from experiments.protocols.friction.influences import (
+    BEARING,
+    PLACE,
+    PLACE_ORDERS,
+    FittedCurve,
+    bearing_relative,
+    bearing_torque,
+    common_errors,
+    corrected,
+    spread_of,
+)
 from experiments.protocols.friction.plots import (
     fit_table,
     friction_plots,
@@ -35,18 +46,9 @@ from experiments.protocols.friction.plots import (
     point_table,
 )
 from experiments.protocols.friction.points import (
-    BEARING,
-    PLACE,
-    PLACE_ORDERS,
-    FittedCurve,
     MeasuredFriction,
-    bearing_relative,
-    bearing_torque,
-    common_errors,
-    corrected,
     measure_friction,
     reproducibility,
-    spread_of,
 )
 from experiments.protocols.friction.quantities import CURVE, QUANTITIES
 from experiments.protocols.friction.temperature import DRY, VISCOUS
@@ -57,12 +59,8 @@ from experiments.shape import Standing
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.identify.common_errors import UNREPEATED, Spread, Stated
-from model.identify.friction import (
-    LARGEST_REDUCED_CHI_SQUARE,
-    FrictionFit,
-    check_identifiable,
-    fit_friction,
-)
+from model.identify.friction import LARGEST_REDUCED_CHI_SQUARE, check_identifiable, fit_friction
+from model.identify.friction_result import FrictionFit
 from model.identify.running_torque import FrictionPoints, pair_directions, pooled_errors
 from model.identify.stribeck import NAMES
 
@@ -80,37 +78,30 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """
     check_settings(evidence.settings, names_of(SETTINGS), NAME)
     measured = measure_friction(recording, evidence)
-    settings = evidence.settings
-    chi_square_limit = float(settings.get("chi_square_limit", LARGEST_REDUCED_CHI_SQUARE))
+    chi_square_limit = float(evidence.settings.get("chi_square_limit", LARGEST_REDUCED_CHI_SQUARE))
     if measured.unit != "N m":
         return friction_in_foreign_unit(recording, measured, chi_square_limit)
     with analysing(recording.metadata.run_id):
         fit, curve, spread = _fit(recording, evidence, measured)
-        check_identifiable(
-            fit,
-            limit=float(settings.get("bracket_refusal", 0.25)),
-            chi_square_limit=chi_square_limit,
-        )
-        metrics = dict(fit.metrics)
-        if _is_genetic(settings.get("genetic", False)):
-            metrics |= genetic_metrics(fit, evidence.gear, int(settings.get("seed", 0)))
+        bracket_limit = float(evidence.settings.get("bracket_refusal", 0.25))
+        check_identifiable(fit, limit=bracket_limit, chi_square_limit=chi_square_limit)
+        metrics = dict(fit.metrics) | _genetic(fit, evidence)
     brought = _brought(measured, fit)
-    metrics["torque_zero_drift"] = measured.zero.drift
-    metrics["reproducibility"] = reproducibility(brought.bracket)
     span = float(np.ptp(measured.temperature)) if measured.law.is_known else 0.0
     coefficients = coefficients_of(fit, curve, span)
+    metrics["torque_zero_drift"] = measured.zero.drift
+    metrics["reproducibility"] = reproducibility(brought.bracket)
     metrics |= _conditions(measured, fit, spread, evidence.gear, coefficients)
     metrics |= _housing_temperature(measured)
-    ratio = rotary_ratio(recording, evidence.gear.ratio)
-    metrics |= _bearing_taken_off(measured, fit, ratio)
-    estimates = (
+    metrics |= _bearing_taken_off(measured, fit, rotary_ratio(recording, evidence.gear.ratio))
+    points = point_table(measured.holds, measured.bracket, measured.tare)
+    standing = _standing(fit, spread)
+    estimates = standing.weakly(
         dict(fit.estimates)
         | running_torques(fit, curve, coefficients)
         | at_20_degrees(fit, curve, coefficients)
         | offset_estimate(fit, measured.zero)
     )
-    standing = _standing(fit, spread)
-    estimates = standing.weakly(estimates)
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
@@ -119,22 +110,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         metrics=metrics,
         warnings=(*measured.warnings, *fit.warnings, *standing.warnings),
         plots=friction_plots(fit, brought.holds, measured.bracket, measured.tare, measured.every),
-        tables=(
-            fit_table(fit),
-            point_table(measured.holds, measured.bracket, measured.tare),
-            budget_table(estimates.values()),
-        ),
-        options={
-            "torque_is_of": fit.subject,
-            "torque_balance": fit.torque_balance,
-            "channel": measured.channel,
-            "low_speed_branch": evidence.gear.options.low_speed_branch,
-            "points_brought_to": _words(measured, spread),
-            "output_bearing": measured.output.words(),
-            "temperature_coefficients": (
-                f"dry {coefficients[DRY].source}; viscous {coefficients[VISCOUS].source}"
-            ),
-        },
+        tables=(fit_table(fit), points, budget_table(estimates.values())),
+        options=_options(measured, fit, spread, evidence.gear, coefficients),
         covariance=_covariance(fit),
     )
 
@@ -238,6 +215,27 @@ def _bearing_taken_off(
     }
 
 
+def _options(
+    measured: MeasuredFriction,
+    fit: FrictionFit,
+    spread: Spread,
+    gear: HarmonicDrive,
+    coefficients: Mapping[str, Stated],
+) -> dict[str, object]:
+    """The conventions of the fit, and what was taken off its points."""
+    return {
+        "torque_is_of": fit.subject,
+        "torque_balance": fit.torque_balance,
+        "channel": measured.channel,
+        "low_speed_branch": gear.options.low_speed_branch,
+        "points_brought_to": _words(measured, spread),
+        "output_bearing": measured.output.words(),
+        "temperature_coefficients": (
+            f"dry {coefficients[DRY].source}; viscous {coefficients[VISCOUS].source}"
+        ),
+    }
+
+
 def _words(measured: MeasuredFriction, spread: Spread) -> str:
     """What the points were brought to."""
     parts = ["mean place on the output"] * (spread.place > 0.0)
@@ -245,15 +243,19 @@ def _words(measured: MeasuredFriction, spread: Spread) -> str:
     return " and ".join(parts) or "nothing"
 
 
-def _is_genetic(value: object) -> bool:
-    if not isinstance(value, bool):
+def _genetic(fit: FrictionFit, evidence: Evidence) -> dict[str, float]:
+    """The paper's search beside the fit, where it is asked for."""
+    is_wanted = evidence.settings.get("genetic", False)
+    if not isinstance(is_wanted, bool):
         raise SettingError(
             "is of the wrong kind",
             where=f"{NAME}.genetic",
-            value=repr(value),
+            value=repr(is_wanted),
             limit="true or false",
         )
-    return value
+    if not is_wanted:
+        return {}
+    return genetic_metrics(fit, evidence.gear, int(evidence.settings.get("seed", 0)))
 
 
 def _covariance(fit: FrictionFit) -> Covariance:
@@ -326,11 +328,9 @@ def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -
     residual = torque - predicted
     rms = float(np.sqrt(np.mean(residual**2)))
     spread = float(np.std(torque))
-    line = (
-        np.polyfit(points.speed, torque, 1)
-        if len(torque) > 2
-        else np.array([0.0, float(torque.mean())])
-    )
+    line = np.array([0.0, float(torque.mean())])
+    if len(torque) > 2:
+        line = np.polyfit(points.speed, torque, 1)
     straight = float(np.sqrt(np.mean((torque - np.polyval(line, points.speed)) ** 2)))
     return {
         "mse": 100.0 * (rms / spread) ** 2 if spread > 0.0 else math.nan,

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.protocols.friction.points import RUN_TO_RUN
+from experiments.protocols.friction.influences import RUN_TO_RUN
 from experiments.protocols.friction.temperature import ASSUMED, REFERENCE, Coefficient
 from experiments.result import Result
 from experiments.tares.motor_heat import MAGNETS, MAGNETS_UNCERTAINTY

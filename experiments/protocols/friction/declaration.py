@@ -10,7 +10,17 @@ from annotated_types import Ge, Gt, Le
 from experiments.contract import Deferred, Experiment
 from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
-from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.planning.shared_parameters import (
+    Acceleration,
+    HighestSpeed,
+    MeasureTime,
+    Points,
+    Repeats,
+    SettleTime,
+    Speeds,
+    SyncRate,
+    ZeroTime,
+)
 from experiments.protocols.friction.quantities import CURVE, QUANTITIES
 from experiments.setting import DRY_PER_KELVIN, OUTPUT_BEARING, PER_KELVIN_SOURCE, Setting
 from experiments.terms import MOTOR_AND_GEAR, RUNNING_TORQUE, PaperFigure, Term
@@ -29,17 +39,9 @@ class Parameters:
         Unit("r/min"),
         Help("lowest input speed; below a tenth of the Stribeck velocity"),
     ] = 1.0
-    highest_rpm: Annotated[
-        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
-    ] = 3000.0
-    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
-    speeds_rpm: Annotated[
-        tuple[float, ...],
-        Gt(0.0),
-        Le(10000.0),
-        Unit("r/min"),
-        Help("speeds to run instead of the list above"),
-    ] = ()
+    highest_rpm: HighestSpeed = 3000.0
+    points: Points = 30
+    speeds_rpm: Speeds = ()
     up_and_down: Annotated[bool, Help("go up the list and down again")] = True
     repeats: Repeats = 1
     bracket_rpm: Annotated[
@@ -48,12 +50,8 @@ class Parameters:
     bracket_every: Annotated[
         int, Ge(1), Le(1000), Unit(""), Help("speeds between two brackets")
     ] = 5
-    measure_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
-    ] = 1.0
-    settle_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
-    ] = 0.6
+    measure_time: MeasureTime = 1.0
+    settle_time: SettleTime = 0.6
     settle_tolerance: Annotated[
         float, Gt(0.0), Le(1.0), Unit("N m"), Help("agreement of consecutive torque windows")
     ] = 0.002

@@ -1,4 +1,3 @@
-# pyright: standard
 """What a friction fit says beyond its parameters: torques at catalogue speeds, everything at 20 degC, the paper's
 search.
 """
@@ -11,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments.protocols.friction.points import (
+from experiments.protocols.friction.influences import (
     BEARING,
     RUN_TO_RUN_RELATIVE,
     FittedCurve,
@@ -25,7 +24,8 @@ from model.arrays import FloatArray
 from model.gear import HarmonicDrive
 from model.identify.common_errors import Stated
 from model.identify.estimate import Estimate
-from model.identify.friction import UNITS, FrictionFit
+from model.identify.friction import UNITS
+from model.identify.friction_result import FrictionFit
 from model.identify.stribeck import NAMES, fit_stribeck_genetic, stribeck_curve
 from model.units import RPM
 
@@ -123,7 +123,7 @@ def at_20_degrees(
     law = curve.law
     if not law.is_known:
         return {}
-    estimates = {}
+    estimates: dict[str, Estimate] = {}
     for name in ("coulomb", "static", "viscous"):
         factor = law.viscous_factor if name == "viscous" else law.dry_factor
         k = NAMES.index(name)

@@ -1,4 +1,3 @@
-# pyright: standard
 """Figures 9 and 17 and the table of points, as data: running torque over speed, measured and
 fitted, both directions.
 """
@@ -14,8 +13,8 @@ from experiments.torque.running_torque import Hold
 from model.arrays import FloatArray
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
-from model.identify.friction import FrictionFit
-from model.identify.running_torque import FrictionPoints, Tare, pair_directions
+from model.identify.friction_result import FrictionFit
+from model.identify.running_torque import FrictionPoints, RunningTorque, Tare, pair_directions
 from model.units import RPM
 
 _ENLARGED_BELOW_RPM = 100.0
@@ -100,21 +99,10 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
     """Half-differences of the directions and the fitted curve, up to a speed."""
     shown = fit.speed / RPM <= highest_rpm * 1.001
     line = fit.curve_speed / RPM <= highest_rpm * 1.001
-    x, y, u = (
-        fit.speed[shown] / RPM,
-        fit.torque[shown] / MILLI,
-        1.96 * fit.standard_error[shown] / MILLI,
-    )
+    x, y, u = fit.speed[shown] / RPM, fit.torque[shown] / MILLI, _bars(fit.standard_error[shown])
+    fitted = fit.fitted[shown] / MILLI
     series = (
-        Series(
-            label=MEASURED,
-            x=x,
-            y=y,
-            style="points",
-            low=y - u,
-            high=y + u,
-            group=0,
-        ),
+        Series(label=MEASURED, x=x, y=y, style="points").with_bars(u),
         Series(
             label="fitted, equations 18-20",
             x=fit.curve_speed[line] / RPM,
@@ -125,10 +113,10 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
         Series(
             label="",
             x=x,
-            y=y - fit.fitted[shown] / MILLI,
+            y=y - fitted,
             style="points",
-            low=y - u - fit.fitted[shown] / MILLI,
-            high=y + u - fit.fitted[shown] / MILLI,
+            low=y - u - fitted,
+            high=y + u - fitted,
             group=0,
             panel=1,
         ),
@@ -151,6 +139,11 @@ def _figure_9(fit: FrictionFit, name: str, title: str, highest_rpm: float) -> Pl
     )
 
 
+def _bars(error: FloatArray) -> FloatArray:
+    """Half lengths of error bars [mN m] for standard errors [N m]: 95 %."""
+    return 1.96 * error / MILLI
+
+
 def _zero(x: FloatArray) -> Series:
     """The line of a residual panel at which nothing is left."""
     ends = np.array([x.min(), x.max()]) if len(x) else np.zeros(0)
@@ -159,55 +152,13 @@ def _zero(x: FloatArray) -> Series:
 
 def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
     """Measured and fitted torque, forward and reverse, over signed speed."""
-    series = []
+    series: list[Series] = []
     for group, direction in enumerate((1.0, -1.0)):
         chosen = sorted(
             (h.torque for h in holds if h.torque.direction == direction), key=lambda t: t.speed
         )
-        if not chosen:
-            continue
-        speed = np.array([t.speed for t in chosen])
-        torque = np.array([t.torque for t in chosen])
-        if tare is not None:
-            torque = torque - direction * tare.at(np.abs(speed))[0]
-        u = np.array([1.96 * t.standard_error for t in chosen])
-        y = torque / MILLI
-        series.append(
-            Series(
-                label=f"measured, {way_of(direction)}",
-                x=speed / RPM,
-                y=y,
-                style="points",
-                low=y - u / MILLI,
-                high=y + u / MILLI,
-                group=group,
-            )
-        )
-        left = (
-            y - np.sign(speed) * np.interp(np.abs(speed), fit.curve_speed, fit.curve_torque) / MILLI
-        )
-        series.append(
-            Series(
-                label="",
-                x=speed / RPM,
-                y=left,
-                style="points",
-                low=left - u / MILLI,
-                high=left + u / MILLI,
-                group=group,
-                panel=1,
-            )
-        )
-        x, curve = direction * fit.curve_speed, direction * fit.curve_torque
-        series.append(
-            Series(
-                label=f"fitted, {way_of(direction)}",
-                x=x / RPM,
-                y=curve / MILLI,
-                style="line",
-                group=group,
-            )
-        )
+        if chosen:
+            series += _one_way(fit, chosen, tare, group)
     both = np.array([-1.0, 1.0]) * fit.speed.max() / RPM
     shared = float(np.abs(fit.points.friction - fit.tare - fit.torque).max()) / MILLI
     return Plot(
@@ -224,17 +175,37 @@ def _figure_17(fit: FrictionFit, holds: list[Hold], tare: Tare | None) -> Plot:
     )
 
 
-def _residuals(fit: FrictionFit) -> Plot:
-    y, u = (fit.torque - fit.fitted) / MILLI, 1.96 * fit.standard_error / MILLI
-    series = (
+def _one_way(
+    fit: FrictionFit, chosen: list[RunningTorque], tare: Tare | None, group: int
+) -> tuple[Series, Series, Series]:
+    """Points of one direction, what the curve leaves of them, and the curve."""
+    direction = chosen[0].direction
+    speed = np.array([t.speed for t in chosen])
+    torque = np.array([t.torque for t in chosen])
+    if tare is not None:
+        torque = torque - direction * tare.at(np.abs(speed))[0]
+    bar = np.array([1.96 * t.standard_error for t in chosen]) / MILLI
+    x, y = speed / RPM, torque / MILLI
+    left = y - np.sign(speed) * np.interp(np.abs(speed), fit.curve_speed, fit.curve_torque) / MILLI
+    way = way_of(direction)
+    measured = Series(label=f"measured, {way}", x=x, y=y, style="points", group=group)
+    return (
+        measured.with_bars(bar),
+        replace(measured, label="", y=left, panel=1).with_bars(bar),
         Series(
-            label="measured minus fitted",
-            x=fit.speed / RPM,
-            y=y,
-            style="points",
-            low=y - u,
-            high=y + u,
+            label=f"fitted, {way}",
+            x=direction * fit.curve_speed / RPM,
+            y=direction * fit.curve_torque / MILLI,
+            style="line",
+            group=group,
         ),
+    )
+
+
+def _residuals(fit: FrictionFit) -> Plot:
+    y, u = (fit.torque - fit.fitted) / MILLI, _bars(fit.standard_error)
+    series = (
+        Series(label="measured minus fitted", x=fit.speed / RPM, y=y, style="points").with_bars(u),
     )
     return Plot(
         name="friction-residuals",
@@ -255,7 +226,7 @@ def _bracket(bracket: list[Hold]) -> Plot:
     ).T
     series = both_ways(direction, time / 60.0, direction * torque / MILLI)
     speed = abs(bracket[0].torque.speed) / RPM
-    size = direction * torque
+    size: FloatArray = direction * torque
     moved = 100.0 * float(np.ptp(size)) / max(abs(float(np.mean(size))), 1e-12)
     return Plot(
         name="friction-bracket",
@@ -276,19 +247,11 @@ def friction_prediction_plot(
     subject: str,
 ) -> Plot:
     """A given parameter set against the measured friction."""
-    speed = np.geomspace(points.speed.min(), points.speed.max(), 300)
-    u = 1.96 * points.standard_error / MILLI
-    y = torque / MILLI
+    x = points.speed / RPM
+    speed = np.geomspace(float(points.speed.min()), float(points.speed.max()), 300)
+    u, y = _bars(points.standard_error), torque / MILLI
     series = (
-        Series(
-            label=MEASURED,
-            x=points.speed / RPM,
-            y=y,
-            style="points",
-            low=y - u,
-            high=y + u,
-            group=0,
-        ),
+        Series(label=MEASURED, x=x, y=y, style="points").with_bars(u),
         Series(
             label=gear.name,
             x=speed / RPM,
@@ -298,13 +261,13 @@ def friction_prediction_plot(
         ),
         Series(
             label="",
-            x=points.speed / RPM,
+            x=x,
             y=(torque - predicted) / MILLI,
             style="points",
             group=0,
             panel=1,
         ),
-        _zero(points.speed / RPM),
+        _zero(x),
     )
     return Plot(
         name="friction-prediction",
@@ -327,11 +290,9 @@ def point_table(
     rows: list[tuple[float | int | str, ...]] = []
     for hold in sorted((*holds, *bracket), key=lambda h: h.torque.time):
         t = hold.torque
-        motor = (
-            float(tare.at(np.array([abs(t.speed)]))[0][0]) * t.direction
-            if tare is not None
-            else 0.0
-        )
+        motor = 0.0
+        if tare is not None:
+            motor = float(tare.at(np.array([abs(t.speed)]))[0][0]) * t.direction
         rows.append(
             (
                 hold.segment.label,

@@ -10,7 +10,7 @@ from experiments.angle.phase_reference import INPUT_SEEN, OUTPUT_SEEN
 from experiments.assumed import MOTOR_ENCODER, OUTPUT_ENCODER
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, check_settings
+from experiments.evidence import check_settings, quality_remarks
 from experiments.protocols.home.declaration import NAME, QUANTITIES
 from experiments.recording import Recording, Segment
 from experiments.result import Result, Table
@@ -27,10 +27,9 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """
     check_settings(evidence.settings, (), NAME)
     recording.require("homing", "input_angle", "input_index", "index_seen")
-    checked_ = check_recording(recording, "homing", evidence.maximum_missed_share)
+    warnings = quality_remarks(recording, "homing", evidence)
     estimates: dict[str, Estimate] = {}
     rows: list[tuple[float | int | str, ...]] = []
-    warnings = list(checked_.warnings)
     for which, bit, cause in (
         ("input", INPUT_SEEN, Cause.MOTOR_ENCODER),
         ("output", OUTPUT_SEEN, Cause.OUTPUT_ENCODER),
@@ -40,11 +39,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
                 f"There is no {which}_index channel: the {which} mark was not looked for."
             )
             continue
-        marks = [
-            m
-            for s in recording.labelled(f"home-{which}")
-            if (m := _mark(recording, s, which, bit)) is not None
-        ]
+        marks = _marks(recording, which, bit)
         rows += [(which, k + 1, mark % REVOLUTION / DEGREE) for k, mark in enumerate(marks)]
         if not marks:
             warnings.append(
@@ -66,16 +61,22 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         ("encoder", "pass", "angle [deg]"),
         tuple(rows),
     )
-    metrics = {f"{name}_spread": e.high - e.low for name, e in estimates.items()}
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
-        metrics=metrics,
+        metrics={f"{name}_spread": e.high - e.low for name, e in estimates.items()},
         warnings=tuple(warnings),
         tables=(table,),
     )
+
+
+def _marks(recording: Recording, which: str, bit: int) -> list[float]:
+    """The latched angles [rad] of the passes over the mark of the "input" or "output" encoder."""
+    passes = recording.labelled(f"home-{which}")
+    found = [_mark(recording, segment, which, bit) for segment in passes]
+    return [mark for mark in found if mark is not None]
 
 
 def _mark(recording: Recording, segment: Segment, which: str, bit: int) -> float | None:

@@ -1,4 +1,3 @@
-# pyright: standard
 """Figures 12, 13 and 16 and the table of orders, as data: kinematic error over the input, its
 spectrum, torque beside it.
 """
@@ -6,6 +5,7 @@ spectrum, torque beside it.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from experiments.evidence import usable
 from experiments.recording import Recording
 from experiments.result import Panel, Plot, Series, Table, residual_panel, way_of
 from model.arrays import FloatArray, IntArray
-from model.gear import HarmonicDrive
+from model.gear import Harmonic, HarmonicDrive
 from model.identify.directions import CombinedKinematicError, PhaseRelation
 from model.identify.kinematic_error import KinematicErrorFit
 from model.kinematic_error import series_value
@@ -48,19 +48,8 @@ def kinematic_error_plots(
 
 def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseReference) -> Plot:
     """Figure 12: some input revolutions of raw samples and the fitted curve through them."""
-    start = fit.regression.cells.first_angle
-    sign = fit.direction
-    angles, values = [], []
-    segment_rows = _rows_from(recording, start + reference.input_angle, sign)
-    for rows in recording.blocks(segment_rows, size=1 << 15):
-        good = usable(recording, rows)
-        angle = recording.si("input_angle", rows)[good] - reference.input_angle
-        inside = sign * (angle - start) <= _RAW_REVOLUTIONS * REVOLUTION
-        angles.append(angle[inside])
-        values.append(recording.output_angle(rows)[good][inside] - angle[inside] / fit.ratio)
-        if not inside.all():
-            break
-    angle, raw = np.concatenate(angles), np.concatenate(values)
+    start, sign = fit.regression.cells.first_angle, fit.direction
+    angle, raw = _raw_samples(fit, recording, reference)
     pick = slice(None, None, max(1, len(angle) // _RAW_POINTS))
     fitted_at = np.linspace(start, start + sign * _RAW_REVOLUTIONS * REVOLUTION, 1500)
     fitted = _value(fit, fitted_at)
@@ -102,6 +91,25 @@ def _over_input(fit: KinematicErrorFit, recording: Recording, reference: PhaseRe
     )
 
 
+def _raw_samples(
+    fit: KinematicErrorFit, recording: Recording, reference: PhaseReference
+) -> tuple[FloatArray, FloatArray]:
+    """Input angle and deviation [rad] of some input revolutions from the start of a traverse."""
+    start, sign = fit.regression.cells.first_angle, fit.direction
+    angles: list[FloatArray] = []
+    values: list[FloatArray] = []
+    segment_rows = _rows_from(recording, start + reference.input_angle, sign)
+    for rows in recording.blocks(segment_rows, size=1 << 15):
+        good = usable(recording, rows)
+        angle = recording.si("input_angle", rows)[good] - reference.input_angle
+        inside = sign * (angle - start) <= _RAW_REVOLUTIONS * REVOLUTION
+        angles.append(angle[inside])
+        values.append(recording.output_angle(rows)[good][inside] - angle[inside] / fit.ratio)
+        if not inside.all():
+            break
+    return np.concatenate(angles), np.concatenate(values)
+
+
 def _residual(fit: KinematicErrorFit) -> str:
     """What the fit leaves of the raw samples, in words."""
     return f"it is {fit.metrics['residual_rms'] / ARCSEC:.2g} arcsec (root mean square)"
@@ -137,40 +145,31 @@ def _averaged(fits: list[KinematicErrorFit]) -> Plot:
     """Figure 13: the error averaged over all revolutions per input angle, and the fit: a panel for
     each direction, and what both leave.
     """
-    series = []
+    series: list[Series] = []
     ways = _one_each_way(fits)
     for k, fit in enumerate(ways):
-        x = fit.input_angle / DEGREE
-        series.append(
-            Series(
-                label=f"measured, {way_of(fit.direction)}",
-                x=x,
-                y=fit.measured_curve / ARCMIN,
-                style="points",
-                group=k,
-                panel=k,
-            )
+        way = way_of(fit.direction)
+        measured = Series(
+            label=f"measured, {way}",
+            x=fit.input_angle / DEGREE,
+            y=fit.measured_curve / ARCMIN,
+            style="points",
+            group=k,
+            panel=k,
         )
-        series.append(
-            Series(
-                label=f"fitted, {way_of(fit.direction)}",
-                x=x,
-                y=fit.fitted_curve / ARCMIN,
-                style="line",
-                group=FITTED,
-                panel=k,
-            )
+        fitted = replace(
+            measured,
+            label=f"fitted, {way}",
+            y=fit.fitted_curve / ARCMIN,
+            style="line",
+            group=FITTED,
         )
-        series.append(
-            Series(
-                label="",
-                x=x,
-                y=(fit.measured_curve - fit.fitted_curve) / ARCMIN,
-                style="line",
-                group=k,
-                panel=len(ways),
-            )
-        )
+        left = (fit.measured_curve - fit.fitted_curve) / ARCMIN
+        series += [
+            measured,
+            fitted,
+            replace(measured, label="", y=left, style="line", panel=len(ways)),
+        ]
     note = ", ".join(
         f"{way_of(f.direction)} {f.metrics['mse_curve']:.2g} (on revolutions left out {f.metrics['mse_left_out']:.2g})"
         for f in ways
@@ -224,7 +223,7 @@ def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | 
 
 def _over_output(fits: list[KinematicErrorFit]) -> Plot:
     """The fitted curve over one output revolution, whose peak-to-peak is the transmission accuracy."""
-    series = []
+    series: list[Series] = []
     ways = _one_each_way(fits)
     for k, fit in enumerate(ways):
         x = fit.output_curve_angle / (REVOLUTION * fit.ratio) * 360.0
@@ -259,7 +258,7 @@ def _figure_16(relation: PhaseRelation) -> list[Plot]:
         ("friction torque", relation.friction_torque, 1e-3),
         ("kinematic error", relation.kinematic_error, ARCMIN),
     )
-    series = []
+    series: list[Series] = []
     for k, (name, curve, unit) in enumerate(both):
         extremes = _extremes(curve)
         series.append(Series(label=name, x=x, y=curve / unit, group=k, panel=k))
@@ -301,11 +300,20 @@ def _one_each_way(fits: list[KinematicErrorFit]) -> list[KinematicErrorFit]:
     return ahead + [f for f in fits if f.direction < 0][:1]
 
 
+def whole_orders(gear: HarmonicDrive) -> list[Harmonic]:
+    """The orders of a parameter set that do not average out in the curve over the input."""
+    return [h for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
+
+
+def predicted_curve(gear: HarmonicDrive, fit: KinematicErrorFit, shift: float = 0.0) -> FloatArray:
+    """The curve of a parameter set [rad] at the angles of the averaged one, moved by `shift` [rad], and to its mean."""
+    predicted = series_value(whole_orders(gear), fit.input_angle + shift)
+    return predicted - predicted.mean() + fit.measured_curve.mean()
+
+
 def prediction_plot(gear: HarmonicDrive, fit: KinematicErrorFit) -> Plot:
     """A given parameter set against the averaged curve of one direction, and what is left."""
-    whole = [h for h in gear.kinematic_error if abs(h.order - round(h.order)) < 1e-9]
-    predicted = series_value(whole, fit.input_angle)
-    predicted = predicted - predicted.mean() + fit.measured_curve.mean()
+    predicted = predicted_curve(gear, fit)
     x = fit.input_angle / DEGREE
     series = (
         Series(label="measured", x=x, y=fit.measured_curve / ARCMIN, style="points", group=0),

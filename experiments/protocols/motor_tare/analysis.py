@@ -1,4 +1,3 @@
-# pyright: standard
 """Motor tare: friction and cogging of the bare motor, so that the friction fit can speak of the gear alone.
 
 The torque port shows motor + gear. With the gear removed the same speeds and directions are run in the same warm state.
@@ -14,8 +13,13 @@ import numpy as np
 
 from experiments.budget import budget_table, scale_line
 from experiments.contract import Evidence
-from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, time_base_remark
+from experiments.errors import analysing
+from experiments.evidence import (
+    check_settings,
+    quality_remarks,
+    require_bare_motor,
+    time_base_remark,
+)
 from experiments.protocols.friction.quantities import at_reference
 from experiments.protocols.motor_tare.declaration import LINE, NAME, NAMES, QUANTITIES
 from experiments.recording import Recording
@@ -25,7 +29,7 @@ from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.tares.tare import tare_table
 from experiments.tares.tare_chart import tare_chart
 from experiments.tares.tare_witness import remarks_of
-from experiments.torque.pattern import direction_patterns
+from experiments.torque.pattern import TorquePattern, direction_patterns
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
@@ -56,15 +60,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Friction of the bare motor per speed and direction, its Coulomb and viscous part, cogging over the angle."""
     check_settings(evidence.settings, (), NAME)
     recording.require("motor tare", "input_angle", "torque")
-    if recording.metadata.gear_mounted:
-        raise AnalysisError(
-            "the run was made with a gear mounted: it holds the gear's friction and is no tare",
-            where=recording.metadata.run_id,
-            remedy="Remove the gear and run motor-tare.",
-        )
-    warnings = list(
-        check_recording(recording, "motor tare", evidence.maximum_missed_share).warnings
-    )
+    require_bare_motor(recording, NAME, "it holds the gear's friction and is no tare")
+    warnings = quality_remarks(recording, "motor tare", evidence)
     warnings += time_base_remark(recording)
     zero = torque_zero(recording)
     warnings += zero.warnings
@@ -86,28 +83,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     if math.isfinite(housing):
         metrics["housing_temperature"] = housing
     if patterns is not None:
-        amplitude = np.abs(patterns.cogging.amplitude)
-        metrics["cogging_peak_to_peak"] = float(
-            np.ptp(patterns.cogging.curve(np.linspace(0.0, 2.0 * math.pi, 2048)))
-        )
-        metrics["strongest_cogging_order"] = float(np.argmax(amplitude) + 1)
-        bars = Series(
-            label="half-sum of the directions",
-            x=patterns.cogging.orders,
-            y=amplitude * 1e3,
-            style="bars",
-        )
-        plots.append(
-            Plot(
-                name="cogging",
-                title="Cogging of the bare motor, seen through the servo's closed loop",
-                x_label="order per input revolution",
-                y_label="amplitude [mN m]",
-                series=(bars,),
-                note="What does not turn round with the direction, by order of a turn: slots and poles of the motor. "
-                f"It averages out over whole turns; the strongest is order {metrics['strongest_cogging_order']:.0f}.",
-            )
-        )
+        metrics |= _cogging_metrics(patterns.cogging)
+        plots.append(_cogging_plot(patterns.cogging))
     standing = Standing(LINE, len(points.speed), len(np.unique(points.level)))
     estimates = standing.weakly(estimates)
     result = Result(
@@ -122,12 +99,17 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         options={"torque_is_of": "motor"},
         covariance=covariance,
     )
-    said = remarks_of(recording, result, evidence.other_tares)
-    chart = tare_chart(result, evidence.other_tares)
+    return _witnessed(recording, result, evidence.other_tares)
+
+
+def _witnessed(recording: Recording, tare: Result, others: Sequence[Result]) -> Result:
+    """The tare with what the motor's card and other tares say of it."""
+    said = remarks_of(recording, tare, others)
+    chart = tare_chart(tare, others)
     return replace(
-        result,
-        warnings=(*result.warnings, *said),
-        plots=(*result.plots, *([chart] if chart is not None else [])),
+        tare,
+        warnings=(*tare.warnings, *said),
+        plots=(*tare.plots, *([chart] if chart is not None else [])),
     )
 
 
@@ -166,12 +148,9 @@ def _straight_line(
         lines = [
             BudgetLine(
                 "scatter about the line", "A", float(error[k]), degrees_of_freedom=float(freedom)
-            ),
+            )
         ]
-        outside = (
-            heat.line(value),
-            scale_line(recording, value),
-        )
+        outside = (heat.line(value), scale_line(recording, value))
         estimates[name] = _tare_estimate(name, value, unit, lines, outside, freedom)
         if math.isfinite(heat.temperature):
             found = at_reference(name)
@@ -207,7 +186,7 @@ def _offset(points: FrictionPoints, zero: TorqueZero) -> dict[str, Estimate]:
 def _warming(averages: Sequence[RunningTorque]) -> FloatArray:
     """How far the motor had warmed by its own losses at each hold [K]."""
     order = np.argsort([t.time for t in averages])
-    losses = [abs(t.torque) * REVOLUTION * t.revolutions for t in (averages[k] for k in order)]
+    losses = np.array([abs(t.torque) * REVOLUTION * t.revolutions for t in averages])[order]
     warmer = np.empty(len(averages))
     warmer[order] = np.cumsum(losses) * _UNSEEN_LOSSES / _HEAT_CAPACITY
     return warmer
@@ -234,6 +213,39 @@ def _tare_estimate(
     )
 
 
+def _cogging_metrics(cogging: TorquePattern) -> dict[str, float]:
+    """How large the cogging is over one turn [N m], and its strongest order."""
+    curve = cogging.curve(np.linspace(0.0, 2.0 * math.pi, 2048))
+    return {
+        "cogging_peak_to_peak": float(np.ptp(curve)),
+        "strongest_cogging_order": _strongest(cogging),
+    }
+
+
+def _strongest(cogging: TorquePattern) -> float:
+    """The strongest order of the cogging."""
+    return float(np.argmax(np.abs(cogging.amplitude)) + 1)
+
+
+def _cogging_plot(cogging: TorquePattern) -> Plot:
+    """Cogging by its orders."""
+    bars = Series(
+        label="half-sum of the directions",
+        x=cogging.orders,
+        y=np.abs(cogging.amplitude) * 1e3,
+        style="bars",
+    )
+    return Plot(
+        name="cogging",
+        title="Cogging of the bare motor, seen through the servo's closed loop",
+        x_label="order per input revolution",
+        y_label="amplitude [mN m]",
+        series=(bars,),
+        note="What does not turn round with the direction, by order of a turn: slots and poles of the motor. "
+        f"It averages out over whole turns; the strongest is order {_strongest(cogging):.0f}.",
+    )
+
+
 def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
     points = [h.torque for h in holds]
     direction, every, torque, error = np.array(
@@ -241,7 +253,7 @@ def _plot(holds: list[Hold], estimates: dict[str, Estimate]) -> Plot:
     ).T
     y, spread = direction * torque * 1e3, 1.96e3 * error
     series = both_ways(direction, every / RPM, y, low=y - spread, high=y + spread)
-    speed = np.geomspace(every.min(), every.max(), 200)
+    speed = np.geomspace(float(every.min()), float(every.max()), 200)
     line = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * speed
     series.append(Series(label="Coulomb + viscous", x=speed / RPM, y=line * 1e3, group=2))
     straight = estimates["motor_coulomb"].value + estimates["motor_viscous"].value * every

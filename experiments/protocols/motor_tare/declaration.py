@@ -5,12 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated
 
-from annotated_types import Ge, Gt, Le
+from annotated_types import Gt, Le
 
 from experiments.contract import Deferred, Experiment
 from experiments.need import TORQUES, Need
 from experiments.parameters import Help, Unit
-from experiments.planning.shared_parameters import Acceleration, Repeats, SyncRate, ZeroTime
+from experiments.planning.shared_parameters import (
+    Acceleration,
+    HighestSpeed,
+    MeasureTime,
+    Points,
+    Repeats,
+    SettleTime,
+    Speeds,
+    SyncRate,
+    ZeroTime,
+)
 from experiments.protocols.friction.quantities import at_reference
 from experiments.quantity import (
     ANGLES_IN_ITS_BUDGET,
@@ -93,24 +103,12 @@ class Parameters:
     lowest_rpm: Annotated[float, Gt(0.0), Le(6000.0), Unit("r/min"), Help("lowest input speed")] = (
         1.0
     )
-    highest_rpm: Annotated[
-        float, Gt(0.0), Le(10000.0), Unit("r/min"), Help("highest input speed")
-    ] = 3000.0
-    points: Annotated[int, Ge(1), Le(300), Unit(""), Help("number of speeds, in equal ratios")] = 30
-    speeds_rpm: Annotated[
-        tuple[float, ...],
-        Gt(0.0),
-        Le(10000.0),
-        Unit("r/min"),
-        Help("speeds to run instead of the list above"),
-    ] = ()
+    highest_rpm: HighestSpeed = 3000.0
+    points: Points = 30
+    speeds_rpm: Speeds = ()
     repeats: Repeats = 1
-    measure_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("least time that counts at each speed")
-    ] = 1.0
-    settle_time: Annotated[
-        float, Gt(0.0), Le(600.0), Unit("s"), Help("time (fast: window) before it counts")
-    ] = 0.6
+    measure_time: MeasureTime = 1.0
+    settle_time: SettleTime = 0.6
     acceleration: Acceleration = 800.0
     zero_time: ZeroTime = 3.0
     sync_rate: SyncRate = 1000.0

@@ -11,7 +11,7 @@ import numpy as np
 from experiments.budget import budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, check_settings
+from experiments.evidence import check_settings, quality_remarks
 from experiments.protocols.friction.bearing import output_bearing
 from experiments.protocols.starting_torque.balance import Balance, balanced
 from experiments.protocols.starting_torque.breakaway import (
@@ -47,9 +47,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     check_settings(evidence.settings, names_of(SETTINGS), NAME)
     bearing = output_bearing(recording, evidence.settings)
     recording.require("starting torque", "input_angle", "torque")
-    warnings = list(
-        check_recording(recording, "starting torque", evidence.maximum_missed_share).warnings
-    )
+    warnings = quality_remarks(recording, "starting torque", evidence)
     zero = torque_zero(recording)
     warnings += zero.warnings
     segments = recording.labelled("torque-ramp")
@@ -58,11 +56,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     ramps, remarks = _ramps(recording, segments, zero)
     warnings += [*remarks, *approach_remarks(recording, segments)]
     stuck = stuck_share(recording)
-    if stuck > 0.0:
-        warnings.append(
-            f"{100.0 * stuck:.0f} % of the approaches stuck and slipped: how far the output was wound up before those "
-            "ramps is not known, and their torque may be too low by what the output's friction asks of the input."
-        )
+    warnings += _stuck_remark(stuck)
     balance = balanced(ramps, recording.metadata.run_id)
     known = conditions_of(recording, segments, evidence.settings, zero, bearing, stuck)
     estimates = estimates_of(recording, ramps, balance, known)
@@ -86,6 +80,16 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         tables=(_table(ramps), budget_table(estimates.values())),
         options={"torque_is_of": "motor + gear", "output_bearing": bearing.words()},
     )
+
+
+def _stuck_remark(share: float) -> list[str]:
+    """What is to be said where a share of the approaches stuck and slipped."""
+    if not share > 0.0:
+        return []
+    return [
+        f"{100.0 * share:.0f} % of the approaches stuck and slipped: how far the output was wound up before those "
+        "ramps is not known, and their torque may be too low by what the output's friction asks of the input."
+    ]
 
 
 def _ramps(

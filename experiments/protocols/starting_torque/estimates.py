@@ -17,7 +17,7 @@ from experiments.assumed import Assumed
 from experiments.budget import scale_line, thermometer_uncertainty
 from experiments.evidence import usable
 from experiments.protocols.friction.bearing import COULOMB, OutputBearing
-from experiments.protocols.friction.points import RUN_TO_RUN, RUN_TO_RUN_RELATIVE
+from experiments.protocols.friction.influences import RUN_TO_RUN, RUN_TO_RUN_RELATIVE
 from experiments.protocols.friction.temperature import (
     DRY,
     THERMOMETRY,

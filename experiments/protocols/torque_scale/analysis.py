@@ -14,7 +14,13 @@ import numpy as np
 from experiments.budget import PAIR, budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, time_base_remark, usable
+from experiments.evidence import (
+    check_settings,
+    quality_remarks,
+    require_bare_motor,
+    time_base_remark,
+    usable,
+)
 from experiments.protocols.torque_scale.declaration import NAME, QUANTITIES, Parameters
 from experiments.protocols.torque_scale.disc import disc_of
 from experiments.recording import Recording
@@ -64,13 +70,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     check_settings(evidence.settings, (), NAME)
     recording.require("torque scale", "input_angle", "torque")
     metadata = recording.metadata
-    if metadata.gear_mounted:
-        raise AnalysisError(
-            "the run was made with a gear mounted: its inertia and friction are not those of a disc",
-            where=metadata.run_id,
-            remedy=f"Remove the gear and run {NAME}.",
-        )
-    warnings = list(check_recording(recording, NAME, evidence.maximum_missed_share).warnings)
+    require_bare_motor(recording, NAME, "its inertia and friction are not those of a disc")
+    warnings = quality_remarks(recording, NAME, evidence)
     warnings += time_base_remark(recording)
     zero = torque_zero(recording)
     warnings += zero.warnings
@@ -78,15 +79,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     ramps = list(_ramps(recording, zero, channels))
     pairs = _pairs(ramps)
     levels = sorted({ramp.at.level for ramp in ramps})
-    if not levels or any(len(pairs.get(level, ())) < LEAST_PAIRS for level in levels):
-        raise AnalysisError(
-            "too few pairs of ramps with a whole revolution between their ends",
-            where=metadata.run_id,
-            value=", ".join(f"{len(pairs.get(one, ()))} at {one:g} rad/s2" for one in levels)
-            or "none",
-            limit=f">= {LEAST_PAIRS} of each acceleration",
-            remedy="Run it with a wider range of speeds (--highest-rpm), gentler ramps, or more repeats.",
-        )
+    _require_pairs(metadata.run_id, pairs, levels)
     disc = disc_of(metadata.parameters)
     with analysing(metadata.run_id):
         every = [pair for level in levels for pair in pairs[level]]
@@ -106,10 +99,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         "disc_inertia": disc.inertia,
         "ramps": float(len(ramps)),
         "torque_zero_drift": zero.drift,
+        **_housing(recording),
     }
-    housing = _housing(recording)
-    if math.isfinite(housing):
-        metrics["housing_temperature"] = housing
     return Result(
         run=metadata.run_id,
         kind=NAME,
@@ -124,6 +115,21 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         ),
         options={"torque_is_of": "motor"},
     )
+
+
+def _require_pairs(
+    run: str, pairs: dict[float, list[tuple[RampMean, RampMean]]], levels: list[float]
+) -> None:
+    """Raise `AnalysisError` where an acceleration has fewer pairs of ramps than it needs, or there is none."""
+    if not levels or any(len(pairs.get(level, ())) < LEAST_PAIRS for level in levels):
+        raise AnalysisError(
+            "too few pairs of ramps with a whole revolution between their ends",
+            where=run,
+            value=", ".join(f"{len(pairs.get(one, ()))} at {one:g} rad/s2" for one in levels)
+            or "none",
+            limit=f">= {LEAST_PAIRS} of each acceleration",
+            remedy="Run it with a wider range of speeds (--highest-rpm), gentler ramps, or more repeats.",
+        )
 
 
 def _ramps(recording: Recording, zero: TorqueZero, channels: tuple[str, ...]) -> Iterator[_Ramp]:
@@ -223,10 +229,12 @@ def _lag_estimate(lag: float, error: float, ramps: int, period: float) -> Estima
     )
 
 
-def _housing(recording: Recording) -> float:
+def _housing(recording: Recording) -> dict[str, float]:
+    """Mean temperature of the housing [degC], where it was recorded."""
     if not recording.has("housing_temperature"):
-        return math.nan
-    return float(recording.si("housing_temperature", slice(0, recording.rows)).mean())
+        return {}
+    mean = float(recording.si("housing_temperature", slice(0, recording.rows)).mean())
+    return {"housing_temperature": mean} if math.isfinite(mean) else {}
 
 
 def _level_table(

@@ -10,6 +10,7 @@ angle.
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from experiments.angle.phase_reference import phase_reference
 from experiments.budget import budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, require_time_base, rotary_ratio
+from experiments.evidence import check_settings, quality_remarks, require_time_base, rotary_ratio
 from experiments.load import load_of
 from experiments.planning.speeds import first_resonances
 from experiments.protocols.friction.bearing import output_bearing
@@ -68,7 +69,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
 
     Setting kinematic_error: "auto" (the set's if it was identified and the run saw the index marks,
     else the run's own steps), "set", "run"; it is fitted in any case, about the set's where that is
-    given. Setting ladder: "linear", "hardening" (default), "full" (with hysteresis). K, C_b, K_m and
+    given. Setting ladder: "linear", "hardening", "full" (default, with hysteresis). K, C_b, K_m and
     J_o alone cannot be told from the angles, and it is said. What the bench's output bearing damps is taken off the
     damping ratio, as it is entered (settings as of friction) or as the bench's card has it.
     """
@@ -78,31 +79,15 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     given = "parameter set" in named["kinematic_error"]
     if not given:
         steps = [_without_error(step) for step in steps]
-        named |= {"kinematic_error": "this run's own steps, fitted with the mode"}
-    # Where nobody says what gear it is, the shipped set stands in, which tells nothing of where its mode lies.
-    is_known = recording.metadata.gear is not None or gear != shipped_gear()
-    with analysing(recording.metadata.run_id):
-
-        def paper(step: RecordedStep) -> FloatArray:
-            return simulated_output(step, gear)
-
-        ladder = fit_ladder(
-            [step.data for step in steps],
-            expected_of(gear, is_known=is_known),
-            richest=_LADDERS[richest],
-            paper=[paper(step) for step in steps],
-            error_given=given,
-        )
-        scores = [
-            score_step(step.data, angle, ideal=ideal)
-            for step, angle, ideal in zip(steps, ladder.predicted, ladder.ideal, strict=True)
-        ]
+        named["kinematic_error"] = "this run's own steps, fitted with the mode"
+    paper = partial(simulated_output, gear=gear)
+    ladder, scores = _fit(recording, steps, gear, _LADDERS[richest], error_given=given)
     bearing = output_bearing(recording, evidence.settings)
     estimates, damped = without_bearing(ladder.estimates, bearing, load_of(recording, gear))
     _refuse_alias(recording, estimates["frequency"].value)
-    if not is_known:
+    if not _is_known(recording, gear):
         estimates = _with_alias(recording, estimates)
-    skew = estimates.pop("skew")
+    del estimates["skew"]
     estimates |= output_inertia(recording, steps, ladder, estimates["stiffness_over_inertia"])
     warnings += ladder.warnings
     identifiability = _identifiability(steps, gear)
@@ -112,12 +97,8 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         kind=NAME,
         quantities=QUANTITIES,
         estimates=estimates,
-        metrics={
-            **_metrics(scores, ladder, steps),
-            "skew": skew.value,
-            "torque_amplitude": _amplitude_of(gear),
-            "output_bearing_damping_subtracted": damped,
-        },
+        metrics=_metrics(scores, ladder, steps, gear)
+        | {"output_bearing_damping_subtracted": damped},
         warnings=tuple(dict.fromkeys(warnings)),
         plots=fitted_step_plots(steps, scores, ladder, paper),
         tables=(
@@ -126,16 +107,39 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             identifiability_table(identifiability),
             budget_table(estimates.values()),
         ),
-        options={
-            **named,
-            "input": "measured",
-            "input_of_figure_19": _commanded_words(steps),
-            "output_bearing": bearing.words(),
-            "ladder": richest,
-            "rung": ladder.chosen,
-            "stiffness": f"secant, at +-{_amplitude_of(gear):.3g} N m at the output",
-        },
+        options=_inputs(named, steps)
+        | {"output_bearing": bearing.words(), "ladder": richest, "rung": ladder.chosen}
+        | {"stiffness": f"secant, at +-{_amplitude_of(gear):.3g} N m at the output"},
     )
+
+
+def _is_known(recording: Recording, gear: HarmonicDrive) -> bool:
+    """Whether somebody says what gear it is."""
+    # Where nobody does, the shipped set stands in, which tells nothing of where its mode lies.
+    return recording.metadata.gear is not None or gear != shipped_gear()
+
+
+def _fit(
+    recording: Recording,
+    steps: list[RecordedStep],
+    gear: HarmonicDrive,
+    richest: str,
+    *,
+    error_given: bool,
+) -> tuple[LadderFit, list[StepScore]]:
+    """One ladder over all steps up to the rung `richest`, and how the chosen rung does on each of them."""
+    with analysing(recording.metadata.run_id):
+        ladder = fit_ladder(
+            [step.data for step in steps],
+            expected_of(gear, is_known=_is_known(recording, gear)),
+            richest=richest,
+            paper=[simulated_output(step, gear) for step in steps],
+            error_given=error_given,
+        )
+        return ladder, [
+            score_step(step.data, angle, ideal=ideal)
+            for step, angle, ideal in zip(steps, ladder.predicted, ladder.ideal, strict=True)
+        ]
 
 
 def _amplitude_of(gear: HarmonicDrive) -> float:
@@ -207,9 +211,7 @@ def _steps_of(
     """The steps of a run, what of them an option names, and what is to be said of them."""
     check_settings(evidence.settings, names_of(SETTINGS), NAME)
     recording.require("velocity steps", "input_angle", "output_angle")
-    warnings = list(
-        check_recording(recording, "velocity steps", evidence.maximum_missed_share).warnings
-    )
+    warnings = quality_remarks(recording, "velocity steps", evidence)
     require_time_base(recording, "a velocity step")
     if not recording.labelled("step"):
         raise AnalysisError(
@@ -260,30 +262,39 @@ def _identifiability(steps: list[RecordedStep], gear: HarmonicDrive) -> Identifi
     )
 
 
-def _commanded_words(steps: list[RecordedStep]) -> str:
-    """What drives the simulation in figure 19."""
+def _inputs(named: dict[str, str], steps: list[RecordedStep]) -> dict[str, str]:
+    """What is named of the steps, what input they were simulated with, and what drives the simulation in figure 19."""
     recorded = all(step.commanded is not None for step in steps)
-    return "commanded, " + ("the recorded set-point" if recorded else "the set-point of the step")
+    return {
+        **named,
+        "input": "measured",
+        "input_of_figure_19": "commanded, "
+        + ("the recorded set-point" if recorded else "the set-point of the step"),
+    }
 
 
 def _metrics(
-    scores: list[StepScore], ladder: LadderFit, steps: list[RecordedStep]
+    scores: list[StepScore], ladder: LadderFit, steps: list[RecordedStep], gear: HarmonicDrive
 ) -> dict[str, float]:
     rings = ladder.transient > steps[0].data.output_quantum
-    names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
     # Where no step alone shows the mode, all of them are scored.
     scored = [s for s, rung in zip(scores, rings, strict=True) if rung] or scores
-    metrics = {
-        f"median_{name}": float(np.median([s.metrics[name] for s in scored])) for name in names
-    }
     left = {f"left_out_{r.name}": r.prediction for r in ladder.rungs}
     return {
         "steps": float(len(steps)),
         "resolvable_steps": float(np.count_nonzero(rings)),
-        **metrics,
+        **_medians(scored),
         **left,
         **ladder.metrics,
+        "skew": ladder.estimates["skew"].value,
+        "torque_amplitude": _amplitude_of(gear),
     }
+
+
+def _medians(scores: list[StepScore]) -> dict[str, float]:
+    """The median step by each score."""
+    names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
+    return {f"median_{name}": float(np.median([s.metrics[name] for s in scores])) for name in names}
 
 
 def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Result:
@@ -296,28 +307,23 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
             return simulated_output(step, dataclasses.replace(gear, kinematic_error=error))
 
         scores = [score_step(step.data, simulated(step)) for step in steps]
-    names = ("skill", "skill_rigid", "skill_speed", "skill_speed_rigid", "mse_speed")
-    metrics = {
-        f"median_{name}": float(np.median([s.metrics[name] for s in scores])) for name in names
-    }
     mode = torsional_mode(gear)
-    metrics |= {
-        "frequency_of_the_set": mode.natural_frequency / REVOLUTION,
-        "damping_of_the_set": mode.damping_ratio,
-    }
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
         quantities=QUANTITIES,
         estimates={},
-        metrics={"steps": float(len(steps)), **metrics},
+        metrics={
+            "steps": float(len(steps)),
+            **_medians(scores),
+            "frequency_of_the_set": mode.natural_frequency / REVOLUTION,
+            "damping_of_the_set": mode.damping_ratio,
+        },
         warnings=tuple(warnings),
         plots=scored_step_plots(steps, scores, simulated, gear.name),
         tables=(score_table(steps, scores),),
         options={
-            **named,
-            "input": "measured",
-            "input_of_figure_19": _commanded_words(steps),
+            **_inputs(named, steps),
             "parameter_set": gear.name,
             "fitted": "nothing",
         },

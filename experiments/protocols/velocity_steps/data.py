@@ -1,4 +1,3 @@
-# pyright: standard
 """The steps of a run as `model.identify.dynamics` takes them: from standstill through the step,
 with the kinematic error.
 
@@ -20,7 +19,7 @@ from experiments.angle.phase_reference import PhaseReference
 from experiments.evidence import usable
 from experiments.recording import Recording, Segment
 from experiments.torque.zero import TorqueZero
-from model.arrays import FloatArray
+from model.arrays import FloatArray, IntArray
 from model.dynamics import simulate_prescribed
 from model.errors import IdentificationError
 from model.gear import Harmonic, HarmonicDrive
@@ -83,14 +82,27 @@ def recorded_steps(
     if source is not None:
         series, origin = source.kinematic_error, f"the parameter set {source.name}"
     else:
-        series, origin = (
-            _own_series(raw, ratio, resonance),
-            "the steady parts of the run's own slow steps",
+        series = _own_series(raw, ratio, resonance)
+        origin = "the steady parts of the run's own slow steps"
+    recorded, unused = _usable(recording, raw, ratio, series)
+    warnings = [f"{len(unused)} steps were left out: {', '.join(unused[:4])}."] if unused else []
+    if not series:
+        origin = "none"
+        warnings.append(
+            "There is no slow step and no identified kinematic error: the gear's error stands in the deviations."
         )
+    return recorded, origin, warnings
+
+
+def _usable(
+    recording: Recording, raw: list[_Stretch], ratio: float, series: tuple[Harmonic, ...]
+) -> tuple[list[RecordedStep], list[str]]:
+    """The steps that can be used, their kinematic error being `series`, and words on those that cannot."""
     quanta = {
         name: recording.signals[name].quantum or 1e-7 for name in ("input_angle", "output_angle")
     }
-    recorded, unused = [], []
+    recorded: list[RecordedStep] = []
+    unused: list[str] = []
     for part in raw:
         try:
             data = step_data(
@@ -108,13 +120,7 @@ def recorded_steps(
                 raise
             continue
         recorded.append(RecordedStep(part.segment, data, part.torque, part.commanded))
-    warnings = [f"{len(unused)} steps were left out: {', '.join(unused[:4])}."] if unused else []
-    if not series:
-        origin = "none"
-        warnings.append(
-            "There is no slow step and no identified kinematic error: the gear's error stands in the deviations."
-        )
-    return recorded, origin, warnings
+    return recorded, unused
 
 
 def carries(gear: HarmonicDrive, reference: PhaseReference) -> bool:
@@ -148,15 +154,13 @@ def _arrays(
     zero: TorqueZero | None,
     certified: Mapping[str, CertifiedAngle],
 ) -> _Stretch:
-    rate = (
-        recording.metadata.sample_rate if math.isfinite(recording.metadata.sample_rate) else 1000.0
-    )
+    rate = recording.metadata.sample_rate
+    if not math.isfinite(rate):
+        rate = 1000.0
+    start = segment.start
     before = next((s for s in recording.labelled("rest") if s.stop == segment.start), None)
-    start = (
-        segment.start
-        if before is None
-        else max(before.start, segment.start - round(_REST_SHOWN * rate))
-    )
+    if before is not None:
+        start = max(before.start, segment.start - round(_REST_SHOWN * rate))
     rows = slice(start, segment.stop)
     good = usable(recording, rows)
     stamp = recording.time(rows)
@@ -206,7 +210,9 @@ def _own_series(raw: list[_Stretch], ratio: float, resonance: float) -> tuple[Ha
     slow = [part for part in raw if abs(part.segment.setpoint) <= SLOW and len(part.time) > 200]
     if not slow:
         return ()
-    designs, values, which = [], [], []
+    designs: list[FloatArray] = []
+    values: list[FloatArray] = []
+    which: list[IntArray] = []
     for index, part in enumerate(slow):
         time, angle = part.time, part.input_angle
         steady = time >= max(0.4 * float(time[-1]), 0.2)

@@ -15,7 +15,7 @@ from experiments.recording import Recording
 from experiments.tares.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import TEMPERATURE
 from model.arrays import FloatArray
-from model.identify.dynamics import LadderFit
+from model.identify.dynamics import Beside, LadderFit
 from model.identify.estimate import BudgetLine, Estimate, Identifiable, coverage_factor
 from model.identify.step_inertia import LEAST_STEPS, InertiaFit, fit_inertia
 from model.units import RPM
@@ -51,53 +51,64 @@ def output_inertia(
         return {}
     heat = motor_heat(recording, _housing(recording, steps))
     found = _fitted(steps, asked, ladder, ladder.acceleration)
-    beside = ladder.beside
-    other = None if beside is None else _fitted(steps, asked, ladder, beside.acceleration)
-
-    def lines_of(name: str) -> list[BudgetLine]:
-        value, error = found.values[name], found.errors[name]
-        lines = [
-            BudgetLine(SCATTER, "A", error, degrees_of_freedom=found.freedom[name]),
-            BudgetLine(SMOOTHING, "B", found.smoothing[name] / math.sqrt(3.0), TWICE),
-            BudgetLine(
-                SKEW,
-                "B",
-                found.skew[name] / math.sqrt(3.0),
-                "latched within half a cycle of the angles",
-            ),
-        ]
-        if beside is not None and other is not None:
-            away = abs(other.values[name] - value)
-            lines.append(BudgetLine(_RUNG, "B", beside.share * away, beside.note))
-        return lines
-
+    other = None
+    if ladder.beside is not None:
+        beside = _fitted(steps, asked, ladder, ladder.beside.acceleration)
+        other = _OtherRung(ladder.beside, beside)
     estimates: dict[str, Estimate] = {}
     for name in ("output_inertia", "input_inertia"):
-        own = lines_of(name)
-        bench = _bench_lines(recording, found, found.values[name], heat)
-        estimates[name] = _estimate(name, "kg m2", found.values[name], own, bench, ratio)
-    inertia = found.values["output_inertia"]
-    value = inertia * ratio.value
-    lines = [
-        _share(line, ratio.value) for line in lines_of("output_inertia") if line.source != _RUNG
-    ]
-    lines += [_share(line, abs(inertia)) for line in ratio.budget if line.source != _RUNG]
-    if beside is not None and other is not None:
-        away = abs(other.values["output_inertia"] * beside.secant - value)
-        lines.append(BudgetLine(_RUNG, "B", beside.share * away, beside.note))
-    stiffness = _estimate(
-        "output_stiffness",
-        "N m/rad",
-        value,
-        lines,
-        _bench_lines(recording, found, value, heat),
-        ratio,
-    )
+        value, own = found.values[name], _own_lines(found, name)
+        if other is not None:
+            own.append(other.line(value, other.fit.values[name]))
+        bench = _bench_lines(recording, found, value, heat)
+        estimates[name] = _estimate(name, "kg m2", value, own, bench, ratio)
     told = estimates["output_inertia"]
     estimates["output_stiffness"] = dataclasses.replace(
-        stiffness, identifiable=told.identifiable, note=told.note
+        _stiffness(recording, found, other, heat, ratio),
+        identifiable=told.identifiable,
+        note=told.note,
     )
     return estimates
+
+
+@dataclasses.dataclass(frozen=True)
+class _OtherRung:
+    """What another rung of the ladder makes of the same torque."""
+
+    rung: Beside
+    fit: InertiaFit
+
+    def line(self, value: float, here: float) -> BudgetLine:
+        """How far a value is from what it is `here`."""
+        return BudgetLine(_RUNG, "B", self.rung.share * abs(here - value), self.rung.note)
+
+
+def _own_lines(found: InertiaFit, name: str) -> list[BudgetLine]:
+    """What the steps do not tell of an inertia, whatever the rung of the ladder is."""
+    smoothing, skew = found.smoothing[name] / math.sqrt(3.0), found.skew[name] / math.sqrt(3.0)
+    return [
+        BudgetLine(SCATTER, "A", found.errors[name], degrees_of_freedom=found.freedom[name]),
+        BudgetLine(SMOOTHING, "B", smoothing, TWICE),
+        BudgetLine(SKEW, "B", skew, "latched within half a cycle of the angles"),
+    ]
+
+
+def _stiffness(
+    recording: Recording,
+    found: InertiaFit,
+    other: _OtherRung | None,
+    heat: MotorHeat,
+    ratio: Estimate,
+) -> Estimate:
+    """K, the inertia of the output by torque times K/J_o of the mode."""
+    inertia = found.values["output_inertia"]
+    value = inertia * ratio.value
+    lines = [_share(line, ratio.value) for line in _own_lines(found, "output_inertia")]
+    lines += [_share(line, abs(inertia)) for line in ratio.budget if line.source != _RUNG]
+    if other is not None:
+        lines.append(other.line(value, other.fit.values["output_inertia"] * other.rung.secant))
+    bench = _bench_lines(recording, found, value, heat)
+    return _estimate("output_stiffness", "N m/rad", value, lines, bench, ratio)
 
 
 def _fitted(

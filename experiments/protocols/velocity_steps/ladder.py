@@ -27,7 +27,7 @@ from experiments.protocols.velocity_steps.data import (
 from experiments.recording import Recording
 from model.arrays import FloatArray
 from model.identify.dynamics import FittedRung, fit_rung, predict_steps
-from model.identify.step_fit import BASIS
+from model.identify.step_problem import BASIS
 from model.identify.step_rungs import FITTED
 
 

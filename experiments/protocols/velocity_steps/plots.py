@@ -1,4 +1,3 @@
-# pyright: standard
 """Figure 19 and what belongs to it, as data: output speed per step, measured and simulated;
 resonance over speed; orders.
 
@@ -127,14 +126,8 @@ def _step_figure(
     with_measured_input = measured - score.predicted_speed[shown] / RPM
     behind = [_rigid(step, x)]
     if paper is not None:
-        behind.append(
-            Series(
-                label="equation 2, unfitted",
-                x=x,
-                y=speed_of(paper(asked)),
-                role="null",
-            )
-        )
+        unfitted = speed_of(paper(asked))
+        behind.append(Series(label="equation 2, unfitted", x=x, y=unfitted, role="null"))
     return Plot(
         name=f"velocity-step-{rpm}",
         title=f"Velocity step to {rpm} r/min at the input",
@@ -145,11 +138,7 @@ def _step_figure(
             Series(label="measured", x=x, y=measured, style="points", group=0),
             Series(label=f"{label} from command", x=x, y=simulated, group=1),
             Series(
-                label="left by measured input",
-                x=x,
-                y=with_measured_input,
-                role="null",
-                panel=1,
+                label="residual, measured input", x=x, y=with_measured_input, role="null", panel=1
             ),
             Series(label="", x=x, y=measured - simulated, group=1, panel=1),
         ),
@@ -218,11 +207,11 @@ def ladder_table(steps: list[RecordedStep], ladder: LadderFit) -> Table:
         "(equation 2 with the set's values) have nothing fitted; the others are shown on steps left out of their fit. "
         "In the last row a step that no model explains counts by its weight only."
     )
-    return Table("ladder", "What each rung of the ladder gains", columns, tuple(rows), note)
+    return Table("ladder", "What each model gains over the one before", columns, tuple(rows), note)
 
 
 def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
-    series = []
+    series: list[Series] = []
     x = np.array([abs(s.segment.setpoint) / RPM for s in steps])
     names = (("skill", "deviation x"), ("skill_speed", "output speed"))
     for k, (name, label) in enumerate(names):
@@ -242,7 +231,7 @@ def _skills(steps: list[RecordedStep], scores: list[StepScore]) -> Plot:
 
 def _orders(steps: list[RecordedStep], scores: list[StepScore]) -> list[Plot]:
     """Orders of theta_o - theta_i/N - ke over the input in the second half of the fast forward steps."""
-    series = []
+    series: list[Series] = []
     for step, score in zip(steps, scores, strict=True):
         if step.segment.direction < 0 or step.segment.repeat:
             continue

@@ -10,8 +10,8 @@ import numpy as np
 from experiments.budget import scale_line
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError
-from experiments.evidence import check_recording, check_settings, usable
-from experiments.protocols.friction.points import (
+from experiments.evidence import check_settings, quality_remarks, usable
+from experiments.protocols.friction.influences import (
     LOSS_RELATIVE,
     OWN_RELATIVE,
     PORT_LAG,
@@ -25,6 +25,7 @@ from experiments.result import Plot, Result, Series
 from experiments.tares.motor_heat import MotorHeat, motor_heat
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
+from model.arrays import FloatArray
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
 from model.identify.running_torque import FrictionPoints, pair_directions
@@ -34,26 +35,14 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     """Running torque against time, whether it became steady, and the running torque of the warm rig at this speed."""
     check_settings(evidence.settings, (), NAME)
     recording.require("warm-up", "input_angle", "torque")
-    warnings = list(check_recording(recording, "warm-up", evidence.maximum_missed_share).warnings)
+    warnings = quality_remarks(recording, "warm-up", evidence)
     zero = torque_zero(recording)
     warnings += zero.warnings
     segments = recording.labelled("warm-up")
     if not segments:
         raise AnalysisError("the run has no warm-up segment", where=recording.metadata.run_id)
-    window, tolerance = (
-        _window(recording),
-        float(recording.metadata.parameters.get("tolerance", Parameters.tolerance)),
-    )
-    windows = [_windows(recording, segment, zero, window) for segment in segments]
-    time, torque = (np.concatenate(parts) for parts in zip(*windows, strict=True))
-    if len(time) < 2:
-        raise AnalysisError(
-            "the warm-up is shorter than two windows",
-            where=recording.metadata.run_id,
-            value=len(time),
-            limit=">= 2",
-            remedy="Run longer or with a shorter window.",
-        )
+    tolerance = float(recording.metadata.parameters.get("tolerance", Parameters.tolerance))
+    time, torque = _over_time(recording, segments, zero)
     change = float(abs(torque[-1] - torque[-2]))
     steady = change <= tolerance
     if not steady:
@@ -62,34 +51,13 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             f"(limit {tolerance * 1e3:.2f} mN m). Warm up longer."
         )
     holds, remarks = measured_holds(recording, recording.labelled("hold"), zero)
-    estimates: dict[str, Estimate] = {}
-    conditions: dict[str, float] = {}
-    points = pair_directions([h.torque for h in holds]) if holds else None
-    if points is not None and points.paired.any():
-        pair = [holds[k] for k in points.members[int(np.argmax(points.paired))]]
-        housing = float(np.mean([h.torque.temperature for h in pair]))
-        conditions = {"speed": float(np.mean([abs(h.torque.speed) for h in pair]))}
-        if math.isfinite(housing):
-            conditions["housing_temperature"] = housing
-        heat = motor_heat(recording, housing)
-        conditions["torque_constant_factor"] = heat.constant_factor()[0]
-        estimates["running_torque"] = _running_torque(recording, evidence, points, pair, heat)
+    estimates, conditions = _when_warm(recording, evidence, holds)
     metrics = conditions | {
         "last_change": change,
         "total_change": float(torque[-1] - torque[0]),
         "time_until_steady": _steady_since(time, torque, tolerance),
         "steady": float(steady),
     }
-    series = Series(label="mean per window", x=time - time[0], y=torque * 1e3, style="points")
-    plot = Plot(
-        name="warm-up",
-        title="Running torque while warming up",
-        x_label="time [s]",
-        y_label="torque of motor + gear [mN m]",
-        series=(series,),
-        note=f"The mean torque of each window of time. Good where the end is flat: between the last two windows it "
-        f"changed by {change * 1e3:.2g} mN m, and {tolerance * 1e3:.2g} mN m is allowed.",
-    )
     return Result(
         run=recording.metadata.run_id,
         kind=NAME,
@@ -97,8 +65,39 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         estimates=estimates,
         metrics=metrics,
         warnings=(*warnings, *remarks),
-        plots=(plot,),
+        plots=(_plot(time, torque, change, tolerance),),
         options={"torque_is_of": "motor + gear"},
+    )
+
+
+def _when_warm(
+    recording: Recording, evidence: Evidence, holds: list[Hold]
+) -> tuple[dict[str, Estimate], dict[str, float]]:
+    """The running torque at the end, where there is a hold each way, and the conditions under which it holds."""
+    points = pair_directions([h.torque for h in holds]) if holds else None
+    if points is None or not points.paired.any():
+        return {}, {}
+    pair = [holds[k] for k in points.members[int(np.argmax(points.paired))]]
+    housing = float(np.mean([h.torque.temperature for h in pair]))
+    conditions = {"speed": float(np.mean([abs(h.torque.speed) for h in pair]))}
+    if math.isfinite(housing):
+        conditions["housing_temperature"] = housing
+    heat = motor_heat(recording, housing)
+    conditions["torque_constant_factor"] = heat.constant_factor()[0]
+    return {"running_torque": _running_torque(recording, evidence, points, pair, heat)}, conditions
+
+
+def _plot(time: FloatArray, torque: FloatArray, change: float, tolerance: float) -> Plot:
+    """The torque over the time of the run, and how far it still changed at the end [N m]."""
+    series = Series(label="mean per window", x=time - time[0], y=torque * 1e3, style="points")
+    return Plot(
+        name="warm-up",
+        title="Running torque while warming up",
+        x_label="time [s]",
+        y_label="torque of motor + gear [mN m]",
+        series=(series,),
+        note=f"The mean torque of each window of time. Good where the end is flat: between the last two windows it "
+        f"changed by {change * 1e3:.2g} mN m, and {tolerance * 1e3:.2g} mN m is allowed.",
     )
 
 
@@ -125,14 +124,10 @@ def _running_torque(
     factor, warmth = heat.constant_factor()
     error *= factor
     value = factor * float(points.friction[at]) - loss + lag
+    lagging = abs(float(ripple.lag_uncertainty.mean()))
     by_speed = (
         BudgetLine(VIBRATION, "B", shaken, "damping and first mode of the card, orders that hide"),
-        BudgetLine(
-            PORT_LAG,
-            "B",
-            abs(float(ripple.lag_uncertainty.mean())),
-            port_lag(recording, "torque")[2],
-        ),
+        BudgetLine(PORT_LAG, "B", lagging, port_lag(recording, "torque")[2]),
     )
     half = math.hypot(
         student_quantile(freedom) * error,
@@ -155,17 +150,30 @@ def _running_torque(
     )
 
 
-def _window(recording: Recording) -> float:
-    """The window of this run [s]."""
-    return float(recording.metadata.parameters.get("window", Parameters.window))
+def _over_time(
+    recording: Recording, segments: tuple[Segment, ...], zero: TorqueZero
+) -> tuple[FloatArray, FloatArray]:
+    """Middle [s] and mean torque [N m] of every window of the run."""
+    window = float(recording.metadata.parameters.get("window", Parameters.window))
+    windows = [_windows(recording, segment, zero, window) for segment in segments]
+    time, torque = (np.concatenate(parts) for parts in zip(*windows, strict=True))
+    if len(time) < 2:
+        raise AnalysisError(
+            "the warm-up is shorter than two windows",
+            where=recording.metadata.run_id,
+            value=len(time),
+            limit=">= 2",
+            remedy="Run longer or with a shorter window.",
+        )
+    return time, torque
 
 
 def _windows(
     recording: Recording, segment: Segment, zero: TorqueZero, window: float
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[FloatArray, FloatArray]:
     """Middle [s] and mean torque [N m] of consecutive windows, in constant memory."""
     start = float(recording.time(slice(segment.start, segment.start + 1))[0])
-    sums: dict[int, np.ndarray] = {}
+    sums: dict[int, FloatArray] = {}
     for rows in recording.blocks(segment):
         good = usable(recording, rows)
         time = recording.time(rows)[good]
@@ -180,7 +188,7 @@ def _windows(
     return np.array([s[1] / s[0] for s in whole]), np.array([s[2] / s[0] for s in whole])
 
 
-def _steady_since(time: np.ndarray, torque: np.ndarray, tolerance: float) -> float:
+def _steady_since(time: FloatArray, torque: FloatArray, tolerance: float) -> float:
     """Time [s] after which no window differs from the last one by more than the tolerance; NaN where it never was."""
     away = np.flatnonzero(np.abs(torque - torque[-1]) > tolerance)
     first = int(away[-1]) + 1 if len(away) else 0

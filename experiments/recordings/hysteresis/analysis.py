@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -146,11 +145,10 @@ def _at_its_time(recording: Recording, name: str, rows: slice, values: FloatArra
 
 def _with_scale(fit: HysteresisFit, recording: Recording, torque: str) -> dict[str, Estimate]:
     """The estimates with the scale of the torque in their budgets, where they are proportional to it."""
-    return {
+    return dict(fit.estimates) | {
         name: e.with_budget((scale_line(recording, e.value, torque),))
-        if name in _PROPORTIONAL and e.budget
-        else replace(e)
         for name, e in fit.estimates.items()
+        if name in _PROPORTIONAL and e.budget
     }
 
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, rotary_ratio
+from experiments.evidence import check_settings, quality_remarks, rotary_ratio
 from experiments.need import EFFORTS, NOMINAL_ANGLE, TURNING
 from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel
@@ -62,9 +62,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     check_settings(settings, names_of(SETTINGS), NAME)
     angle_name = chosen_channel(recording, settings, "angle", TURNING, "an order spectrum")
     channel, unit = channel_of(recording, settings)
-    warnings = list(
-        check_recording(recording, "an order spectrum", evidence.maximum_missed_share).warnings
-    )
+    warnings = quality_remarks(recording, "an order spectrum", evidence)
     stated = rotary_ratio(recording, math.nan)
     ratio = evidence.gear.mounted_ratio(recording.metadata.mounting)
     source = order_source(recording, angle_name, channel, rotary_ratio(recording, ratio))

@@ -10,7 +10,7 @@ import numpy as np
 from experiments.budget import budget_table
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
-from experiments.evidence import check_recording, check_settings, require_time_base, usable
+from experiments.evidence import check_settings, quality_remarks, require_time_base, usable
 from experiments.recording import Recording
 from experiments.recordings.channels import stated_lag
 from experiments.recordings.orders_source import angle_of
@@ -53,7 +53,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     settings = evidence.settings
     check_settings(settings, names_of(SETTINGS), NAME)
     first, second = _names(recording, settings)
-    warnings = list(check_recording(recording, "a skew", evidence.maximum_missed_share).warnings)
+    warnings = quality_remarks(recording, "a skew", evidence)
     require_time_base(recording, "a skew")
     if recording.rows > MOST_ROWS:
         warnings.append(f"The first {MOST_ROWS} of {recording.rows} rows were used.")

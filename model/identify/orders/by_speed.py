@@ -19,6 +19,7 @@ import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.arrays import ComplexArray, IntArray
 from model.identify.checks import Array
+from model.identify.least_squares import closest, inverse_of, solution_of
 from model.units import REVOLUTION
 
 LEAST_RANGE = 0.25
@@ -193,9 +194,9 @@ def _total(blocks: Sequence[_Block]) -> tuple[Array, Array]:
 def _fitted(blocks: Sequence[_Block]) -> tuple[Array, Array]:
     """The coefficients (p,), and their covariance (p, p) by what each block pulls."""
     squares, cross = _total(blocks)
-    found: Array = np.asarray(np.linalg.solve(squares, cross), dtype=np.float64)
+    found = solution_of(squares, cross)
     pulls: Array = np.stack([one.cross - one.squares @ found for one in blocks])
-    inverse: Array = np.asarray(np.linalg.inv(squares), dtype=np.float64)
+    inverse = inverse_of(squares)
     covariance: Array = inverse @ (pulls.T @ pulls) @ inverse * len(blocks) / (len(blocks) - 1.0)
     return found, covariance
 
@@ -220,7 +221,7 @@ def _unseen_errors(blocks: Sequence[_Block], columns: IntArray) -> Array:
         own, power = _total(part), math.fsum(block.power for block in part)
         one = _Block(*own, power, 0.0)
         others, rest = squares - one.squares[square], cross - one.cross[columns]
-        found: Array = np.asarray(np.linalg.lstsq(others, rest, rcond=None)[0], dtype=np.float64)
+        found = closest(others, rest)
         cross_left = 2.0 * float(found @ one.cross[columns])
         left.append(one.power - cross_left + float(found @ one.squares[square] @ found))
     return np.array(left)

@@ -72,32 +72,8 @@ def solve(
     moving: Moving | None = None,
 ) -> Solved:
     """Trend and orders of one direction; those that are `moving` are refined too."""
-    single = samples.samples > _SINGLE
-    columns = 2 * len(orders) + (0 if moving is None else len(moving.places))
-    normal, right = np.zeros((columns, columns)), np.zeros(columns)
-    tables: dict[int, tuple[Array, Array, Array]] = {}
-    for piece in pieces:
-        if piece.direction != direction:
-            continue
-        degree = samples.stretches[piece.stretch].degree + 1
-        if piece.stretch not in tables:
-            tables[piece.stretch] = (
-                np.zeros((degree, degree)),
-                np.zeros((degree, columns)),
-                np.zeros(degree),
-            )
-        own, cross, slow = tables[piece.stretch]
-        for rows in _chunks(piece):
-            waves = _waves(piece, rows, orders, moving, single=single)
-            trend = _trend(samples, piece, rows)
-            count = piece.count[rows]
-            value = count * (piece.value[rows] - samples.mean)
-            weighted = waves * count.astype(waves.dtype)
-            normal += weighted @ waves.T
-            right += waves @ value.astype(waves.dtype)
-            own += (trend * count) @ trend.T
-            cross += (trend @ weighted.T).astype(np.float64)
-            slow += trend @ value
+    ways = (piece for piece in pieces if piece.direction == direction)
+    normal, right, tables = _summed(samples, ways, orders, moving)
     gains: dict[int, tuple[Array, Array]] = {}
     for number, (own, cross, slow) in tables.items():
         inverse = np.linalg.pinv(own, rcond=1e-12, hermitian=True)
@@ -122,6 +98,37 @@ def solve(
         shift=solution[k:],
         shift_variance=np.diag(inverse)[k:].copy(),
     )
+
+
+def _summed(
+    samples: OrderSamples, pieces: Iterable[Piece], orders: Array, moving: Moving | None
+) -> tuple[Array, Array, dict[int, tuple[Array, Array, Array]]]:
+    """X'X and X'y of the waves; and of each stretch the trend's own products, those with the waves and with y."""
+    single = samples.samples > _SINGLE
+    columns = 2 * len(orders) + (0 if moving is None else len(moving.places))
+    normal, right = np.zeros((columns, columns)), np.zeros(columns)
+    tables: dict[int, tuple[Array, Array, Array]] = {}
+    for piece in pieces:
+        degree = samples.stretches[piece.stretch].degree + 1
+        if piece.stretch not in tables:
+            tables[piece.stretch] = (
+                np.zeros((degree, degree)),
+                np.zeros((degree, columns)),
+                np.zeros(degree),
+            )
+        own, cross, slow = tables[piece.stretch]
+        for rows in _chunks(piece):
+            waves = _waves(piece, rows, orders, moving, single=single)
+            trend = _trend(samples, piece, rows)
+            count = piece.count[rows]
+            value = count * (piece.value[rows] - samples.mean)
+            weighted = waves * count.astype(waves.dtype)
+            normal += weighted @ waves.T
+            right += waves @ value.astype(waves.dtype)
+            own += (trend * count) @ trend.T
+            cross += (trend @ weighted.T).astype(np.float64)
+            slow += trend @ value
+    return normal, right, tables
 
 
 def residuals(

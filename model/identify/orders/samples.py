@@ -74,7 +74,7 @@ class Piece:
             mean,
             count,
             np.maximum(square - offset**2, 0.0) + self.spread[starts],
-            float(scatter @ scatter),
+            within=float(scatter @ scatter),
         )
 
 

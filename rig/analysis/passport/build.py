@@ -20,6 +20,7 @@ from rig.analysis.passport.watch import Group, alarmed, days_between, watched
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import RigError
 from rig.gears.acceptance import acceptance_of_places
+from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 
 
@@ -39,31 +40,19 @@ def passport(
     """
     watching = watching or watching_in_force()
     where = where if isinstance(where, (str, Path)) else list(where)
-    runs = runs_of(where, serial)
-    if not runs:
-        raise RigError(
-            "there is no run of this gear",
-            where=_place(where),
-            value=repr(serial),
-            remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
-        )
-    gathered = gather(runs, origin)
-    analysed = gathered.analysed
-    groups = followed_groups(analysed)
+    gathered = gather(_runs_of_gear(where, serial), origin)
+    groups = followed_groups(gathered.analysed)
     chosen = alarmed(groups)
     days = days_between(chosen, _golden(where, serial, watching, origin), watching.promise)
     acceptance = acceptance_of_places(where, serial)
-    series = tuple(
-        series_of(
-            one,
-            watched(one, watching.promise, len(chosen), days)
-            if any(one is other for other in chosen)
-            else None,
-            watching,
-            acceptance,
-        )
-        for one in groups
-    )
+
+    def drawn(group: Group) -> PassportSeries:
+        alarm = None
+        if any(group is other for other in chosen):
+            alarm = watched(group, watching.promise, len(chosen), days)
+        return series_of(group, alarm, watching, acceptance)
+
+    series = tuple(map(drawn, groups))
     origins = sorted({run.origin for run in gathered.runs})
     mark = " / ".join(ORIGIN_WORDS.get(one, one.upper()) for one in origins if one != "hardware")
     return Passport(
@@ -72,12 +61,25 @@ def passport(
         mark=mark,
         runs=gathered.runs,
         series=series,
-        spectra=spectrum_plots(analysed),
+        spectra=spectrum_plots(gathered.analysed),
         tables=tuple(point_table(one) for one in series),
         missing=(*gathered.missing, *_missing(gathered, series)),
         left_out=gathered.left_out,
         promise=watching.promise.words,
     )
+
+
+def _runs_of_gear(where: str | Path | Sequence[str | Path], serial: str) -> tuple[IndexedRun, ...]:
+    """The runs of a gear. Raises `RigError` where there is none."""
+    runs = runs_of(where, serial)
+    if not runs:
+        raise RigError(
+            "there is no run of this gear",
+            where=_place(where),
+            value=repr(serial),
+            remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
+        )
+    return runs
 
 
 def alarms_of(

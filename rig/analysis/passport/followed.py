@@ -117,12 +117,9 @@ def facts_of(
     settings: Mapping[str, Any],
 ) -> Facts:
     """How a run was made and analysed; a name that is no fact of its own is an option of the analysis."""
-    return {
-        name: FACTS[name](parameters, options, settings)
-        if name in FACTS
-        else str(options.get(name, ""))
-        for name in names
-    }
+    facts = {name: str(options.get(name, "")) for name in names}
+    own = {name: FACTS[name](parameters, options, settings) for name in facts if name in FACTS}
+    return facts | own
 
 
 def _speed(

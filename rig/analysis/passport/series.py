@@ -87,19 +87,20 @@ def series_of(
     )
     limit = _catalogue_limit(quantity, members[-1])
     factor, shown = group.shown
-    alarm = None if series is None else alarm_of(group, series, watching)
-    wear = None
+    alarm = wear = None
     if series is not None:
+        alarm = alarm_of(group, series, watching)
         wear = wear_of(group, series, _judging_limit(quantity, acceptance, limit))
-    axis, mark = (
-        f"{quantity.axis} [{shown}]".removesuffix(" []"),
-        ORIGIN_WORDS.get(group.origin, ""),
-    )
+    axis = f"{quantity.axis} [{shown}]".removesuffix(" []")
+    mark = ORIGIN_WORDS.get(group.origin, "")
     name = f"passport-{quantity.key}"
     plot = history_plot(
         axis, points, alarm, limit, factor=factor, name=name, title=group.title, mark=mark
     )
-    threshold = series.threshold if series is not None and len(points) > baseline else None
+    threshold = sums = None
+    if series is not None and len(points) > baseline:
+        threshold = series.threshold
+        sums = sums_plot(points, threshold, name=f"{name}-sums", title=group.title, mark=mark)
     return PassportSeries(
         key=" | ".join((group.origin, quantity.key, *group.conditions.values())),
         quantity=quantity.key,
@@ -113,9 +114,7 @@ def series_of(
         conditions=group.conditions,
         points=points,
         plot=plot,
-        sums=None
-        if threshold is None
-        else sums_plot(points, threshold, name=f"{name}-sums", title=group.title, mark=mark),
+        sums=sums,
         state=_state(series, alarm, len(points), baseline),
         threshold=threshold,
         alarm=alarm,

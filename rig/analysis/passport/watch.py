@@ -152,11 +152,10 @@ def _sentence(group: Group, change: Change, since: AnalysedRun, beside: Sequence
     reach = 0.5 * (size.high - size.low) / factor
     decimals = decimals_of(reach)
     value = abs(size.value) / factor
-    text = (
-        f"{fixed(value, decimals)} ± {fixed(reach, decimals)}"
-        if decimals is not None
-        else number(value)
-    )
+    if decimals is not None:
+        text = f"{fixed(value, decimals)} ± {fixed(reach, decimals)}"
+    else:
+        text = number(value)
     spread = number(abs(size.value) / change.scatter, 2)
     words = (
         f"{group.title} is {change.direction} by {text} {unit}".rstrip()

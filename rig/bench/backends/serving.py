@@ -66,27 +66,14 @@ def serve_rig(
     for an address that is not this computer's own, unless `expose` allows it, and `DriverError` for
     a port that is taken.
     """
-    if host not in _LOOPBACK and not expose:
-        raise ConfigurationError(
-            "would let other computers command the simulated rig",
-            where="--host",
-            value=host,
-            limit=", ".join(sorted(_LOOPBACK)),
-            remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
-        )
+    _refuse_other_computers(host, expose)
     bench = make_bench(**parts_of(order, setup), time=time, faults=faults)
     if sheets is not None:
         _write_sheets(bench, sheets)
 
     def served_at(addresses: Addresses) -> None:
-        served = Served(
-            addresses.host,
-            addresses.port,
-            addresses.channel,
-            addresses.readout,
-            _NODES,
-            bench.title,
-        )
+        place = (addresses.host, addresses.port, addresses.channel, addresses.readout)
+        served = Served(*place, _NODES, bench.title)
         if configuration is not None:
             gear = _gear_beside(configuration, order)
             _write(configuration, description_of(served, order, gear))
@@ -101,6 +88,17 @@ def serve_rig(
         announce=served_at,
         lifetime=lifetime,
     )
+
+
+def _refuse_other_computers(host: str, expose: bool) -> None:
+    if host not in _LOOPBACK and not expose:
+        raise ConfigurationError(
+            "would let other computers command the simulated rig",
+            where="--host",
+            value=host,
+            limit=", ".join(sorted(_LOOPBACK)),
+            remedy="Add --expose if that is wanted: the hub asks nobody who they are.",
+        )
 
 
 def _write_sheets(bench: WireBench, folder: Path) -> tuple[Path, ...]:

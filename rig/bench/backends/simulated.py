@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from drivers import channel as names
+from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
 from drivers.port import DriveLimits, RigPort
 from model.angle_certificate import AngleCertificate
@@ -24,8 +25,13 @@ from sim_backend.population import drawn
 from sim_backend.world import ThermalState, World
 
 if TYPE_CHECKING:
+    from drivers.bus.analog.config import ReferenceConfig
+    from drivers.bus.cia301 import ObjectRef
     from drivers.bus.cia402.tables import OperationMode
+    from drivers.bus.cia406 import CounterConfig
     from drivers.bus.cyclic import CanRig, CanRigConfig
+    from drivers.bus.motor_encoder import MotorEncoder
+    from drivers.bus.rig_nodes import GuardContact
     from drivers.source import Source
     from sim_backend.direct import SimulatedRig
     from sim_backend.wire.analog_amplifier import ReferenceDevice
@@ -249,18 +255,36 @@ def reference_config(
     bench: WireBench, motor: ServoMotor, *, has_guard: bool = False
 ) -> CanRigConfig:
     """What the drivers are told of a simulated bench that is turned by analog reference."""
-    from drivers.bus.analog.config import ReferenceConfig
-    from drivers.bus.cia301 import I32, U8, U32, ObjectRef
-    from drivers.bus.cia406 import CounterConfig
-    from drivers.bus.rig_nodes import GuardContact
-    from drivers.bus.status_lines import Line, StatusLines
+    from drivers.bus.cia301 import U8, ObjectRef
     from sim_backend.wire import analog_amplifier as simulated
-    from sim_backend.wire.bench import DRIVE_NODE, MOTOR_COUNTER_NODE
+    from sim_backend.wire.bench import MOTOR_COUNTER_NODE
 
     amplifier = bench.drive
     assert isinstance(amplifier, simulated.AnalogAmplifier)
-    device, usual = amplifier.device, wire_config(bench, motor)
-    drive = ReferenceConfig(
+    usual = wire_config(bench, motor)
+    encoder = usual.motor_encoder
+    pulses = replace(
+        _counter(MOTOR_COUNTER_NODE, encoder, encoder.largest_speed),
+        channel=names.INPUT_ANGLE,
+        index_channel=names.INPUT_INDEX,
+    )
+    inputs = ObjectRef(0x6000, 1, U8, "digital inputs")
+    return replace(
+        usual,
+        drive=_reference(amplifier.device),
+        counters=(pulses, *usual.counters),
+        guard=_guard(inputs, simulated.GUARD) if has_guard else None,
+    )
+
+
+def _reference(device: ReferenceDevice) -> ReferenceConfig:
+    """What the drivers are told of an amplifier that takes its set-point as a voltage."""
+    from drivers.bus.analog.config import ReferenceConfig
+    from drivers.bus.status_lines import Line, StatusLines
+    from sim_backend.wire import analog_amplifier as simulated
+    from sim_backend.wire.bench import DRIVE_NODE
+
+    return ReferenceConfig(
         node_id=DRIVE_NODE,
         speed_per_volt=device.speed_per_volt,
         volts_per_count=simulated.VOLTS_PER_COUNT,
@@ -282,30 +306,31 @@ def reference_config(
             quick_stop_deceleration=math.inf,
         ),
     )
-    pulses = CounterConfig(
-        node_id=MOTOR_COUNTER_NODE,
-        channel=names.INPUT_ANGLE,
-        index_channel=names.INPUT_INDEX,
-        lines=usual.motor_encoder.lines,
-        multiplication=usual.motor_encoder.multiplication,
+
+
+def _counter(node_id: int, encoder: Channel | MotorEncoder, largest_speed: float) -> CounterConfig:
+    """A node that counts the lines of an encoder and latches its index mark."""
+    from drivers.bus.cia301 import I32, U8, U32, ObjectRef
+    from drivers.bus.cia406 import CounterConfig
+
+    return CounterConfig(
+        node_id=node_id,
+        lines=encoder.lines,
+        multiplication=encoder.multiplication,
         position=ObjectRef(0x6004, 0, I32, "position value"),
         index_position=ObjectRef(0x2000, 1, U32, "index position"),
         index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),
-        largest_speed=usual.motor_encoder.largest_speed,
-        calibration=usual.motor_encoder.calibration,
+        largest_speed=largest_speed,
+        calibration=encoder.calibration,
     )
-    guard = GuardContact(
-        node_id=DRIVE_NODE,
-        entry=ObjectRef(0x6000, 1, U8, "digital inputs"),
-        mask=simulated.GUARD,
-        closed=simulated.GUARD,
-    )
-    return replace(
-        usual,
-        drive=drive,
-        counters=(pulses, *usual.counters),
-        guard=guard if has_guard else None,
-    )
+
+
+def _guard(entry: ObjectRef, bit: int) -> GuardContact:
+    """The guard's contact at a digital input of the drive: closed where its bit is set."""
+    from drivers.bus.rig_nodes import GuardContact
+    from sim_backend.wire.bench import DRIVE_NODE
+
+    return GuardContact(node_id=DRIVE_NODE, entry=entry, mask=bit, closed=bit)
 
 
 def box_port(
@@ -356,13 +381,11 @@ def wire_port(
 
 def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False) -> CanRigConfig:
     """What the drivers are told of a simulated bench; `has_guard`: its guard's contact is watched in every cycle."""
-    from drivers.bus.cia301 import I16, I32, U8, U32, ObjectRef
+    from drivers.bus.cia301 import I16, U32, ObjectRef
     from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig, torque_input
     from drivers.bus.cia402.config import DriveConfig
-    from drivers.bus.cia406 import CounterConfig
     from drivers.bus.cyclic import CanRigConfig
     from drivers.bus.motor_encoder import MotorEncoder
-    from drivers.bus.rig_nodes import GuardContact
     from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE
     from sim_backend.wire.drive import INTERLOCK
 
@@ -381,6 +404,7 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
     )
     # The instruments are the same as without a wire, and as well known.
     torque = torque_input(motor.rated_torque, calibration=by_name[names.TORQUE].calibration)
+    inputs = ObjectRef(0x60FD, 0, U32, "digital inputs")
     return CanRigConfig(
         cycle_ns=bench.cycle_ns,
         drive=DriveConfig(node_id=DRIVE_NODE),
@@ -390,26 +414,8 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
             largest_speed=1.5 * motor.maximum_speed,
             calibration=inner.calibration,
         ),
-        counters=(
-            CounterConfig(
-                node_id=COUNTER_NODE,
-                lines=outer.lines,
-                multiplication=outer.multiplication,
-                position=ObjectRef(0x6004, 0, I32, "position value"),
-                index_position=ObjectRef(0x2000, 1, U32, "index position"),
-                index_status=ObjectRef(0x2000, 2, U8, "index marks seen"),
-                largest_speed=0.1 * motor.maximum_speed,
-                calibration=outer.calibration,
-            ),
-        ),
+        counters=(_counter(COUNTER_NODE, outer, 0.1 * motor.maximum_speed),),
         modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, (torque, *thermometers)),),
-        guard=GuardContact(
-            node_id=DRIVE_NODE,
-            entry=ObjectRef(0x60FD, 0, U32, "digital inputs"),
-            mask=INTERLOCK,
-            closed=INTERLOCK,
-        )
-        if has_guard
-        else None,
+        guard=_guard(inputs, INTERLOCK) if has_guard else None,
         title=bench.title,
     )

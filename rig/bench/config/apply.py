@@ -78,11 +78,10 @@ def configured_rig(path: str | Path) -> ConfiguredRig:
         gear = (
             load_gear(folder / rig.gear) if rig.gear.endswith(".toml") else shipped_gear(rig.gear)
         )
-        motor = (
-            load_motor(folder / rig.motor)
-            if rig.motor.endswith(".toml")
-            else shipped_motor(rig.motor)
-        )
+        if rig.motor.endswith(".toml"):
+            motor = load_motor(folder / rig.motor)
+        else:
+            motor = shipped_motor(rig.motor)
         gear = with_ratings(gear, configuration.ratings)
     except ModelError as error:
         raise ConfigurationError(

@@ -193,11 +193,10 @@ class ReferenceDrive(AnyAmplifier):
 
 def _kind_of(given: Any) -> str:
     """Which table a [drive] is: one that does not say it is a CiA 402 drive."""
-    said = (
-        given.get("kind", CIA_402)
-        if isinstance(given, Mapping)
-        else getattr(given, "kind", CIA_402)
-    )
+    if isinstance(given, Mapping):
+        said = given.get("kind", CIA_402)
+    else:
+        said = getattr(given, "kind", CIA_402)
     return str(said)
 
 

@@ -31,7 +31,7 @@ from rig.fleet.gauge.components import (
     Values,
 )
 
-POOLED_ABOVE = 0.25
+_POOLED_ABOVE = 0.25
 DRAWS = 20_000
 _SEED = 20_260_101
 
@@ -112,7 +112,7 @@ def _tested(rows: Sequence[Row]) -> list[Row]:
 def _is_pooled(rows: Sequence[Row]) -> bool:
     """Whether the interaction says nothing and there is a line that can take it."""
     row = next((one for one in rows if one.term == "interaction"), None)
-    return row is not None and _below(rows, "interaction") is not None and row.p > POOLED_ABOVE
+    return row is not None and _below(rows, "interaction") is not None and row.p > _POOLED_ABOVE
 
 
 def _pool(rows: Sequence[Row]) -> list[Row]:

@@ -32,7 +32,7 @@ _SUMS: dict[str, tuple[Term, ...]] = {
 }
 _AVERAGES = ((1, 1), (1, 2), (1, 3), (2, 1), (2, 2), (3, 1), (3, 2))
 """Mountings, and repeats in each, of which the mean is looked at."""
-DEFINITIONS = (
+_DEFINITIONS = (
     (
         "EV, AV, PV",
         "Standard deviations: of repeats without touching the gear; of benches with what gear and bench have together; "
@@ -56,7 +56,7 @@ def percent(value: float) -> str:
     return number(value, 3) if math.isfinite(value) else "–"
 
 
-def with_range(value: float, interval: Interval) -> str:
+def _with_range(value: float, interval: Interval) -> str:
     """A percentage with its 95 % interval."""
     return f"{percent(value)} ({percent(interval[0])} … {percent(interval[1])})"
 
@@ -80,11 +80,9 @@ def summary(studies: Sequence[Study]) -> Grid:
         rows,
         "Two benches, one bench: two gears, measured once there, that differ by more are different (95 %).",
     )
-    return (
-        grid
-        if any(math.isfinite(s.percent_of_tolerance) for s in studies)
-        else grid.without("of tolerance")
-    )
+    if any(math.isfinite(s.percent_of_tolerance) for s in studies):
+        return grid
+    return grid.without("of tolerance")
 
 
 def _summary_row(one: Study) -> tuple[str, ...]:
@@ -96,7 +94,7 @@ def _summary_row(one: Study) -> tuple[str, ...]:
 
     return (
         one.title,
-        with_range(gauge.percent_of_study, gauge.interval_of_percent),
+        _with_range(gauge.percent_of_study, gauge.interval_of_percent),
         percent(one.percent_of_tolerance),
         str(gauge.distinct),
         told(gauge.apart()) if benches > 1 else "–",
@@ -149,7 +147,7 @@ def _way(gauge: Gauge, unpooled: Gauge | None) -> str:
     return " ".join(words)
 
 
-def anova_grid(one: Study) -> Grid | None:
+def _anova_grid(one: Study) -> Grid | None:
     """The analysis of variance; None where there was none."""
     if not one.gauge.rows:
         return None
@@ -171,7 +169,7 @@ def anova_grid(one: Study) -> Grid | None:
     return Grid("Analysis of variance (SI)", heads, rows)
 
 
-def averages_grid(one: Study) -> Grid | None:
+def _averages_grid(one: Study) -> Grid | None:
     """What the mean of several mountings and repeats would give; None where nothing tells them apart."""
     if not {"mounting", "repeat"} & set(one.gauge.variances):
         return None
@@ -184,7 +182,7 @@ def averages_grid(one: Study) -> Grid | None:
     return Grid("What averaging would give", heads, rows)
 
 
-def values_plot(one: Study) -> Plot:
+def _values_plot(one: Study) -> Plot:
     """Every value by gear, the gears in the order of their means, each bench in its colour."""
     factor, unit = one.shown_in
     gears: dict[str, list[float]] = {}
@@ -212,12 +210,12 @@ def values_plot(one: Study) -> Plot:
     )
 
 
-def gauge_page(found: Studies, created: str) -> Page:
+def _gauge_page(found: Studies, created: str) -> Page:
     """The report of a study; `created` is its calendar time (ISO 8601)."""
     sections = (
         *_sections(found),
         *_lacking(found.lacking),
-        Section(title="Definitions", anchor="definitions", terms=DEFINITIONS),
+        Section(title="Definitions", anchor="definitions", terms=_DEFINITIONS),
     )
     gears = sorted({gear for one in found.studies for gear in one.values.gear})
     benches = sorted({bench for one in found.studies for bench in one.values.bench})
@@ -257,13 +255,13 @@ def gauge_sections(folder: Path, origin: str) -> Iterator[Section]:
         subtitle="; ".join(sorted({one.shape for one in found.studies})),
         text="Over all whole runs, not the newest alone. rig fleet rr shows every part with its interval.",
         grids=shown(summary(found.studies)),
-        terms=DEFINITIONS,
+        terms=_DEFINITIONS,
     )
 
 
 def write_gauge_page(found: Studies, path: Path, created: str) -> Path:
     """Write the report of a study as HTML or, by its suffix, as PDF. Raises `RigError` where it cannot be written."""
-    return write_page(gauge_page(found, created), path)
+    return write_page(_gauge_page(found, created), path)
 
 
 def _sections(found: Studies) -> Iterator[Section]:
@@ -273,8 +271,8 @@ def _sections(found: Studies) -> Iterator[Section]:
             anchor=f"part-{place}",
             subtitle=one.shape,
             text=" ".join(words_of(one)),
-            figures=(drawn(values_plot(one), found.origin, place),),
-            grids=shown(components_grid(one), averages_grid(one), anova_grid(one)),
+            figures=(drawn(_values_plot(one), found.origin, place),),
+            grids=shown(components_grid(one), _averages_grid(one), _anova_grid(one)),
         )
 
 

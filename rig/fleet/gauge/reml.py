@@ -21,7 +21,7 @@ from rig.fleet.gauge.anova import DRAWS
 from rig.fleet.gauge.components import FloatArray, Gauge, GaugeError, Term, Values
 
 _SEED = 20_260_102
-MOST_VALUES = 400
+_MOST_VALUES = 400
 """Values of a study with gaps: its matrices have so many rows and columns."""
 _NOTHING = 1e-8
 """Share of the whole variance below which a component is none."""
@@ -60,9 +60,9 @@ def _check(values: Values) -> None:
         raise GaugeError("no gear was measured twice")
     if benches > 1 and len(values.cells()) == gears:
         raise GaugeError("no gear was on two benches, so that gears and benches are not told apart")
-    if count > MOST_VALUES:
+    if count > _MOST_VALUES:
         raise GaugeError(
-            f"{count} values with gaps; at most {MOST_VALUES}, or a study without gaps"
+            f"{count} values with gaps; at most {_MOST_VALUES}, or a study without gaps"
         )
 
 

@@ -362,7 +362,7 @@ def words_of(study: Study) -> tuple[str, ...]:
         largest = max(parts, key=lambda term: parts[term])
         share = 100.0 * (parts[largest] / gauge.deviation(*GAUGE)) ** 2
         sentences.append(f"{share:.0f} % of its variance is of {TERM_WORDS[largest]}.")
-    if 1 < benches < FEW_BENCHES:
+    if 1 < benches < _FEW_BENCHES:
         low, high = gauge.interval_of_deviation("bench")
         sentences.append(
             f"{benches} benches say little of benches: their spread lies between {told(low)} and {told(high)}."
@@ -370,7 +370,7 @@ def words_of(study: Study) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-FEW_BENCHES = 5
+_FEW_BENCHES = 5
 """Benches below which their spread is not known to a factor of three."""
 TERM_WORDS = {
     "gear": "gears",

@@ -22,7 +22,7 @@ from rig.runfile.manifest import Manifest
 from rig.runfile.prevailing import alarms_of, conditions_of
 
 MOST_REMARKS, LONGEST_REMARK = 6, 260
-MOST_INSTRUMENTS = 8
+_MOST_INSTRUMENTS = 8
 _AMBIENT, _HOUSING = "ambient temperature", "housing temperature"
 _PLACES = ("input speeds", "wave-generator positions")
 
@@ -133,7 +133,7 @@ def _instruments(instruments: tuple[Instrument, ...], words: Words) -> Grid:
                 one.due + (f" ({one.doubt_in(words)})" if one.doubt and one.due else ""),
             )
         )
-        for one in instruments[:MOST_INSTRUMENTS]
+        for one in instruments[:_MOST_INSTRUMENTS]
     ]
     heads = columns(*words.HEADS_INSTRUMENTS)
     return Grid("", heads, rows)

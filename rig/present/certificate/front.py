@@ -61,14 +61,15 @@ def front_of(gathered: Certified, laboratory: LaboratoryWords) -> Front:
     verdict = gathered.verdict.verdict
     because = tuple(_because(gathered.verdict.lines, words))
     above = len(values.rows) + 2 * len(because) + 2 * bool(gathered.missing)
+    incomplete = ""
+    if gathered.missing:
+        incomplete = words.INCOMPLETE.format(missing=", ".join(map(words.name, gathered.missing)))
     return Front(
         facts=_facts(gathered, laboratory),
         verdict=words.coded(words.VERDICTS, verdict),
         tone=tone_of(verdict) or "muted",
         sentence=sentence_of(gathered, words),
-        incomplete=words.INCOMPLETE.format(missing=", ".join(map(words.name, gathered.missing)))
-        if gathered.missing
-        else "",
+        incomplete=incomplete,
         because=because,
         values=values,
         pictures=pictures_of(gathered, above, words),
@@ -77,26 +78,27 @@ def front_of(gathered: Certified, laboratory: LaboratoryWords) -> Front:
 
 def _facts(gathered: Certified, laboratory: LaboratoryWords) -> tuple[tuple[str, str], ...]:
     words = laboratory.words
-    said = (laboratory.customer, laboratory.order, item_of(gathered, words))
+    said = (laboratory.customer, laboratory.order, _item_of(gathered, words))
     return tuple(
         (name, text or words.NOT_STATED) for name, text in zip(words.FACTS, said, strict=True)
     )
 
 
-def item_of(gathered: Certified, words: Words = ENGLISH) -> str:
+def _item_of(gathered: Certified, words: Words = ENGLISH) -> str:
     """What was tested, in one line."""
     mounted = [fit for fit in gathered.fits if fit.recording.metadata.gear_mounted]
     fit = (mounted or gathered.fits)[0]
     metadata = fit.recording.metadata
+    ratio = mounting = words.NOT_STATED
+    if math.isfinite(metadata.ratio):
+        ratio = words.numbers(number(metadata.ratio))
+    if metadata.is_said("mounting"):
+        mounting = words.name(metadata.mounting.replace("-", " "))
     return words.ITEM.format(
         name=fit.gear.name if fit.gear_known else words.UNKNOWN_GEAR,
         serial=gathered.serial,
-        ratio=words.numbers(number(metadata.ratio))
-        if math.isfinite(metadata.ratio)
-        else words.NOT_STATED,
-        mounting=words.name(metadata.mounting.replace("-", " "))
-        if metadata.is_said("mounting")
-        else words.NOT_STATED,
+        ratio=ratio,
+        mounting=mounting,
     )
 
 

@@ -25,7 +25,7 @@ from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
 from rig.runfile.read import close_recording
 
-CHARTED_FROM = 3
+_CHARTED_FROM = 3
 """Runs of a kind from which on a chart over the runs tells anything."""
 
 
@@ -59,7 +59,7 @@ class Certified:
     def has_charts(self) -> bool:
         """Whether any kind has as many runs as make a chart over them."""
         counts = [sum(run.protocol == fit.result.kind for run in self.runs) for fit in self.fits]
-        return max(counts, default=0) >= CHARTED_FROM
+        return max(counts, default=0) >= _CHARTED_FROM
 
     def fit_of(self, kind: str) -> Fit | None:
         """The newest analysed run of a kind."""

@@ -28,7 +28,7 @@ WIDTH, HEIGHT = 6.85, 3.15
 """Of a picture [inch], above nothing else; every line that stands above both takes half its own height of each."""
 LINE = 0.075
 ACCENT, DARK = "#0B4F7D", "#1F2328"
-TYPEFACE = "'Libertinus Serif', 'DejaVu Sans'"
+_TYPEFACE = "'Libertinus Serif', 'DejaVu Sans'"
 """That of the page; matplotlib measures with a wider one, so that everything has room."""
 _LETTERS = 8.5
 _BINS = 500
@@ -201,7 +201,7 @@ def _picture(
         register(words)
         style["font.sans-serif"] = ["DejaVu Sans", *words.fonts]
     svg = drawn_by(draw_it, f"front-{name}", title, size, style)
-    return Picture(svg=svg.replace("'DejaVu Sans'", TYPEFACE), title=title)
+    return Picture(svg=svg.replace("'DejaVu Sans'", _TYPEFACE), title=title)
 
 
 def _numbers_as(words: Words) -> Any:

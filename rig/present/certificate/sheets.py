@@ -24,9 +24,9 @@ from rig.present.typesetting import Document, set_pages
 from rig.runfile.manifest import Manifest
 
 Paper = Literal["a4", "letter"]
-PAPERS: dict[Paper, str] = {"a4": "a4", "letter": "us-letter"}
+_PAPERS: dict[Paper, str] = {"a4": "a4", "letter": "us-letter"}
 """Sizes of paper by what typst calls them."""
-TYPEFACES = ("Libertinus Serif", "DejaVu Sans")
+_TYPEFACES = ("Libertinus Serif", "DejaVu Sans")
 TEMPLATE, SCREEN, STYLE = "certificate.typ", "certificate.html", "certificate.css"
 _MEDIA = {"png": "image/png", "jpg": "image/jpeg", "svg": "image/svg+xml"}
 
@@ -135,7 +135,7 @@ def rendered(sheets: Sheets, path: Path, paper: Paper = "a4") -> bytes:
 
 def typeset(sheets: Sheets, paper: Paper = "a4", **output: Any) -> list[bytes]:
     """What typst makes of it, in the format that `output` names. Raises `RigError`."""
-    content = {**plain(sheets), **_title(sheets), "logo": None, "paper": PAPERS[paper]}
+    content = {**plain(sheets), **_title(sheets), "logo": None, "paper": _PAPERS[paper]}
     del content["words"]
     if sheets.logo is not None:
         content["logo"] = {"bytes": list(sheets.logo.content), "format": sheets.logo.format}
@@ -143,7 +143,7 @@ def typeset(sheets: Sheets, paper: Paper = "a4", **output: Any) -> list[bytes]:
     content["signed"] = list(words.SIGNED)
     content["pages"] = [words.PAGE.format(page=page) for page in (1, 2)]
     content["lang"] = _tongue(words)
-    content["typefaces"] = [*TYPEFACES, *words.fonts]
+    content["typefaces"] = [*_TYPEFACES, *words.fonts]
     source = resources.files("rig.present").joinpath(TEMPLATE).read_text(encoding="utf-8")
     order = json.dumps(content, ensure_ascii=False, allow_nan=False)
     folders = dict.fromkeys(str(file.parent) for file in words.font_files())

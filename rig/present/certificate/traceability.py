@@ -25,7 +25,7 @@ from rig.present.certificate.words import ENGLISH, Words
 from rig.runfile.prevailing import CALIBRATED
 from rig.runfile.read import close_recording, open_run
 
-TitleKind = Literal["certificate", "report", "simulation"]
+_TitleKind = Literal["certificate", "report", "simulation"]
 NONE = "none"
 """How a description says that there is no certificate: "none: accuracy from the data sheet"."""
 TORQUE, HOUSING = "torque", "housing_temperature"
@@ -70,7 +70,7 @@ class Instrument:
 class Title:
     """What a certificate may call itself, and why not more."""
 
-    kind: TitleKind
+    kind: _TitleKind
     untraceable: str = ""
     words: Words = ENGLISH
 

@@ -23,7 +23,7 @@ from rig.extras import require
 
 SHIPPED: Final = ("en", "de", "ja")
 """Languages that come with the program; the first is the one to which the others fall back."""
-FONT_PACKAGE: Final = "matplotlib_fontja"
+_FONT_PACKAGE: Final = "matplotlib_fontja"
 """The package with the typeface of the Japanese table (IPAexGothic)."""
 _OWN: Final = frozenset({"decimal", "fonts", "font_folder", "names"})
 """What a table says beside sentences: the decimal mark, its typefaces, and what else stands on the pages."""
@@ -78,7 +78,7 @@ class Words:
         if not self.fonts:
             return ()
         if self.language in SHIPPED:
-            require(f"a certificate in the language {self.language}", self.language, FONT_PACKAGE)
+            require(f"a certificate in the language {self.language}", self.language, _FONT_PACKAGE)
         found = () if self.font_folder is None else tuple(sorted(self.font_folder.glob("*.[ot]tf")))
         if not found:
             raise ConfigurationError(
@@ -110,7 +110,7 @@ def words_of(language: str = "en", folder: Path | None = None) -> Words:
     none of ours or lacks what must stand in it.
     """
     if language in SHIPPED:
-        spec = find_spec(FONT_PACKAGE)
+        spec = find_spec(_FONT_PACKAGE)
         place = None if spec is None or spec.origin is None else Path(spec.origin).parent / "fonts"
         return _words(language, _table(language), place)
     path = (folder or Path()) / language

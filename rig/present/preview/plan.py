@@ -34,7 +34,7 @@ _RAMP_POINTS = 9
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepPeak:
+class _StepPeak:
     """The largest predicted torques of one step: at the motor, and in the gear at the output, with
     uncertainties [N m].
     """
@@ -106,7 +106,7 @@ def predicted_grid(margins: Iterable[PredictedMargin]) -> Grid:
 
 
 @dataclass(frozen=True)
-class PreviewWarning:
+class _PreviewWarning:
     """A prediction that touches a limit: the step (None: the whole plan) and the sentence."""
 
     step: int | None
@@ -135,9 +135,9 @@ class PlanPreview:
     curve_speed: FloatArray
     curve: PredictedTorque
     starting: PredictedTorque
-    peaks: tuple[StepPeak, ...]
+    peaks: tuple[_StepPeak, ...]
     margins: tuple[PredictedMargin, ...]
-    warnings: tuple[PreviewWarning, ...]
+    warnings: tuple[_PreviewWarning, ...]
 
     @property
     def marks(self) -> tuple[PreviewMark, ...]:
@@ -286,7 +286,7 @@ def _peaks(
     course: Timeline,
     instants: tuple[PredictedTorque, FloatArray, FloatArray, IntArray],
     shaking: FloatArray,
-) -> Iterator[StepPeak]:
+) -> Iterator[_StepPeak]:
     """The peaks of each step that takes time."""
     torque, speed, acceleration, step = instants
     if not len(step):
@@ -300,11 +300,9 @@ def _peaks(
     begun = np.flatnonzero(np.diff(course.step, prepend=-1))
     shaken = np.maximum.reduceat(shaking, begun)
     starts, stops = course.start[begun], course.stop[np.append(begun[1:], len(course.step)) - 1]
-    relative = (
-        model.output_inertia_doubt() / planned.load.output_inertia
-        if planned.load.output_inertia
-        else 0.0
-    )
+    relative = 0.0
+    if planned.load.output_inertia:
+        relative = model.output_inertia_doubt() / planned.load.output_inertia
     ripple_doubt = output.ripple_doubt() if output else 0.0
     for row in range(len(ends)):
         forecast = planned.steps[int(step[first[row]])]
@@ -318,7 +316,7 @@ def _peaks(
         if forecast.torque > peak + peak_doubt:
             # A torque ramp may go on to its own limit.
             peak, peak_doubt = forecast.torque, 0.0
-        yield StepPeak(
+        yield _StepPeak(
             index=forecast.index,
             where=forecast.where,
             start=float(starts[row]),
@@ -341,7 +339,7 @@ def _at_largest(values: FloatArray, first: IntArray) -> IntArray:
 
 def _predicted(
     margin: Margin,
-    peaks: tuple[StepPeak, ...],
+    peaks: tuple[_StepPeak, ...],
     torque: PredictedTorque,
     time: FloatArray,
     duration: float,
@@ -354,11 +352,9 @@ def _predicted(
     if margin.quantity == lim.RMS_TORQUE and duration > 0.0:
         mean = math.sqrt(_integral(torque.value**2, time) / duration)
         # The same parameters are wrong throughout: their doubts add up as they stand.
-        doubt = (
-            _integral(np.abs(torque.value) * torque.uncertainty, time) / duration / mean
-            if mean
-            else 0.0
-        )
+        doubt = 0.0
+        if mean:
+            doubt = _integral(np.abs(torque.value) * torque.uncertainty, time) / duration / mean
         return PredictedMargin(margin.quantity, mean, margin.where, margin.limit, doubt)
     return PredictedMargin(margin.quantity, margin.value, margin.where, margin.limit, 0.0)
 
@@ -370,9 +366,9 @@ def _integral(values: FloatArray, time: FloatArray) -> float:
 def _warnings(
     planned: PlannedRun,
     model: TorqueModel,
-    peaks: tuple[StepPeak, ...],
+    peaks: tuple[_StepPeak, ...],
     margins: tuple[PredictedMargin, ...],
-) -> Iterator[PreviewWarning]:
+) -> Iterator[_PreviewWarning]:
     """Predictions that touch a limit with their uncertainty, and torque ramps that may end before anything moves."""
     for margin in margins:
         if not margin.touches:
@@ -383,13 +379,13 @@ def _warnings(
         others = len(touching) - 1
         does = "step does" if others == 1 else "steps do"
         more = f"; {others} more {does} so" if others > 0 else ""
-        yield PreviewWarning(index, margin.quantity, f"{_sentence(margin)}{more}")
+        yield _PreviewWarning(index, margin.quantity, f"{_sentence(margin)}{more}")
     starting = model.starting()
     value, doubt = float(starting.value), float(starting.uncertainty)
     weak = [forecast for forecast in planned.steps if 0.0 < forecast.torque <= value + doubt]
     if weak:
         first = weak[0]
-        yield PreviewWarning(
+        yield _PreviewWarning(
             first.index,
             lim.MOTOR_TORQUE,
             f"the input may not begin to turn in {first.where}: predicted starting torque {1e3 * value:.0f} ± "

@@ -152,11 +152,10 @@ class TorqueModel:
         branch = gear.options.low_speed_branch
         drag = bearing_lever(gear) * bearing_magnitude(bearing, omega, low_speed_branch=branch)
         factor = _relative(gear.origins.get("bearing.friction_factor"), bearing.friction_factor)
-        rising = (
-            bearing.viscosity * 1e6 * omega / RPM > BRANCH_LIMIT
-            if branch
-            else np.ones_like(omega, dtype=bool)
-        )
+        if branch:
+            rising = bearing.viscosity * 1e6 * omega / RPM > BRANCH_LIMIT
+        else:
+            rising = np.ones_like(omega, dtype=bool)
         viscosity = _relative(gear.origins.get("bearing.viscosity"), bearing.viscosity)
         return drag, drag * factor, np.where(rising, 2.0 / 3.0 * viscosity * drag, 0.0)
 

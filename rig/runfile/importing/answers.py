@@ -223,19 +223,19 @@ def _channel_in(question: Question, unit: str) -> str:
 def _with_unit(
     columns: Sequence[ProposedColumn], channel: str, unit: str, now: str
 ) -> tuple[ProposedColumn, ...]:
-    return tuple(
-        replace(one, channel=now, unit=unit, evidence=(*one.evidence, "unit as answered"))
-        if one.channel == channel
-        else one
-        for one in columns
-    )
+    return _replaced(columns, channel, "unit as answered", channel=now, unit=unit)
 
 
 def _without(columns: Sequence[ProposedColumn], channel: str) -> tuple[ProposedColumn, ...]:
+    return _replaced(columns, channel, "left out: nobody knows its unit", channel="")
+
+
+def _replaced(
+    columns: Sequence[ProposedColumn], of: str, evidence: str, **values: str
+) -> tuple[ProposedColumn, ...]:
+    """The columns with new values in those of one channel, and why."""
     return tuple(
-        replace(one, channel="", evidence=(*one.evidence, "left out: nobody knows its unit"))
-        if one.channel == channel
-        else one
+        one if one.channel != of else replace(one, **values, evidence=(*one.evidence, evidence))
         for one in columns
     )
 

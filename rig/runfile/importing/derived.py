@@ -52,13 +52,14 @@ def derived_channels(options: ImportOptions, columns: Sequence[Column]) -> tuple
 def _nominal_angle(speed: float, options: ImportOptions, by_name: Mapping[str, Column]) -> Derived:
     there = next((name for name in ANGLES if name in by_name), "")
     if there or options.no_time:
+        found, remedy = "no time", "Give the time: --channel time=COLUMN:s, or --rate."
+        if there:
+            found, remedy = there, "Leave --speed away."
         raise ConfigurationError(
             "the speed stands for an angle that was not recorded",
             where="--speed",
-            value=f"there is {there}" if there else "there is no time",
-            remedy="Leave --speed away."
-            if there
-            else "Give the time: --channel time=COLUMN:s, or --rate.",
+            value=f"there is {found}",
+            remedy=remedy,
         )
     channel = Channel(
         name=NOMINAL_ANGLE,

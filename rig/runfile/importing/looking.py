@@ -42,7 +42,7 @@ NEIGHBOURS = {
 
 
 @dataclass(kw_only=True)
-class ChannelLook:
+class _ChannelLook:
     """One channel: its column, unit and factor to SI, range and least step in SI, wraps, share of standstill, lag."""
 
     name: str
@@ -67,14 +67,14 @@ class Look:
     duration_s: float = math.nan
     rate_hz: float = math.nan
     gaps: int = 0
-    channels: list[ChannelLook] = field(default_factory=list)
+    channels: list[_ChannelLook] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     output_per_input: float = math.nan
     """Slope of output angle against input angle, with its sign; NaN where not both are there."""
     proposals: list[ForeignSegment] = field(default_factory=list)
 
-    def channel(self, name: str) -> ChannelLook | None:
+    def channel(self, name: str) -> _ChannelLook | None:
         """One of the channels by name."""
         return next((c for c in self.channels if c.name == name), None)
 
@@ -82,7 +82,7 @@ class Look:
 class _Watch:
     """What is kept of one channel while it passes by."""
 
-    def __init__(self, look: ChannelLook) -> None:
+    def __init__(self, look: _ChannelLook) -> None:
         self.look = look
         self.blocks: list[NDArray[np.float64]] = []
         self.head: NDArray[np.float64] = np.zeros(0)
@@ -179,7 +179,7 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
     """The one pass: ranges, blocks, gaps; then what follows from them."""
     watches = [
         _Watch(
-            ChannelLook(
+            _ChannelLook(
                 name=c.name,
                 column=columns.get(c.name, "made"),
                 unit=c.channel.unit,
@@ -190,7 +190,7 @@ def _pass(reading: Reading, found: Look, options: ImportOptions, columns: dict[s
         for c in reading.columns
     ]
     size, first_ns, last_ns = 1, 0, 0
-    clock = _Watch(ChannelLook(name=TIME_CHANNEL, column="", unit="s", factor=1.0, offset=0.0))
+    clock = _Watch(_ChannelLook(name=TIME_CHANNEL, column="", unit="s", factor=1.0, offset=0.0))
     for rows in reading.batches():
         if not found.rows:
             first_ns = int(rows.time_ns[0])

@@ -289,17 +289,17 @@ def _refuse_lonely(
     if not len(lonely):
         return
     stamp = int(part.stamps[lonely[0]])
-    text = f"{stamp * 1e-9:.9g} s" if stream.time is not None else f"row {stamp + 1}"
-    why = f"no row of the other columns has this {'time' if stream.time is not None else 'number'}"
+    text, what, limit = f"row {stamp + 1}", "number", "as many rows in all"
+    if stream.time is not None:
+        text, what, limit = f"{stamp * 1e-9:.9g} s", "time", "the same times in all of them"
+    why = f"no row of the other columns has this {what}"
     if not left_out.is_allowed:
         raise RunFileError(
             why,
             where=f"{stream.table.path}, {stream.table.line_word} {int(part.lines[lonely[0]])}, "
             f"{', '.join(stream.names)}",
             value=text,
-            limit="the same times in all of them"
-            if stream.time is not None
-            else "as many rows in all",
+            limit=limit,
             remedy="Import each as a run of its own; or bring them onto the times of the first channel with "
             "--interpolate, or leave such rows out with --drop-bad-rows.",
         )

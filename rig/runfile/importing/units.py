@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from model.errors import ParameterError
 from model.unit_text import Unit, read, understood
 from model.units import COUNT, SI
-from rig.errors import ConfigurationError
+from rig.errors import misstated
 
 TIME_CHANNEL = "time"
 TRANSMISSION_ERROR = "transmission_error"
@@ -60,9 +60,7 @@ def unit_of(text: str, where: str, allowed: Iterable[str] = ()) -> Unit:
     try:
         return read(text, allowed, where)
     except ParameterError as error:
-        raise ConfigurationError(
-            error.what, where=where, value=error.value, limit=error.limit, remedy=error.remedy
-        ) from error
+        raise misstated(error, where) from error
 
 
 def units_of(*allowed: str) -> str:

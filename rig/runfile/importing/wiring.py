@@ -174,10 +174,11 @@ def _place(tables: Sequence[Table], source: ChannelSource) -> tuple[Table, int]:
         if len(chosen) == 1:
             return chosen[0], find_column(chosen[0], source.column)
         if len(tables) > 1 or column_named(tables[0], f"{source.column}@{source.file}") is None:
+            what = "more than one of the files has this name"
+            if not chosen:
+                what = "there is no such file among those that are imported"
             raise ConfigurationError(
-                "there is no such file among those that are imported"
-                if not chosen
-                else "more than one of the files has this name",
+                what,
                 where=source.name,
                 value=source.file,
                 limit=", ".join(f"{n} {table.path.name}" for n, table in enumerate(tables, 1)),

@@ -25,7 +25,7 @@ from experiments.parameters import make_parameters
 from model import quantities
 from model.errors import ParameterError
 from rig.bench.backends.order import WORDS
-from rig.errors import ConfigurationError
+from rig.errors import ConfigurationError, misstated
 
 FORMAT = "campaign-1"
 """The value of `format` in the files that this program reads."""
@@ -121,9 +121,7 @@ def load_plan(path: str | Path) -> CampaignPlan:
     try:
         content = quantities.read_toml(path)
     except ParameterError as error:
-        raise ConfigurationError(
-            error.what, where=error.where, value=error.value, limit=error.limit, remedy=error.remedy
-        ) from error
+        raise misstated(error) from error
     return _plan(content, str(path))
 
 
@@ -198,9 +196,7 @@ def _stage(row: Any, where: str) -> Stage:
     try:
         make_parameters(catalogue.load(protocol).parameters, values, f"{where}: values")
     except PlanError as error:
-        raise ConfigurationError(
-            error.what, where=error.where, value=error.value, limit=error.limit, remedy=error.remedy
-        ) from error
+        raise misstated(error) from error
     return Stage(protocol, values)
 
 

@@ -39,7 +39,7 @@ class FirstTurns:
     """There is nothing to choose."""
 
 
-def first_turns(parameters: FirstTurns, gear: HarmonicDrive) -> Iterator[s.Step]:
+def _first_turns(parameters: FirstTurns, gear: HarmonicDrive) -> Iterator[s.Step]:
     """Servo off, 30 r/min one way and the other, servo off."""
     yield s.ServoOff(0.5, s.SegmentLabel("zero-before"))
     for direction in (1, -1):
@@ -52,14 +52,14 @@ def first_turns(parameters: FirstTurns, gear: HarmonicDrive) -> Iterator[s.Step]
 
 
 @dataclass(frozen=True)
-class FullSpeed:
+class _FullSpeed:
     """`fastest` [rad/s]: the highest speed of the stage; `acceleration` [rad/s2] in which it is reached."""
 
     fastest: float = FIRST_SPEED
     acceleration: float = GENTLE
 
 
-def full_speed_steps(parameters: FullSpeed, gear: HarmonicDrive) -> Iterator[s.Step]:
+def _full_speed_steps(parameters: _FullSpeed, gear: HarmonicDrive) -> Iterator[s.Step]:
     """A quarter, a half, the whole; forward, then in reverse."""
     yield s.ServoOff(0.5, s.SegmentLabel("zero-before"))
     for direction in (1, -1):
@@ -83,17 +83,17 @@ UNCOUPLED = Experiment(
     title="commissioning: the bare motor at 30 r/min",
     summary="the motor turns as it is told, the output stands",
     parameters=FirstTurns,
-    plan=first_turns,
+    plan=_first_turns,
     analyse=_nothing,
     needs=("input_angle",),
     gear_mounted=False,
 )
-FULL_SPEED = Experiment(
+_FULL_SPEED = Experiment(
     name="commission-full-speed",
     title="commissioning: up to the speed that the limits allow",
     summary="no trip and no limit nearer than planned",
-    parameters=FullSpeed,
-    plan=full_speed_steps,
+    parameters=_FullSpeed,
+    plan=_full_speed_steps,
     analyse=_nothing,
     needs=("input_angle",),
 )
@@ -199,7 +199,7 @@ def full_speed(work: Work, seen: Seen) -> None:
     if not seen.is_fine:
         return
     values = {"fastest": fastest, "acceleration": acceleration}
-    planned = plan_order(replace(work.order, values=values), FULL_SPEED)
+    planned = plan_order(replace(work.order, values=values), _FULL_SPEED)
     report, rig = work.turn(seen, planned)
     seen.add(ending_of(report), *read_back(report, _speeds))
     if seen.is_fine:

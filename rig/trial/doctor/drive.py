@@ -118,11 +118,9 @@ def _modes(drive: ServoAmplifier) -> Finding:
 
 def _units(drive: ServoAmplifier) -> Finding:
     readings = drive.readings
-    counts = (
-        f"{readings.counts_per_revolution:g} counts per revolution"
-        if readings.counts_per_revolution
-        else "counts per revolution not told: those of [motor_encoder] hold unchecked"
-    )
+    counts = "counts per revolution not told: those of [motor_encoder] hold unchecked"
+    if readings.counts_per_revolution:
+        counts = f"{readings.counts_per_revolution:g} counts per revolution"
     text = f"rated torque {readings.rated_torque:g} N m, speed unit {readings.velocity_unit:.4g} rad/s, {counts}"
     answers = [q for q in readings.questions if q.entry != "counts_per_revolution"]
     return passed_if(

@@ -35,7 +35,7 @@ LATEST = 20
 
 
 @dataclass(frozen=True)
-class SaidFrame:
+class _SaidFrame:
     """One frame in words: time since the first one [s], COB-ID, whether this computer sent it, data, what it says."""
 
     at: float
@@ -46,7 +46,7 @@ class SaidFrame:
 
 
 @dataclass
-class Traffic:
+class _Traffic:
     """What one COB-ID carried: what it is, frames sent and received, its latest data."""
 
     what: str
@@ -61,9 +61,9 @@ class Played:
 
     frames: int = 0
     seconds: float = 0.0
-    traffic: dict[int, Traffic] = field(default_factory=dict)
+    traffic: dict[int, _Traffic] = field(default_factory=dict)
     events: list[tuple[float, Event]] = field(default_factory=list)
-    latest: list[SaidFrame] = field(default_factory=list)
+    latest: list[_SaidFrame] = field(default_factory=list)
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig show --frames --json` prints."""
@@ -138,14 +138,14 @@ def _take(bus: PumpedBus, raw: _Log, message: can.Message) -> None:
 
 def _count(played: Played, message: can.Message, at: float, latest: int) -> None:
     cob_id, data = message.arbitration_id, bytes(message.data)
-    one = played.traffic.setdefault(cob_id, Traffic(meaning(cob_id)))
+    one = played.traffic.setdefault(cob_id, _Traffic(meaning(cob_id)))
     one.sent += not message.is_rx
     one.received += message.is_rx
     one.latest = data.hex(" ")
     played.frames += 1
     played.seconds = at
     said = words(cob_id, data)
-    played.latest.append(SaidFrame(at, cob_id, not message.is_rx, one.latest, said))
+    played.latest.append(_SaidFrame(at, cob_id, not message.is_rx, one.latest, said))
     del played.latest[: max(0, len(played.latest) - latest)]
 
 

@@ -307,28 +307,22 @@ def torque_findings(recording: Recording, segment: Segment) -> Iterable[Finding]
         )
         return
     scale = port / drive
+    severity, remedy = Severity.PASSED, ""
     if scale < 1.0 / _ANOTHER_SCALE:
+        severity = Severity.BLOCKS
         remedy = "Turn `direction` of the torque input or of the motor encoder; check that the port is connected."
-        yield Finding(
-            "torque direction",
-            Severity.BLOCKS,
-            text,
-            remedy,
-            where="motion",
-            allowed="the same sense",
-            value=scale,
-            unit="1",
-        )
-        return
     yield Finding(
         "torque direction",
-        Severity.PASSED,
+        severity,
         text,
+        remedy,
         where="motion",
         allowed="the same sense",
         value=scale,
         unit="1",
     )
+    if severity is Severity.BLOCKS:
+        return
     yield passed_if(
         "torque scale",
         abs(scale - 1.0) <= TORQUE_SCALE,

@@ -58,11 +58,9 @@ class PairRow:
         if any(drill.is_unheard for drill in self.pair.drills):
             return "safe, nobody can be heard"
         # What was still turning when it was given up has come to rest since: the word was true.
-        return (
-            "safe later, rightly not verified"
-            if self.ending.rightly_denied
-            else "SAFE AND NOT SAID"
-        )
+        if self.ending.rightly_denied:
+            return "safe later, rightly not verified"
+        return "SAFE AND NOT SAID"
 
     @property
     def passed(self) -> bool:

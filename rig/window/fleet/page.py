@@ -37,7 +37,7 @@ from rig.window.shell.stack import (
 from rig.window.work.background import BackgroundCommand, LatestTask, in_words, json_object
 
 NOTHING = "No results of many runs here yet."
-WHAT_TO_DO = (
+_WHAT_TO_DO = (
     "Fit a folder analyses every run below it, each with its tare, and keeps the numbers as one table. "
     "Open … shows a table that is there already."
 )
@@ -128,7 +128,7 @@ class FleetPage(QWidget):
             chosen.addWidget(box, row, 1)
         right = in_column(chosen, self.says, (self.plots, 1), margins=(0, 0, 0, 0))
         self.both = split((room_for(left), 1), (room_for(right), 3), sizes=[480, 800])
-        words = (text_label(NOTHING, "title"), text_label(WHAT_TO_DO, wraps=True))
+        words = (text_label(NOTHING, "title"), text_label(_WHAT_TO_DO, wraps=True))
         ways = in_row(
             push_button("Fit a folder …", "primary", act=self._fit),
             push_button("Open …", act=self._open_folder),

@@ -147,8 +147,6 @@ def _narrow(low: float, high: float) -> list[float]:
 
 def plain(value: float) -> str:
     """A tick's number: 0.001 and 100000, powers of ten only beyond."""
-    return (
-        f"{value:.4g}"
-        if 1e-4 <= abs(value) < 1e5
-        else f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")
-    )
+    if 1e-4 <= abs(value) < 1e5:
+        return f"{value:.4g}"
+    return f"{value:.0e}".replace("e-0", "e-").replace("e+0", "e")

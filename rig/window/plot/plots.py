@@ -59,7 +59,7 @@ class Curve:
             item.setData(x, item.getOriginalDataset()[1])
 
 
-class LabBox(pg.ViewBox):
+class _LabBox(pg.ViewBox):
     """The room of the data. The wheel zooms along x alone: to look closer at a moment is not to lose the height of a
     curve. Over an axis it zooms along that.
     """
@@ -99,7 +99,7 @@ class LabPlot(QWidget):
         self._legend.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self._legend.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         axes = {side: LabAxis(side) for side in ("left", "bottom")}
-        self.canvas = pg.PlotWidget(viewBox=LabBox(), axisItems=axes)
+        self.canvas = pg.PlotWidget(viewBox=_LabBox(), axisItems=axes)
         self.canvas.setMinimumSize(180, 110)
         head = QGridLayout()
         head.setContentsMargins(8, 2, 8, 0)

@@ -46,7 +46,7 @@ BAR_WIDTH, ARM_WIDTH = 4.0, 1.2
 _DASHES: tuple[CurveStyle, ...] = ("line", "dashed", "dotted")
 
 
-class PanelPlot(LabPlot):
+class _PanelPlot(LabPlot):
     """One panel of a figure: the first one, or one under it."""
 
     def show_series(self, plot: Plot, panel: int) -> None:
@@ -139,7 +139,7 @@ class PanelPlot(LabPlot):
         self.item.setRange(xRange=(0, 1), yRange=(0, 1), disableAutoRange=False)
 
 
-class ResultPlot(PanelPlot):
+class ResultPlot(_PanelPlot):
     """One figure of a result, its further panels under the first over the same x. `shown` is what it draws, `remarks`
     what a reader must know about it.
     """
@@ -149,7 +149,7 @@ class ResultPlot(PanelPlot):
         self._legend.setWordWrap(True)
         self.shown: Plot | None = None
         self.remarks: tuple[str, ...] = ()
-        self.below: tuple[PanelPlot, ...] = ()
+        self.below: tuple[_PanelPlot, ...] = ()
         """The panels under the first one."""
 
     def show_data(self, plot: Plot) -> None:
@@ -184,7 +184,7 @@ class ResultPlot(PanelPlot):
             lower.item.setXLink(None)
             lower.setParent(None)
             lower.deleteLater()
-        self.below = tuple(PanelPlot(self._session) for _ in range(count))
+        self.below = tuple(_PanelPlot(self._session) for _ in range(count))
         for lower in self.below:
             lower.canvas.setMinimumHeight(LOWEST_PANEL)
             self._rows.addWidget(lower)

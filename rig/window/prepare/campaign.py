@@ -16,7 +16,6 @@ from model.errors import ModelError
 from rig.bench.backends.order import Order, arguments_of
 from rig.errors import RigError
 from rig.present.preview.plan import preview_plan
-from rig.run.gear import acceptance_checks_of_card, card_checks
 from rig.run.preflight import static_checks
 from rig.run.progress import in_words
 from rig.trial.campaign import journal as journals
@@ -26,7 +25,7 @@ from rig.window.prepare.request import (
     SAID_OF_A_RUN,
     Intent,
     Outlook,
-    for_this_rig,
+    gear_checks,
     latch_checks,
     order_for,
     parameters_check,
@@ -63,11 +62,7 @@ def look_ahead_campaign(intent: Intent) -> Outlook:
             done = _runs_that_count(intent.rig.folder, plan, order.serial)
     except (RigError, ExperimentError, ModelError) as error:
         problem = error
-    serial = intent.facts.serial if intent.facts is not None else ""
-    checks[:0] = [
-        *(for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)),
-        *acceptance_checks_of_card(intent.card),
-    ]
+    checks[:0] = gear_checks(intent)
     checks += latch_checks(intent.rig)
     return Outlook(
         intent, order=order, checks=tuple(checks), problem=problem, walk=walked, done=done

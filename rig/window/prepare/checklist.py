@@ -102,16 +102,10 @@ class Checklist(QWidget):
         box.toggled.connect(lambda on, check=check: self._tick(check, on))
         words, part = SIGNS[check.severity]
         sign = text_label(words, part)
-        text = text_label(
-            check.found
-            + (
-                f"\n→ {check.remedy}"
-                if check.remedy and check.severity is not Severity.PASSED
-                else ""
-            ),
-            wraps=True,
-            selectable=True,
-        )
+        found = check.found
+        if check.remedy and check.severity is not Severity.PASSED:
+            found += f"\n→ {check.remedy}"
+        text = text_label(found, wraps=True, selectable=True)
         text.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
         text.setMinimumSize(1, 1)
         for column, widget in enumerate((box, sign, text_label(check.what))):

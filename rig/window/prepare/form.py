@@ -37,7 +37,7 @@ class CalmComboBox(QComboBox):
         event.ignore()
 
 
-class EditableChoice(CalmComboBox):
+class _EditableChoice(CalmComboBox):
     """A choice of known words in which any other may be written."""
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class EditableChoice(CalmComboBox):
         self.setInsertPolicy(QComboBox.InsertPolicy.NoInsert)
 
 
-class FieldRow(QObject):
+class _FieldRow(QObject):
     """One parameter: label, editor, unit, and a line below with its help and range, or what is wrong with it."""
 
     changed = Signal(str)
@@ -76,7 +76,7 @@ class FieldRow(QObject):
     def _new_editor(self) -> QLineEdit | QComboBox | QCheckBox:
         name = self.field.name
         if self.choices or self.suggestions:
-            box = EditableChoice() if self.suggestions else CalmComboBox()
+            box = _EditableChoice() if self.suggestions else CalmComboBox()
             box.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
             words = [*self.choices, *self.suggestions]
             box.addItems(["", *words] if self._optional or self.suggestions else words)
@@ -163,7 +163,7 @@ class ParameterForm(QWidget):
         suggestions: Mapping[str, tuple[str, ...]] | None = None,
     ) -> None:
         super().__init__()
-        self.rows: dict[str, FieldRow] = {}
+        self.rows: dict[str, _FieldRow] = {}
         self._checker = checker
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
@@ -172,7 +172,7 @@ class ParameterForm(QWidget):
         grid.setColumnStretch(1, 1)
         for index, field in enumerate(fields):
             words = (choices or {}).get(field.name, ())
-            row = FieldRow(
+            row = _FieldRow(
                 field,
                 words,
                 optional=bool(words) and not field.default,
@@ -231,7 +231,7 @@ class ParameterForm(QWidget):
         row.set_problem(self._refusal(name, row))
         self.changed.emit()
 
-    def _refusal(self, name: str, row: FieldRow) -> str:
+    def _refusal(self, name: str, row: _FieldRow) -> str:
         text = str(row.value)
         if (
             row.field.kind in (float, tuple)

@@ -19,19 +19,16 @@ from model.gear_file import load_gear
 from rig.errors import RigError
 from rig.gears.acceptance import shipped_names
 from rig.gears.card import (
-    CHOICES,
     GearCard,
-    GearFacts,
     ListedCard,
     card_for,
     list_cards,
-    make_facts,
     now_text,
-    stated_facts,
     with_changes,
     with_confirmation,
 )
 from rig.gears.card_places import above, cards_folder
+from rig.gears.facts import CHOICES, GearFacts, make_facts, stated_facts
 from rig.gears.making import write_card
 from rig.run.gear import acceptance_checks_of_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
@@ -107,7 +104,7 @@ class GearSection(QWidget):
         self._watcher = QFileSystemWatcher(self)
         self._watcher.directoryChanged.connect(lambda _: self._pause.start())
         self._pause = single_shot(self, _PAUSE_MS, self._follow)
-        self.refresh_choice()
+        self._refresh_choice()
         remembered = str(session.recall("gear", ""))
         self.choose(remembered if remembered in self._serials() else "")
 
@@ -140,7 +137,7 @@ class GearSection(QWidget):
 
     def _take_new(self, serial: str) -> None:
         self.show_new(False)
-        self.refresh_choice()
+        self._refresh_choice()
         self.choose(serial)
         # What was made is looked at from its beginning.
         self.choice.setFocus()
@@ -157,11 +154,9 @@ class GearSection(QWidget):
     def card(self) -> GearCard | None:
         """The card as it is stored, if the form shows just that; None while changes wait for their confirmation."""
         facts = self.facts
-        return (
-            self._stored
-            if self._stored is not None and facts is not None and facts == self._stored.facts
-            else None
-        )
+        if self._stored is not None and facts is not None and facts == self._stored.facts:
+            return self._stored
+        return None
 
     @property
     def is_confirmed(self) -> bool:
@@ -191,7 +186,7 @@ class GearSection(QWidget):
 
     def refresh(self) -> None:
         """Look again which cards there are, and whether this one was changed elsewhere; what is being edited stays."""
-        self.refresh_choice()
+        self._refresh_choice()
         stored = self._stored
         if stored is None or self.facts != stored.facts:
             return
@@ -216,7 +211,7 @@ class GearSection(QWidget):
         if fresh := wanted - set(self._watcher.directories()):
             self._watcher.addPaths(sorted(fresh))
 
-    def refresh_choice(self) -> None:
+    def _refresh_choice(self) -> None:
         """Look again which cards there are."""
         self._watch()
         chosen = self.choice.currentData()
@@ -279,7 +274,7 @@ class GearSection(QWidget):
             return
         self.refused.hide()
         self._session.remember("gear", self._stored.serial)
-        self.refresh_choice()
+        self._refresh_choice()
         self.choose(self._stored.serial)
 
     def _refuse(self, text: str, field: QWidget | None) -> None:

@@ -62,11 +62,9 @@ class AcknowledgeDialog(QDialog):
 
 def trip_in_words(trip: LatchedTrip) -> str:
     """A trip as somebody has to read it before anything turns again."""
-    safe = (
-        "Standstill was verified."
-        if trip.standstill_verified
-        else "Standstill was NOT verified: look at the rig first."
-    )
+    safe = "Standstill was NOT verified: look at the rig first."
+    if trip.standstill_verified:
+        safe = "Standstill was verified."
     if trip.cause == CUT_OFF:
         return (
             f"Run {trip.run}, {trip.time}, was cut off: {trip.message}.\n{safe}\n"

@@ -17,7 +17,8 @@ from model.gear import HarmonicDrive
 from model.gear_file import SECTIONS
 from model.quantities import readable
 from rig.errors import RigError
-from rig.gears.card import CHOICES, now_text, with_confirmation
+from rig.gears.card import now_text, with_confirmation
+from rig.gears.facts import CHOICES
 from rig.gears.making import made_gear, write_card, write_new_gear
 from rig.gears.stating import declared, value_of
 from rig.window.prepare.form import CalmComboBox
@@ -41,7 +42,7 @@ ASSUMED = ("assumed", "recalled")
 """Provenances that nobody has looked up."""
 
 
-class NewGearField(QObject):
+class _NewGearField(QObject):
     """A line of the form: its editor, and a note below, which says where its value is from or what is wrong."""
 
     changed = Signal()
@@ -88,9 +89,9 @@ class NewGearForm(QWidget):
         self._known = declared(SECTIONS)
         self.gear: HarmonicDrive | None = None
         """What the part number alone makes; None while it names no product."""
-        self.product = NewGearField("Part number", f"such as {_EXAMPLE}")
-        self.serial = NewGearField("Serial number", "from the plate of the gear")
-        self.nameplate = {path: NewGearField("") for path in NAMEPLATE}
+        self.product = _NewGearField("Part number", f"such as {_EXAMPLE}")
+        self.serial = _NewGearField("Serial number", "from the plate of the gear")
+        self.nameplate = {path: _NewGearField("") for path in NAMEPLATE}
         self.says = text_label("", "muted", wraps=True)
         self.mounting = CalmComboBox()
         self.mounting.setAccessibleName("Mounting")
@@ -274,16 +275,16 @@ class NewGearForm(QWidget):
             self.says.setText(f"! {waits}")
             return
         asked = [path for path in open_questions(self.gear) if not self.nameplate[path].text]
-        assumed = (
-            f"{len(asked)} of {len(NAMEPLATE)} nameplate values are only assumed: read them off the "
-            "plate or the papers (More), or leave them marked."
-            if asked
-            else "Every nameplate value is looked up."
-        )
+        assumed = "Every nameplate value is looked up."
+        if asked:
+            assumed = (
+                f"{len(asked)} of {len(NAMEPLATE)} nameplate values are only assumed: read them off the "
+                "plate or the papers (More), or leave them marked."
+            )
         self.says.setText(f"! {waits} {assumed}" if waits else assumed)
 
 
-def _place(grid: QGridLayout, fields: Sequence[NewGearField]) -> None:
+def _place(grid: QGridLayout, fields: Sequence[_NewGearField]) -> None:
     """Fields under each other, each with its note below."""
     for place, field in enumerate(fields):
         grid.addWidget(field.label, 2 * place, 0)

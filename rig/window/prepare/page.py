@@ -110,7 +110,7 @@ class PreparePage(QWidget):
         self.commission_button = push_button(
             "&Commission …",
             tip="Take a new bench through its first hour, stage by stage (rig commission)",
-            act=self.commission_bench,
+            act=self._commission_bench,
         )
         self.status_page = StatusPageChoice(session)
         self.training_button = push_button("&Training …", act=self.open_training)
@@ -313,7 +313,7 @@ class PreparePage(QWidget):
         self.doctor_button.setText("Asking the rig … (Esc stops)")
         self.asking_changed.emit()
 
-    def commission_bench(self) -> None:
+    def _commission_bench(self) -> None:
         """Begin, or go on with, the commissioning of the bench of this window. A rig of hardware has to be armed."""
         intent, outlook = self.intent, self.outlook
         order = outlook.order if outlook is not None and not self.is_stale else None

@@ -38,7 +38,7 @@ FIGURES = {
     "friction": ("Running torque", "input speed [r/min]", "torque [N m]"),
 }
 """The plots and what they are called while they are empty."""
-PREDICTION = "PREDICTION"
+_PREDICTION = "PREDICTION"
 _LONGEST_NAME = 16
 """Letters of a name on a button."""
 
@@ -51,7 +51,7 @@ class PreviewPlots(QTabWidget):
         self._session = session
         self._preview: PlanPreview | None = None
         self.plots = {
-            name: LabPlot(session, *labels, mark=PREDICTION) for name, labels in FIGURES.items()
+            name: LabPlot(session, *labels, mark=_PREDICTION) for name, labels in FIGURES.items()
         }
         """Every plot by the name of its figure."""
         self.margins = _table(predicted_grid(()).headings)

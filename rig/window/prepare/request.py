@@ -20,13 +20,8 @@ from rig.bench.backends.registry import HARDWARE
 from rig.bench.identity import bench_of
 from rig.content.wording import named, percent
 from rig.errors import ConfigurationError, RigError
-from rig.gears.card import (
-    GearCard,
-    GearFacts,
-    card_path,
-    conditions_of,
-    gear_of,
-)
+from rig.gears.card import GearCard, card_path, conditions_of, gear_of
+from rig.gears.facts import GearFacts
 from rig.present.preview.plan import PlanPreview, preview_plan
 from rig.run.arming import WITHOUT_GEAR, Arming, refuse_unarmed
 from rig.run.dry_run import PlannedRun
@@ -41,7 +36,7 @@ from rig.trial.campaign.walk import Walk
 KNOWN_BY_THE_RIG = ("mounting", "sync_rate")
 """Parameters of protocols that follow from the gear card and the rig: not asked for twice."""
 
-SAID_TO_A_CHILD = (
+_SAID_TO_A_CHILD = (
     "backend",
     "folder",
     "mounting",
@@ -54,7 +49,7 @@ SAID_TO_A_CHILD = (
     "world",
 )
 """The fields of an order that a window decides, as the command line of its child has them."""
-SAID_OF_A_RUN = (*SAID_TO_A_CHILD, "status")
+SAID_OF_A_RUN = (*_SAID_TO_A_CHILD, "status")
 """Those of a run, or of a campaign's runs."""
 
 
@@ -158,16 +153,21 @@ def look_ahead(intent: Intent) -> Outlook:
         )
         checks += static_checks(planned, intent.rig.folder)
     if catalogue.load(intent.protocol).gear_mounted:
-        serial = intent.facts.serial if intent.facts is not None else ""
-        checks[:0] = [
-            *(for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)),
-            *acceptance_checks_of_card(intent.card),
-        ]
+        checks[:0] = gear_checks(intent)
     checks += latch_checks(intent.rig)
     return Outlook(intent, order, planned, preview, tuple(checks), problem)
 
 
-def for_this_rig(check: Finding, rig: RigChoice) -> Finding:
+def gear_checks(intent: Intent) -> tuple[Finding, ...]:
+    """What is looked at on the card of the gear, and on what the gear must show."""
+    serial = intent.facts.serial if intent.facts is not None else ""
+    return (
+        *(_for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)),
+        *acceptance_checks_of_card(intent.card),
+    )
+
+
+def _for_this_rig(check: Finding, rig: RigChoice) -> Finding:
     """What is merely unknown matters on hardware; of a simulated gear nobody can know it."""
     if check.severity is Severity.WARNS and not rig.is_hardware:
         return replace(check, severity=Severity.PASSED, found=f"{check.found} (a simulated gear)")
@@ -322,7 +322,7 @@ def doctor_arguments(
             protocol="doctor", backend=rig.backend, folder=rig.folder, config=rig.configuration
         )
         return [*words, *arguments_of(bare, ("backend", "folder", "config"))]
-    words += arguments_of(order, SAID_TO_A_CHILD, parameters)
+    words += arguments_of(order, _SAID_TO_A_CHILD, parameters)
     if rig.is_hardware and confirmation:
         words += [f"--confirm={confirmation}", "--move"]
     return words
@@ -332,7 +332,7 @@ def commission_arguments(
     order: Order, confirmation: str = "", parameters: Path | None = None
 ) -> list[str]:
     """What follows `python -m rig` to take this bench through the stages that are missing."""
-    words = ["commission", *arguments_of(order, SAID_TO_A_CHILD[:-1], parameters)]
+    words = ["commission", *arguments_of(order, _SAID_TO_A_CHILD[:-1], parameters)]
     words += [f"--confirm={confirmation}"] if confirmation else []
     return [*words, "--events", "--stdin-control"]
 

@@ -75,11 +75,10 @@ class TrainingDialog(QDialog):
 
     def _describe(self) -> None:
         item = self.drills.currentItem()
-        self.what.setText(
-            str(item.data(Qt.ItemDataRole.UserRole))
-            if item is not None
-            else "No drill is called so."
-        )
+        words = "No drill is called so."
+        if item is not None:
+            words = str(item.data(Qt.ItemDataRole.UserRole))
+        self.what.setText(words)
 
     def _show_runnable(self) -> None:
         self.run_button.setEnabled(self.drills.currentItem() is not None and not self.is_running)
@@ -130,11 +129,9 @@ def verdict_text(row: dict[str, Any]) -> str:
     """One row of `rig sim drill --json` in sentences."""
     passed = "✓ ended as it must" if row.get("passed") else "✗ did NOT end as it must"
     safe = "the motor stands without power" if row.get("safe") else "the motor does NOT stand"
-    verified = (
-        "standstill verified"
-        if row.get("verified")
-        else "standstill not verified: the loudest alarm there is"
-    )
+    verified = "standstill not verified: the loudest alarm there is"
+    if row.get("verified"):
+        verified = "standstill verified"
     readable = "file readable" if row.get("file_readable") else "file NOT readable"
     text = (
         f"{passed}: {row.get('fault')}\nDetected: {row.get('detected')}, after "

@@ -59,11 +59,9 @@ class DifferenceView(QWidget):
                 self.group.addItem(f"{group} ({count})", group)
         same = [group for group, count in counts.items() if not count and compared.compared[group]]
         looked_at = sum(compared.compared.values())
-        text = (
-            f"{len(compared.changes)} of {looked_at} things differ."
-            if compared.differs
-            else "Nothing differs but number and time."
-        )
+        text = "Nothing differs but number and time."
+        if compared.differs:
+            text = f"{len(compared.changes)} of {looked_at} things differ."
         self.says.setText(text + (f" The same in both: {', '.join(same)}." if same else ""))
         self._fill()
 

@@ -121,7 +121,7 @@ class FitDesk(QObject):
         """Whether a fit is at work."""
         return self._command is not None
 
-    def cached_result(self, order: FitOrder) -> Result | None:
+    def _cached_result(self, order: FitOrder) -> Result | None:
         """The result of an order that was worked off already."""
         return self.cache.get(order.key())
 
@@ -144,7 +144,7 @@ class FitDesk(QObject):
     def _next(self) -> None:
         while self._waiting and self._command is None:
             order = self._waiting.popleft()
-            cached = None if order.keep else self.cached_result(order)
+            cached = None if order.keep else self._cached_result(order)
             if cached is not None:
                 self._count(order, cached)
                 continue

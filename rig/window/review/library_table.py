@@ -26,10 +26,10 @@ from PySide6.QtWidgets import (
 )
 
 from experiments.catalogue import ladders
+from rig.gears.card import UNNAMED
 from rig.library.index import IndexedRun
 from rig.window.review.table_model import (
     COLUMNS,
-    NO_SERIAL,
     RUN_ROLE,
     LibraryFilter,
     LibraryModel,
@@ -78,7 +78,7 @@ HTML, PDF = ".html", ".pdf"
 PERIODS = ("any time", "today", "last 7 days", "last 30 days", "this year", "between …")
 
 
-class FilterBar(QWidget):
+class _FilterBar(QWidget):
     """Search text, gear, protocol, outcome and period. `changed` carries what is wanted."""
 
     changed = Signal(object)
@@ -183,7 +183,7 @@ class LibraryTable(QWidget):
         self.model = LibraryModel(lambda: session.palette, self)
         self.filtered = LibraryFilter(self)
         self.filtered.setSourceModel(self.model)
-        self.filters = FilterBar(today)
+        self.filters = _FilterBar(today)
         self.table = _table(self.filtered)
         self.count = text_label("Reading the runs …", "muted", wraps=True)
         self.says = text_label(wraps=True, selectable=True)
@@ -303,7 +303,7 @@ class LibraryTable(QWidget):
 
     def _serial(self) -> str:
         serials = (run.gear_serial for path in self.selected if (run := self.run_of(path)))
-        return next((serial for serial in serials if serial not in ("", NO_SERIAL)), "")
+        return next((serial for serial in serials if serial not in UNNAMED), "")
 
     def _take(self, runs: Sequence[IndexedRun]) -> None:
         before = [path.name.removesuffix(".part") for path in self.selected]

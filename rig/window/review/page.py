@@ -87,7 +87,7 @@ class ReviewPage(QWidget):
         library.passport_requested.connect(self.show_passport)
         self.passport.run_chosen.connect(self.show_run)
         self.passport.run_requested.connect(self.run_requested)
-        self.passport.report_requested.connect(self.make_gear_report)
+        self.passport.report_requested.connect(self._make_gear_report)
         library.report_requested.connect(self.make_report)
         library.import_requested.connect(self._ask_for_recording)
         self.recording.opened.connect(self._open_imported)
@@ -164,7 +164,7 @@ class ReviewPage(QWidget):
         page = report_path(paths, suffix)
         self._write_report([str(path) for path in paths], page)
 
-    def make_gear_report(self, serial: str, suffix: str = HTML) -> None:
+    def _make_gear_report(self, serial: str, suffix: str = HTML) -> None:
         """Write the report of a gear over all its runs of this folder, then open it."""
         if self._report is not None:
             self._session.message.emit("A report is being written already.")

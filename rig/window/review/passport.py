@@ -79,7 +79,7 @@ class PassportView(QWidget):
             "Fit what is &missing",
             tip="Fit every run of this gear that has no analysis yet, or a stale one, each with the tare "
             "that belongs to it; kept beside its run",
-            act=self.fit_missing,
+            act=self._fit_missing,
         )
         self._lacking: tuple[str, ...] = ()
         self.prepare = push_button("&Prepare a run", "primary", act=self._prepare)
@@ -154,7 +154,7 @@ class PassportView(QWidget):
         self.says.setText("Reading the analyses of its runs …")
         self._reading.start(_reader(self._session.folder, serial))
 
-    def fit_missing(self) -> None:
+    def _fit_missing(self) -> None:
         """Fit what has no analysis yet, each run in a process of its own, and read the passport again."""
         library, serial = self._library, self._serial
         self.analyse.setDisabled(True)
@@ -188,7 +188,7 @@ class PassportView(QWidget):
                 self._read()
                 self._session.runs_changed.emit()
 
-    def _take(self, read: ReadGear) -> None:
+    def _take(self, read: _ReadGear) -> None:
         passport, self.passport = read.passport, read.passport
         self.verdict.setText(f"{SIGNS[read.judged.verdict]} {read.judged.verdict}")
         restyled(self.verdict, VERDICT_COLOURS[read.judged.verdict])
@@ -242,7 +242,7 @@ class PassportView(QWidget):
 
 
 @dataclass(frozen=True)
-class ReadGear:
+class _ReadGear:
     """A gear as its page shows it: the passport, the verdict on the gear, and that on each of its runs."""
 
     passport: Passport
@@ -255,13 +255,13 @@ class ReadGear:
         return verdict.text if verdict is not None else ""
 
 
-def _reader(folder: Path, serial: str) -> Callable[[], ReadGear]:
-    def read() -> ReadGear:
+def _reader(folder: Path, serial: str) -> Callable[[], _ReadGear]:
+    def read() -> _ReadGear:
         from rig.analysis.passport.build import passport
 
         made = passport(folder, serial)
         listed = {run.path: listed_verdict(run) for run in made.runs}
-        return ReadGear(made, _gear_verdict(folder, serial), listed)
+        return _ReadGear(made, _gear_verdict(folder, serial), listed)
 
     return read
 

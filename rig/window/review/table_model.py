@@ -22,6 +22,7 @@ from PySide6.QtGui import QColor, QFont
 
 from experiments import catalogue
 from rig.content.wording import duration_text
+from rig.gears.card import UNNAMED
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.shell.palette import Palette
@@ -29,8 +30,6 @@ from rig.window.shell.stack import plain_tip
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
 from rig.window.work.verdicts import ListedVerdict
 
-NO_SERIAL = "unknown"
-"""What stands in a run file for a gear without a serial number, and for no gear at all."""
 _AnyIndex = QModelIndex | QPersistentModelIndex
 _NOWHERE = QModelIndex()
 RUN_ROLE = Qt.ItemDataRole.UserRole + 1
@@ -78,7 +77,7 @@ def local_time(start: str) -> str:
 
 
 @dataclass(frozen=True)
-class LibraryColumn:
+class _LibraryColumn:
     """One column: heading, text of a run, what it is sorted by, whether it is a number."""
 
     heading: str
@@ -94,30 +93,30 @@ def _duration(run: IndexedRun) -> str:
 def gear_words(run: IndexedRun) -> str:
     """The serial number of the gear; a bare motor has none."""
     experiment = catalogue.declared(run.protocol)
-    if run.gear_serial == NO_SERIAL and experiment is not None and not experiment.gear_mounted:
+    if run.gear_serial in UNNAMED and experiment is not None and not experiment.gear_mounted:
         return "no gear"
     return run.gear_serial or "–"
 
 
 COLUMNS = (
-    LibraryColumn(
+    _LibraryColumn(
         "#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True
     ),
-    LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
-    LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
-    LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
-    LibraryColumn("verdict", lambda _: "", lambda _: ""),
-    LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
-    LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
-    LibraryColumn(
+    _LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
+    _LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
+    _LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
+    _LibraryColumn("verdict", lambda _: "", lambda _: ""),
+    _LibraryColumn("started", lambda r: local_time(r.start), lambda r: local_time(r.start)),
+    _LibraryColumn("operator", lambda r: r.operator or "–", lambda r: r.operator),
+    _LibraryColumn(
         "time", _duration, lambda r: r.duration if math.isfinite(r.duration) else -1.0, numeric=True
     ),
-    LibraryColumn(
+    _LibraryColumn(
         "origin",
         lambda r: ORIGIN_WORDS.get(r.origin, r.origin) or ("hardware" if r.origin else "–"),
         lambda r: r.origin,
     ),
-    LibraryColumn("part", lambda r: r.gear or "–", lambda r: r.gear),
+    _LibraryColumn("part", lambda r: r.gear or "–", lambda r: r.gear),
 )
 OUTCOME, VERDICT = (
     next(i for i, column in enumerate(COLUMNS) if column.heading == heading)

@@ -35,7 +35,7 @@ _LOWEST_ROW, _HIGHEST_ROW = 44, 84
 
 
 @dataclass(frozen=True, kw_only=True)
-class LimitLine:
+class _LimitLine:
     """One limit as the picture has it: value and U as shares of the limit, and both in words."""
 
     name: str
@@ -84,24 +84,24 @@ def _number(told: Any) -> float:
     return math.nan if told is None else float(told)
 
 
-def limit_lines(report: Mapping[str, Any]) -> list[LimitLine]:
+def limit_lines(report: Mapping[str, Any]) -> list[_LimitLine]:
     """The limits of a campaign's report, the nearest to its limit first."""
     return sorted(
-        (LimitLine.of(told) for told in report.get("limits", ())), key=lambda one: one.room
+        (_LimitLine.of(told) for told in report.get("limits", ())), key=lambda one: one.room
     )
 
 
-class LimitPicture(QWidget):
+class _LimitPicture(QWidget):
     """Every limit as a lane: the value as a dot with its U, the limit as a line, what lies beyond it shaded."""
 
     def __init__(self, session: WindowSession) -> None:
         super().__init__()
         self._session = session
-        self.lines: list[LimitLine] = []
+        self.lines: list[_LimitLine] = []
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
         session.theme_changed.connect(lambda _: self.update())
 
-    def show_lines(self, lines: list[LimitLine]) -> None:
+    def show_lines(self, lines: list[_LimitLine]) -> None:
         """Draw these."""
         self.lines = lines
         self.setMinimumHeight(_LOWEST_ROW * max(len(lines), 1))
@@ -134,7 +134,7 @@ class LimitPicture(QWidget):
             self._paint_lane(painter, place * row, row, line)
         painter.end()
 
-    def _paint_lane(self, painter: QPainter, top: int, row: int, line: LimitLine) -> None:
+    def _paint_lane(self, painter: QPainter, top: int, row: int, line: _LimitLine) -> None:
         palette, width, end = self._session.palette, float(self.width()), self.end
         colour = QColor(getattr(palette, COLOURS.get(line.outcome, "muted")))
         words = QRectF(0, top, width, 20)
@@ -165,7 +165,7 @@ class LimitPicture(QWidget):
         painter.drawLine(QPointF(limit, lane.top() - 2), QPointF(limit, lane.bottom() + 2))
         self._paint_value(painter, lane, line, colour)
 
-    def _write_why(self, painter: QPainter, lane: QRectF, line: LimitLine) -> None:
+    def _write_why(self, painter: QPainter, lane: QRectF, line: _LimitLine) -> None:
         """A lane without a value says why there is none."""
         room = lane.adjusted(10, -4, -10, 4)
         words = painter.fontMetrics().elidedText(
@@ -175,7 +175,7 @@ class LimitPicture(QWidget):
         painter.drawText(room, Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter, words)
 
     def _paint_value(
-        self, painter: QPainter, lane: QRectF, line: LimitLine, colour: QColor
+        self, painter: QPainter, lane: QRectF, line: _LimitLine, colour: QColor
     ) -> None:
         """The dot with its interval; one beyond the end of the lane is an arrow at it."""
         width, height = lane.width(), lane.center().y()
@@ -215,7 +215,7 @@ class CampaignEnd(QFrame):
             text_label("", "heading", wraps=True),
         )
         self.reasons = text_label(wraps=True, selectable=True)
-        self.picture = LimitPicture(session)
+        self.picture = _LimitPicture(session)
         self.print_button = push_button(
             "&Print certificate", "primary", tip="Opens the certificate for paper (PDF)"
         )

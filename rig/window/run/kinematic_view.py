@@ -249,11 +249,10 @@ class OutputView(RowView):
         )
         self.plot.item.setXRange(0.0, 360.0, padding=0.0)
         self._rows = _ErrorRows(context)
-        self._bins = (
-            max(12, min(round(abs(self._rows.ratio)), 720))
-            if np.isfinite(self._rows.ratio)
-            else 120
-        )
+        if np.isfinite(self._rows.ratio):
+            self._bins = max(12, min(round(abs(self._rows.ratio)), 720))
+        else:
+            self._bins = 120
         self._low = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
         self._high = {way: np.full(self._bins, np.nan) for way, _ in WAYS}
         styles: tuple[CurveStyle, CurveStyle] = ("line", "dashed")

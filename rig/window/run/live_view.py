@@ -91,7 +91,7 @@ class SegmentView:
         """Nothing: it is whole segments that are drawn."""
 
 
-class Trace:
+class _Trace:
     """One signal over the time of the run: as a whole, and its latest seconds."""
 
     def __init__(self) -> None:
@@ -110,7 +110,7 @@ class Trace:
         return (self._recent if recent else self._whole).curve()
 
 
-class TraceView(RowView):
+class _TraceView(RowView):
     """Signals over time: (channel, name in the legend, factor from SI, style)."""
 
     def __init__(
@@ -125,7 +125,7 @@ class TraceView(RowView):
         self._axis, self._values = TimeAxis(self.plot, duration), ValueAxis(self.plot)
         self.wanted = tuple(signal[0] for signal in signals)
         self._signals = [
-            (name, factor, Trace(), self.plot.curve(label, k, style, dense=True))
+            (name, factor, _Trace(), self.plot.curve(label, k, style, dense=True))
             for k, (name, label, factor, style) in enumerate(signals)
         ]
         self._drawn: tuple[float, bool] | None = None
@@ -148,7 +148,7 @@ class TraceView(RowView):
         self._values.follow(recent)
 
 
-class PredictedTorque(TraceView):
+class PredictedTorque(_TraceView):
     """A trace over what was predicted of it: drawn in advance over the nominal times of the plan, and each
     step over the times since it has begun.
     """
@@ -206,7 +206,7 @@ class SpeedView(RowView):
         self.plot = LabPlot(session, "Input speed", _RUN_TIME, "input speed [r/min]")
         self._axis, self._values = TimeAxis(self.plot, context.duration), ValueAxis(self.plot)
         self._speed = SlidingSpeed(context.period)
-        self._measured, self._target = Trace(), Trace()
+        self._measured, self._target = _Trace(), _Trace()
         target = self.plot.curve("set-point", 1, dense=True)
         self._curves = self.plot.curve("measured", 0, dense=True), target
         self._drawn: tuple[float, float, bool] | None = None
@@ -234,22 +234,22 @@ class SpeedView(RowView):
         self._values.follow(recent)
 
 
-def torque_view(session: WindowSession, context: LiveContext) -> TraceView:
+def torque_view(session: WindowSession, context: LiveContext) -> _TraceView:
     """Motor torque over time, from the monitor port where the rig has one."""
     name = "torque" if context.recording.has("torque") else "drive_torque"
     label = "monitor port" if name == "torque" else "reported by the drive"
     signals = [(name, label, MILLI, "line")]
     words = "Motor torque", "motor torque [mN m]"
     if context.prediction is None:
-        return TraceView(session, *words, signals, context.duration)
+        return _TraceView(session, *words, signals, context.duration)
     return PredictedTorque(session, *words, signals, context, context.prediction)
 
 
-def temperature_view(session: WindowSession, context: LiveContext) -> TraceView:
+def temperature_view(session: WindowSession, context: LiveContext) -> _TraceView:
     """Housing and room temperature over time."""
     signals = [
         ("housing_temperature", "gear housing", 1.0, "line"),
         ("ambient_temperature", "room", 1.0, "dashed"),
     ]
     there = [signal for signal in signals if context.recording.has(signal[0])]
-    return TraceView(session, "Temperature", "temperature [°C]", there, context.duration)
+    return _TraceView(session, "Temperature", "temperature [°C]", there, context.duration)

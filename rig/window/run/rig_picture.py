@@ -21,7 +21,7 @@ Part = Literal["motor", "shaft", "disc", "gear", "flange", "guard", "stop"]
 
 
 @dataclass(frozen=True)
-class Scene:
+class _Scene:
     """What is on the bench (`gear`: on it, off it), what is looked at, and in a few words what that is."""
 
     words: str
@@ -32,13 +32,13 @@ class Scene:
     arrow: Literal["", "turn"] = ""
 
 
-def _scene(words: str, *looked_at: Part, **how: bool | str) -> Scene:
-    return Scene(words, frozenset(looked_at), **how)  # pyright: ignore[reportArgumentType]  Scene's own words
+def _scene(words: str, *looked_at: Part, **how: bool | str) -> _Scene:
+    return _Scene(words, frozenset(looked_at), **how)  # pyright: ignore[reportArgumentType]  the scene's own words
 
 
-WHOLE = Scene("the bench", frozenset())
+WHOLE = _Scene("the bench", frozenset())
 """Of a question that the table does not know: one of another package's protocol."""
-SCENES: Mapping[str, Scene] = {
+SCENES: Mapping[str, _Scene] = {
     "gear-removed": _scene("gear off, motor alone", "gear", gear_on=False),
     "disc-mounted": _scene("gear off, disc as told", "disc", gear_on=False, disc_on=True),
     "mounted-at": _scene("gear at the stated angle", "flange", "gear", arrow="turn"),
@@ -73,7 +73,7 @@ _PLACES: Mapping[Part, QRectF] = {
 _NAMES: Mapping[Part, str] = {"motor": "motor", "gear": "gear", "stop": "STOP"}
 
 
-def scene_of(key: str) -> Scene:
+def scene_of(key: str) -> _Scene:
     """The scene of a question by its key; stages that ask one thing of several stops have one scene."""
     return SCENES.get(key) or (SCENES["full-speed"] if key.startswith("ready-") else WHOLE)
 
@@ -88,7 +88,7 @@ class RigPicture(QWidget):
         self.setFixedSize(_SIZE)
         session.theme_changed.connect(lambda _: self.update())
 
-    def show_scene(self, scene: Scene) -> None:
+    def show_scene(self, scene: _Scene) -> None:
         """Draw this one."""
         self.scene = scene
         self.setAccessibleName(f"Picture of the bench: {scene.words}")

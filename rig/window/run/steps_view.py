@@ -57,7 +57,7 @@ class StepView(SegmentView):
         self.plot = LabPlot(
             session, "Step response", "time since the step [s]", "output speed [r/min]"
         )
-        self.residual = ResidualView(session)
+        self.residual = _ResidualView(session)
         self._rigid = self.plot.curve("rigid gear", 2, "dotted", dense=True)
         self._measured = self.plot.curve("measured", 0, dense=True)
         self._predicted = self.plot.curve("predicted", 1, "dashed", dense=True)
@@ -154,7 +154,7 @@ class StepView(SegmentView):
         self.residual.show(segment, score, shown)
 
 
-class ResidualView:
+class _ResidualView:
     """What the prediction of the latest step leaves: measured minus predicted output speed."""
 
     def __init__(self, session: WindowSession) -> None:

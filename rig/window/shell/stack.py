@@ -68,7 +68,7 @@ def split(
     return splitter
 
 
-class HasTip(Protocol):
+class _HasTip(Protocol):
     """A widget, or a row of a list: whatever shows words where the pointer rests."""
 
     def setToolTip(self, text: str, /) -> None:
@@ -82,7 +82,7 @@ def plain_tip(text: str) -> str:
     return f"<qt>{escape(text).replace(chr(10), '<br>')}</qt>"
 
 
-def set_tip(thing: HasTip, text: str) -> None:
+def set_tip(thing: _HasTip, text: str) -> None:
     """What is shown where the pointer rests on it."""
     thing.setToolTip(plain_tip(text))
 

@@ -13,10 +13,11 @@ from scipy.signal import lfilter
 
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
-from model.identify.angle_regression import AngleFit, AngleRegression, Basis, solve_angle
+from model.identify.angle_fit import AngleFit, solve_angle
+from model.identify.angle_regression import AngleRegression, Basis
 from model.identify.checks import channels
+from model.identify.encoders import Encoders
 from model.identify.kinematic_error import (
-    Encoders,
     KinematicErrorAccumulator,
     KinematicErrorFit,
     fit_traverses,

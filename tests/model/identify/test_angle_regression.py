@@ -7,7 +7,8 @@ import pytest
 
 from model.errors import IdentificationError
 from model.identify import angle_regression
-from model.identify.angle_regression import CELLS, AngleRegression, Basis, Cells, solve_angle
+from model.identify.angle_fit import solve_angle
+from model.identify.angle_regression import CELLS, AngleRegression, Basis, Cells
 from model.kernels import regression as kernels
 from model.kinematic_error import design_matrix
 from model.units import REVOLUTION

@@ -7,7 +7,7 @@ import pytest
 
 from model.errors import IdentificationError
 from model.identify.counting import lattice_aliases, ratio_from_slope
-from model.identify.kinematic_error import Encoders
+from model.identify.encoders import Encoders
 from model.units import ARCSEC, REVOLUTION
 from tests.model.identify.rigs import (
     INPUT_QUANTUM,

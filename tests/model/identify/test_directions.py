@@ -11,7 +11,7 @@ import pytest
 from model.errors import IdentificationError
 from model.identify.angle_regression import standard_basis
 from model.identify.directions import combine, phase_relation
-from model.identify.kinematic_error import Encoders
+from model.identify.encoders import Encoders
 from model.units import ARCMIN, ARCSEC, DEGREE
 from tests.model.identify.rigs import RATIO, TRUTH, fit_both_ways, fit_over_angle, slow_run
 

@@ -18,16 +18,9 @@ from model.identify.differentiation import speed_from_counts
 from model.identify.dynamics import LadderFit, fit_ladder
 from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
-from model.identify.step_fit import (
-    BAD_STEP,
-    BASIS,
-    Problem,
-    Shape,
-    StepArrays,
-    bounded,
-    step_arrays,
-)
+from model.identify.step_fit import BAD_STEP, bounded
 from model.identify.step_inertia import InertiaFit, fit_inertia
+from model.identify.step_problem import BASIS, Problem, Shape, StepArrays, step_arrays
 from model.identify.step_rungs import Expected
 from model.identify.torsional_mode import TorsionModel
 from model.kernels.steps import respond

@@ -12,12 +12,10 @@ from hypothesis import strategies as st
 
 from model.errors import IdentificationError
 from model.gear import Harmonic
-from model.identify.angle_regression import AngleRegression, Basis, solve_angle
-from model.identify.kinematic_error import (
-    Encoders,
-    KinematicErrorAccumulator,
-    score_kinematic_error,
-)
+from model.identify.angle_fit import solve_angle
+from model.identify.angle_regression import AngleRegression, Basis
+from model.identify.encoders import Encoders
+from model.identify.kinematic_error import KinematicErrorAccumulator, score_kinematic_error
 from model.kinematic_error import design_matrix, peak_to_peak
 from model.units import ARCMIN, ARCSEC, REVOLUTION
 from tests.model.identify.rigs import (
@@ -105,7 +103,7 @@ def test_the_edge_triggered_fit_agrees(forward) -> None:
         )
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(cuts=st.lists(st.integers(0, 40_000), max_size=12), edge=st.booleans())
 def test_the_cutting_into_blocks_changes_nothing(cuts: list[int], edge: bool) -> None:
     run = slow_run(3, revolutions=40.0)
@@ -118,7 +116,7 @@ def test_the_cutting_into_blocks_changes_nothing(cuts: list[int], edge: bool) ->
     np.testing.assert_allclose(results[1], results[0], rtol=0, atol=1e-13)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     seed=st.integers(0, 10_000),
     direction=st.sampled_from([1.0, -1.0]),

@@ -9,12 +9,13 @@ import pytest
 
 from model.gear import Harmonic
 from model.gear_file import shipped_gear
-from model.identify.angle_regression import AngleRegression, solve_angle, standard_basis
+from model.identify.angle_fit import solve_angle
+from model.identify.angle_regression import AngleRegression, standard_basis
 from model.identify.counting import LockedRounding
 from model.identify.directions import combine
+from model.identify.encoders import Encoders
 from model.identify.estimate import BudgetLine
 from model.identify.kinematic_error import (
-    Encoders,
     KinematicErrorAccumulator,
     KinematicErrorFit,
     fit_traverses,

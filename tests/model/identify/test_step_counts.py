@@ -14,7 +14,8 @@ import pytest
 from model.identify.dynamics import fit_ladder
 from model.identify.step_counts import left_in_band, louder_in_band, rung_up
 from model.identify.step_data import StepData
-from model.identify.step_fit import BASIS, Problem, Solution, step_arrays
+from model.identify.step_fit import Solution
+from model.identify.step_problem import BASIS, Problem, step_arrays
 from model.identify.torsional_mode import TorsionModel
 from tests.model.identify.rigs import INPUT_QUANTUM
 from tests.model.identify.test_dynamics import EXPECTED, MODE, STATIC, step

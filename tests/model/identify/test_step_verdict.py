@@ -26,7 +26,8 @@ from model.identify.step_estimates import (
     _weighed_damping,
     ran_away,
 )
-from model.identify.step_fit import Problem, Solution
+from model.identify.step_fit import Solution
+from model.identify.step_problem import Problem
 
 
 def left_by(ringing: float, last: float = 2.0) -> tuple[Problem, Solution]:

@@ -28,7 +28,7 @@ def measured(seed: int, truth: np.ndarray = TRUTH, *, noise: float = 0.01, slowe
     return speed, force + error * random.standard_normal(len(speed)), error
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     coulomb=st.floats(20.0, 150.0),
     rise=st.floats(1.1, 2.0),

@@ -139,7 +139,7 @@ def expected(line: Verdict, one: StoredResult | None, acceptance: Acceptance) ->
     return "PASS" if over + u <= 0 else "FAIL" if over - u > 0 else "MARGINAL"
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     runs=st.lists(RUNS, max_size=4, unique_by=lambda one: one.result.kind),
     limits=st.lists(LIMITS, max_size=4, unique_by=lambda one: one.kind),

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from experiments import catalogue
-from experiments.protocols.friction.points import VIBRATION
+from experiments.protocols.friction.influences import VIBRATION
 from experiments.quantity import quantity_of
 from model.identify.estimate import BudgetLine, Cause, Estimate
-from model.identify.friction import SCATTER
+from model.identify.friction_result import SCATTER
 from rig.analysis.advised import advised
 from rig.analysis.in_force import newest_analysed
 from rig.analysis.judging import judge_newest

@@ -92,7 +92,7 @@ def flags_of(command: Any) -> set[str]:
 
 
 def card_flags() -> set[str]:
-    from rig.gears.card import GearFacts
+    from rig.gears.facts import GearFacts
 
     return {field.flag for field in parameter_fields(GearFacts)}
 

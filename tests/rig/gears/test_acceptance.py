@@ -74,7 +74,7 @@ def test_a_file_is_read_in_si_and_written_back_in_its_own_units(tmp_path: Path) 
     assert load_acceptance(acceptance.path) == acceptance
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     upper=st.floats(1e-6, 1e6),
     unit=st.sampled_from(("rad", "arcmin", "arcsec", "deg")),

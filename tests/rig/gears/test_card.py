@@ -20,7 +20,6 @@ from rig.errors import ConfigurationError
 from rig.gears.card import (
     CONFIRMED_FIELDS,
     GearCard,
-    GearFacts,
     card_for,
     card_path,
     card_text,
@@ -28,12 +27,12 @@ from rig.gears.card import (
     gear_of,
     list_cards,
     load_card,
-    make_facts,
     save_card,
     with_changes,
     with_confirmation,
 )
 from rig.gears.card_history import CardEvent
+from rig.gears.facts import GearFacts, make_facts
 from rig.main import run as main
 from rig.run.gear import acceptance_checks_of_card, card_checks, with_card
 from rig.run.start import run_order
@@ -63,7 +62,7 @@ def rig(*arguments: str) -> int:
     return int(end.value.code or 0)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     serial=st.text(min_size=1, max_size=20).filter(lambda s: s.strip() != ""),
     notes=st.text(max_size=40),

@@ -31,7 +31,7 @@ WRITER = (
     "sys.exit(os.environ.get('HARMONIC_RIG_STATE') in told)"
 )
 """Writes down what it was told; fails where the place of the latch was overwritten by the state."""
-LONGEST = 60.0
+LONGEST = 600.0
 """s of this computer's time that a process may take to end, however loaded it is."""
 
 

@@ -185,7 +185,7 @@ from rig.run.realtime import execute_in_real_time
 from tests.rig.fake_rig import FakeRig, ListRun, parts_of, planned_of
 
 turns, begun = threading.Event(), threading.Event()
-rig = FakeRig(script={{400: lambda rig: (begun.set(), over.wait(20.0))}})
+rig = FakeRig(script={{400: lambda rig: (begun.set(), over.wait(600.0))}})
 over = threading.Event()
 order = parts_of(planned_of(Ramp(20.0, 500.0), HoldTime(600.0)), rig, Path({folder!r}))
 
@@ -202,7 +202,7 @@ def released():
 
 threading.Thread(target=released, daemon=True).start()
 {start}
-begun.wait(20.0)
+begun.wait(600.0)
 """
 
 
@@ -218,6 +218,6 @@ def test_the_end_of_the_main_thread_is_a_stop(start: str, tmp_path: Path) -> Non
     root = str(Path(__file__).parents[3])
     script = IN_ANOTHER_THREAD.format(root=root, folder=str(tmp_path), start=start)
     done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=True
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=1800, check=True
     )
     assert done.stdout.startswith("ABORTED True STOP by the end of the main thread"), done.stderr

@@ -324,5 +324,5 @@ def test_the_speed_that_is_followed_is_over_the_time_between_the_syncs() -> None
     turn = Turn(Command(Mode.SPEED, np.full(2000, 20.0)), 2000, enabled=True)
     block = SampleBlock(0, received, counts, np.zeros(2000, dtype=np.uint16), sync_ns=sync)
     assert watcher.review(block, turn) is None
-    assert watcher.state.following_longest == 0
+    assert watcher.state.following.longest == 0
     assert watcher.margins()["input_speed"]["peak"] == pytest.approx(20.0, rel=0.01)

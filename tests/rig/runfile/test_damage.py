@@ -21,9 +21,8 @@ from tests.rig.runfile.making import block, header, write_run
 
 FUZZ = settings(
     max_examples=120,
-    deadline=None,
     derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
 

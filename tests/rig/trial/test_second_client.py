@@ -148,7 +148,7 @@ def test_a_text_that_is_cut_is_not_believed(segment: str) -> None:
 @given(
     st.lists(st.tuples(st.binary(min_size=8, max_size=8), st.booleans()), min_size=1, max_size=8)
 )
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=300)
 def test_both_clients_read_the_same_or_both_refuse(answers: list[tuple[bytes, bool]]) -> None:
     def by(make: type[SdoClient]) -> object:
         try:

@@ -15,7 +15,7 @@ from rig.window.review.page import ReviewPage
 from rig.window.review.table_model import COLUMNS
 from tests.rig.runfile.making import block, header
 
-LONGEST = 120_000
+LONGEST = 600_000
 """ms that a test waits before it fails."""
 
 

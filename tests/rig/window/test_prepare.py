@@ -42,7 +42,7 @@ from rig.window.work.background import BackgroundCommand, json_object
 from rig.window.work.prepared import PreparedRun
 from tests.rig.window.conftest import SilentRun
 
-LONGEST = 120_000
+LONGEST = 600_000
 """ms until a test gives up; nothing takes a tenth of it on an idle computer."""
 CARD = {
     "serial": "SN-0815",

@@ -11,14 +11,8 @@ from pytestqt.qtbot import QtBot
 
 from experiments import catalogue
 from experiments.parameters import make_parameters, parameter_fields
-from rig.gears.card import (
-    GearFacts,
-    card_for,
-    now_text,
-    save_card,
-    with_changes,
-    with_confirmation,
-)
+from rig.gears.card import card_for, now_text, save_card, with_changes, with_confirmation
+from rig.gears.facts import GearFacts
 from rig.window.prepare.form import ParameterForm, printed
 from rig.window.prepare.gear import GearSection
 from rig.window.prepare.page import PreparePage

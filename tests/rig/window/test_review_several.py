@@ -204,7 +204,7 @@ def test_what_was_identified_is_saved_as_a_parameter_set(
         "(friction of motor and gear together stays out: choose a tare)."
     )
     save_gear(shipped_gear().with_values({"inertia.output": 0.2}), target)
-    page.details._take_saved(target, 0, "")
+    page.details.parameters._take_saved(target, 0, "")
     assert "found.toml, with 1 identified value." in page.details.bar.says.text()
     assert read_analyses(friction[0]) == ()
 

@@ -48,7 +48,7 @@ def fed(
     return time
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     rows=st.integers(1, 9000),
     pieces=st.lists(st.integers(1, 3000), min_size=1, max_size=5),
@@ -71,7 +71,7 @@ def test_an_envelope_keeps_every_extreme_in_little_memory(
     np.testing.assert_array_equal(whole.curve()[1], y)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(pieces=st.lists(st.integers(1, 4000), min_size=1, max_size=4), seed=st.integers(0, 99))
 def test_a_rolling_envelope_is_the_latest_seconds(pieces: list[int], seed: int) -> None:
     values = np.random.default_rng(seed).normal(size=9000)

@@ -95,7 +95,7 @@ def test_an_abort_of_the_client_is_not_answered_and_ends_the_transfer() -> None:
     assert ask(slave, sent, b"\x60")[0] == 0x80
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.binary(max_size=9), max_size=12), st.integers(0, 2))
 def test_any_bytes_get_an_answer_or_none(requests: list[bytes], which: int) -> None:
     slave, sent = (drive, counter, analog)[which]()
@@ -107,7 +107,7 @@ def test_any_bytes_get_an_answer_or_none(requests: list[bytes], which: int) -> N
         assert all(len(data) == 8 for data in answers)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=15))
 def test_any_frames_leave_it_alive(frames: list[tuple[int, bytes]]) -> None:
     slave, sent = drive()

@@ -139,6 +139,16 @@ def _about(node: FoundNode) -> str:
     return f"{told}, revision 0x{who.revision:X}, serial number {who.serial_number}"
 
 
+def _stops(drive: FoundNode) -> Iterator[Word]:
+    """What has to be said of how the drive stops by itself."""
+    if drive.quick_stop_option in _STAYS:
+        why = f"0x605A is {drive.quick_stop_option}: it would stay in QUICK STOP ACTIVE"
+        yield Word("quick_stop_option", 2, why)
+    if not drive.has_consumer:
+        what = "what stops the motor when the computer is lost: no 0x1016"
+        yield say("computer_loss_covered_by", what)
+
+
 def _drive(drives: Sequence[FoundNode]) -> Iterator[Table]:
     if not drives:
         yield Table(
@@ -159,22 +169,7 @@ def _drive(drives: Sequence[FoundNode]) -> Iterator[Table]:
     words.append(_believed("velocity_unit_rad_s", unit, "rad/s per count of 0x60FF"))
     ramp = plausible.acceleration_unit(stated, known)
     words.append(_believed("acceleration_unit_rad_s2", ramp, "rad/s2 per count of 0x6083"))
-    words += _modes(drive)
-    if drive.quick_stop_option in _STAYS:
-        words.append(
-            Word(
-                "quick_stop_option",
-                2,
-                f"0x605A is {drive.quick_stop_option}: it would stay in QUICK STOP ACTIVE",
-            )
-        )
-    if not drive.has_consumer:
-        words.append(
-            say(
-                "computer_loss_covered_by",
-                "what stops the motor when the computer is lost: no 0x1016",
-            )
-        )
+    words += (*_modes(drive), *_stops(drive))
     others = (
         f"; other drives: {', '.join(str(n.node_id) for n in drives[1:])}" if drives[1:] else ""
     )

@@ -79,14 +79,12 @@ class RunFilesView(QWidget):
             )
         self.table.show_grid(Grid("Analyses", COLUMNS, rows))
         where = analysis_folder(path).name
-        self.says.setText(
-            problem
-            or (
+        says = "No analysis yet: use Fit on the page Results."
+        if rows:
+            says = (
                 f"Analyses in {where}, appended and never edited. Enter or double click shows one."
-                if rows
-                else "No analysis yet: use Fit on the page Results."
             )
-        )
+        self.says.setText(problem or says)
 
     def _verify(self) -> None:
         path = self._path

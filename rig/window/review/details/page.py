@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QTimer, QUrl, Signal
 from PySide6.QtWidgets import QStackedLayout, QTabWidget, QTextBrowser, QWidget
@@ -14,7 +14,6 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.errors import WordedError
 from model.gear import HarmonicDrive
-from model.gear_file import load_gear
 from rig.analysis.in_force import in_force
 from rig.analysis.judging import GearVerdict, judge_run, not_judged, stored_result
 from rig.analysis.store import Analysis, read_analyses
@@ -30,6 +29,7 @@ from rig.window.review.details.events import RunEventsView
 from rig.window.review.details.facts import Facts, facts_of
 from rig.window.review.details.files import RunFilesView
 from rig.window.review.details.header import RunHeaderView
+from rig.window.review.details.parameters import ParameterDesk
 from rig.window.review.fit import (
     FitDesk,
     FitOrder,
@@ -44,7 +44,7 @@ from rig.window.review.signals.view import SignalsView
 from rig.window.review.words import plot_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import in_column, text_label
-from rig.window.work.background import BackgroundCommand, LatestTask, in_words
+from rig.window.work.background import LatestTask
 from rig.window.work.recovery import Recovery
 from rig.window.work.verdicts import read_run
 
@@ -76,11 +76,11 @@ class RunDetails(QWidget):
         self._wanted: FitOrder | None = None
         self._facts: Facts | None = None
         self._points_of = ""
-        self._comparing: BackgroundCommand | None = None
         self._recovery = Recovery(self)
         self.header = RunHeaderView(session)
         self.desk = FitDesk(cache, self)
         self.bar = FitBar(session, choose_file)
+        self.parameters = ParameterDesk(self.bar, lambda: self._gear, self)
         self.results = ResultsView(session, self.bar)
         self.gallery = PlotGallery(session)
         self.signals = SignalsView(session)
@@ -125,8 +125,9 @@ class RunDetails(QWidget):
         self.results.points_requested.connect(self._show_points)
         self.tabs.currentChanged.connect(lambda _: self._fill_page())
         self.bar.fit_requested.connect(self.fit)
-        self.bar.compare_requested.connect(self.compare)
-        self.bar.save_requested.connect(self.save_parameters)
+        self.bar.compare_requested.connect(self.parameters.compare)
+        self.bar.save_requested.connect(self.parameters.save)
+        self.parameters.compared.connect(self._show_comparison)
         self.bar.cancelled.connect(self.cancel)
         self.desk.fitted.connect(self._take_result)
         self.desk.refused.connect(self._take_refusal)
@@ -138,7 +139,7 @@ class RunDetails(QWidget):
     @property
     def is_busy(self) -> bool:
         """Whether a fit or a comparison is at work."""
-        return self.desk.is_running or self._comparing is not None
+        return self.desk.is_running or self.parameters.is_running
 
     def set_library(self, runs: Sequence[IndexedRun]) -> None:
         """The runs of the folder: where tares come from."""
@@ -207,66 +208,11 @@ class RunDetails(QWidget):
         self.header.recover.setEnabled(True)
         self._session.message.emit(f"Not recovered: {path.name}: {why}")
 
-    def compare(self, order: FitOrder) -> None:
-        """Hold a parameter set against the run, in a process of its own."""
-        assert order.parameters is not None
-        arguments = ["validate", str(order.run), "--against", str(order.parameters), "--json"]
-        arguments += ["--kind", order.kind] if order.kind else []
-        arguments += ["--tare", str(order.tare)] if order.tare else []
-        parameters = order.parameters
-        self.bar.set_busy(True, f"Comparing with {parameters.name} …")
-        self._comparing = BackgroundCommand(
-            arguments, self, lambda _, out, aside: self._take_comparison(parameters, out, aside)
-        )
-        self._comparing.start()
-
-    def save_parameters(self, order: FitOrder, target: Path) -> None:
-        """Write what a run identifies into a parameter set, in a process of its own; the set can be chosen at once."""
-        words = [word for word in order.arguments if word not in ("--plots",)]
-        self.bar.set_busy(True, f"Writing {target.name} …")
-        self._comparing = BackgroundCommand(
-            [*words, "--parameters-out", str(target)],
-            self,
-            lambda code, _, aside: self._take_saved(target, code, aside),
-        )
-        self._comparing.start()
-
-    def _take_saved(self, target: Path, code: int, complaint: str) -> None:
-        self._comparing = None
-        self.bar.set_busy(False)
-        if code in (2, 6) or not target.exists():
-            self.bar.say(in_words(complaint), "bad")
-            return
-        own = (
-            {value.path: value.value for value in self._gear.values()}
-            if self._gear is not None
-            else {}
-        )
-        fresh = sum(own.get(value.path) != value.value for value in load_gear(target).values())
-        if fresh:
-            values = f"{fresh} identified {'value' if fresh == 1 else 'values'}"
-            self.bar.say(
-                f"Parameter set: {target}, with {values}. Another run can be compared with it.",
-                "good",
-            )
-        else:
-            why = (
-                " (friction of motor and gear together stays out: choose a tare)"
-                if self.bar.tare.isVisible()
-                else ""
-            )
-            self.bar.say(
-                f"Parameter set: {target}. Nothing that was identified here belongs into it{why}.",
-                "warning",
-            )
-
     def cancel(self) -> None:
         """Give up what is at work."""
         busy = self.is_busy
         self.desk.cancel()
-        if self._comparing is not None:
-            self._comparing.cancel()
-            self._comparing = None
+        self.parameters.cancel()
         self._wanted = None
         self.bar.set_busy(False)
         if busy:
@@ -419,11 +365,10 @@ class RunDetails(QWidget):
             self.figure_hint.setText(why or self.figure_hint.text())
             return
         newest = self._in_force()
-        order = (
-            order_of(newest, self.path, self._sealed_runs())
-            if newest
-            else self.bar.order(keep=False)
-        )
+        if newest:
+            order = order_of(newest, self.path, self._sealed_runs())
+        else:
+            order = self.bar.order(keep=False)
         self._set_figures((), "Working out the figures …")
         self.fit(order)
 
@@ -463,15 +408,7 @@ class RunDetails(QWidget):
         self.bar.say(complaint, "bad")
         self._set_figures((), complaint)
 
-    def _take_comparison(self, parameters: Path, out: str, complaint: str) -> None:
-        self._comparing = None
-        self.bar.set_busy(False)
-        try:
-            content = json.loads(out)
-        except ValueError:
-            self.bar.say(in_words(complaint), "bad")
-            return
-        self.bar.say("")
+    def _show_comparison(self, content: Mapping[str, Any], parameters: Path) -> None:
         self.comparison.show_comparison(content, parameters)
         if self.tabs.indexOf(self.comparison) < 0:
             self.tabs.insertTab(1, self.comparison, "Comparison")

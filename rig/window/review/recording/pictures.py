@@ -17,7 +17,7 @@ from rig.runfile.importing.proposal import LOOKED_AT, head, propose
 from rig.runfile.importing.proposed import Proposal, ProposedColumn
 from rig.runfile.importing.units import TIME_CHANNEL
 
-MOST_DRAWN = 8
+_MOST_DRAWN = 8
 """Columns of which a picture is drawn, the used ones first."""
 LEFT_OUT = "left out"
 
@@ -54,7 +54,7 @@ def pictures_of(looked: Looked, proposal: Proposal) -> list[Plot]:
         for one in proposal.used_first
         if one is not time and np.isfinite(looked.numbers[one.key]).any()
     ]
-    return [_picture(looked, time, one, "line") for one in drawn[:MOST_DRAWN]]
+    return [_picture(looked, time, one, "line") for one in drawn[:_MOST_DRAWN]]
 
 
 def _picture(

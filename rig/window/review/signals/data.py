@@ -64,11 +64,9 @@ def channels_of(recording: Recording, units: str = LABORATORY) -> dict[str, tupl
 
 def duration_of(recording: Recording) -> float:
     """Time from the first to the last row [s]."""
-    return (
-        float(recording.time(slice(recording.rows - 1, recording.rows))[0])
-        if recording.rows
-        else 0.0
-    )
+    if recording.rows:
+        return float(recording.time(slice(recording.rows - 1, recording.rows))[0])
+    return 0.0
 
 
 def row_at(recording: Recording, moment: float) -> int:

@@ -69,9 +69,8 @@ CELLS = st.one_of(
 LINES = st.lists(st.lists(CELLS, min_size=1, max_size=3), max_size=6)
 FUZZ = settings(
     max_examples=25,
-    deadline=None,
     derandomize=True,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 
 

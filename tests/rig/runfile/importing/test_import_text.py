@@ -457,7 +457,7 @@ def test_map_files_that_are_none(tmp_path: Path, text: str) -> None:
         read_channel_map(path)
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=40, derandomize=True)
 @given(
     values=st.lists(st.floats(-1e9, 1e9, allow_subnormal=False), min_size=2, max_size=20),
     delimiter=st.sampled_from([",", ";", "\t", "|", " "]),
