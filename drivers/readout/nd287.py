@@ -18,9 +18,9 @@ from typing import Final, Protocol
 import serial
 
 try:
-    from termios import error as _termios_error  # pyright: ignore[reportAttributeAccessIssue]  POSIX has it
+    import termios
 except ImportError:  # not a POSIX system
-    _termios_error = OSError
+    termios = None
 
 from drivers.clock import Clock
 from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataError
@@ -28,7 +28,8 @@ from drivers.errors import BusLostError, DecodeError, DriverError, StaleDataErro
 STX, ACK, NAK, ESC = b"\x02", b"\x06", b"\x15", b"\x1b"
 LINE_LENGTH: Final = 17
 _MS: Final = 1_000_000
-LINE_ERRORS: tuple[type[Exception], ...] = (serial.SerialException, OSError, _termios_error)
+_TERMIOS_ERROR: type[Exception] = OSError if termios is None else vars(termios)["error"]
+LINE_ERRORS: tuple[type[Exception], ...] = (serial.SerialException, OSError, _TERMIOS_ERROR)
 _LONGEST_ANSWER: Final = 256
 _MOST_EMPTY_LINES: Final = 200
 """The output tail can be set to 99 empty lines."""
