@@ -104,7 +104,8 @@ def solve(
 ) -> LinearFit:
     """Least squares of `observed` (n,) on `design` (n, p), covariance by lags or by the given blocks.
 
-    Raises `IdentificationError` when there are too few samples or a column is empty or a combination of others.
+    Raises `IdentificationError` when there are too few samples, a value is not finite, or a column is empty or a
+    combination of others.
     """
     n, p = design.shape
     if n <= p + 1:
@@ -112,6 +113,14 @@ def solve(
             "too few samples for this fit", where=where, value=n, limit=f"> {p + 1}"
         )
     scale = np.linalg.norm(design, axis=0)
+    if not (np.isfinite(scale).all() and np.isfinite(observed).all()):
+        unusable = [f"column {k}" for k in np.flatnonzero(~np.isfinite(scale))]
+        raise IdentificationError(
+            "holds a value that is not a number, or is infinite",
+            where=where,
+            value=", ".join(unusable) or "what is observed",
+            remedy="Leave those rows out before the fit.",
+        )
     if not np.all(scale > 0.0):
         column = int(np.argmin(scale))
         raise IdentificationError(
@@ -119,7 +128,7 @@ def solve(
         )
     left, singular, right = np.linalg.svd(design / scale, full_matrices=False)
     condition = float(singular[0] / max(singular[-1], np.finfo(float).tiny))
-    if not condition <= CONDITION_LIMIT:
+    if condition > CONDITION_LIMIT:
         raise IdentificationError(
             "the data cannot separate the parameters",
             where=where,
