@@ -259,8 +259,9 @@ def test_nothing_listed_and_nothing_named_is_not_judged() -> None:
     assert "no kinematic-error run of this gear is analysed" in missing.because[0]
 
 
-def test_a_recording_without_a_gear_is_not_sent_to_a_gear_that_is_none() -> None:
-    nobody = replace(found("friction"), serial="")
+@pytest.mark.parametrize("serial", ["", "unknown"])
+def test_a_recording_without_a_gear_is_not_sent_to_a_gear_that_is_none(serial: str) -> None:
+    nobody = replace(found("friction"), serial=serial)
     assert judge([nobody], None).because == (NO_GEAR,)
 
 
