@@ -6,12 +6,14 @@ python docs/make_figures.py uncertainty    # one, by its name
 
 from __future__ import annotations
 
+import re
 import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Literal
 
 import numpy as np
@@ -155,6 +157,24 @@ def alarm() -> Plot:
     return next(plot for plot in charts if plot.title.endswith("of order 2"))
 
 
+def smooth_ramp() -> Plot:
+    """The set-points of the kind of step that its page prints, at 1 kHz."""
+    page = (HERE.parent / "howto" / "add-a-step.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    module = sys.modules["smooth_ramp"] = ModuleType("smooth_ramp")
+    exec(compile(code, "add-a-step.md", "exec"), module.__dict__)
+    profile = module.HalfCosine(-10.0, 30.0, 1257)
+    targets = profile.targets(0, profile.cycles)
+    time = np.arange(1, len(targets) + 1) * 1e-3
+    return Plot(
+        name="smooth-ramp",
+        title="A change of speed without a jerk",
+        x_label="time [s]",
+        y_label="set-point [rad/s]",
+        series=(Series(label="set-point", x=time, y=targets),),
+    )
+
+
 def certificate() -> list[bytes]:
     """Both pages of a certificate."""
     for protocol in ("kinematic-error", "friction", "starting-torque"):
@@ -188,6 +208,7 @@ PLOTS: dict[str, Callable[[], Plot]] = {
     "counts": counts,
     "stopping": stopping,
     "alarm": alarm,
+    "smooth-ramp": smooth_ramp,
 }
 """Every figure, by the name of its picture."""
 

@@ -221,7 +221,7 @@ def run(arguments: list[str] | None = None) -> None:
     as_json = not _JSON_FLAGS.isdisjoint(words)
     try:
         # The library's own endings have exit codes of their own for Ctrl-C and a reader that has gone.
-        code = app(args=arguments, standalone_mode=False)
+        code = app(args=arguments, prog_name="rig", standalone_mode=False)
         if code == _CTRL_C:
             raise KeyboardInterrupt
         raise SystemExit(code or exits.DONE)

@@ -19,6 +19,7 @@ import typer
 from rig import main
 from tests.docs.building import building, commands_of, hold_against_kept
 from tests.docs.given_files import lay_out
+from tests.outside_package import found_in, installed_into
 from tests.rig.slow_computer import says_too_slow
 
 ROOT = Path(__file__).parents[2]
@@ -77,6 +78,10 @@ EXTRAS = {
 """Pages whose commands need packages of an extra; where one is missing the gate is the one that runs them."""
 
 
+PACKAGED = {"add-a-protocol", "add-a-fit"}
+"""Pages whose commands are those of the package that the page prints."""
+
+
 def lacks_extra(page: Path) -> bool:
     """Whether the commands of a page cannot be run here."""
     return (
@@ -109,6 +114,9 @@ def test_every_command_of_a_page_works(
     if commands[0].endswith("&"):
         with in_background(commands[0].rstrip("& ")):
             ended = [(one, *run_here(one, capsys, real_time=True)) for one in commands[1:]]
+    elif page.stem in PACKAGED:
+        with found_in(installed_into(tmp_path / "site")):
+            ended = [(one, *run_here(one, capsys)) for one in commands]
     else:
         ended = [(one, *run_here(one, capsys)) for one in commands]
     # 3 is MARGINAL and 1 FAIL: verdicts of a gear, as a reader of the page would get them.
@@ -157,18 +165,27 @@ def test_the_pages_stay_short() -> None:
     assert len(unreleased.split()) <= 800, "what is not released yet is one page"
 
 
-PLACES = DOCS / "explanation" / "where.md"
-"""A list of places in the code: nothing to draw."""
+FIGURES = (*MADE, DOCS / "measured.md")
+"""Pages that are figures from their first table on."""
+FIRST_SCREEN = 26
+"""Lines of a page that one sees without scrolling."""
+_SHOWN = re.compile(r"!\[|\]\([^)]*screenshots/|^```(sh|text|\{code-cell\})", re.MULTILINE)
 
 
 @pytest.mark.parametrize(
     "page",
-    [one for one in (DOCS / "explanation").glob("*.md") if one != PLACES],
-    ids=lambda p: p.stem,
+    [one for one in PAGES if one.is_relative_to(DOCS) and one not in FIGURES],
+    ids=lambda p: str(p.relative_to(DOCS)),
 )
-def test_every_explanation_shows_what_the_program_makes(page: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    assert "](../screenshots/" in text or "```text" in text or commands_of(page)
+def test_every_page_shows_something_on_its_first_screen(page: Path) -> None:
+    """A picture, or what a command prints: it is kept under each command by `hold_against_kept`."""
+    first = page.read_text(encoding="utf-8").splitlines()[:FIRST_SCREEN]
+    assert _SHOWN.search("\n".join(first))
+
+
+def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:
+    house = building("make_house_picture")
+    assert house.shown() == house.layers(), "python docs/make_house_picture.py makes it anew"
 
 
 def test_every_picture_that_is_kept_stands_in_a_page() -> None:

@@ -53,6 +53,13 @@ def test_every_cell_of_the_tutorial_runs(
     assert names["coulomb"].uncertainty > 0.0
 
 
+def test_the_cell_of_the_reference_runs(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    page = DOCS / "reference" / "python.md"
+    (cell,) = _CELL.findall(page.read_text(encoding="utf-8"))
+    run_cell(cell, {})
+    hold_against_kept(page, [("cell 1", capsys.readouterr().out)], tmp_path)
+
+
 def test_the_recipe_for_another_project_passes(tmp_path: Path) -> None:
     text = (DOCS / "howto" / "test-in-ci.md").read_text(encoding="utf-8")
     ((_, code),) = _TEST.findall(text)
