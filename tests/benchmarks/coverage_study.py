@@ -37,7 +37,7 @@ KINDS = (
     "velocity-steps",
     "starting-torque",
 )
-"""Every protocol, in the order in which one seed runs them: the tare before what takes it."""
+"""In the order in which one seed runs them: the tare before what takes it."""
 RATES = {"velocity-steps": (1000.0, 625.0)}
 OTHER_RATES = (1000.0, 250.0)
 """Hz; one is drawn per run."""
