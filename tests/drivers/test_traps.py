@@ -17,7 +17,7 @@ from drivers.bus.cia402.config import DriveConfig
 from drivers.bus.cyclic import CanRig, CanRigConfig
 from drivers.bus.dictionary.eds import parse_eds
 from drivers.bus.motor_encoder import MotorEncoder
-from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, TARGET_SPEED
+from drivers.channel import DRIVE_TORQUE, INPUT_ANGLE, TARGET_SPEED, Calibration
 from drivers.clock import VirtualClock
 from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
@@ -142,7 +142,10 @@ def test_torque_in_a_makers_own_unit_or_object(
     )
     config = CanRigConfig(
         drive=DriveConfig(
-            rated_torque=0.637, torque_unit=unit, actual_torque=ObjectRef(*place, I16, "torque")
+            rated_torque=0.637,
+            torque_unit=unit,
+            actual_torque=ObjectRef(*place, I16, "torque"),
+            torque_calibration=Calibration(sensor="T-12"),
         ),
         motor_encoder=MotorEncoder(lines=8192, multiplication=4, largest_speed=900.0),
     )
@@ -154,6 +157,7 @@ def test_torque_in_a_makers_own_unit_or_object(
     assert rig.channels[column].to_si(block.counts[:, column]) == pytest.approx(
         np.full(4, torque), rel=1e-6
     )
+    assert rig.channels[column].calibration.sensor == "T-12"
     rig.close()
 
 

@@ -12,6 +12,7 @@ from drivers.bus.cia402.tables import OperationMode
 from drivers.bus.cia402.units import Configured
 from drivers.bus.device import Identity, Missing
 from drivers.bus.dictionary.eds import DeviceDescription
+from drivers.channel import Calibration
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +60,8 @@ class DriveConfig:
     actual_torque: ObjectRef = obj.TORQUE
     torque_unit: float | None = None
     """Torque of one count of `actual_torque` [N m]; None: a thousandth of the rated torque, as 0x6077 has it."""
+    torque_calibration: Calibration = field(default_factory=Calibration)
+    """Of the torque that the drive tells: what it rests on, and which sensor it is of."""
 
     @property
     def units(self) -> Configured:

@@ -173,6 +173,7 @@ class CyclicDrive(ServoAmplifier):
             scale=unit,
             direction=sense,
             long_name=f"torque by the drive (0x{entry.index:04X})",
+            calibration=self.config.torque_calibration,
         )
         return self._planned(channel, "plain", entry)
 

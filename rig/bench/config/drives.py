@@ -8,10 +8,12 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from drivers import channel as names
 from drivers.port import DriveLimits
 from model.units import RPM
 from rig.bench.config.objects import read_object
 from rig.bench.config.parts import (
+    Calibration,
     Direction,
     Milliseconds,
     NodeId,
@@ -64,6 +66,7 @@ class Drive(AnyAmplifier):
     """The servo amplifier (CiA 402). What is left away is asked of the drive.
 
     `torque_limit` names the object that limits torque, where it is another than 0x6072 with its unit.
+    `torque_calibration` is of the torque that the drive tells (`actual_torque`).
     `computer_loss_covered_by` says in words what stops the motor when the computer is lost, for a
     drive that does not watch it itself: such a drive is not armed without.
     """
@@ -78,6 +81,7 @@ class Drive(AnyAmplifier):
     acceleration_unit: Positive | None = Field(default=None, alias="acceleration_unit_rad_s2")
     torque_unit: Positive | None = Field(default=None, alias="torque_unit_n_m")
     actual_torque: ObjectText = "0x6077:0 I16"
+    torque_calibration: Calibration = Calibration()
     torque_limit: ObjectText = "0x6072:0 U16"
     torque_limit_unit: Positive | None = Field(default=None, alias="torque_limit_unit_n_m")
     speed_modes: tuple[_SpeedMode, ...] = Field(
@@ -104,9 +108,10 @@ class Drive(AnyAmplifier):
         return self
 
     def settings(self) -> dict[str, Any]:
-        """As the driver has it, with the entries of the gains read."""
+        """As the driver has it, with the entries of the gains read and the calibration of its torque."""
         gains = tuple(read_object(text, "servo gain") for text in self.gains)
-        return super().settings() | {"gains": gains}
+        calibration = names.Calibration(**self.torque_calibration.settings())
+        return super().settings() | {"gains": gains, "torque_calibration": calibration}
 
 
 class LineBit(Part):

@@ -98,6 +98,12 @@ def test_the_template_explains_every_word_there_is() -> None:
     assert words - shown == set()
 
 
+def test_the_sensor_of_the_drives_torque_reaches_the_driver(tmp_path: Path) -> None:
+    table = '[drive.torque_calibration]\nsensor = "T-12"\n\n[motor_encoder] '
+    found = load_configuration(written(tmp_path, replaced("[motor_encoder] ", table)))
+    assert found.drive.settings()["torque_calibration"].sensor == "T-12"
+
+
 def test_what_stands_behind_a_hash_is_the_default(tmp_path: Path) -> None:
     """Optional words show their default, except where a default cannot be written: a file, a date,
     a node that is asked.
@@ -113,6 +119,7 @@ def test_what_stands_behind_a_hash_is_the_default(tmp_path: Path) -> None:
         "index_status",
         "operating_parameters",
         "open_level_volts",
+        "torque_calibration",
     }
     configuration = load_configuration(written(tmp_path, TEMPLATE)).model_dump(
         mode="json", by_alias=True
