@@ -10,10 +10,15 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from rig.bench.config.certificate_file import CertificateFile
+
 
 def arms(annotation: Any) -> Iterable[Any]:
     """The kinds that an annotation is made of."""
-    if typing.get_origin(annotation) in (tuple, typing.Union, types.UnionType, typing.Annotated):
+    if typing.get_origin(annotation) is typing.Annotated:
+        # What follows the kind are its checks.
+        yield from arms(typing.get_args(annotation)[0])
+    elif typing.get_origin(annotation) in (tuple, typing.Union, types.UnionType):
         for part in typing.get_args(annotation):
             yield from arms(part)
     else:
@@ -31,6 +36,7 @@ def kind_text(annotation: Any) -> str:
         float: "number",
         str: "text",
         bool: "true or false",
+        CertificateFile: "name of a file",
         type(None): "",
         Ellipsis: "",
     }

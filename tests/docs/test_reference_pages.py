@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import tomllib
 from pathlib import Path
 
@@ -113,6 +114,11 @@ def test_every_column_of_a_fleet_s_results_is_told(pages: dict[str, str]) -> Non
     for column in COLUMNS:
         assert f"| `{column.name}` |" in text
         assert column.meaning in text
+
+
+def test_no_page_shows_what_only_python_reads(pages: dict[str, str]) -> None:
+    inside = re.compile(r"<function|annotation=| at 0x|CertificateFile")
+    assert {name for name, text in pages.items() if inside.search(text)} == set()
 
 
 def test_every_generated_page_is_in_the_table_of_contents(pages: dict[str, str]) -> None:
