@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from experiments.steps.note import Prompt
 from rig.commands.terminal import echo
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from rig.bench.backends.order import Order
@@ -128,8 +129,7 @@ def _announced(walked: Walk) -> dict[str, object]:
 
 def _analysing_in_words(one: Analysing) -> str:
     """Which run is being analysed, and how many wait behind it."""
-    behind = f", {one.waiting} behind it" if one.waiting else ""
-    return f"analysing {one.run.stem}{behind}"
+    return f"analysing {one.run.stem}{phrase(', {} behind it', one.waiting)}"
 
 
 def typed_by(remote: RemoteOperator, stop: StopRequest, order: Order, planned: PlannedRun) -> str:
@@ -143,12 +143,8 @@ def typed_by(remote: RemoteOperator, stop: StopRequest, order: Order, planned: P
 
     if order.backend != HARDWARE:
         return ""
-    expected = arming_of(order, planned).expected
-    prompt = Prompt(
-        f"{planned.experiment.title} moves the rig. Guard closed, hands away, emergency stop within "
-        f"reach? Type {expected} to arm.",
-        "arming",
-    )
+    question = arming_of(order, planned).question
+    prompt = Prompt(f"{planned.experiment.title}. {question}.", "arming")
     answer = remote.ask(prompt)
     while answer is None and not stop.level:
         answer = remote.ask(prompt)

@@ -211,7 +211,5 @@ def confirmed(order: Order, planned: PlannedRun, given: str, asks: bool) -> str:
     from rig.run.start import arming_of
 
     print_plan(planned)
-    expected = arming_of(order, planned).expected
-    question = "This moves the rig. Guard closed, hands away, emergency stop within reach?"
-    echo(f"\n{question} Type {expected} to arm: ", errors=True, is_line=False)
+    echo(f"\n{arming_of(order, planned).question}: ", errors=True, is_line=False)
     return sys.stdin.readline().strip()

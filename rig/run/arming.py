@@ -42,6 +42,15 @@ class Arming:
         gear = self.gear_serial.strip() if self.gear_mounted else WITHOUT_GEAR
         return f"{gear} {self.limits_by_hand}".strip()
 
+    @property
+    def question(self) -> str:
+        """What is asked before it is typed: between two runs somebody may have taken the gear off, or put it back."""
+        gear = f"gear {self.gear_serial.strip()} mounted" if self.gear_mounted else "the gear off"
+        return (
+            f"This moves the rig with {gear}. Guard closed, hands away, emergency stop within reach? "
+            f"Type {self.expected} to arm"
+        )
+
 
 @dataclass(frozen=True)
 class Rule:

@@ -60,9 +60,12 @@ def test_the_stages_are_told_as_they_come_and_go(walked: Walk) -> None:
     assert lines[2]["report"] == {"run": "00001-home-SN"}
 
 
-@pytest.mark.parametrize(("index", "expected"), [(0, "SN-7"), (1, "NO GEAR")])
+@pytest.mark.parametrize(
+    ("index", "expected", "gear"),
+    [(0, "SN-7", "with gear SN-7 mounted"), (1, "NO GEAR", "with the gear off")],
+)
 def test_every_run_on_hardware_is_typed_by_what_is_typed(
-    walked: Walk, index: int, expected: str
+    walked: Walk, index: int, expected: str, gear: str
 ) -> None:
     operator, stop, lines = remote()
     one = walked.stages[index]
@@ -73,6 +76,7 @@ def test_every_run_on_hardware_is_typed_by_what_is_typed(
     assert typed == "something"
     (prompt,) = lines
     assert f"Type {expected} to arm" in prompt["text"]
+    assert gear in prompt["text"]
     assert prompt["consent"] == ""
 
 
