@@ -213,7 +213,7 @@ def declared(name: str) -> Experiment | None:
 def declared_quantity(kind: str, name: str) -> Quantity | None:
     """What a protocol declares of a quantity; None of one that it does not declare, or that nobody knows any more."""
     experiment = declared(kind)
-    return None if experiment is None else quantity_of(experiment.quantities, name)
+    return experiment and quantity_of(experiment.quantities, name)
 
 
 def load(name: str) -> Experiment:

@@ -30,7 +30,7 @@ def analysing(run: str) -> Generator[None]:
     try:
         yield
     except IdentificationError as error:
-        where = f"{run}: {error.where}" if error.where else run
+        where = ": ".join(filter(None, (run, error.where)))
         raise AnalysisError(
             error.what, where=where, value=error.value, limit=error.limit, remedy=error.remedy
         ) from error

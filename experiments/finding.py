@@ -76,7 +76,7 @@ class Finding:
         """The finding in words: what, what was found, and what to do where something is to be done."""
         remedy = "" if self.severity is Severity.PASSED else self.remedy
         text = ". ".join(part for part in (self.outcome, remedy) if part)
-        return f"{self.what}: {text}" if text else self.what
+        return ": ".join(part for part in (self.what, text) if part)
 
     def as_json(self) -> dict[str, str | float | None]:
         """The form that every `--json` gives a finding."""
@@ -106,11 +106,14 @@ def passed_if(
     otherwise: Severity = Severity.BLOCKS,
 ) -> Finding:
     """A finding that passed or not: the remedy stays only where it is needed."""
+    severity = otherwise
+    if is_fine:
+        severity, remedy = Severity.PASSED, ""
     return Finding(
         what,
-        Severity.PASSED if is_fine else otherwise,
+        severity,
         found,
-        "" if is_fine else remedy,
+        remedy,
         where=where,
         allowed=allowed,
         value=value,

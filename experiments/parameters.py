@@ -21,6 +21,7 @@ from typing import Any
 from annotated_types import Ge, Gt, Le, Lt
 
 from experiments.errors import PlanError
+from model.errors import path_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +85,11 @@ def parameter_fields(model: type[Any]) -> tuple[ParameterField, ...]:
     parameters: list[ParameterField] = []
     for f in dataclasses.fields(model):
         hint = hints[f.name]
-        notes = hint.__metadata__ if hasattr(hint, "__metadata__") else ()
-        base = hint.__origin__ if hasattr(hint, "__metadata__") else hint
-        base = typing.get_origin(base) if isinstance(base, types.GenericAlias) else base
+        notes, base = (), hint
+        if hasattr(hint, "__metadata__"):
+            notes, base = hint.__metadata__, hint.__origin__
+        if isinstance(base, types.GenericAlias):
+            base = typing.get_origin(base)
         arms = typing.get_args(base) if isinstance(base, types.UnionType) else ()
         base = next((arm for arm in arms if arm is not type(None)), base)
         checks = tuple(n for n in notes if type(n) in _COMPARE)
@@ -120,7 +123,7 @@ def make_parameters(model: type[Any], values: Mapping[str, Any], where: str = ""
             names = ", ".join(fields)
             raise PlanError(
                 "no such parameter",
-                where=f"{where}.{name}" if where else name,
+                where=path_of(where, name),
                 remedy=f"Known: {names}.",
             )
     converted = {name: _convert(fields[name], value, where) for name, value in values.items()}
@@ -140,7 +143,7 @@ def check_parameters(parameters: object, where: str = "") -> None:
 
 
 def _convert(f: ParameterField, value: Any, where: str) -> Any:
-    path = f"{where}.{f.name}" if where else f.name
+    path = path_of(where, f.name)
     if f.optional and (value is None or value == ""):
         return None
     try:
@@ -169,7 +172,7 @@ def _convert(f: ParameterField, value: Any, where: str) -> Any:
 
 
 def _check(f: ParameterField, value: Any, where: str) -> None:
-    path = f"{where}.{f.name}" if where else f.name
+    path = path_of(where, f.name)
     unit = f" {f.unit}" if f.unit else ""
     if isinstance(value, float) and not math.isfinite(value):
         raise PlanError(

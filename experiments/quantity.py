@@ -146,12 +146,12 @@ class Quantity:
 
         A target in N m says nothing of friction in ampere; a share holds in any unit.
         """
-        share = (
-            self.target_share if unit == self.unit else self.target_share or self.target_elsewhere
-        )
+        share, target = self.target_share, self.target_uncertainty
+        if unit != self.unit:
+            share, target = share or self.target_elsewhere, None
         if share is not None:
-            return share * abs(value)
-        return self.target_uncertainty if unit == self.unit else None
+            target = share * abs(value)
+        return target
 
     @property
     def target_text(self) -> str:

@@ -188,11 +188,8 @@ class Recording:
     def time(self, where: Segment | slice | None = None) -> FloatArray:
         """Time since the first row of the run [s]."""
         start, stop = self.rows_of(where)
-        origin = self.source.time_ns(0, 1)
-        return np.asarray(
-            (self.source.time_ns(start, stop) - (origin[0] if len(origin) else 0)) * 1e-9,
-            dtype=np.float64,
-        )
+        since = self.source.time_ns(start, stop) - self.source.time_ns(0, 1)
+        return np.asarray(since * 1e-9, dtype=np.float64)
 
     def flags(self, where: Segment | slice | None = None) -> NDArray[np.uint16]:
         """Cycle flags (0: complete and on time)."""

@@ -15,7 +15,7 @@ from experiments.assumed import rests_on
 from experiments.errors import AnalysisError
 from experiments.finding import Finding, Severity
 from experiments.quantity import Quantity, quantity_of
-from model.arrays import FloatArray
+from model.arrays import FloatArray, quotient
 from model.identify.estimate import Cause, Estimate
 
 _SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
@@ -227,7 +227,7 @@ class Covariance:
         """Coefficient of correlation of two parameters, statistical part; 0 where one has no variance."""
         i, j = self.names.index(name), self.names.index(other)
         size = math.sqrt(max(self.matrix[i, i] * self.matrix[j, j], 0.0))
-        return float(self.matrix[i, j] / size) if size > 0.0 else 0.0
+        return quotient(float(self.matrix[i, j]), size, 0.0)
 
     def with_shared(self, estimates: Mapping[str, Estimate]) -> Covariance:
         """With the vectors of every cause that the budgets of these estimates name, magnitudes as they stand there."""
@@ -257,21 +257,21 @@ def checks_to_mapping(checks: Iterable[Finding]) -> list[dict[str, str | bool]]:
     """The checks of a recording as a stored result has kept them since 0.1.0: an analysis that is made again says the
     same to the letter.
     """
-    return [
-        {
-            "name": check.what,
-            "outcome": _CHECK_OUTCOMES[check.severity],
-            "found": check.found if _was_looked_at(check) else "",
-            "allowed": check.allowed,
-            "words": check.follows if _was_looked_at(check) else check.found,
-            "is_evidence": check.is_evidence,
-        }
-        for check in checks
-    ]
+    return [_check_to_mapping(check) for check in checks]
 
 
-def _was_looked_at(check: Finding) -> bool:
-    return check.severity is not Severity.NOT_LOOKED_AT
+def _check_to_mapping(check: Finding) -> dict[str, str | bool]:
+    found, words = check.found, check.follows
+    if check.severity is Severity.NOT_LOOKED_AT:
+        found, words = "", check.found
+    return {
+        "name": check.what,
+        "outcome": _CHECK_OUTCOMES[check.severity],
+        "found": found,
+        "allowed": check.allowed,
+        "words": words,
+        "is_evidence": check.is_evidence,
+    }
 
 
 def checks_from_mapping(stored: Iterable[Mapping[str, Any]]) -> tuple[Finding, ...]:
@@ -284,14 +284,15 @@ def _check_from_mapping(stored: Mapping[str, Any]) -> Finding:
     if not severities:
         raise ValueError(f"outcome {stored['outcome']!r} of a check")
     severity = severities[0]
-    words = str(stored.get("words", ""))
-    was_looked_at = severity is not Severity.NOT_LOOKED_AT
+    found, words = str(stored.get("found", "")), str(stored.get("words", ""))
+    if severity is Severity.NOT_LOOKED_AT:
+        found, words = words, ""
     return Finding(
         str(stored["name"]),
         severity,
-        str(stored.get("found", "")) if was_looked_at else words,
+        found,
         allowed=str(stored.get("allowed", "")),
-        follows=words if was_looked_at else "",
+        follows=words,
         is_evidence=bool(stored.get("is_evidence", True)),
     )
 

@@ -121,6 +121,11 @@ class _Truth:
     def heat(self, name: str) -> float:
         return float(self.part("thermal").get(name, 0.0))
 
+    @property
+    def reference_warmer(self) -> float:
+        """How much warmer 20 degC is than the rig's own reference [K]; 0 where nothing warms."""
+        return 20.0 - self.heat("reference") if self.part("thermal") else 0.0
+
     def motor_warmer(self, when: str = "mean") -> float:
         """How much warmer the motor was than the reference [K], on average or at the "end"; 0 where nothing warms."""
         if "reference" not in self.part("thermal"):
@@ -223,7 +228,7 @@ def _friction(result: Result, truth: _Truth) -> _Truths:
     scale = truth.scale()
     for suffix, warmer in (
         ("", truth.warmer(result)),
-        (AT_REFERENCE, 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0),
+        (AT_REFERENCE, truth.reference_warmer),
     ):
         at = _Friction(truth, warmer)
         for name in FORCES:
@@ -250,8 +255,7 @@ def _speeds(names: Iterable[str], suffix: str) -> Iterator[float]:
 def _tare(result: Result, truth: _Truth) -> _Truths:
     """Friction of the motor alone, as warm as it was on average, and at 20 degC."""
     motor, scale = truth.part("motor"), truth.scale()
-    reference = 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0
-    for suffix, warmer in (("", truth.motor_warmer()), (AT_REFERENCE, reference)):
+    for suffix, warmer in (("", truth.motor_warmer()), (AT_REFERENCE, truth.reference_warmer)):
         weaker = 1.0 - truth.heat("motor_friction_per_kelvin") * warmer
         for name in ("coulomb", "viscous"):
             if name in motor:
@@ -300,7 +304,6 @@ def _starting_torque(result: Result, truth: _Truth) -> _Truths:
     if "mesh_lever" not in own or result.options.get("torque_is_of") != "motor + gear":
         return
     off = result.metrics.get("output_bearing_torque", 0.0)
-    reference = 20.0 - truth.heat("reference") if truth.part("thermal") else 0.0
 
     def torques(warmer: float, motor_warmer: float) -> tuple[float, float]:
         at = _Friction(truth, warmer)
@@ -311,7 +314,7 @@ def _starting_torque(result: Result, truth: _Truth) -> _Truths:
     seen, both = torques(truth.warmer(result), truth.motor_warmer())
     for way, sign in (("", 1.0), ("_forward", 1.0), ("_reverse", -1.0)):
         yield f"starting_torque{way}", sign * seen, sign * both
-    yield f"starting_torque{AT_REFERENCE}", *torques(reference, reference)
+    yield f"starting_torque{AT_REFERENCE}", *torques(truth.reference_warmer, truth.reference_warmer)
 
 
 def _kinematic_error(result: Result, truth: _Truth) -> _Truths:
@@ -319,11 +322,9 @@ def _kinematic_error(result: Result, truth: _Truth) -> _Truths:
     error = truth.part("kinematic_error")
     ratio = float(result.options.get("ratio", math.nan))
     reference = float(result.options.get("phase_reference_angle", 0.0))
-    recorded = "measurable_recorded" in error
-    seen = _series(
-        error["measurable_recorded"] if recorded else error.get("measurable", ()),
-        reference if recorded else 0.0,
-    )
+    seen = _series(error.get("measurable", ()), 0.0)
+    if "measurable_recorded" in error:
+        seen = _series(error["measurable_recorded"], reference)
     turn = reference - float(error.get("reference_angle", reference))
     alone = _series(error["orders"], turn) if "orders" in error else seen
     for name in result.estimates:

@@ -149,6 +149,11 @@ class LoopSettings:
     servo: Servo = field(default_factory=Servo)
 
 
+def _followed(step: float, lag: float) -> float:
+    """Which share of a change a lag of first order [s] has followed after a step of time [s]; all of it without one."""
+    return -math.expm1(-step / lag) if lag > 0.0 else 1.0
+
+
 class ClosedLoop:
     """The closed loop of one motor and one gear (or the bare motor), ready to be advanced.
 
@@ -173,12 +178,15 @@ class ClosedLoop:
         self.substeps = max(1, round(self.settings.cycle / self.settings.step))
         self.time_step = self.settings.cycle / self.substeps
         mounted = self.settings.gear_mounted
-        self.series = (*gear.kinematic_error, *self.deviations.kinematic_error) if mounted else ()
-        self.rotor_inertia = motor.rotor_inertia + (gear.inertia.wave_generator if mounted else 0.0)
+        self.series: tuple[Harmonic, ...] = ()
+        wave_generator, output = 0.0, 0.0
+        if mounted:
+            self.series = (*gear.kinematic_error, *self.deviations.kinematic_error)
+            wave_generator = gear.inertia.wave_generator
+            output = gear.inertia.output / self.ratio**2
+        self.rotor_inertia = motor.rotor_inertia + wave_generator
         self.rotor_inertia += self.settings.disc_inertia
-        self.inertia = self.rotor_inertia + (
-            gear.inertia.output / self.ratio**2 if mounted else 0.0
-        )
+        self.inertia = self.rotor_inertia + output
         system = loop_tables.linear_system(self.parameters, self.rotor_inertia, coupled=mounted)
         self._step = np.concatenate(
             [
@@ -224,9 +232,7 @@ class ClosedLoop:
         tuned = self.inertia - self.settings.disc_inertia
         values[kernel.GAIN] = tuned * 2.0 * math.pi * servo.speed_gain
         values[kernel.INTEGRAL_STEP] = period / servo.integral_time
-        values[kernel.FILTER_STEP] = (
-            -math.expm1(-period / servo.torque_filter_time) if servo.torque_filter_time else 1.0
-        )
+        values[kernel.FILTER_STEP] = _followed(period, servo.torque_filter_time)
         values[kernel.PERIOD_STEPS] = steps
         values[kernel.TORQUE_LIMIT], values[kernel.SPEED_LIMIT] = limits.torque, limits.speed
         values[kernel.RATE_UP] = limits.acceleration * period
@@ -294,7 +300,7 @@ class ClosedLoop:
             (kernel.PORT_STEP, self.time_step),
             (kernel.PORT_STEP_FINE, self.time_step / kernel.FINE),
         ):
-            p[place] = -math.expm1(-step / extra.port_lag) if extra.port_lag > 0.0 else 1.0
+            p[place] = _followed(step, extra.port_lag)
         if not 0.0 <= extra.output_latch < self.settings.cycle:
             raise ModelError(
                 "the output cannot be latched when the next SYNC has come",

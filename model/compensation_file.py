@@ -188,8 +188,8 @@ def _proof(proof: Proof) -> dict[str, object]:
         "low": proof.low,
         "high": proof.high,
         "removed": proof.removed,
-        "helps_up_to_rpm": None if helps is None else helps / RPM,
-        "harms_from_rpm": None if harms is None else harms / RPM,
+        "helps_up_to_rpm": helps and helps / RPM,
+        "harms_from_rpm": harms and harms / RPM,
     }
 
 
@@ -200,8 +200,8 @@ def _read_proof(content: object, where: str) -> Proof:
     return Proof(
         **{name: found[name] for name in same},
         speed=found["speed_rpm"] * RPM,
-        helps_up_to=None if helps is None else helps * RPM,
-        harms_from=None if harms is None else harms * RPM,
+        helps_up_to=helps and helps * RPM,
+        harms_from=harms and harms * RPM,
     )
 
 

@@ -22,7 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from model.arrays import FloatArray
+from model.arrays import FloatArray, quotient
 from model.errors import ModelError
 from model.friction import BRANCH_LIMIT, bearing_magnitude
 from model.gear import HarmonicDrive
@@ -105,7 +105,7 @@ def simulate_prescribed(
     """
     inputs = _Inputs(
         gear,
-        None if parameters is None else [parameters],
+        [parameters or dynamic_parameters(gear)],
         input_angle,
         sample_interval,
         input_speed=input_speed,
@@ -162,15 +162,12 @@ def simulate_batch(
 
 
 class _Inputs:
-    """The inputs of equation 2 over a record, refined block by block, and the compiled loops over them.
-
-    `sets` None is the gear's own set.
-    """
+    """The inputs of equation 2 over a record, refined block by block, and the compiled loops over them."""
 
     def __init__(
         self,
         gear: HarmonicDrive,
-        sets: Sequence[DynamicParameters] | None,
+        sets: Sequence[DynamicParameters],
         input_angle: ArrayLike,
         interval: float,
         *,
@@ -182,8 +179,7 @@ class _Inputs:
         self.angle, self.speed, self.load = _checked_input(
             input_angle, interval, input_speed, load_torque
         )
-        self.gear, self.interval = gear, interval
-        self.sets = [dynamic_parameters(gear)] if sets is None else sets
+        self.gear, self.interval, self.sets = gear, interval, sets
         self.ratio = float(common_ratio(self.sets))
         self.steps = _substeps(gear, self.speed, interval, substeps)
         series = gear.kinematic_error
@@ -237,7 +233,7 @@ class _Inputs:
         before = 0.0
         for begin in range(0, last, coarse):
             end = min(begin + coarse, last)
-            load = self.load[begin : end + 1] if self.load.size else self.load
+            load = self.load[begin : end + 1]
             if self.steps == 1:
                 angle, speed, fine_load = self.angle[begin:end], self.speed[begin:end], load[:-1]
             else:
@@ -409,7 +405,5 @@ def _substeps(gear: HarmonicDrive, speed: FloatArray, interval: float, given: in
         sum(h.amplitude * h.order**4 for h in gear.kinematic_error)
         * float(np.max(np.abs(speed))) ** 4
     )
-    longest = min(
-        LONGEST_STEP, (384.0 * _SERIES_ERROR / fourth) ** 0.25 if fourth > 0.0 else LONGEST_STEP
-    )
+    longest = min(LONGEST_STEP, quotient(384.0 * _SERIES_ERROR, fourth, math.inf) ** 0.25)
     return max(1, math.ceil(interval / longest - 1e-9))

@@ -17,6 +17,11 @@ def without_traceback(text: str) -> str:
     return without_traceback(f"{before.strip()} {last}".strip())
 
 
+def path_of(where: str, name: str) -> str:
+    """Where a value stands: `geometry.pair_load`; its name alone where nothing is above it."""
+    return f"{where}.{name}" if where else name
+
+
 class WordedError(Exception):
     """An error in the project's wording.
 

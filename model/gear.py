@@ -43,6 +43,11 @@ Provenance = Literal[
 Mounting = Literal["circular-spline-fixed", "flexspline-fixed"]
 
 
+def as_mounted(ratio: float, mounting: Mounting) -> float:
+    """Input revolutions per output revolution of a ratio N: N (circular spline fixed) or N + 1 (flexspline fixed)."""
+    return ratio if mounting == "circular-spline-fixed" else ratio + 1.0
+
+
 @dataclass(frozen=True, slots=True)
 class Origin:
     """Where a number comes from: its kind of source, the source in words, and its standard uncertainty (same unit)."""
@@ -168,7 +173,7 @@ class HarmonicDrive:
 
     def mounted_ratio(self, mounting: Mounting) -> float:
         """Input revolutions per output revolution: N (circular spline fixed) or N + 1 (flexspline fixed)."""
-        return self.ratio if mounting == "circular-spline-fixed" else self.ratio + 1.0
+        return as_mounted(self.ratio, mounting)
 
     def values(self) -> Iterator[Value]:
         """Every number of the set with unit, symbol and origin, in the order of the sections."""

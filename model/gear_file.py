@@ -29,6 +29,7 @@ from model.sections import (
     Teeth,
     Tooth,
 )
+from model.toml_text import toml_value
 from model.units import DEGREE
 
 FORMAT = "harmonic-drive-1"
@@ -134,8 +135,7 @@ def gear_to_toml(gear: HarmonicDrive) -> str:
         "[options]",
     ]
     for option, chosen in dataclasses.asdict(gear.options).items():
-        text = str(chosen).lower() if isinstance(chosen, bool) else quantities.quote(chosen)
-        lines.append(f"{option} = {text}{_choices(option)}")
+        lines.append(f"{option} = {toml_value(chosen)}{_choices(option)}")
     return "\n".join(lines) + "\n"
 
 
@@ -277,12 +277,9 @@ def _options(table: object) -> ModelOptions:
     hints = get_type_hints(ModelOptions)
     quantities.check_keys(table, hints, "options")
     for option, chosen in table.items():
-        allowed = (True, False) if hints[option] is bool else get_args(hints[option])
+        allowed = get_args(hints[option]) or (True, False)
         if not any(type(chosen) is type(choice) and chosen == choice for choice in allowed):
-            limit = ", ".join(
-                str(choice).lower() if isinstance(choice, bool) else f'"{choice}"'
-                for choice in allowed
-            )
+            limit = ", ".join(map(toml_value, allowed))
             text = quantities.shorten(chosen)
             raise ParameterError(
                 "is no known choice", where=f"options.{option}", value=text, limit=limit

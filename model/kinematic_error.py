@@ -27,7 +27,7 @@ from scipy.fft import irfft, next_fast_len  # pyright: ignore[reportMissingTypeS
 
 from model.arrays import ComplexArray, FloatArray
 from model.errors import ModelError
-from model.gear import Harmonic, HarmonicDrive, Mounting
+from model.gear import Harmonic, HarmonicDrive, Mounting, as_mounted
 from model.geometry import radial_lever
 
 _OrderKind = Literal["input", "output", "wave-sideband", "output-sideband"]
@@ -57,8 +57,7 @@ def kinematic_error(
     turned. The angles' offsets remain in ke.
     """
     sign = output_sign(mounting, encoders_alike=encoders_alike)
-    total = ratio if mounting == "circular-spline-fixed" else ratio + 1.0
-    return sign * _floats(output_angle) - _floats(input_angle) / total
+    return sign * _floats(output_angle) - _floats(input_angle) / as_mounted(ratio, mounting)
 
 
 def _floats(values: ArrayLike) -> FloatArray:
@@ -286,7 +285,8 @@ def order_spectrum(
             where="order spectrum",
             remedy="Cut the holes out first.",
         )
-    travelled = theta - theta[0] if theta[-1] >= theta[0] else theta[0] - theta
+    sign = math.copysign(1.0, theta[-1] - theta[0])
+    travelled = sign * (theta - theta[0])
     revolutions = math.floor(travelled[-1] / (2.0 * math.pi) + 1e-9)
     if revolutions < 1:
         turned = f"{travelled[-1] / (2.0 * math.pi):.3g} revolutions"
@@ -301,7 +301,6 @@ def order_spectrum(
     orders = np.arange(coefficients.size) / revolutions
     keep = orders <= highest_order
     orders, coefficients = orders[keep], coefficients[keep]
-    sign = 1.0 if theta[-1] >= theta[0] else -1.0
     amplitude = np.abs(coefficients) / np.sinc(orders / per_revolution)
     middle_of_bin = orders * math.pi / per_revolution
     phase = sign * (middle_of_bin - np.angle(coefficients)) + orders * theta[0]

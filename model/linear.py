@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from model.arrays import FloatArray
+from model.arrays import FloatArray, quotient
 from model.errors import ParameterError
 from model.gear import HarmonicDrive
 from model.stiffness import drive_stiffness
@@ -248,7 +248,7 @@ def modes(p: DynamicParameters) -> tuple[Mode, ...]:
                 float(size),
                 float(ratio),
                 float(pole.imag),
-                float(1.0 / decay) if decay > 0.0 else math.inf,
+                float(quotient(1.0, decay, math.inf)),
             )
         )
     return tuple(sorted(eigenmodes, key=lambda mode: mode.natural_frequency))
@@ -279,11 +279,12 @@ class Resonance:
 def resonance_speeds(p: DynamicParameters, orders: Iterable[float]) -> tuple[Resonance, ...]:
     """Where n theta_i' equals the damped frequency of the first oscillating mode, for each order n > 0."""
     first = torsional_mode(p)
-    frequency = first.damped_frequency if first is not None else 0.0
-    if frequency == 0.0:
+    if first is None or first.damped_frequency == 0.0:
         return ()
     return tuple(
-        Resonance(float(order), frequency / float(order)) for order in orders if order > 0.0
+        Resonance(float(order), first.damped_frequency / float(order))
+        for order in orders
+        if order > 0.0
     )
 
 

@@ -19,7 +19,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, TypeGuard, get_args
 
-from model.errors import ParameterError
+from model.errors import ParameterError, path_of
 from model.gear import Origin, Provenance
 from model.sections import Section, allowed_range, is_unknown
 from model.unit_text import Unit, fitting
@@ -63,9 +63,7 @@ def number(value: object, where: str, limit: str) -> float:
             return float(value)
     except OverflowError:
         pass
-    text = (
-        value if isinstance(value, (int, float)) and not isinstance(value, int) else shorten(value)
-    )
+    text = value if isinstance(value, float) else shorten(value)
     raise ParameterError("is not a finite number", where=where, value=text, limit=limit)
 
 
@@ -84,11 +82,10 @@ def check_keys(keys: Iterable[str], allowed: Iterable[str], where: str, remedy: 
     for key in keys:
         if key not in names:
             near = difflib.get_close_matches(str(key), names, n=1)
-            path = f"{where}.{key}" if where else str(key)
             hint = remedy or "Known here: " + ", ".join(names)
             if near:
                 hint = f'Did you mean "{near[0]}"?'
-            raise ParameterError("no such parameter", where=path, remedy=hint)
+            raise ParameterError("no such parameter", where=path_of(where, str(key)), remedy=hint)
 
 
 def is_table(value: object) -> TypeGuard[Mapping[str, Any]]:
@@ -249,8 +246,8 @@ def entry_text(numbers: Mapping[str, float], si_unit: str, origin: Origin) -> st
 def _quantity_line(name: str, value: float, meta: Mapping[str, Any], origin: Origin) -> str:
     """The line of one quantity in a parameter file, with its symbol and description as a comment."""
     text = entry_text({"value": value}, meta["unit"], origin)
-    symbol = f"{meta['symbol']}: " if meta["symbol"] else ""
-    return f"{name} = {{ {text} }}  # {symbol}{meta['description']}"
+    comment = ": ".join(filter(None, (meta["symbol"], meta["description"])))
+    return f"{name} = {{ {text} }}  # {comment}"
 
 
 def section_lines(part: Section, origins: Mapping[str, Origin]) -> list[str]:
@@ -331,7 +328,7 @@ def write_text(text: str, path: str | Path) -> None:
 
 def within(error: ParameterError, where: str) -> ParameterError:
     """The same refusal with the file (or run) named before the path of the value."""
-    path = f"{where}: {error.where}" if error.where else where
+    path = ": ".join(filter(None, (where, error.where)))
     return ParameterError(
         error.what, where=path, value=error.value, limit=error.limit, remedy=error.remedy
     )

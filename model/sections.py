@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from model.errors import ParameterError
+from model.errors import ParameterError, path_of
 
 
 def quantity(
@@ -38,7 +38,9 @@ def quantity(
         "low": low,
         "high": high,
     }
-    return field(default=None, metadata=meta) if may_be_unknown else field(metadata=meta)
+    if may_be_unknown:
+        return field(default=None, metadata=meta)
+    return field(metadata=meta)
 
 
 def is_unknown(f: dataclasses.Field[Any], value: object) -> bool:
@@ -49,8 +51,9 @@ def is_unknown(f: dataclasses.Field[Any], value: object) -> bool:
 def allowed_range(meta: Mapping[str, Any]) -> str:
     """The allowed range of a declared quantity in words, for messages and tables."""
     unit = f" {meta['unit']}" if meta["unit"] not in ("", "1") else ""
-    lower = meta["above"] if meta["above"] > -math.inf else meta["low"]
-    sign = ">" if meta["above"] > -math.inf else ">="
+    sign, lower = ">=", meta["low"]
+    if meta["above"] > -math.inf:
+        sign, lower = ">", meta["above"]
     if lower == -math.inf and meta["high"] == math.inf:
         return "any finite number"
     if meta["high"] == math.inf:
@@ -103,10 +106,9 @@ class Section:
 
 def refuse(section: str, name: str, value: object, limit: str, what: str) -> None:
     """Raise the one `ParameterError` wording for a refused value."""
-    where = f"{section}.{name}" if section else name
     raise ParameterError(
         what,
-        where=where,
+        where=path_of(section, name),
         value=value,
         limit=limit,
         remedy="Correct the value in the parameter file.",

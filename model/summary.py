@@ -64,13 +64,14 @@ class Quantity:
 
     def as_json(self) -> dict[str, Any]:
         """The quantity as plain data; a number that is not finite becomes null."""
-        value = self.value if math.isfinite(self.value) else None
-        return {
-            "value": value,
-            "unit": self.unit,
-            "description": self.description,
-            "equation": self.equation,
-        }
+        return _finite(
+            {
+                "value": self.value,
+                "unit": self.unit,
+                "description": self.description,
+                "equation": self.equation,
+            }
+        )
 
 
 @dataclass(frozen=True, slots=True)

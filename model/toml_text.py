@@ -24,4 +24,4 @@ def toml_value(value: object) -> str:
     if isinstance(value, Sequence):
         return f"[{', '.join(map(toml_value, cast('Sequence[Any]', value)))}]"
     # Of a number as many digits as it has; a date is written as it is.
-    return repr(value) if isinstance(value, (int, float)) else str(value)
+    return str(value)

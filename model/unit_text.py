@@ -127,6 +127,8 @@ class _Term:
         return _Term(f"{self.symbol}/{divisor}", self.factor / other.factor, powers, forces)
 
     def to_the(self, power: int) -> _Term:
+        if power == 1:
+            return self
         powers = tuple(power * each for each in self.powers)
         return _Term(f"{self.symbol}{power}", self.factor**power, powers, self.has_force)
 
@@ -236,12 +238,12 @@ def _word(text: str, power: int) -> _Term:
     exact = _terms()
     term = exact.get(text) or _folded().get(folded)
     if term is not None:
-        return term if power == 1 else term.to_the(power)
+        return term.to_the(power)
     text = SHOUTED.get(folded, text)
     for cut in range(1, len(text)):
         left, right = exact.get(text[:cut]), exact.get(text[cut:])
         if left and right and _is_lever(left, right):
-            return left.times(right if power == 1 else right.to_the(power))
+            return left.times(right.to_the(power))
     if text.endswith("s") and len(text) > 2 and power == 1:
         # Nms is newton metre seconds.
         return _word(text[:-1], 1).times(exact["s"])
@@ -261,7 +263,7 @@ def _terms() -> Mapping[str, _Term]:
     for word in WORDS:
         powers, is_force = SI[word.si], word.si == "N"
         for prefix in ("", *word.prefixes):
-            factor = word.factor if not prefix else word.factor * PREFIXES[prefix]
+            factor = word.factor * PREFIXES.get(prefix, 1)
             symbol = prefix + word.symbol
             terms[symbol] = _Term(symbol, factor, powers, is_force, word)
         terms |= dict.fromkeys(word.spellings.split(), terms[word.symbol])
@@ -284,15 +286,17 @@ def _si_of(term: _Term) -> str:
     over, under = (
         [f"{b}{p * s}".removesuffix("1") for b, p in signed if p * s > 0] for s in (1, -1)
     )
-    divisor = f"({' '.join(under)})" if len(under) > 1 else "".join(under)
-    return (" ".join(over) or "1") + (f"/{divisor}" if divisor else "")
+    divisor = " ".join(under)
+    if len(under) > 1:
+        divisor = f"({divisor})"
+    return "/".join(filter(None, (" ".join(over) or "1", divisor)))
 
 
 def _as_force(unit: Unit, wanted: tuple[str, ...]) -> Unit:
     """A mass read as the force that it weighs, where that makes it one of the units that are asked for."""
     heavier = tuple(map(operator.add, unit.powers, SI["m/s2"]))
     for si in wanted:
-        if unit.powers[0] == 1 and heavier == (SI[si] if si in SI else _read(si).powers):
+        if unit.powers[0] == 1 and heavier == (SI.get(si) or _read(si).powers):
             remark = (
                 f"{unit.symbol}: a mass where {si} is asked for is read as the force that it weighs"
             )

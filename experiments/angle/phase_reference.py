@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.recording import Recording
+from experiments.steps.follow import whole_turns
 from model.units import REVOLUTION
 
 INPUT_SEEN = 1
@@ -64,7 +65,7 @@ def phase_reference(recording: Recording, gap: float | None = None) -> PhaseRefe
         return PhaseReference(mark % REVOLUTION, "input index")
     here = float(recording.si("input_angle", slice(output_row, output_row + 1))[0])
     behind = (here - mark) / REVOLUTION
-    turns = math.floor(behind) if gap is None else round(behind - gap)
+    turns = whole_turns(behind, gap)
     return PhaseReference(mark + turns * REVOLUTION, "index marks", behind - turns)
 
 

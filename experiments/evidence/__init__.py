@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, SettingError
 from experiments.recording import Recording, Segment, mapping_of
+from model.arrays import quotient
 from model.units import ARCSEC
 
 BAD_CYCLE = 1 | 8 | 16 | 32
@@ -49,7 +50,7 @@ class Checked:
     @property
     def missed_share(self) -> float:
         """Share of cycles that cannot be used."""
-        return self.missed / self.cycles if self.cycles else 0.0
+        return quotient(self.missed, self.cycles, 0.0)
 
 
 def check_recording(
@@ -162,9 +163,7 @@ def skew_remark(recording: Recording) -> list[str]:
     output = recording.signals.get("output_angle")
     if not isinstance(value, (int, float)) or output is None or not output.quantum > 0.0:
         return []
-    period = (
-        1.0 / recording.metadata.sample_rate if recording.metadata.sample_rate > 0.0 else math.inf
-    )
+    period = quotient(1.0, recording.metadata.sample_rate, math.inf)
     if abs(value) > _WHOLE_CYCLE * period:
         later, earlier = ("output", "input") if value > 0.0 else ("input", "output")
         return [
@@ -254,5 +253,5 @@ def check_settings(settings: Iterable[str], allowed: Iterable[str], kind: str) -
             raise SettingError(
                 "no such setting",
                 where=f"{kind}.{name}",
-                limit=", ".join(names) if names else "none for this analysis",
+                limit=", ".join(names) or "none for this analysis",
             )

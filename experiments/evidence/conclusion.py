@@ -27,6 +27,7 @@ from experiments.load import carrying
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Result, Table, checks_to_mapping
+from model.arrays import quotient
 from model.identify.estimate import NOT_FROM_ZERO, Estimate
 from model.identify.orders.aliases import SamplingWindow
 from model.unit_text import amount_in_words
@@ -114,8 +115,9 @@ def _notes_of_bounds(result: Result) -> dict[str, str]:
     """By parameter, why it is not identified: it stopped at its bound, or it hangs on one that did."""
     covariance = result.covariance
     notes: dict[str, str] = {}
-    for bound in covariance.at_bound if covariance else ():
-        assert covariance is not None
+    if covariance is None:
+        return notes
+    for bound in covariance.at_bound:
         for name in covariance.names:
             r = covariance.correlation(name, bound)
             if name != bound and abs(r) > LARGEST_CORRELATION:
@@ -187,7 +189,7 @@ def judged(quantity: Quantity, estimate: Estimate) -> Estimate:
         return _not_on_assumed(estimate) if is_within_target else _weakly(estimate, note)
     if target is not None and not is_within_target:
         return _weakly(estimate, f"U is above {_words(quantity, estimate, target)}")
-    share = u / abs(estimate.value) if estimate.value else 0.0
+    share = quotient(u, abs(estimate.value), 0.0)
     if target is None and share > LARGEST_SHARE and not quantity.is_circular:
         return _weakly(estimate, f"U is {100.0 * share:.0f} % of the value")
     return _not_on_assumed(estimate)

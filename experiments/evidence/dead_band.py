@@ -25,7 +25,7 @@ from experiments.evidence.holds import (
 from experiments.evidence.outcomes import not_checked, refused_beyond
 from experiments.finding import Finding, Severity
 from experiments.recording import Recording, Segment
-from model.arrays import FloatArray
+from model.arrays import FloatArray, joined
 from model.units import DEGREE
 
 OFF = (ZERO_BEFORE, ZERO_AFTER, "rest")
@@ -58,16 +58,18 @@ def dead_band(recorded: Recorded) -> Finding:
     """Whether the torque channel reads nothing about zero, or too little above it."""
     if not recorded.torque:
         return not_checked("there is no torque channel in N m")
-    ramps = recorded.recording.labelled(*PUSHING)
-    found = _beginning(recorded, ramps) if ramps else not_checked("the run has no torque ramp")
+    found = _beginning(recorded)
     if found.severity is Severity.BLOCKS:
         return found
     standing = _standing(recorded)
     return found if standing.severity is Severity.NOT_LOOKED_AT else standing
 
 
-def _beginning(recorded: Recorded, ramps: tuple[Segment, ...]) -> Finding:
+def _beginning(recorded: Recorded) -> Finding:
     """The torque along the motion at which the ramps begin, by their last parts."""
+    ramps = recorded.recording.labelled(*PUSHING)
+    if not ramps:
+        return not_checked("the run has no torque ramp")
     lines = [line for ramp in ramps if (line := _line(recorded, ramp)) is not None]
     if len(lines) < 2:
         return not_checked("the ramps are too short to tell where they begin")
@@ -89,7 +91,7 @@ def _line(recorded: Recorded, ramp: Segment) -> tuple[float, float] | None:
     rows = part_of(ramp, recording.rows)
     angle = recording.si("input_angle", rows)
     still = np.flatnonzero(np.abs(angle - np.median(angle[:5])) <= _MOVED)
-    end = int(still[-1]) + 1 if len(still) else 0
+    end = int(still.max(initial=-1)) + 1
     if end < LEAST_ROWS:
         return None
     part = slice(int(FROM * end), int(UNTIL * end))
@@ -116,7 +118,7 @@ def _standing(recorded: Recorded) -> Finding:
     if not between:
         return not_checked("the run has no segment in which the torque passes zero")
     stands = Counter(value for s in between for value in _stands(recording, name, s))
-    value, often = stands.most_common(1)[0] if stands else (math.nan, 0)
+    value, often = (stands.most_common(1) or [(math.nan, 0)])[0]
     least = 1 if value == _read_off(recording, name) else _OFTEN
     return refused_beyond(
         often >= least,
@@ -138,8 +140,8 @@ def _stands(recording: Recording, name: str, segment: Segment) -> Iterator[float
 
 def _read_off(recording: Recording, name: str) -> float:
     """The one reading with the servo off, as stored; NaN where there are several."""
-    parts = [recording.stored(name, s) for s in recording.labelled(ZERO_BEFORE, ZERO_AFTER)]
-    values = np.concatenate(parts) if parts else np.empty(0)
+    segments = recording.labelled(ZERO_BEFORE, ZERO_AFTER)
+    values = joined([recording.stored(name, segment) for segment in segments])
     if not len(values):
         return math.nan
     levels, counts = np.unique(values, return_counts=True)
@@ -157,8 +159,7 @@ def _samples(recorded: Recorded) -> list[FloatArray]:
 
 def _step(recorded: Recorded) -> float:
     """The step from one value of the readings to the next, as stored; 0 where there are no two."""
-    samples = _samples(recorded)
-    levels = np.unique(np.concatenate(samples)) if samples else np.empty(0)
+    levels = np.unique(joined(_samples(recorded)))
     return float(np.median(np.diff(levels))) if len(levels) > 1 else 0.0
 
 

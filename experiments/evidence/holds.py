@@ -15,7 +15,7 @@ import numpy as np
 from experiments.contract import Evidence, Experiment
 from experiments.evidence import BAD_CYCLE, SATURATED
 from experiments.recording import Recording, Segment
-from model.arrays import FloatArray, IntArray
+from model.arrays import FloatArray, IntArray, joined, quotient
 from model.units import REVOLUTION
 
 TURNING = ("traverse", "hold", "bracket", "step", "warm-up", "home-input", "home-output")
@@ -68,7 +68,7 @@ class Hold:
     @property
     def speed(self) -> float:
         """Mean speed of the input [rad/s]."""
-        return self.input_travel / self.duration if self.duration > 0.0 else math.nan
+        return quotient(self.input_travel, self.duration)
 
     @property
     def direction(self) -> int:
@@ -110,15 +110,15 @@ class Recorded:
     def zero(self) -> float:
         """The reading that stands for no torque [N m]; 0 where none was taken."""
         known = [value for value in self.zeros if math.isfinite(value)]
-        return sum(known) / len(known) if known else 0.0
+        return quotient(sum(known), len(known), 0.0)
 
     def _zero(self, label: str) -> float:
         values = [
             self.recording.si(self.torque, slice(_settled(segment), segment.stop))
             for segment in self.recording.labelled(label)
         ]
-        joined = np.concatenate(values) if values else np.empty(0)
-        return float(joined.mean()) if len(joined) else math.nan
+        read = joined(values)
+        return float(read.mean()) if len(read) else math.nan
 
     @functools.cached_property
     def holds(self) -> tuple[Hold, ...]:

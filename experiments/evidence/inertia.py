@@ -184,12 +184,10 @@ def _ramps(recorded: Recorded, segment: Segment) -> Iterator[_Ramp]:
     whole = part_of(segment, recorded.recording.rows)
     if segment.label == RAMP:
         edge = int(EDGE * (whole.stop - whole.start))
-        found = _ramp(recorded, slice(whole.start + edge, whole.stop - edge), LEAST_ROWS)
-        yield from [found] if found else []
+        yield from _ramp(recorded, slice(whole.start + edge, whole.stop - edge), LEAST_ROWS)
     elif segment.label == MOVE:
         for half in _halves(recorded.recording, whole):
-            found = _ramp(recorded, half, LEAST_MOVE_ROWS)
-            yield from [found] if found else []
+            yield from _ramp(recorded, half, LEAST_MOVE_ROWS)
 
 
 def _halves(recording: Recording, rows: slice) -> Iterator[slice]:
@@ -208,20 +206,21 @@ def _halves(recording: Recording, rows: slice) -> Iterator[slice]:
             yield slice(rows.start + ends[0], rows.start + ends[1])
 
 
-def _ramp(recorded: Recorded, rows: slice, least: int) -> _Ramp | None:
+def _ramp(recorded: Recorded, rows: slice, least: int) -> Iterator[_Ramp]:
+    """The ramp of these rows; none where they are too few, or have a gap."""
     recording = recorded.recording
     if rows.stop - rows.start < least or np.any(recording.flags(rows) & BAD_CYCLE):
-        return None
+        return
     time = recording.time(rows)
     if time[-1] - time[0] > LONGEST_PERIOD * len(time):
-        return None
+        return
     angle = recording.si("input_angle", rows)
     beside = time - time.mean()
     powers = np.column_stack([beside**2, beside, np.ones_like(beside)])
     fitted = np.linalg.lstsq(powers, angle, rcond=None)[0]
     bend, speed = float(fitted[0]), float(fitted[1])
     torque = float(recording.si(recorded.torque, rows).mean())
-    return _Ramp(speed, 2.0 * bend, torque, rows.stop - rows.start)
+    yield _Ramp(speed, 2.0 * bend, torque, rows.stop - rows.start)
 
 
 def _pairs(ramps: list[_Ramp]) -> Iterator[tuple[_Ramp, _Ramp]]:

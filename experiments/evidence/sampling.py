@@ -58,8 +58,7 @@ def gaps(recorded: Recorded) -> Finding:
     if not recorded.holds and recording.segments:
         return passed("no segment to be averaged")
     allowed = max(_HOLD_GAP, largest)
-    worst = max(recorded.holds, key=lambda h: h.unusable / h.rows, default=None)
-    share = worst.unusable / worst.rows if worst else 0.0
+    share = max((hold.unusable / hold.rows for hold in recorded.holds), default=0.0)
     shortest, longest = _steps_of_time(recorded)
     text = f"{100.0 * share:.2g} % of a segment's rows, {shortest:.3g} to {longest:.3g} periods between two rows"
     if recorded.experiment.cuts_gaps:

@@ -15,7 +15,7 @@ import numpy as np
 
 from experiments.evidence import BAD_CYCLE, SATURATED, TRUE_TIME, rotary_ratio
 from experiments.recording import Recording
-from model.arrays import FloatArray, IntArray
+from model.arrays import FloatArray, IntArray, joined
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
 from model.identify.estimate import Estimate
@@ -170,9 +170,9 @@ def _steady(rows: list[tuple[int, float, float, float, float]], ratio: float) ->
         )
         same[1:-1] = close & (np.abs(step[1:]) == 1) & (step[1:] == step[:-1])
     steady = np.flatnonzero(same)
-    sense = step[np.maximum(steady - 1, 0)] if len(step) else np.empty(0)
+    sense = step[np.maximum(steady - 1, 0)]
     speed = sense * REVOLUTION / (ratio * duration[steady])
-    breaks = np.diff(steady, prepend=steady[0] if len(steady) else 0) > 1
+    breaks = np.diff(steady, prepend=steady[:1]) > 1
     plateau = np.cumsum(breaks).astype(np.int64)
     fast = np.abs(speed) >= _SLOWEST_SHARE * np.abs(speed).max(initial=0.0)
     steady = steady[fast]
@@ -196,8 +196,4 @@ def _torque_skew(recording: Recording, interval: float, needed: float) -> Estima
     lengths = [len(piece) for piece in port]
     starts = np.cumsum([0, *lengths], dtype=np.int64)[: len(port)]
     quantum = recording.signals["drive_torque"].quantum
-    return torque_skew(_joined(drive), _joined(port), interval, needed, starts, quantum)
-
-
-def _joined(pieces: list[FloatArray]) -> FloatArray:
-    return np.concatenate(pieces) if pieces else np.empty(0)
+    return torque_skew(joined(drive), joined(port), interval, needed, starts, quantum)

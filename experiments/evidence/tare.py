@@ -142,7 +142,8 @@ def size(recorded: Recorded) -> Finding:
 
 
 def _points(recorded: Recorded) -> Tare | None:
-    return None if recorded.evidence.tare is None else tare_of(recorded.evidence.tare)
+    tare = recorded.evidence.tare
+    return tare and tare_of(tare)
 
 
 def shape(recorded: Recorded) -> Finding:
@@ -211,18 +212,18 @@ def _judged(found: witness.Comparison, what: str, has_uncertainty: bool) -> Find
 
 def _beside_card(recorded: Recorded) -> witness.Comparison | None:
     tare, there = recorded.evidence.tare, recorded.evidence.tare_recording
-    return None if tare is None or there is None else witness.against_card(tare, there)
+    return tare and there and witness.against_card(tare, there)
 
 
 def _beside_others(recorded: Recorded) -> witness.Comparison | None:
     tare = recorded.evidence.tare
-    return None if tare is None else witness.against_others(tare, recorded.evidence.other_tares)
+    return tare and witness.against_others(tare, recorded.evidence.other_tares)
 
 
 def widened(recorded: Recorded) -> Result | None:
     """The tare with what age, temperature and witnesses leave open of it as a whole."""
     tare = recorded.evidence.tare
-    return None if tare is None else with_doubts(tare, _doubts(recorded, tare))
+    return tare and with_doubts(tare, _doubts(recorded, tare))
 
 
 def _doubts(recorded: Recorded, tare: Result) -> Iterator[TareDoubt]:

@@ -175,11 +175,12 @@ def recorded_motion(recording: Recording, settings: Mapping[str, Any], kind: str
 def _place(recording: Recording, settings: Mapping[str, Any], kind: str) -> str:
     place = chosen_channel(recording, settings, "position", (*ANGLES, *SPEEDS), "the motion")
     unit = recording.signals[place].unit
-    is_speed = place in SPEEDS
-    allowed = tuple(f"{u}/s" for u in _UNITS_OF_PLACE) if is_speed else _UNITS_OF_PLACE
+    what, allowed = "a position", _UNITS_OF_PLACE
+    if place in SPEEDS:
+        what, allowed = "a speed", tuple(f"{u}/s" for u in _UNITS_OF_PLACE)
     if unit not in allowed:
         raise AnalysisError(
-            "is not a position" if not is_speed else "is not a speed",
+            f"is not {what}",
             where=f"{kind}.position: {place}",
             value=f"unit {unit or 'none'}",
             limit=" or ".join(allowed),

@@ -22,14 +22,11 @@ def spectrum_plot(
     series: list[Series] = []
     for d, (orders, amplitude) in fit.spectrum.items():
         x, y = _thinned(orders, amplitude)
-        series.append(Series(label=way_of(d), x=x, y=y, style="line", group=0 if d > 0 else 1))
+        series.append(Series(label=way_of(d), x=x, y=y, style="line", group=int(d <= 0)))
     for d, (orders, floor) in fit.floor.items():
         x, y = _thinned(orders, floor)
-        series.append(
-            Series(
-                label=f"noise floor, {way_of(d)}", x=x, y=y, style="line", group=2 if d > 0 else 3
-            )
-        )
+        label = f"noise floor, {way_of(d)}"
+        series.append(Series(label=label, x=x, y=y, style="line", group=2 + int(d <= 0)))
     return Plot(
         name=name,
         title=f"Orders of the {channel.replace('_', ' ')}",

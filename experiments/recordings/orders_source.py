@@ -85,7 +85,8 @@ class OrderSource:
             orders = changing.get(part.direction, ())
             if trend is not None or orders:
                 speed = part.speed()
-                value = value - (0.0 if trend is None else trend.value(speed))
+                if trend is not None:
+                    value = value - trend.value(speed)
                 for one in orders:
                     value = value - one.beyond(part.angle, speed)
             yield Piece.of(part.number, part.direction, part.angle, value, self.quantum)
@@ -112,10 +113,12 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
         channel, ratio, is_exact = KINEMATIC_ERROR, stated, True
     angle = angle_of(recording, angle_name)
     value, warnings = _value(recording, channel, ratio)
-    labelled = _segments(recording, angle)
-    zone = None if labelled else _dead_zone(recording, angle)
-    stretches = labelled if zone is None else _found(recording, angle, zone)
-    quantum = recording.signals[angle_name].quantum or (0.0 if zone is None else zone.rounding)
+    stretches, rounding, left_out = _segments(recording, angle), 0.0, 0.0
+    if not stretches:
+        zone = _dead_zone(recording, angle)
+        stretches, rounding = _found(recording, angle, zone), zone.rounding
+        kept = sum(stop - start for start, stop, _ in stretches)
+        left_out = 1.0 - kept / max(recording.rows, 1)
 
     def parts() -> Iterator[SourcePart]:
         for number, (start, stop, direction) in enumerate(stretches):
@@ -129,12 +132,11 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
 
                     yield SourcePart(number, direction, turned, value(rows)[good], speed)
 
-    kept = sum(stop - start for start, stop, _ in stretches)
     return OrderSource(
         parts=parts,
-        quantum=quantum,
+        quantum=recording.signals[angle_name].quantum or rounding,
         reference=what,
-        left_out=0.0 if labelled else 1.0 - kept / max(recording.rows, 1),
+        left_out=left_out,
         warnings=tuple(warnings),
         has_line=not is_exact,
     )
@@ -188,7 +190,7 @@ def _segments(
             continue
         travel = float(angle(slice(stop - 1, stop))[0] - angle(slice(start, start + 1))[0])
         if abs(travel) > STILL:
-            found.append((start, stop, 1 if travel > 0.0 else -1))
+            found.append((start, stop, int(math.copysign(1.0, travel))))
     return found
 
 

@@ -213,9 +213,13 @@ def index_zero(rig: RigView, table: CompensationTable) -> tuple[float, float]:
     mark = rig.index_angle("input")
     since = table.ratio * table.sense * (rig.output_angle() - rig.index_angle("output"))
     behind = (rig.input_angle() - since - mark) / REVOLUTION
-    gap = table.index_gap
-    turns = math.floor(behind) if gap is None else round(behind - gap)
+    turns = whole_turns(behind, table.index_gap)
     return mark + REVOLUTION * turns, behind - turns
+
+
+def whole_turns(behind: float, gap: float | None) -> int:
+    """Which revolution the output's mark tells: the one behind it, or the one nearest to `gap` [revolutions] away."""
+    return math.floor(behind) if gap is None else round(behind - gap)
 
 
 def _speeds(correction: Correction, speed: float, phi: FloatArray) -> FloatArray:

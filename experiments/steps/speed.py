@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from experiments.steps.kind import (
     Turned,
 )
 from experiments.steps.profile import Constant, cycles_of, ramp, ramp_travel
+from model.arrays import quotient
 from model.units import REVOLUTION
 
 PATIENCE = 1.5
@@ -74,7 +76,7 @@ class SpeedStep(SpeedChange):
 
     def forecast(self, at: Situation) -> StepForecast:
         """There at once: the drive's ramp is known only when the limits are."""
-        needed = self.least_revolutions * REVOLUTION / abs(self.speed) if self.speed else 0.0
+        needed = quotient(self.least_revolutions * REVOLUTION, abs(self.speed), 0.0)
         missing = max(needed - self.duration, 0.0)
         nominal = max(self.duration, needed)
         longest = self.duration + (PATIENCE * missing + _PATIENCE_MORE if missing else 0.0)
@@ -113,7 +115,7 @@ class FindIndex(SpeedChange):
         if self.which not in ("input", "output"):
             raise at.refusal('index marks are of "input" and "output"', self.which)
         half = 0.5 * REVOLUTION * (at.ratio if self.which == "output" else 1.0)
-        nominal = min(half / abs(self.speed), self.at_most) if self.speed else self.at_most
+        nominal = min(quotient(half, abs(self.speed), math.inf), self.at_most)
         low, high = sorted((0.0, self.speed * self.at_most))
         return at.forecast(
             nominal,

@@ -97,23 +97,26 @@ class MotorHeat:
 
 def motor_heat(recording: Recording, housing: float) -> MotorHeat:
     """What the housing's mean temperature [degC] says of the motor; an import does not say whose torque it is."""
-    known = recording.metadata.origin != "imported" and math.isfinite(housing)
-    kelvin = WARMER if known else UNKNOWN.standard_uncertainty
     reference = _reference(recording)
-    away = math.hypot(kelvin, housing - reference) if known else kelvin
+    temperature, kelvin = math.nan, UNKNOWN.standard_uncertainty
+    away = kelvin
+    if recording.metadata.origin != "imported" and math.isfinite(housing):
+        temperature, kelvin = housing, WARMER
+        away = math.hypot(kelvin, housing - reference)
     return MotorHeat(
         reference=reference,
         constant=abs(MAGNETS) * away,
         tare=abs(FRICTION) * kelvin,
-        temperature=housing if known else math.nan,
+        temperature=temperature,
     )
 
 
 def _reference(recording: Recording) -> float:
     """degC at which the scale of the torque holds: 20, or as it was when the bench measured it."""
     channel = recording.signals.get("torque")
-    measured = None if channel is None else channel.calibration.temperature
-    return REFERENCE if measured is None else measured
+    if channel is None or channel.calibration.temperature is None:
+        return REFERENCE
+    return channel.calibration.temperature
 
 
 def _relative(per_kelvin: float, uncertainty: float, warmer: float) -> float:

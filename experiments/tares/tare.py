@@ -49,14 +49,17 @@ def with_doubts(result: Result, doubts: Iterable[TareDoubt]) -> Result:
         for one in doubts
         for speed, u in zip(one.speed, one.uncertainty, strict=True)
     )
+    if not rows:
+        return result
     table = Table(_DOUBTS, "What is not known of the tare as a whole", _DOUBT_COLUMNS, rows)
-    return dataclasses.replace(result, tables=(*result.tables, table)) if rows else result
+    return dataclasses.replace(result, tables=(*result.tables, table))
 
 
 def doubts_of(result: Result | None) -> tuple[TareDoubt, ...]:
     """What a tare carries of its own doubts."""
-    tables = () if result is None else result.tables
-    rows = [row for table in tables if table.name == _DOUBTS for row in table.rows]
+    if result is None:
+        return ()
+    rows = [row for table in result.tables if table.name == _DOUBTS for row in table.rows]
     doubts: list[TareDoubt] = []
     for source in dict.fromkeys(str(row[0]) for row in rows):
         own = [row for row in rows if row[0] == source]

@@ -111,7 +111,8 @@ def _pattern(
         angle = recording.si("input_angle", rows)[good]
         if not len(angle):
             continue
-        first = float(angle[0]) if math.isnan(first) else first
+        if math.isnan(first):
+            first = float(angle[0])
         last = float(angle[-1])
         torque = recording.si(channel, rows)[good] - zero.at(recording.time(rows)[good])
         where = (

@@ -17,7 +17,7 @@ from experiments.budget import zero_uncertainty
 from experiments.evidence import usable
 from experiments.planning.parts import ZERO_AFTER, ZERO_BEFORE
 from experiments.recording import Recording, Segment
-from model.arrays import FloatArray
+from model.arrays import FloatArray, joined
 from model.identify.estimate import BudgetLine
 
 ZERO = "torque zero"
@@ -115,6 +115,11 @@ def torque_zero(recording: Recording, channel: str = "torque") -> TorqueZero:
     return TorqueZero(before, after, uncertainty, warnings)
 
 
+def recorded_zero(recording: Recording) -> TorqueZero | None:
+    """The zero of the torque port; None where the run has no torque."""
+    return torque_zero(recording) if recording.has("torque") else None
+
+
 def _mean_zero(recording: Recording, segments: tuple[Segment, ...], channel: str) -> Zero | None:
     values: list[FloatArray] = []
     times: list[FloatArray] = []
@@ -124,7 +129,7 @@ def _mean_zero(recording: Recording, segments: tuple[Segment, ...], channel: str
         good = usable(recording, rows)
         values.append(recording.si(channel, rows)[good])
         times.append(recording.time(rows)[good])
-    value = np.concatenate(values) if values else np.empty(0)
+    value = joined(values)
     if len(value) < 8:
         return None
     time = np.concatenate(times)

@@ -152,9 +152,11 @@ def _rating(rule: Rule, product: Product) -> tuple[float, Origin]:
         raise ParameterError("no table has this quantity", where=rule.quantity, value=str(product))
     row = near.row
     factor = (product.size / row.size) ** rule.power
-    scaled = f", times ({product.size}/{row.size})^{rule.power:g}" if factor != 1.0 else ""
-    words = f"no table has it of {product}; that of {row.words}{scaled}"
-    return (row.value if factor == 1.0 else _short(row.value * factor)), Origin("assumed", words)
+    value, words = row.value, f"no table has it of {product}; that of {row.words}"
+    if factor != 1.0:
+        value = _short(row.value * factor)
+        words += f", times ({product.size}/{row.size})^{rule.power:g}"
+    return value, Origin("assumed", words)
 
 
 def _conflicts(found: Found) -> str:

@@ -74,11 +74,11 @@ class Row:
     @property
     def words(self) -> str:
         """Where the value stands: part, document, conditions."""
-        unit = f"-{self.unit_type}" if self.unit_type else ""
+        part = "-".join(filter(None, (self.series, str(self.size), self.unit_type)))
         ratio = "" if self.ratio == "all" else f", ratio {self.ratio}"
         source = sources()[self.source]
-        conditions = f"; {self.conditions}" if self.conditions else ""
-        return f"{self.series}-{self.size}{unit}{ratio}: {source.document} [{self.source}, {source.rank}]{conditions}"
+        stands = f"{part}{ratio}: {source.document} [{self.source}, {source.rank}]"
+        return "; ".join(filter(None, (stands, self.conditions)))
 
     def holds_for(self, ratio: int) -> bool:
         """Whether the row's ratio, or class of ratios, is this one."""

@@ -152,8 +152,10 @@ def _require_speeds(pair: Pair) -> None:
     size = np.abs(pair.speed)
     fastest = float(np.percentile(size, 98.0))
     moving = size[size > MOVING * fastest]
-    slowest = float(np.percentile(moving, 2.0)) if len(moving) else 0.0
-    if len(moving) and fastest < SPEED_SPAN * slowest:
+    if not len(moving):
+        return
+    slowest = float(np.percentile(moving, 2.0))
+    if fastest < SPEED_SPAN * slowest:
         sign = np.sign(pair.speed)
         design = np.column_stack([np.ones(len(sign)), pair.first, sign])
         shown = "in one direction"
@@ -223,10 +225,12 @@ def _design(pair: Pair, tau: float) -> tuple[Array, Array]:
 
 def _delay(pair: Pair, longest: float) -> tuple[LinearFit, float, float]:
     """The fit at its best delay, the delay [s] and its standard error."""
-    tries = np.linspace(-longest, longest, TRIES) if longest > 0.0 else np.zeros(1)
+    tries, step = np.zeros(1), 1.0
+    if longest > 0.0:
+        tries = np.linspace(-longest, longest, TRIES)
+        step = float(tries[1] - tries[0])
     left = [_left(pair, float(t)) for t in tries]
     tau = float(tries[int(np.argmin(left))])
-    step = float(tries[1] - tries[0]) if len(tries) > 1 else 1.0
     for _ in range(_ITERATIONS):
         design, observed = _design(pair, tau)
         values = closest(design, observed)

@@ -100,9 +100,9 @@ def lattice_aliases(
 
 def alias_warning(aliases: tuple[Alias, ...], samples_per_revolution: float) -> str | None:
     """A sentence when the sampling sits near the counting lattice, with the speed remedy."""
-    worst = aliases[0] if aliases else None
-    if worst is None or worst.harmonic > 12:
+    if not aliases or aliases[0].harmonic > 12:
         return None
+    worst = aliases[0]
     return (
         f"Sampling at {samples_per_revolution:.1f} samples per input revolution folds harmonic "
         f"{worst.harmonic} of the output "

@@ -84,7 +84,7 @@ def speed_from_counts(
     else:
         width = _odd(window / period)
     samples = len(even)
-    width = min(width, _odd(samples) if samples % 2 else _odd(samples - 1))
+    width = min(width, _odd(samples - 1))
     if width <= DEGREE + 1:
         raise IdentificationError(
             "is shorter than one window", where="time", value=samples, limit=f">= {SHORTEST}"

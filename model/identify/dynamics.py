@@ -245,7 +245,9 @@ def _null_rungs(steps: Sequence[StepData], skew: float, paper: Sequence[Array]) 
         return Rung(name=name, rms=np.array(left), left_out=np.array(left), counts=counts)
 
     rungs = [row("rigid", [s.input_angle / s.ratio for s in steps])]
-    return [*rungs, row("paper", paper)] if paper else rungs
+    if paper:
+        rungs.append(row("paper", paper))
+    return rungs
 
 
 def _rung(name: str, solution: Solution) -> Rung:
@@ -301,7 +303,7 @@ def _stated(
             for pair, (a, b) in zip(problem.basis, solution.error.reshape(-1, 2), strict=True)
         },
         metrics={"largest_torque": float(np.max(largest)) * model.stiffness * expected.inertia},
-        beside=None if beside is None else _described(steps, problem, beside, expected),
+        beside=beside and _described(steps, problem, beside, expected),
         answer=lambda step: _response(problem, solution, step).angle,
     )
 
@@ -354,7 +356,7 @@ def _beside(chosen: str, solutions: Mapping[str, Solution]) -> tuple[str, Soluti
     What the last step of the ladder changed is the most that another one is believed to.
     """
     others = _others(chosen, solutions)
-    return (others[0][0], solutions[others[0][1]]) if others else None
+    return next(((note, solutions[rung]) for note, rung in others), None)
 
 
 def _others(chosen: str, solutions: Mapping[str, Solution]) -> list[tuple[str, str]]:

@@ -16,6 +16,7 @@ eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold
 MOTOR_REST, MOTOR_REST_SHARE = (3, 5, 6, 7, 8), 0.2
 """Other orders of a motor encoder, and the share of its class that they have together: a class bounds the whole curve,
 and no encoder has three orders only."""
+_CAUSES = {"output encoder": Cause.OUTPUT_ENCODER, "motor encoder": Cause.MOTOR_ENCODER}
 _UNSAID_ORDERS = OUTPUT_ENCODER_ORDERS
 """Orders of a motor encoder of which nobody says anything: a resolver has those of its poles."""
 FINE_ORDERS, FINE_SHARE = range(9, 65), 0.2
@@ -232,9 +233,8 @@ def _certified(what: str, standard_uncertainty: float, order: float) -> list[Bud
     near = min(abs(order - own) for own in CERTIFIED_ORDERS)
     if not standard_uncertainty > 0.0 or near > 1e-6:
         return []
-    cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
     note = "its certificate, whose curve is taken out; all of its uncertainty may be at one order"
-    return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, cause)]
+    return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, _CAUSES[what])]
 
 
 def _share(
@@ -246,7 +246,6 @@ def _share(
     """
     if not half_width > 0.0 or min(abs(order - own) for own in orders) > 1e-6:
         return []
-    cause = Cause.OUTPUT_ENCODER if what.startswith("output") else Cause.MOTOR_ENCODER
     note = f"its class, equal shares of its orders {', '.join(map(str, orders))}"
     if len(orders) == len(FINE_ORDERS):
         note = f"{FINE_SHARE:g} of its class, equal shares of its orders 9 to 64"
@@ -254,5 +253,5 @@ def _share(
         note = f"{MOTOR_REST_SHARE:g} of its class, equal shares of its orders 3 and 5 to 8"
     note += "; cannot be told from the gear"
     u = half_width / math.sqrt(3.0 * len(orders))
-    line = BudgetLine(f"{what} at this order", "B", u, note, cause)
+    line = BudgetLine(f"{what} at this order", "B", u, note, _CAUSES[what])
     return [replace(line, note=unsaid, assumed=what) if unsaid else line]

@@ -112,6 +112,11 @@ def effective_degrees_of_freedom(lines: Iterable[BudgetLine]) -> float:
     return square**2 / fourth if fourth > 0.0 else math.inf
 
 
+def open_ends(low: float, high: float) -> tuple[float, float]:
+    """The ends of a profile's interval of what is above zero: one that the data do not bound is 0 or infinite."""
+    return (low if math.isfinite(low) else 0.0), (high if math.isfinite(high) else math.inf)
+
+
 def coverage_factor(degrees_of_freedom: float) -> float:
     """k of U = k u at 95 %, from Student's t; infinite without a degree of freedom: then u says nothing."""
     if degrees_of_freedom <= 0.0:

@@ -23,7 +23,7 @@ from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh
 from model.gear import HarmonicDrive
 from model.identify.checks import Array
 from model.identify.common_errors import CommonError, Spread
-from model.identify.estimate import BudgetLine, Estimate, Identifiable
+from model.identify.estimate import BudgetLine, Estimate, Identifiable, open_ends
 from model.identify.friction_result import FrictionFit, Subject
 from model.identify.least_squares import student_quantile
 from model.identify.running_torque import (
@@ -110,7 +110,7 @@ def fit_friction(
     drift, sentence = bracket_drift(bracket, limit=bracket_limit) if bracket else (math.nan, None)
     found = sweep.fit(bounds, drift)
     estimates = _estimates(found, sweep.ends(found, bounds) if profile else None) | _offset(points)
-    warnings = [*points.warnings, *said, *([sentence] if sentence else [])]
+    warnings = [*points.warnings, *said, *filter(None, (sentence,))]
     warnings += _judge(found.stribeck, estimates, points, holds)
     return replace(found, estimates=estimates, warnings=tuple(warnings))
 
@@ -262,12 +262,13 @@ def _estimates(found: FrictionFit, ends: Array | None) -> dict[str, Estimate]:
             scatter = math.sqrt(max(whole - inside + scatter**2, scatter**2))
         first = replace(lines[0][0], standard_uncertainty=scatter)
         verdict, note = _verdict_on(name, found, low, high)
+        low, high = open_ends(low, high)
         estimates[name] = Estimate(
             name=name,
             value=value,
             unit=UNITS[name],
-            low=low if math.isfinite(low) else 0.0,
-            high=high if math.isfinite(high) else math.inf,
+            low=low,
+            high=high,
             identifiable=verdict,
             note=note,
             budget=(first, *(b for b, _ in lines[1:])),

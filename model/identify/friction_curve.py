@@ -159,8 +159,11 @@ def _stribeck(points: CurvePoints, error: Array) -> StribeckFit:
 
 def _law(points: CurvePoints, law: str, has_errors: bool) -> LawFit:
     """One law on points that are all trusted, with its error on points that it has not seen."""
-    fit = _stribeck_law(points, has_errors) if law == "stribeck" else _line(points, law, has_errors)
-    start = (1.0, 1.0) if law != "stribeck" else (float(fit.values[2]), float(fit.values[3]))
+    if law == "stribeck":
+        fit = _stribeck_law(points, has_errors)
+        start = float(fit.values[2]), float(fit.values[3])
+    else:
+        fit, start = _line(points, law, has_errors), (1.0, 1.0)
     errors = np.full(len(points), math.nan)
     fold = np.argsort(np.argsort(points.speed, kind="stable"), kind="stable") % FOLDS
     for k in range(FOLDS):

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from model.angle_certificate import CREST
+from model.arrays import quotient
 from model.errors import IdentificationError
 from model.identify import polar, torsion
 from model.identify.angle_fit import WHOLE_TURN, AngleFit, solve_angle
@@ -138,11 +139,11 @@ class KinematicErrorAccumulator:
         beside: int = 0,
     ) -> None:
         self.ratio = positive("ratio", ratio)
-        self.encoders = Encoders() if encoders is None else encoders
+        self.encoders = encoders or Encoders()
         self.edge_triggered = edge_triggered
         self.highest_order = highest_order
         self.follows_data = basis is None
-        self.basis = standard_basis(ratio, highest_order) if basis is None else basis
+        self.basis = basis or standard_basis(ratio, highest_order)
         self.samples = 0
         self._regression = AngleRegression(ratio, 1 + beside)
         self._carry: Array | None = None
@@ -198,7 +199,7 @@ def fit_traverses(
         fits = in_orders_of_all(fits, max(one.highest_order for one in accumulators), rounding)
     fits = [_with_rounding(fit, locked) for fit, locked in zip(fits, rounding, strict=True)]
     seen = [torsion.traverse(fit, None if time is None else 1 + time) for fit in fits]
-    spring = None if spring is None else spring.seen_in(seen)
+    spring = spring and spring.seen_in(seen)
     ahead = next((s for s in seen if s.fit.cells.direction > 0.0), None)
     back = next((s for s in seen if s.fit.cells.direction < 0.0), None)
     delay = 0.0
@@ -405,7 +406,7 @@ def _metrics(fit: AngleFit, measured: Array, fitted: Array, samples: int) -> dic
     varies = float(np.var(measured)) > 0.0
     return {
         "mse_curve": normalised_mse(measured, fitted) if varies else math.nan,
-        "mse_raw": 100.0 * fit.residual_variance / raw_variance if raw_variance > 0.0 else math.nan,
+        "mse_raw": quotient(100.0 * fit.residual_variance, raw_variance),
         "harmonics": float(fit.used[2::2].sum()),
         "raw_peak_to_peak": float(cells.highest[0] - cells.lowest[0]),
         "closure": float(fit.values[1]),
@@ -461,7 +462,7 @@ def _sampling_warnings(
     alias = alias_warning(
         lattice_aliases(per_turn, counts, encoders.output_quantum, highest), per_turn
     )
-    return [] if alias is None else [alias]
+    return list(filter(None, (alias,)))
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
+from model.arrays import quotient
 from model.errors import IdentificationError
 from model.identify.checks import Array
 
@@ -141,13 +142,13 @@ def solve(
     inverse = (right.T / singular**2) @ right / np.outer(scale, scale)
     if block_starts is None:
         score, effective = bartlett_sum(design * residual[:, None], _persistence(residual))
+        effective -= p
     else:
         score, effective = _block_scores(design, residual, block_starts)
-    freedom = max(effective - (p if block_starts is None else 0), 1.0)
+    freedom = max(effective, 1.0)
     covariance = inverse @ score @ inverse * (n / (n - p))
     # Those of the columns as they are: the orthonormal factor, the only long one, changes no singular value.
     raw = np.linalg.svd(singular[:, None] * right * scale, compute_uv=False)
-    size = float(np.linalg.norm(observed))
     return LinearFit(
         values=values,
         covariance=covariance,
@@ -155,5 +156,5 @@ def solve(
         condition=condition,
         condition_raw=float(raw[0] / raw[-1]),
         freedom=freedom,
-        relative_error=float(np.linalg.norm(residual)) / size if size > 0.0 else math.nan,
+        relative_error=quotient(float(np.linalg.norm(residual)), float(np.linalg.norm(observed))),
     )

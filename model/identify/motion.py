@@ -97,7 +97,7 @@ def fit_motion(
     with an error that respects the autocorrelation of the residual. Raises `IdentificationError`
     for data that cannot carry the fit. `identify_motion` lets the data choose the recipe.
     """
-    recipe = MotionFilter() if recipe is None else recipe
+    recipe = recipe or MotionFilter()
     source = _array_source(time, position, force)
     recipe.check(source.period)
     ladder = Ladder(source, recipe, Basis(), False, ())
@@ -112,7 +112,7 @@ def identify_motion(
 
     Raises `IdentificationError` for data that cannot carry the fit.
     """
-    choice = MotionChoice() if choice is None else choice
+    choice = choice or MotionChoice()
     prepared = _prepared(source, choice)
     chosen, ladder, lag = prepared.chosen, prepared.ladder, prepared.lag
     cutoff, speed = ladder.recipe.cutoff_hz, prepared.speed
@@ -195,9 +195,8 @@ def _with_look(source: MotionSource, choice: MotionChoice, look: Look) -> _Prepa
         speeds = tuple(share * look.top_speed for share in FALLING)
         lag = Alignment(source, recipe, basis, with_instrument, speeds).lag()
     taken_off = choice.lag or 0.0
-    if lag is not None:
-        is_clear = lag.is_clear(_LAG_TOLD * source.period) and lag.is_of_both_halves
-        taken_off = lag.lag if is_clear else 0.0
+    if lag is not None and lag.is_clear(_LAG_TOLD * source.period) and lag.is_of_both_halves:
+        taken_off = lag.lag
     basis = replace(basis, lag=taken_off)
     ladder = Ladder(source, recipe, basis, with_instrument, _stribeck_speeds(look, recipe))
     chosen, shared = ladder.chosen(choice.variant), None
@@ -247,7 +246,7 @@ def score_source(
     fit: MotionFit, source: MotionSource, *, recipe: MotionFilter | None = None
 ) -> MotionScore:
     """How well a fitted set predicts the effort of another recording, |F - X b|/|F| in per cent."""
-    recipe = fit.recipe if recipe is None else recipe
+    recipe = recipe or fit.recipe
     moments = gathered(source, recipe, fit.basis)
     x, y = moments.places(fit.regressors), moments.names.index("effort")
     total, b = moments.sums.sum(axis=0), fit.coefficients

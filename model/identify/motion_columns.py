@@ -219,7 +219,7 @@ def _even(
 ) -> _Even:
     """The block on an even axis; left alone where it is on one already and nothing is late."""
     time = block.time
-    motion = block.position if block.position is not None else block.speed
+    motion = block.place
     if motion is None:
         raise IdentificationError("has neither position nor speed", where="motion")
     if offset is None:
@@ -286,7 +286,8 @@ def _decimated(
         table[f"{name}_slope"] = sign * np.exp(-ratio) * 2.0 * ratio / critical
     if even.instrument is not None:
         guide = low_pass(even.instrument, recipe, period)
-        guide = guide if basis.instrument_is_speed else slope(guide, period)
+        if not basis.instrument_is_speed:
+            guide = slope(guide, period)
         table["instrument_speed"] = guide
         table["instrument_acceleration"] = slope(guide, period)
     names = basis.names(even.instrument is not None)

@@ -153,7 +153,7 @@ def _pieces(source: MotionSource) -> list[tuple[bool, Array]]:
         for k in range(count):
             start = stretch.start + (stretch.rows - length) * k // max(count - 1, 1)
             block = source.read(start, start + length)
-            values = block.position if block.position is not None else block.speed
+            values = block.place
             if values is None or len(block.time) < LEAST_ROWS // 2:
                 continue
             if not source.is_even:
@@ -218,7 +218,8 @@ def compare_speed(
         for values in (block.position, block.instrument)
     )
     own = slope(own, source.period)
-    other = slope(other, source.period) if of_position else other
+    if of_position:
+        other = slope(other, source.period)
     edge = recipe.settling(source.period)
     own, other = own[edge:-edge], other[edge:-edge]
     most = min(int(LONGEST_LAG / source.period), len(own) // 4)

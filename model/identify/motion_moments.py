@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.arrays import BoolArray
+from model.arrays import BoolArray, quotient
 from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.least_squares import (
@@ -135,13 +135,13 @@ class MomentFit:
 
     @property
     def relative_error(self) -> float:
-        return self.residual_norm / self.effort_norm if self.effort_norm > 0.0 else math.nan
+        return quotient(self.residual_norm, self.effort_norm)
 
     @property
     def hold_out_error(self) -> float:
         """Relative error on data that the fit has not seen."""
         total = math.sqrt(float(self.fold_errors.sum()))
-        return total / self.effort_norm if self.effort_norm > 0.0 else math.nan
+        return quotient(total, self.effort_norm)
 
     @property
     def half_errors(self) -> Array:

@@ -112,9 +112,9 @@ def reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> Moti
 
 
 def _units(names: tuple[str, ...], rotary: bool) -> dict[str, str]:
-    force, length = ("N m", "rad") if rotary else ("N", "m")
+    force, length, inertia = ("N m", "rad", "kg m2") if rotary else ("N", "m", "kg")
     table = {
-        "inertia": "kg m2" if rotary else "kg",
+        "inertia": inertia,
         "viscous": f"{force} s/{length}",
         "stribeck": f"{length}/s",
     }

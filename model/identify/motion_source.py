@@ -33,6 +33,11 @@ class MotionBlock:
     speed: Array | None = None
     instrument: Array | None = None
 
+    @property
+    def place(self) -> Array | None:
+        """Its position; its speed where it has none."""
+        return self.speed if self.position is None else self.position
+
 
 @dataclass(frozen=True)
 class Stretch:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
+from model.arrays import quotient
 from model.identify.checks import Array
 from model.identify.estimate import NOT_FROM_ZERO, BudgetLine, Estimate
 from model.identify.least_squares import student_quantile
@@ -76,8 +77,10 @@ def polar(
         whole = whole + np.outer(change, change)
     low, high, turn = _intervals(size, _error(along, whole), _error(across, whole), freedom)
     significant = _squared_length(a, b, whole) > _SIGNIFICANT
-    verdict = "yes" if significant else "weakly"
-    below = amount_in_words(high, unit, high)
+    verdict, of_amplitude, of_phase = "yes", "", ""
+    if not significant:
+        verdict, of_phase = "weakly", f"of an amplitude {NOT_FROM_ZERO}"
+        of_amplitude = f"{NOT_FROM_ZERO}, below {amount_in_words(high, unit, high)}"
     amplitude = Estimate(
         name=f"amplitude_{label}",
         value=size,
@@ -85,7 +88,7 @@ def polar(
         low=low,
         high=max(high, size),
         identifiable=verdict,
-        note="" if significant else f"{NOT_FROM_ZERO}, below {below}",
+        note=of_amplitude,
         budget=_budget(along, covariance, freedom, shared),
     )
     return Polar(
@@ -97,7 +100,7 @@ def polar(
             "rad",
             over_amplitude(_budget(across, covariance, freedom, shared), size),
             identifiable=verdict,
-            note="" if significant else f"of an amplitude {NOT_FROM_ZERO}",
+            note=of_phase,
         ),
         significant=significant,
     )
@@ -121,7 +124,7 @@ def _squared_length(a: float, b: float, covariance: Array) -> float:
     (xx, xy), (_, yy) = covariance.tolist()
     determinant = xx * yy - xy * xy
     length = a * a * yy - 2.0 * a * b * xy + b * b * xx
-    return length / determinant if determinant > 0.0 else 0.0
+    return quotient(length, determinant, 0.0)
 
 
 def _budget(

@@ -25,7 +25,7 @@ from typing import Literal
 import numpy as np
 import scipy.special  # pyright: ignore[reportMissingTypeStubs]
 
-from model.arrays import ComplexArray, FloatArray
+from model.arrays import ComplexArray, FloatArray, quotient
 from model.errors import IdentificationError
 
 REFUSED = 1.3
@@ -141,7 +141,7 @@ def remainder_of(ways: Sequence[OrdersLeft]) -> Remainder:
 
 def _freedom(square: float, variance: float) -> float:
     """2 E^2/Var, within what F can be asked for."""
-    return min(2.0 * square**2 / variance, _LARGE) if variance > 0.0 else _LARGE
+    return min(quotient(2.0 * square**2, variance, _LARGE), _LARGE)
 
 
 def bracket(

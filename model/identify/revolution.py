@@ -217,7 +217,9 @@ def _direction_estimates(fit: OrdersFit, whole: list[Order], unit: str) -> dict[
         for name, value in (("mean", 0.5 * (ahead + back)), ("friction", 0.5 * (ahead - back)))
     }
     shift = _shift(whole)
-    return estimates if shift is None else {**estimates, "direction_shift": shift}
+    if shift is not None:
+        estimates["direction_shift"] = shift
+    return estimates
 
 
 def _estimate(name: str, value: float, error: float, freedom: float, unit: str) -> Estimate:

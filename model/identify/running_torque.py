@@ -19,6 +19,7 @@ import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike, NDArray
 
+from model.arrays import quotient
 from model.errors import IdentificationError
 from model.identify.checks import Array, channels, increasing
 from model.identify.least_squares import LinearFit, solve
@@ -80,7 +81,7 @@ def average_torque(
     """
     clock = increasing("time", time, minimum=16)
     clock, angle, effort = channels(16, time=clock, input_angle=input_angle, torque=torque)
-    direction = 1.0 if angle[-1] >= angle[0] else -1.0
+    direction = math.copysign(1.0, angle[-1] - angle[0])
     turned = np.maximum.accumulate(direction * (angle - angle[0]))
     whole = math.floor(turned[-1] / REVOLUTION + 1e-6)
     if whole < 1:
@@ -293,7 +294,7 @@ def _pair(a: RunningTorque, b: RunningTorque) -> tuple[float, ...]:
     variance = 0.25 * (a.standard_error**2 + b.standard_error**2)
     parts = (0.25 * a.standard_error**2) ** 2 / a.freedom
     parts += (0.25 * b.standard_error**2) ** 2 / b.freedom
-    freedom = variance**2 / parts if parts > 0.0 else a.freedom + b.freedom
+    freedom = quotient(variance**2, parts, a.freedom + b.freedom)
     error, speed = math.sqrt(variance), 0.5 * (a.speed - b.speed)
     return (
         speed,

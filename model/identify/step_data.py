@@ -16,6 +16,7 @@ import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike
 
+from model.arrays import quotient
 from model.errors import IdentificationError
 from model.gear import Harmonic
 from model.identify.checks import Array, channels, increasing, positive
@@ -192,4 +193,4 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
 
 
 def _skill(sse: float, null: float) -> float:
-    return 1.0 - sse / null if null > 0.0 else math.nan
+    return 1.0 - quotient(sse, null)

@@ -281,8 +281,9 @@ class _Told:
         """One of the numbers with its budget."""
         name, unit = STATED[index]
         is_log = unit != "s"
-        value = math.exp(self.centre[index]) if is_log else float(self.centre[index])
-        scale, relative = value if is_log else 1.0, float(self.error[index])
+        value, scale, relative = float(self.centre[index]), 1.0, float(self.error[index])
+        if is_log:
+            value = scale = math.exp(value)
         freedom = float(self.freedom[index])
         # What these data cannot tell of the gear's law is in the statistical part as well: any bench would show it.
         half = scale * math.hypot(

@@ -76,11 +76,12 @@ def _slides(
     A hardening spring alone bends by too little, or not at all, where a hysteresis softens it: it is begun again as
     bent as the card says.
     """
+    as_below: Mapping[str, float] = {}
     return [
         (
             {
                 **below.values,
-                **(added["hardening"] if is_bent else {}),
+                **bent,
                 **added["hysteresis"],
                 "soft": math.log(share * expected.stiffness),
                 "stiffness": below.values["stiffness"] - share,
@@ -88,7 +89,7 @@ def _slides(
             },
             below.error,
         )
-        for is_bent in (False, True)
+        for bent in (as_below, added["hardening"])
         for share, less in SLIDING
     ]
 

@@ -147,7 +147,7 @@ def _points(
         )
     whitening = whitening_of(u, common)
     white = np.array([whitening @ x for x in (f, np.ones_like(f), v)])
-    limits = (StribeckBounds.of(v) if bounds is None else bounds).logarithms()
+    limits = (bounds or StribeckBounds.of(v)).logarithms()
     return _Points(v, f, whitening, white, limits)
 
 
@@ -347,7 +347,8 @@ class _Profile:
         for _ in range(30):
             place = inside + step
             last = (place - limit) * step >= 0.0
-            place = limit if last else place
+            if last:
+                place = limit
             root = self.root(which, place, start)
             if root >= target:
                 outside, root_outside = place, root

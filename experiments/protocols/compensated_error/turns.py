@@ -161,9 +161,8 @@ def _in_basis(
     orders: Sequence[float], way: DirectionTable, ratio: float, values: Mapping[str, complex]
 ) -> ComplexArray:
     """Values by label as they stand in a basis (v,); zero where the table has none."""
-    places = {round(order_of_label(label, ratio) * 1e9): label for label in way.labels}
-    found = [places.get(round(order * 1e9)) for order in orders]
-    return np.array([0.0 if one is None else values[one] for one in found], dtype=np.complex128)
+    there = {round(order_of_label(label, ratio) * 1e9): values[label] for label in way.labels}
+    return np.array([there.get(round(order * 1e9), 0.0) for order in orders], dtype=np.complex128)
 
 
 def waves_of(fit: AngleFit) -> ComplexArray:

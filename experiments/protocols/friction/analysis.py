@@ -56,6 +56,7 @@ from experiments.recording import Recording
 from experiments.result import Covariance, Result
 from experiments.setting import names_of
 from experiments.shape import Standing
+from model.arrays import quotient
 from model.friction import TorqueBalance, friction_torque
 from model.gear import HarmonicDrive, Origin
 from model.identify.common_errors import UNREPEATED, Spread, Stated
@@ -184,7 +185,7 @@ def _conditions(
     coulomb, static = (float(v) for v in fit.stribeck.values[:2])
     numbers = {
         "scatter_of_points": spread.point,
-        "stribeck_dip": static / coulomb - 1.0 if coulomb > 0.0 else math.nan,
+        "stribeck_dip": quotient(static, coulomb) - 1.0,
         "dip_by_chance": fit.stribeck.chance,
         "bearing_torque_factor": 1.0 + bearing_relative(gear, measured.law) * fit.shared[BEARING],
     }
@@ -295,14 +296,11 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         )
     with analysing(recording.metadata.run_id):
         points = pair_directions([h.torque for h in measured.holds])
-    torque = points.friction - (
-        measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
-    )
+    torque = points.friction - measured.motor_torque(points.speed)
     predicted = friction_torque(gear, points.speed)
     metrics = _scores(points, torque, predicted)
-    subject = "gear" if measured.tare is not None else "motor + gear"
     warnings = [*measured.warnings, *points.warnings]
-    if subject != "gear":
+    if measured.tare is None:
         warnings.append(
             "Without a valid tare a gear's parameter set is compared with motor and gear together."
         )
@@ -313,9 +311,9 @@ def compare(recording: Recording, gear: HarmonicDrive, evidence: Evidence) -> Re
         estimates={},
         metrics=metrics,
         warnings=tuple(warnings),
-        plots=(friction_prediction_plot(gear, points, torque, predicted, subject),),
+        plots=(friction_prediction_plot(gear, points, torque, predicted, measured.subject),),
         options={
-            "torque_is_of": subject,
+            "torque_is_of": measured.subject,
             "torque_balance": gear.options.torque_balance,
             "parameter_set": gear.name,
             "fitted": "nothing",
@@ -333,12 +331,12 @@ def _scores(points: FrictionPoints, torque: np.ndarray, predicted: np.ndarray) -
         line = np.polyfit(points.speed, torque, 1)
     straight = float(np.sqrt(np.mean((torque - np.polyval(line, points.speed)) ** 2)))
     return {
-        "mse": 100.0 * (rms / spread) ** 2 if spread > 0.0 else math.nan,
+        "mse": 100.0 * quotient(rms, spread) ** 2,
         "residual_rms": rms,
         "relative_rms": float(np.sqrt(np.mean((residual / torque) ** 2))),
         "mean_residual": float(residual.mean()),
-        "skill_against_mean": 1.0 - rms / spread if spread > 0.0 else math.nan,
-        "skill_against_straight_line": 1.0 - rms / straight if straight > 0.0 else math.nan,
+        "skill_against_mean": 1.0 - quotient(rms, spread),
+        "skill_against_straight_line": 1.0 - quotient(rms, straight),
         "points": float(len(torque)),
     }
 
@@ -365,7 +363,7 @@ def identified(result: Result, gear: HarmonicDrive) -> HarmonicDrive:
     for name in NAMES:
         estimate = result.estimates[name]
         u = estimate.standard_uncertainty
-        source = f"run {result.run}" + (f"; {estimate.note}" if estimate.note else "")
+        source = "; ".join(filter(None, (f"run {result.run}", estimate.note)))
         origins[f"mesh_friction.{name}"] = Origin(
             "identified", source, u if math.isfinite(u) else None
         )

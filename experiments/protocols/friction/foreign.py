@@ -15,7 +15,7 @@ from experiments.result import Covariance, Result
 from experiments.shape import Standing
 from model.arrays import FloatArray
 from model.identify.common_errors import UNREPEATED, means_by, spread_beyond
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import BudgetLine, Estimate, open_ends
 from model.identify.friction import check_curve
 from model.identify.least_squares import student_quantile
 from model.identify.repeated import FEWEST
@@ -90,16 +90,18 @@ def _estimates(fit: StribeckFit, intervals: FloatArray, unit: str) -> dict[str, 
     estimates: dict[str, Estimate] = {}
     for k, name in enumerate(NAMES):
         low, high = (float(x) for x in intervals[k])
-        closed = math.isfinite(low) and math.isfinite(high)
-        u = (high - low) / (2.0 * student_quantile(fit.freedom)) if closed else math.inf
+        u, verdict, note = math.inf, "no", _OPEN
+        if math.isfinite(low) and math.isfinite(high):
+            u, verdict, note = (high - low) / (2.0 * student_quantile(fit.freedom)), "yes", ""
+        low, high = open_ends(low, high)
         estimates[name] = Estimate(
             name=name,
             value=float(fit.values[k]),
             unit=units[name],
-            low=low if math.isfinite(low) else 0.0,
-            high=high if math.isfinite(high) else math.inf,
-            identifiable="yes" if closed else "no",
-            note="" if closed else _OPEN,
+            low=low,
+            high=high,
+            identifiable=verdict,
+            note=note,
             budget=(BudgetLine(SCATTER, "A", u, degrees_of_freedom=fit.freedom),),
         )
     return estimates

@@ -5,7 +5,7 @@ output take power that is no friction of the gear; the model leans on literature
 taken off each hold (`corrected`); what is not known is an error that holds share (`common_errors`), one standard
 uncertainty of each as a column over the holds:
 
-    place        waves k = 1..4 over the output revolution, as large as visits to the same speed differ by place
+    place        waves k = 1..8 over the output revolution, as large as visits to the same speed differ by place
     temperature  of dry and of viscous friction: (T - mean) of each hold, and the bearing's M_0 away from 20 degC
     M_0          the factor f_0 nu^(2/3) of equation 18
     tare         the motor was warmer or colder than in the tare
@@ -178,9 +178,8 @@ def corrected(measured: MeasuredFriction, curve: FittedCurve, ratio: float) -> l
 def _warmer(measured: MeasuredFriction) -> FloatArray:
     """K by which each hold was warmer than the run's mean; 0 where nobody looked."""
     temperature = np.array([h.torque.temperature for h in measured.every])
-    return np.where(np.isfinite(temperature), temperature - measured.law.mean, 0.0) * (
-        1.0 if measured.law.is_known else 0.0
-    )
+    warmer = np.where(np.isfinite(temperature), temperature - measured.law.mean, 0.0)
+    return warmer * float(measured.law.is_known)
 
 
 def common_errors(
@@ -375,7 +374,7 @@ def spread_of(
     freedom = len(points.speed) - len(np.unique(points.level))
     if freedom < FEWEST:
         return UNREPEATED
-    tare = measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
+    tare = measured.motor_torque(points.speed)
     whole = curve.whole(points.speed)
     speed = np.array([abs(h.torque.speed) for h in every])
     waves = _place_columns(every, PLACE_ORDERS[: freedom // _REPETITIONS_PER_ORDER])

@@ -35,7 +35,7 @@ def sample(recording: Recording, evidence: Evidence) -> Sample:
             limit="N m",
         )
     points = pair_directions([h.torque for h in measured.holds])
-    tare = measured.tare.at(points.speed)[0] if measured.tare is not None else 0.0
+    tare = measured.motor_torque(points.speed)
     return Sample(
         run=recording.metadata.run_id,
         origin=recording.metadata.origin,

@@ -67,11 +67,12 @@ def sweep_speeds(p: Parameters, gear: HarmonicDrive, name: str = NAME) -> tuple[
             value=f"{p.highest_rpm:g} r/min",
             limit=f">= {p.lowest_rpm:g} r/min",
         )
-    wanted = (
-        sorted(p.speeds_rpm) if p.speeds_rpm else log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
-    )
+    wanted, where = sorted(p.speeds_rpm), f"{name}.speeds_rpm"
+    if not wanted:
+        wanted = log_speeds(p.lowest_rpm, p.highest_rpm, p.points)
+        where = f"{name}.highest_rpm"
     for rpm in wanted:
-        refuse_speed(rpm, gear, f"{name}.speeds_rpm" if p.speeds_rpm else f"{name}.highest_rpm")
+        refuse_speed(rpm, gear, where)
     low, high = wanted[0] * RPM, wanted[-1] * RPM
     resonances = resonance_speeds(gear)
     moved = (
@@ -91,8 +92,8 @@ def _sweeps(p: Parameters, gear: HarmonicDrive, speeds: tuple[float, ...]) -> It
             )
             yield Mark("near-resonance", text)
     position = 0
-    for sweep in range(p.repeats * (2 if p.up_and_down else 1)):
-        ordered = speeds if sweep % 2 == 0 or not p.up_and_down else speeds[::-1]
+    ways = [speeds, speeds[::-1]][: 1 + p.up_and_down]
+    for sweep, ordered in enumerate(ways * p.repeats):
         yield from _bracket(p, sweep)
         for index, speed in enumerate(ordered):
             yield _start_position(p, gear, position)

@@ -64,6 +64,15 @@ class MeasuredFriction:
         """Housing temperature of the holds [degC], NaN where it was not recorded."""
         return np.array([h.torque.temperature for h in self.holds])
 
+    @property
+    def subject(self) -> str:
+        """Whose torque is left: with a tare the gear's alone."""
+        return "motor + gear" if self.tare is None else "gear"
+
+    def motor_torque(self, speed: FloatArray) -> FloatArray | float:
+        """What the tare takes off at these speeds [rad/s]; 0 without one."""
+        return 0.0 if self.tare is None else self.tare.at(speed)[0]
+
 
 def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFriction:
     """Holds, reference speed, zero and tare of a run; raises `AnalysisError` for what cannot be

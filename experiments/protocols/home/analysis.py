@@ -98,10 +98,11 @@ def _circular_mean(name: str, marks: list[float], signal: Channel, cause: Cause)
     mean = float(np.angle(np.mean(np.exp(1j * angles)))) % REVOLUTION
     away = np.angle(np.exp(1j * (angles - mean)))
     quantum = signal.quantum / math.sqrt(12.0)
-    spread = float(away.std(ddof=1)) / math.sqrt(len(marks)) if len(marks) > 1 else 0.0
-    half = student_quantile(len(marks) - 1) * spread if len(marks) > 1 else 0.0
+    spread, half, note = 0.0, 0.0, "one pass only: repeatability is not known"
+    if len(marks) > 1:
+        spread, note = float(away.std(ddof=1)) / math.sqrt(len(marks)), ""
+        half = student_quantile(len(marks) - 1) * spread
     half = math.hypot(half, 0.95 * math.sqrt(3.0) * quantum)
-    note = "" if len(marks) > 1 else "one pass only: repeatability is not known"
     budget = (
         BudgetLine("passes", "A", spread, degrees_of_freedom=max(len(marks) - 1, 1)),
         BudgetLine("one count of the encoder", "B", quantum),

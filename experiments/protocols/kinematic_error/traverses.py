@@ -18,7 +18,7 @@ from experiments.errors import AnalysisError, analysing
 from experiments.evidence import quality_remarks, rotary_ratio, usable
 from experiments.load import UNSTATED, is_simulated
 from experiments.recording import Recording, Segment
-from experiments.torque.zero import TorqueZero, torque_zero
+from experiments.torque.zero import TorqueZero, recorded_zero
 from model.arrays import FloatArray
 from model.channel import Channel
 from model.gear import HarmonicDrive
@@ -103,7 +103,7 @@ def prepare(
     encoders = _encoders_of(recording, evidence, certified)
     reference = phase_reference(recording)
     warnings += reference.warnings()
-    zero = torque_zero(recording) if recording.has("torque") else None
+    zero = recorded_zero(recording)
     warnings += zero.warnings if zero else ("No torque was recorded: figure 16 cannot be drawn.",)
     settings = evidence.settings
     context = Context(
@@ -221,12 +221,8 @@ def recorded_traverses(context: Context, segments: tuple[Segment, ...]) -> list[
     recording = context.recording
     timed = recording.metadata.time_base != "none"
     sums = [_streamed(context, segment, timed) for segment in segments]
-    fits = fit_traverses(
-        sums,
-        accuracy_order=context.accuracy_order,
-        spring=context.spring if timed else None,
-        time=0 if timed else None,
-    )
+    spring, time = (context.spring, 0) if timed else (None, None)
+    fits = fit_traverses(sums, accuracy_order=context.accuracy_order, spring=spring, time=time)
     traverses: list[Traverse] = []
     for segment, fit in zip(segments, fits, strict=True):
         torque = None
@@ -251,9 +247,9 @@ def _streamed(context: Context, segment: Segment, timed: bool) -> KinematicError
     )
     for rows in recording.blocks(segment):
         good = usable(recording, rows)
-        time = recording.time(rows)[good] if timed or context.zero is not None else None
-        beside = [time] if timed and time is not None else []
-        if context.zero is not None and time is not None:
+        time = recording.time(rows)[good]
+        beside = [time] if timed else []
+        if context.zero is not None:
             beside.append(recording.si("torque", rows)[good] - context.zero.at(time))
         error.add(
             context.angle("input_angle", rows)[good] - context.reference.input_angle,

@@ -109,7 +109,7 @@ def _witnessed(recording: Recording, tare: Result, others: Sequence[Result]) -> 
     return replace(
         tare,
         warnings=(*tare.warnings, *said),
-        plots=(*tare.plots, *([chart] if chart is not None else [])),
+        plots=(*tare.plots, *filter(None, (chart,))),
     )
 
 

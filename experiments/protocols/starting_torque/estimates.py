@@ -29,6 +29,7 @@ from experiments.protocols.starting_torque.balance import Balance
 from experiments.protocols.starting_torque.breakaway import Breakaway
 from experiments.protocols.starting_torque.quantities import AT_REFERENCE
 from experiments.recording import Recording, Segment
+from experiments.result import way_of
 from experiments.tares.motor_heat import FRICTION, FRICTION_UNCERTAINTY, MotorHeat, motor_heat
 from experiments.torque.running_torque import TEMPERATURE
 from experiments.torque.zero import TorqueZero
@@ -97,20 +98,23 @@ def estimates_of(
     alone, zero = balance.direction, known.zero.budget()
     u_zero = zero.standard_uncertainty
     if alone:
-        way = "_forward" if alone > 0 else "_reverse"
-        one = _estimate(recording, ramps, balance, known, f"starting_torque{way}", alone)
+        name = f"starting_torque_{way_of(alone)}"
+        one = _estimate(recording, ramps, balance, known, name, alone)
         return {one.name: one.with_budget((zero,))}
     apart = _apart(balance, known.zero)
     found: dict[str, Estimate] = {}
-    for sign, way in ((1, "_forward"), (-1, "_reverse"), (0, "")):
+    # A drift between two zeros does not cancel where one direction follows the other; an offset does.
+    drift = 0.5 * math.isfinite(known.zero.drift)
+    # If one direction is right, the other is wrong by twice the half-sum.
+    for sign, way, share, times in (
+        (1, "_forward", 1.0, 2.0),
+        (-1, "_reverse", 1.0, 2.0),
+        (0, "", drift, 1.0),
+    ):
         one = _estimate(recording, ramps, balance, known, f"starting_torque{way}", sign)
-        # A drift between two zeros does not cancel where one direction follows the other; an offset does.
-        share = 1.0 if sign else 0.5 * math.isfinite(known.zero.drift)
         own = replace(zero, standard_uncertainty=share * u_zero)
-        # If one direction is right, the other is wrong by twice the half-sum.
-        times = 2.0 if sign else 1.0
         lines = [replace(a, standard_uncertainty=times * a.standard_uncertainty) for a in apart]
-        found[one.name] = one.with_budget((*lines, *([own] if share else [])))
+        found[one.name] = one.with_budget((*lines, *[own] * (share > 0.0)))
     if known.law.is_known:
         found[AT_REFERENCE] = at_20_degrees(found["starting_torque"], known)
     return found

@@ -47,7 +47,7 @@ from experiments.protocols.velocity_steps.quantities import NAME, QUANTITIES
 from experiments.recording import Recording
 from experiments.result import Result
 from experiments.setting import names_of
-from experiments.torque.zero import torque_zero
+from experiments.torque.zero import recorded_zero
 from model.arrays import FloatArray
 from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
@@ -222,7 +222,7 @@ def _steps_of(
     wanted = _choice(evidence, "kinematic_error", "auto", ("auto", "set", "run"))
     reference = phase_reference(recording)
     use_set = wanted == "set" or (wanted == "auto" and carries(gear, reference))
-    zero = torque_zero(recording) if recording.has("torque") else None
+    zero = recorded_zero(recording)
     ratio = rotary_ratio(recording, gear.mounted_ratio(recording.metadata.mounting))
     certified, sentences = certified_angles(recording)
     with analysing(recording.metadata.run_id):

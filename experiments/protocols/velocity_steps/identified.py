@@ -86,8 +86,9 @@ def _damping_for(gear: HarmonicDrive, wanted: float) -> tuple[str, float]:
     trials = np.geomspace(10.0, 1e6, 41)
     ratios = np.array([ratio_of("bearing.damping", float(c)) for c in trials])
     top = int(np.argmax(ratios))
-    path = "bearing.damping" if ratios[top] >= wanted >= ratios[0] else "damping.structural"
-    low, high = (float(trials[0]), float(trials[top])) if path == "bearing.damping" else (0.0, 1e3)
+    path, low, high = "damping.structural", 0.0, 1e3
+    if ratios[top] >= wanted >= ratios[0]:
+        path, low, high = "bearing.damping", float(trials[0]), float(trials[top])
     for _ in range(60):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if ratio_of(path, middle) < wanted else (low, middle)

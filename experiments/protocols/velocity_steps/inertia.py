@@ -145,7 +145,7 @@ def _bench_lines(
 def _against_the_cards(recording: Recording, found: InertiaFit) -> Moved | None:
     """The inertia of the input shaft over that of the cards of motor and gear; None where they are not at hand."""
     gear = recording.metadata.gear
-    known = None if gear is None else inertia_of_the_input(recording, gear)
+    known = gear and inertia_of_the_input(recording, gear)
     if known is None:
         return None
     shown, error = found.values["input_inertia"], found.errors["input_inertia"]

@@ -191,5 +191,5 @@ def _windows(
 def _steady_since(time: FloatArray, torque: FloatArray, tolerance: float) -> float:
     """Time [s] after which no window differs from the last one by more than the tolerance; NaN where it never was."""
     away = np.flatnonzero(np.abs(torque - torque[-1]) > tolerance)
-    first = int(away[-1]) + 1 if len(away) else 0
+    first = int(away.max(initial=-1)) + 1
     return float(time[first] - time[0]) if first < len(time) - 1 else math.nan

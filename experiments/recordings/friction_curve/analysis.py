@@ -31,7 +31,7 @@ from experiments.setting import names_of
 from experiments.shape import Shape, Standing
 from model.arrays import BoolArray, FloatArray
 from model.errors import WordedError
-from model.identify.estimate import BudgetLine, Estimate, Identifiable
+from model.identify.estimate import BudgetLine, Estimate, Identifiable, open_ends
 from model.identify.friction_curve import CurveFit, LawFit, fit_curve
 from model.identify.friction_points import LAWS, CurvePoints, Law, curve_points
 from model.identify.least_squares import student_quantile
@@ -221,6 +221,7 @@ def _estimates(recording: Recording, table: _Table, fit: CurveFit) -> dict[str, 
         closed = math.isfinite(low) and math.isfinite(high)
         u = (high - low) / (2.0 * k) if closed else math.inf
         verdict, note = _verdict(fit, name, closed)
+        low, high = open_ends(low, high)
         lines = [BudgetLine("scatter of the points", "A", u, degrees_of_freedom=law.freedom)]
         beside = _next_law(fit, name)
         if beside > 0.0:
@@ -235,8 +236,8 @@ def _estimates(recording: Recording, table: _Table, fit: CurveFit) -> dict[str, 
             name=name,
             value=value,
             unit=units.get(name, table.effort_unit),
-            low=low if math.isfinite(low) else 0.0,
-            high=high if math.isfinite(high) else math.inf,
+            low=low,
+            high=high,
             identifiable=verdict,
             note=note,
             budget=tuple(lines),

@@ -238,14 +238,15 @@ def _with_budget(motion: RecordedMotion, fit: MotionFit) -> dict[str, Estimate]:
         estimates[name] = dataclasses.replace(estimate, unit=unit).with_budget(lines)
     if fit.speed_channel is not None and not motion.instrument_is_position:
         lag, u = fit.speed_channel.lag, fit.speed_channel.lag_uncertainty
+        verdict, note = ("yes", "") if np.isfinite(u) else ("no", "too little motion to tell")
         estimates["speed_lag"] = Estimate(
             name="speed_lag",
             value=lag,
             unit="s",
             low=lag - u,
             high=lag + u,
-            identifiable="yes" if np.isfinite(u) else "no",
-            note="" if np.isfinite(u) else "too little motion to tell",
+            identifiable=verdict,
+            note=note,
         )
     return estimates
 

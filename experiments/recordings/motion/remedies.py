@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.recordings.motion_channels import RecordedMotion
+from model.arrays import quotient
 from model.identify.motion_result import MotionFit
 
 _EXPLAINED = 0.5
@@ -57,5 +58,5 @@ def _explained(residual: NDArray[np.float64], angle: NDArray[np.float64], orders
         values, *_ = np.linalg.lstsq(design[fitted], residual[fitted])
         left = residual[held] - design[held] @ values
         whole = float(np.var(residual[held]))
-        shares.append(1.0 - float(np.mean(left**2)) / whole if whole > 0.0 else 0.0)
+        shares.append(1.0 - quotient(float(np.mean(left**2)), whole, 1.0))
     return min(shares) if all(map(math.isfinite, shares)) else 0.0

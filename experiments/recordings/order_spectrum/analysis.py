@@ -89,7 +89,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         quantities=QUANTITIES,
         estimates={k: e for k, e in estimates.items() if not k.startswith("phase")},
         metrics={f"revolutions_{way_of(d)}": samples.revolutions(d) for d in samples.directions},
-        warnings=(*warnings, *([explained] if explained else [])),
+        warnings=(*warnings, *filter(None, (explained,))),
         plots=(
             spectrum_plot(fit, channel, unit, angle_name),
             *by_speed_plots(changing, channel, unit),

@@ -67,7 +67,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             *source.warnings,
             *said_of(series.fit, source.left_out),
             *series.warnings,
-            *([explained] if explained else []),
+            *filter(None, (explained,)),
         ),
         plots=(
             _curve_plot(series, channel, unit),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
+from model.arrays import quotient
 from model.identify.checks import Array, positive
 from model.identify.least_squares import student_quantile
 from model.identify.orders.comb import Comb, Weighted, median_floor
@@ -181,7 +182,7 @@ def _together(waves: list[Wave]) -> float:
     """Degrees of freedom of a sum of these (Welch, Satterthwaite)."""
     sizes = [float(np.trace(wave.covariance)) for wave in waves]
     fourth = sum(size**2 / wave.freedom for size, wave in zip(sizes, waves, strict=True))
-    return sum(sizes) ** 2 / fourth if fourth > 0.0 else math.inf
+    return quotient(sum(sizes) ** 2, fourth, math.inf)
 
 
 def _constant(

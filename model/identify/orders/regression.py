@@ -100,12 +100,16 @@ def solve(
     )
 
 
+def _moving_orders(moving: Moving | None) -> int:
+    return 0 if moving is None else len(moving.places)
+
+
 def _summed(
     samples: OrderSamples, pieces: Iterable[Piece], orders: Array, moving: Moving | None
 ) -> tuple[Array, Array, dict[int, tuple[Array, Array, Array]]]:
     """X'X and X'y of the waves; and of each stretch the trend's own products, those with the waves and with y."""
     single = samples.samples > _SINGLE
-    columns = 2 * len(orders) + (0 if moving is None else len(moving.places))
+    columns = 2 * len(orders) + _moving_orders(moving)
     normal, right = np.zeros((columns, columns)), np.zeros(columns)
     tables: dict[int, tuple[Array, Array, Array]] = {}
     for piece in pieces:
@@ -184,7 +188,7 @@ def _waves(
         phase = cast("Array", phase.astype(np.float32))
     spread = piece.spread[rows]
     k = len(orders)
-    more = 0 if moving is None else len(moving.places)
+    more = _moving_orders(moving)
     out: Array = np.empty((2 * k + more, phase.shape[1]), dtype=phase.dtype)
     np.cos(phase, out=out[: 2 * k : 2])
     np.sin(phase, out=out[1 : 2 * k : 2])
