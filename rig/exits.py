@@ -83,8 +83,13 @@ def code_of_verdicts(verdicts: Iterable[str], *, required: bool = False) -> int:
 
 def code_of_run(outcome: str, verdict: str, *, required: bool = False) -> int:
     """The exit code of a run: its outcome, and only where that is COMPLETED the verdict on its gear."""
-    code = code_of_outcome(outcome)
-    return code if code != DONE else code_of_verdict(verdict, required=required)
+    # What is done has the code zero, and leaves the word to the verdict.
+    return code_of_outcome(outcome) or code_of_verdict(verdict, required=required)
+
+
+def code_of_check(is_fine: bool, otherwise: int = ERROR) -> int:
+    """The exit code of what was looked at and is fine, or is not."""
+    return DONE if is_fine else otherwise
 
 
 def explain(error: BaseException) -> tuple[int, str] | None:

@@ -30,7 +30,7 @@ def foreign_floor() -> str:
     for name, known in KNOWN_FILES.items():
         place = _place_of(name)
         if place is None or place != OURS / name or not (place / known).is_file():
-            return _sentence(name, "nowhere" if place is None else str(place))
+            return _sentence(name, str(place or "nowhere"))
     return ""
 
 

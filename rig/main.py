@@ -152,7 +152,8 @@ def _built(name: str, part: Any, panel: str) -> Any:
     alone = typer.Typer(add_completion=False, rich_markup_mode="rich")
     if isinstance(part, typer.Typer):
         for inner in part.registered_commands:
-            inner.cls = inner.cls if issubclass(inner.cls or object, Command) else Command
+            if not issubclass(inner.cls or object, Command):
+                inner.cls = Command
         alone.add_typer(part, rich_help_panel=panel)
         return cast(TyperGroup, typer.main.get_command(alone)).commands[name]
     settings = getattr(part, "context_settings", None)

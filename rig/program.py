@@ -91,16 +91,17 @@ def extension_records(used: Iterable[Extension | None]) -> dict[str, Any]:
 def _record(one: Extension) -> dict[str, str]:
     name = one.place.partition(":")[0].partition(".")[0]
     # Asked for without importing it.
-    spec = find_spec(name)
-    place = Path(spec.origin).parent if spec is not None and spec.origin else None
-    is_package = spec is not None and spec.submodule_search_locations is not None
-    root = place.parent if place is not None and is_package else place
+    spec, sha256 = find_spec(name), ""
+    if spec is not None and spec.origin:
+        # A package is a folder itself, and lies in the one above it.
+        is_package = spec.submodule_search_locations is not None
+        sha256 = files_sha256(Path(spec.origin).parents[is_package], (name,))
     return {
         "group": one.group,
         "name": one.name,
         "package": one.package,
         "version": one.version,
-        "sha256": "" if root is None else files_sha256(root, (name,)),
+        "sha256": sha256,
     }
 
 

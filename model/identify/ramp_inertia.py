@@ -183,9 +183,12 @@ def gain_of(runs: Sequence[ShownInertia]) -> Gain:
     for k, run in enumerate(runs):
         of_disc[run.disc] = of_disc.get(run.disc, 0.0) + share[k] * run.inertia_uncertainty
     levels = share @ np.array([run.levels for run in runs])
+    own = math.nan
+    if gain > 0.0:  # else the disc shows nothing, and neither does the rotor
+        own = float(np.average(shown / gain - inertia, weights=error**-2))
     return Gain(
         gain=gain,
-        rotor_inertia=float(np.average(shown / gain - inertia, weights=error**-2)),
+        rotor_inertia=own,
         scatter=scatter,
         degrees_of_freedom=counted,
         inertias={disc: abs(gain * moved) for disc, moved in of_disc.items()},

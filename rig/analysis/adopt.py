@@ -11,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from rig.content.grid import Grid, columns
+from rig.content.phrase import yes_or_no
 from rig.content.wording import laboratory_unit, number, readable
 
 if TYPE_CHECKING:
@@ -126,16 +127,16 @@ def compare_with(gear: HarmonicDrive, result: Result) -> tuple[Comparison, ...]:
         value, unit = ours[path]
         u = adopted.gear.origins[path].standard_uncertainty
         rows.append(
-            Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * u if u else 0.0)
+            Comparison(path, unit, theirs.get(path, (0.0, unit))[0], value, 2.0 * (u or 0.0))
         )
     return tuple(rows)
 
 
 def comparison_grid(rows: Sequence[Comparison], gear: HarmonicDrive | None) -> Grid:
     """The values side by side in the units of a laboratory; `gear` knows what they are called."""
-    described = (
-        {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()} if gear else {}
-    )
+    described: dict[str, str] = {}
+    if gear is not None:
+        described = {v.path: f"{v.description} {v.symbol}".rstrip() for v in gear.values()}
     heads = columns(
         ("parameter", "quantity"),
         ("set", "number"),
@@ -156,7 +157,7 @@ def comparison_grid(rows: Sequence[Comparison], gear: HarmonicDrive | None) -> G
                 number(row.uncertainty / factor, 2),
                 unit,
                 number(row.normalised_error, 2),
-                "yes" if row.agrees else "no",
+                yes_or_no(row.agrees),
             )
         )
     return Grid("Parameter set against run", heads, cells)

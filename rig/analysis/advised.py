@@ -161,14 +161,14 @@ def _named(name: str, result: Result) -> str:
 
 
 def _example(known: Sequence[str]) -> str:
-    return f"{known[0]}=3%" if known else "running_torque_1000_rpm=3%"
+    return f"{(*known, 'running_torque_1000_rpm')[0]}=3%"
 
 
 def _size(text: str, result: Result, key: str) -> float:
     """A wanted U in SI: a share of the value in percent, or a number with its unit."""
     estimate = result.estimates[key]
     shown = result.quantity(key).shown or estimate.unit
-    number, unit = (text[:-1], "%") if text.endswith("%") else _split(text)
+    number, unit = _split(text)
     try:
         value = float(number)
     except ValueError:
@@ -185,5 +185,7 @@ def _size(text: str, result: Result, key: str) -> float:
 
 
 def _split(text: str) -> tuple[str, str]:
+    if text.endswith("%"):
+        return text[:-1], "%"
     number, _, unit = text.partition(" ")
     return number, unit.strip()

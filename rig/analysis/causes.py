@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.recording import Recording, RunMetadata
+from experiments.recording import Recording, RunMetadata, mapping_of
 from model.identify.estimate import (
     NORMAL_COVERAGE_FACTOR,
     BudgetLine,
@@ -93,17 +93,15 @@ def simulated_bench(metadata: RunMetadata) -> str:
     if isinstance(world, Mapping):
         return str(world.get("bench_seed", ""))
     # Version 0.1.0 named its seeds elsewhere.
-    truth = metadata.process.get("truth")
-    seeds = truth.get("seeds") if isinstance(truth, Mapping) else None
-    return str(
-        seeds.get("bench", "") if isinstance(seeds, Mapping) else metadata.process.get("seed", "")
-    )
+    seeds = mapping_of(metadata.process.get("truth")).get("seeds")
+    if isinstance(seeds, Mapping):
+        return str(seeds.get("bench", ""))
+    return str(metadata.process.get("seed", ""))
 
 
 def which_mounting(metadata: RunMetadata) -> str:
     """Since when a gear is mounted as it is; in a simulated world which of its mountings it is."""
-    world = metadata.process.get("world")
-    mount = world.get("mount") if isinstance(world, Mapping) else None
+    mount = mapping_of(metadata.process.get("world")).get("mount")
     turned = metadata.parameters.get("mounted_at_deg")
     told = (
         metadata.conditions.get("mounted_on", ""),

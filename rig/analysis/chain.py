@@ -177,8 +177,7 @@ def _links_named_by(run: Path, analysis: Analysis) -> Iterator[Link]:
         yield _calibration_named(path, sha256, analysis.name)
     tare = analysis.tare
     if tare:
-        path = Path(str(tare.get("file") or f"{tare.get('run', '')}.h5"))
-        path = path if path.is_absolute() else run.parent / path
+        path = run.parent / str(tare.get("file") or f"{tare.get('run', '')}.h5")
         yield _run_named("tare", path, str(tare.get("sha256", "")), analysis)
         if tare.get("analysis"):
             yield _analysis_named("tare", path.parent / str(tare["analysis"]), tare, analysis)

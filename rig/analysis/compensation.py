@@ -24,6 +24,7 @@ from rig.analysis.fit_run import evidence_for
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import bench_of
 from rig.errors import ConfigurationError
+from rig.runfile.header import gear_name
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import sealed_sha256
 
@@ -48,7 +49,7 @@ class _Seen:
         encoder = self.recording.signals["output_angle"]
         return {
             "gear": metadata.gear_serial,
-            "part": "" if metadata.gear is None else metadata.gear.name,
+            "part": gear_name(metadata),
             "mounting": metadata.mounting,
             "bench": bench_of(metadata),
             "origin": metadata.origin,
@@ -230,12 +231,13 @@ def _mean_gap(gaps: Sequence[float]) -> float:
 
 def _temperature(recordings: Sequence[Recording]) -> float | None:
     """Mean housing temperature [degC]; None where one was not recorded."""
+    if not all(one.has("housing_temperature") for one in recordings):
+        return None
     found = [
         float(np.mean(one.si("housing_temperature", slice(0, one.rows, max(one.rows // 1000, 1)))))
         for one in recordings
-        if one.has("housing_temperature")
     ]
-    return float(np.mean(found)) if len(found) == len(recordings) else None
+    return float(np.mean(found))
 
 
 def proved_table(run: Path) -> CompensationTable:

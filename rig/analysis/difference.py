@@ -22,6 +22,7 @@ from experiments.quantity import Quantity
 from model.identify.estimate import Estimate, Ground
 from rig.analysis.causes import Grounds, combined_uncertainty, common_grounds, grounds_of
 from rig.analysis.in_force import in_force_by_kind
+from rig.analysis.number_or_none import finite
 from rig.analysis.store import Analysis
 from rig.content.grid import Fact, Grid, columns
 from rig.content.wording import laboratory_unit, number, readable, value_text
@@ -47,6 +48,8 @@ _SUBJECT = (
 """Options of an analysis that change what its numbers mean."""
 _HASH = re.compile(r"\b([0-9a-f]{12})[0-9a-f]{52}\b")
 """A hash whose beginning tells it from another; the whole of it stands in `--json`."""
+_NOTHING = Fact("", "")
+"""What a run says of a thing that it does not name."""
 SAME_NUMBER = 1e-12
 """Relative; numbers nearer than this are one number."""
 
@@ -138,8 +141,9 @@ def change_grid(changes: Sequence[Change]) -> Grid:
 
 
 def _change_row(change: Change, *, several_kinds: bool) -> tuple[str, ...]:
-    is_result = change.group == "results"
-    kind, _, name = change.name.partition(": ") if is_result else ("", "", change.name)
+    kind, name = "", change.name
+    if change.group == "results":
+        kind, _, name = name.partition(": ")
     words = change.title or readable(name) or kind
     what = f"{kind}: {words}" if name and kind and several_kinds else words
     first, second = (
@@ -155,8 +159,7 @@ def _change_row(change: Change, *, several_kinds: bool) -> tuple[str, ...]:
 def difference(first: str | Path, second: str | Path) -> Difference:
     """What differs between two run files. Raises `RunFileError` for one that cannot be read."""
     a, b = _facts(Path(first)), _facts(Path(second))
-    changes: list[Change] = []
-    same: list[Change] = []
+    found: list[Change] = []
     compared: dict[str, int] = {}
     for group in GROUPS[:-1]:
         left, right = a.of(group), b.of(group)
@@ -167,23 +170,24 @@ def difference(first: str | Path, second: str | Path) -> Difference:
             change = Change(
                 group=group,
                 name=name,
-                first=left[name].value if name in left else "",
-                second=right[name].value if name in right else "",
+                first=left.get(name, _NOTHING).value,
+                second=right.get(name, _NOTHING).value,
                 title=facts[0].title,
                 unit=next((fact.unit for fact in facts if fact.unit), ""),
             )
-            (same if change.first == change.second else changes).append(change)
+            found.append(change)
     results = list(_results(a, b))
     compared["results"] = len(results)
-    for change in results:
-        (same if _is_same(change) else changes).append(change)
-    return Difference(a.run_id, b.run_id, tuple(changes), compared, tuple(same))
+    found += results
+    changes = tuple(change for change in found if not _is_same(change))
+    same = tuple(change for change in found if _is_same(change))
+    return Difference(a.run_id, b.run_id, changes, compared, same)
 
 
 def _is_same(change: Change) -> bool:
-    return (
-        change.difference == 0.0 if change.difference is not None else change.first == change.second
-    )
+    if change.difference is None:
+        return change.first == change.second
+    return change.difference == 0.0
 
 
 @dataclass(frozen=True)
@@ -219,8 +223,9 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
     for kind in dict.fromkeys((*a.analyses, *b.analyses)):
         left, right = a.analyses.get(kind), b.analyses.get(kind)
         if left is None or right is None:
-            texts = ("not analysed", "analysed") if left is None else ("analysed", "not analysed")
-            missing = a.run_id if left is None else b.run_id
+            texts, missing = ("analysed", "not analysed"), b.run_id
+            if left is None:
+                texts, missing = ("not analysed", "analysed"), a.run_id
             yield Change(
                 group="results",
                 name=kind,
@@ -336,6 +341,5 @@ def _shown(estimate: Estimate | None, quantity: Quantity) -> str:
     """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
     if estimate is None or math.isnan(estimate.value):
         return "-"
-    u = estimate.expanded_uncertainty
-    doubt = u if math.isfinite(u) else None
+    doubt = finite(estimate.expanded_uncertainty)
     return value_text(estimate.value, doubt, estimate.unit, quantity)

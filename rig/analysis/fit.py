@@ -148,7 +148,7 @@ class Fit:
         return {
             "run": metadata.run_id,
             "sha256": metadata.sha256,
-            "file": "" if path is None else _beside(self.path, path),
+            "file": _beside(self.path, path),
             "chosen": "by hand" if found.path is None or found.by_hand else "found",
             "age_days": found.age_days,
             "analysis_version": catalogue.load(self.tare.result.kind).version,
@@ -157,8 +157,13 @@ class Fit:
         }
 
 
-def _beside(run: Path | None, tare: Path) -> str:
-    """The file of a tare as seen from its run: its name where both lie in one folder, else its whole path."""
+def _beside(run: Path | None, tare: Path | None) -> str:
+    """The file of a tare as seen from its run: its name where both lie in one folder, else its whole path.
+
+    "" for one that is no file.
+    """
+    if tare is None:
+        return ""
     if run is not None and tare.resolve().parent == run.resolve().parent:
         return tare.name
     return str(tare.resolve())
@@ -264,7 +269,7 @@ def other_tare(fit: Fit, run: Path) -> OtherTare:
     named = {
         "run": fit.recording.metadata.run_id,
         "sha256": fit.recording.metadata.sha256,
-        "file": "" if fit.path is None else _beside(run, fit.path),
+        "file": _beside(run, fit.path),
         "analysis": fit.stored,
         "analysis_sha256": fit.stored_seal.sha256,
     }
@@ -283,11 +288,11 @@ def evidence_of(
 
     evidence = Evidence(
         gear,
-        tare.result if tare else None,
         settings=dict(settings),
-        tare_recording=tare.recording if tare else None,
         other_tares=tuple(other.result for other in other_tares),
     )
+    if tare is not None:
+        evidence = dataclasses.replace(evidence, tare=tare.result, tare_recording=tare.recording)
     if largest_missed_share is None:
         return evidence
     return dataclasses.replace(evidence, maximum_missed_share=largest_missed_share)

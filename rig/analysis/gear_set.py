@@ -68,10 +68,12 @@ def mapping_sha256(mapping: Mapping[str, Any]) -> str:
     return _sha256(_without_sources(mapping))
 
 
-def names_of_set(gear: HarmonicDrive) -> frozenset[str]:
+def names_of_set(gear: HarmonicDrive | None) -> frozenset[str]:
     """Every hash by which a stored analysis may name this set: the one of today, and the earlier one of the whole set,
-    the words of its sources included.
+    the words of its sources included; none where there is no set.
     """
+    if gear is None:
+        return frozenset()
     whole = gear_to_mapping(gear)
     return frozenset((mapping_sha256(whole), _sha256(whole)))
 
@@ -79,7 +81,9 @@ def names_of_set(gear: HarmonicDrive) -> frozenset[str]:
 def _without_sources(content: Any) -> Any:
     if isinstance(content, Mapping):
         return {k: _without_sources(v) for k, v in content.items() if k != "source"}
-    return [_without_sources(one) for one in content] if isinstance(content, list) else content
+    if isinstance(content, list):
+        return [_without_sources(one) for one in content]
+    return content
 
 
 def _sha256(mapping: Mapping[str, Any]) -> str:
@@ -103,5 +107,6 @@ def card_set(
         return None
     if card.facts.part:
         return gear_of(card.facts, shipped_gear())
-    otherwise = None if card.facts.load_inertia_kg_m2 is None else own()
-    return None if otherwise is None else gear_of(card.facts, otherwise)
+    if card.facts.load_inertia_kg_m2 is not None and (otherwise := own()) is not None:
+        return gear_of(card.facts, otherwise)
+    return None

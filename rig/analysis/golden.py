@@ -21,6 +21,7 @@ import numpy as np
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR
 from model.identify.least_squares import student_quantile
 from rig.analysis.causes import common_grounds, own_uncertainty
+from rig.analysis.number_or_none import known
 from rig.analysis.passport.build import followed_groups
 from rig.analysis.passport.gather import gather, moment, runs_of
 from rig.analysis.passport.watch import Group, alarmed, changes_between
@@ -51,7 +52,7 @@ class _CheckedRun:
     @property
     def uncertainty_where_judged(self) -> float | None:
         """U, or None while the first are gathered."""
-        return None if math.isnan(self.expanded_uncertainty) else self.expanded_uncertainty
+        return known(self.expanded_uncertainty)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,6 +180,6 @@ def _runs(group: Group, values: Sequence[float]) -> Iterator[_CheckedRun]:
             start=member.run.start,
             difference=values[place] - float(first.mean()),
             expanded_uncertainty=max(expected, stated) if place >= FIRST else math.nan,
-            changes=tuple(changes_between(before, member)) if place else (),
+            changes=tuple(changes_between(before, member)),
         )
         before = member

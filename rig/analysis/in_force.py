@@ -93,11 +93,14 @@ class InForce:
 
     def as_json(self) -> dict[str, Any]:
         """As `rig runs --json` and `rig show --json` tell it."""
+        file = tare = ""
+        if self.analysis is not None:
+            file, tare = self.analysis.name, str(self.analysis.tare.get("run", ""))
         return {
             "kind": self.kind,
             "number": self.number or None,
-            "file": "" if self.analysis is None else self.analysis.name,
-            "tare": "" if self.analysis is None else str(self.analysis.tare.get("run", "")),
+            "file": file,
+            "tare": tare,
             "stale": list(self.stale),
             "why": self.why_this,
             "renewed_by": self.renewed_by,
@@ -219,20 +222,25 @@ def _why(
     if len(analyses) == 1:
         return "the only analysis"
     rivals = [a for a in analyses if bool(stale[a.number]) == bool(stale[best.number])]
-    words = [] if len(rivals) == len(analyses) else ["not stale"]
     with_tare = [a for a in rivals if bool(a.tare) == bool(best.tare)]
-    words += [] if len(with_tare) == len(rivals) else ["with a tare"]
-    words += [] if len(with_tare) == 1 else ["the newest"]
-    return f"{', '.join(words)} of {len(analyses)} analyses"
+    reasons = {
+        "not stale": len(rivals) < len(analyses),
+        "with a tare": len(with_tare) < len(rivals),
+        "the newest": len(with_tare) > 1,
+    }
+    words = ", ".join(reason for reason, tells in reasons.items() if tells)
+    return f"{words} of {len(analyses)} analyses"
 
 
 def _renewing(run: Path, analysis: Analysis, *, kept_by_hand: bool, things: _Things) -> str:
     """The command that makes an analysis anew, with what was chosen by hand when it was made."""
-    kind = "" if analysis.kind == things.protocol else f"{analysis.kind} "
-    by_hand = analysis.tare.get("chosen") == "by hand"
-    tare = f" --tare {things.tare_path(analysis)}" if by_hand else ""
+    words = ["rig fit", str(run)]
+    if analysis.kind != things.protocol:
+        words.insert(1, analysis.kind)
+    if analysis.tare.get("chosen") == "by hand":
+        words.append(f"--tare {things.tare_path(analysis)}")
     chosen = ", then rig fit RUN --keep NUMBER --by NAME" if kept_by_hand else ""
-    return f"rig fit {kind}{run}{tare}{chosen}"
+    return f"{' '.join(words)}{chosen}"
 
 
 class _Things:
@@ -282,8 +290,7 @@ class _Things:
     def tare_path(self, analysis: Analysis) -> Path:
         """The file of the tare, where it was or by its run's name beside this run."""
         tare = analysis.tare
-        noted = Path(str(tare.get("file") or f"{tare.get('run', '')}.h5"))
-        return noted if noted.is_absolute() else self._run.parent / noted
+        return self._run.parent / str(tare.get("file") or f"{tare.get('run', '')}.h5")
 
     def _tare_changed(self, analysis: Analysis) -> Iterator[str]:
         tare = analysis.tare
@@ -318,15 +325,13 @@ class _Things:
         """The hashes of the gear's set as its card, else the run, has it now; none where there is no set."""
         serial = str(source["serial"]) if source else self._serial
         if serial not in self._sets:
-            gear = card_set(self._run.parent, serial, self._own_set)
-            self._sets[serial] = frozenset() if gear is None else names_of_set(gear)
+            self._sets[serial] = names_of_set(card_set(self._run.parent, serial, self._own_set))
         if self._sets[serial]:
             return self._sets[serial]
         # Without a card it is the run's own, which cannot change without the run.
         if source.get("source") == "run":
             return frozenset((str(source.get("sha256", "")),))
-        own = self._own_set()
-        return frozenset() if own is None else names_of_set(own)
+        return names_of_set(self._own_set())
 
     @property
     def _serial(self) -> str:

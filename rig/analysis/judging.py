@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from experiments.finding import Severity
 from experiments.quantity import Quantity, quantity_of
@@ -32,6 +32,7 @@ from rig.analysis.in_force import InForce, Newest, in_force
 from rig.analysis.next_run import next_step_of
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
+from rig.content.phrase import phrase
 from rig.gears.acceptance import Acceptance, Limit, Part, Subject, acceptance_for
 from rig.gears.card import UNNAMED
 from rig.library.listed import IndexedRun
@@ -46,6 +47,10 @@ NO_GEAR = "the recording names no gear, so there is no limit to hold it against"
 _BROUGHT_TO_THE_END = ("COMPLETED", "")
 """Outcomes of runs whose recording is whole; "" is that of an imported one."""
 
+
+Side = Literal["upper", "lower"]
+LIMIT_SIGNS: Mapping[str, str] = {"upper": "≤", "lower": "≥"}
+"""How a limit is printed, by the side that it closes."""
 
 Accepted = Callable[[Path, str], Acceptance | None]
 """What a gear must show, by folder of runs and serial number."""
@@ -266,11 +271,12 @@ def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) ->
 
 def doubts_of(one: Analysed) -> tuple[str, ...]:
     """Why an analysis judges nothing although its numbers stand: warnings for a page that shows them."""
-    aside = f"This analysis is not what everybody reads: {one.not_in_force}."
-    stale = [
+    doubts = [
         f"This analysis is stale: {reason}. Renew it: {one.renewed_by}." for reason in one.stale
     ]
-    return (*([aside] if one.not_in_force else ()), *stale)
+    if one.not_in_force:
+        doubts.insert(0, f"This analysis is not what everybody reads: {one.not_in_force}.")
+    return tuple(doubts)
 
 
 def _stale(found: Sequence[Analysed]) -> tuple[str, ...]:
@@ -308,11 +314,11 @@ def _worst(
 
 def _reason(line: Verdict) -> str:
     """Why a line is not PASS: quantity, value ± U, limit and whose limit it is, or what is missing."""
-    run = f" (run {line.run})" if line.run else ""
+    run = phrase(" (run {})", line.run)
     if line.because:
         return f"{line.name}{run}: {line.because}"
     value, limit = held_against(line)
-    unsaid = f"; {line.rests_on}" if line.rests_on else ""
+    unsaid = phrase("; {}", line.rests_on)
     return f"{line.name}{run}: {line.outcome}, {value}, limit {limit} ({whose_limit(line)}){unsaid}"
 
 
@@ -330,11 +336,15 @@ def held_against(line: Verdict) -> tuple[str, str]:
     estimate = line.estimate
     size = estimate.value if math.isfinite(estimate.value) else line.limit
     factor, unit = laboratory_unit(estimate.unit, size, line.quantity.shown)
-    sign = "≤" if line.is_upper else "≥"
-    limit = f"{sign} {number(line.limit / factor)} {unit}".rstrip()
+    limit = f"{LIMIT_SIGNS[side_of(line)]} {number(line.limit / factor)} {unit}".rstrip()
     if not math.isfinite(estimate.value):
         return "–", limit
     return show(estimate, line.quantity).with_uncertainty, limit
+
+
+def side_of(line: Verdict) -> Side:
+    """Which side of a quantity a line closes."""
+    return "upper" if line.is_upper else "lower"
 
 
 def whose_limit(line: Verdict) -> str:

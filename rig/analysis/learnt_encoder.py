@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.angle.certified import certified_angle, index_mark
-from experiments.recording import Recording, RunMetadata
+from experiments.recording import Recording, RunMetadata, mapping_of
 from experiments.result import Result
 from model.angle_certificate import CERTIFIED_ORDERS, COVERAGE_FACTOR
 from model.identify.encoder_contradiction import CHANCE, contradiction
@@ -117,8 +117,7 @@ class Learnt:
 
 def stated_angle(metadata: RunMetadata) -> float | None:
     """The angle of the gear on the output flange [rad] as world, run or card state it; None where nobody did."""
-    world = metadata.process.get("world")
-    turn = world.get("mount_turn") if isinstance(world, Mapping) else None
+    turn = mapping_of(metadata.process.get("world")).get("mount_turn")
     if turn is not None:
         return float(turn)
     told = metadata.parameters.get("mounted_at_deg")

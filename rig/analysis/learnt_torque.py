@@ -25,6 +25,7 @@ from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.ramp_inertia import Gain, ShownInertia, gain_of
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import SCALE_KIND, bench_of, motor_of
+from rig.analysis.number_or_none import finite
 from rig.bench.config.torque_scale_file import (
     FORMAT,
     ChannelScale,
@@ -91,7 +92,7 @@ class LearntScale:
             certificate=f"none: learnt on this bench from {'; '.join(self.discs)}, not traceable",
             date=today,
             due=due,
-            housing_temperature=self.temperature if math.isfinite(self.temperature) else None,
+            housing_temperature=finite(self.temperature),
             rotor_inertia=self.rotor_inertia,
             runs=tuple(f"{one.run.name} {one.sha256}" for one in self.taught),
             channel=tuple(self._channel(name) for name in self.gains),
@@ -101,9 +102,6 @@ class LearntScale:
     def _channel(self, name: str) -> ChannelScale:
         gain, channel = self.gains[name], self.channels[name]
         lag, error = self.lags.get(name, (None, None))
-
-        def finite(freedom: float) -> float | None:
-            return freedom if math.isfinite(freedom) else None
 
         return ChannelScale(
             name="torque" if name == "torque" else "drive_torque",
@@ -131,30 +129,18 @@ class LearntScale:
 def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
     """The torque scale of a bench by these runs. Raises `ConfigurationError` where they do not tell it."""
     seen = [_seen(run) for run in runs]
-    taught = [one for one in seen if not one.skipped and bench in ("", one.bench[1])]
-    benches = sorted({one.bench for one in taught})
-    if len(benches) != 1:
-        told = "; ".join(f"bench {b}, motor {m or 'not named'}" for _, b, m in benches)
-        raise ConfigurationError(
-            "are runs of several benches or motors" if benches else "hold no run that tells it",
-            where="torque scale",
-            value=told or "; ".join(sorted({one.skipped for one in seen}))[:300] or None,
-            limit="torque-scale runs of one bench, with a disc and without",
-            remedy="Name the bench: --bench ID." if benches else "Analyse them first: rig fit RUN.",
-        )
-    origin, name, motor = benches[0]
-    channels = dict(taught[0].channels or {})
-    names = [one for one in channels if all(one in (run.channels or {}) for run in taught)]
+    taught = tuple(one for one in seen if not one.skipped and bench in ("", one.bench[1]))
+    origin, name, motor = _one_bench(taught, seen)
     temperature, apart = _temperature(taught)
     gains: dict[str, Estimate] = {}
     lags: dict[str, tuple[float, float]] = {}
-    rotor = math.nan
-    for channel in names:
+    rotors: dict[str, float] = {}
+    for channel in _common_channels(taught):
         gain = _gain(taught, channel)
         _refuse_unbelievable(channel, gain)
         lag = _lag(taught, channel)
         gains[channel] = _estimate(channel, gain, taught, apart, lag)
-        rotor = gain.rotor_inertia if channel == "torque" else rotor
+        rotors[channel] = gain.rotor_inertia
         if lag is not None:
             lags[channel] = lag
     return LearntScale(
@@ -162,14 +148,38 @@ def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
         bench=name,
         motor=motor,
         temperature=temperature,
-        rotor_inertia=rotor,
+        rotor_inertia=rotors.get("torque", math.nan),
         gains=gains,
         lags=lags,
-        channels=channels,
+        channels=dict(taught[0].channels or {}),
         discs=tuple(dict.fromkeys(one.disc.words for one in taught if one.disc is not None)),
-        taught=tuple(taught),
+        taught=taught,
         skipped=tuple(one for one in seen if one.skipped),
     )
+
+
+def _one_bench(taught: Sequence[_TorqueRun], seen: Sequence[_TorqueRun]) -> tuple[str, str, str]:
+    """Origin, bench and motor of the runs that tell something. Raises `ConfigurationError` unless they share them."""
+    benches = sorted({one.bench for one in taught})
+    if len(benches) == 1:
+        return benches[0]
+    what, remedy = "hold no run that tells it", "Analyse them first: rig fit RUN."
+    if benches:
+        what, remedy = "are runs of several benches or motors", "Name the bench: --bench ID."
+    told = "; ".join(f"bench {b}, motor {m or 'not named'}" for _, b, m in benches)
+    raise ConfigurationError(
+        what,
+        where="torque scale",
+        value=told or "; ".join(sorted({one.skipped for one in seen}))[:300] or None,
+        limit="torque-scale runs of one bench, with a disc and without",
+        remedy=remedy,
+    )
+
+
+def _common_channels(taught: Sequence[_TorqueRun]) -> list[str]:
+    """The torque channels that all runs have, in the order of the first."""
+    first, *others = (one.channels or {} for one in taught)
+    return [name for name in first if all(name in other for other in others)]
 
 
 def _refuse_unbelievable(channel: str, gain: Gain) -> None:

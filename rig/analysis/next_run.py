@@ -24,6 +24,7 @@ from experiments.parameters import parameter_fields
 from experiments.quantity import Quantity
 from experiments.result import Verdict
 from model.identify.estimate import BudgetLine, Cause, Estimate, coverage_factor_of
+from rig.analysis.number_or_none import finite
 from rig.content.wording import decimals_of, fixed, laboratory_unit, number
 
 _Helps = Literal["nothing needed", "visits", "other days", "calibration", "nothing"]
@@ -69,6 +70,11 @@ _BY_WORD: tuple[tuple[str, str], ...] = (
 )
 """Words of a line of type B, and what lowers it; the first that fits."""
 _OTHER_DAYS = "from run to run"
+_MORE: Mapping[_Helps, str] = {
+    "visits": "as many visits",
+    "other days": "runs on other days, and their mean,",
+}
+"""Of what more helps, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,9 +112,9 @@ class Advice:
 def wanted_by(verdict: Verdict) -> float | None:
     """U below which a limit would be decided: the distance to it; None where it is decided or not judged."""
     estimate = verdict.estimate
-    distance = abs(estimate.value - verdict.limit)
-    is_open = verdict.outcome == "MARGINAL" and math.isfinite(estimate.expanded_uncertainty)
-    return distance if is_open and math.isfinite(distance) else None
+    if verdict.outcome != "MARGINAL" or not math.isfinite(estimate.expanded_uncertainty):
+        return None
+    return finite(abs(estimate.value - verdict.limit))
 
 
 def next_step_of(verdict: Verdict) -> str:
@@ -288,8 +294,7 @@ def _sentence(one: Advice, largest: BudgetLine, shown: tuple[float, str]) -> str
     if one.helps == "nothing needed":
         return f"{now}. Nothing is needed."
     named = f"{100.0 * one.share:.0f} % of U² is {one.line}"
-    if one.helps in ("visits", "other days"):
-        what = "as many visits" if one.helps == "visits" else "runs on other days, and their mean,"
+    if what := _MORE.get(one.helps, ""):
         assert one.becomes is not None
         enough = "" if one.becomes <= one.wanted * _ENOUGH else ", which is not enough"
         return (

@@ -22,6 +22,7 @@ from rig.analysis.learnt import as_analysed, with_learnt_scale
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_ready, read_analyses
 from rig.analysis.tare import tare_kind
+from rig.content.phrase import phrase
 from rig.errors import RunFileError
 from rig.runfile.checks import LEVELS
 from rig.runfile.read import close_recording, open_run
@@ -76,7 +77,7 @@ class Recomputed:
         if not self.differing:
             return f"made again, all {self.numbers} numbers are equal to the digit"
         first = "; ".join(self.differing[:3])
-        more = f"; and {len(self.differing) - 3} more" if len(self.differing) > 3 else ""
+        more = phrase("; and {} more", max(len(self.differing) - 3, 0))
         return (
             f"made again, it says something else ({self.numbers} numbers compared): {first}{more}"
         )
@@ -157,8 +158,7 @@ def _named_tare(run: Path, named: Mapping[str, Any], analysis: Analysis) -> Fit:
     """A tare as an analysis names it: by its stored analysis, where it had one, else analysed again; with the torque
     scale of that which it was subtracted from.
     """
-    path = Path(str(named.get("file") or f"{named.get('run', '')}.h5"))
-    path = path if path.is_absolute() else run.parent / path
+    path = run.parent / str(named.get("file") or f"{named.get('run', '')}.h5")
     recording = open_run(path)
     if recording.metadata.sha256 != named.get("sha256"):
         close_recording(recording)

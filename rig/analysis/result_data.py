@@ -15,6 +15,7 @@ from experiments import catalogue
 from experiments.quantity import Quantity, with_bare
 from experiments.result import Covariance, Panel, Plot, Result, Series, Table, checks_from_mapping
 from model.identify.estimate import BudgetLine, Cause, Distribution, Estimate
+from rig.analysis.number_or_none import finite
 
 _WORDS = ("name", "title", "x_label", "y_label", "x_scale", "y_scale", "figure", "note")
 _ARRAYS = ("x", "y", "low", "high")
@@ -174,11 +175,12 @@ def _numbers(values: NDArray[np.float64] | None) -> list[float | None] | None:
     if values is None:
         return None
     plain = np.asarray(values, dtype=np.float64).ravel().tolist()
-    return [float(f"{value:.{DIGITS}g}") if math.isfinite(value) else None for value in plain]
+    return [finite(float(f"{value:.{DIGITS}g}")) for value in plain]
 
 
 def _array(values: list[float | None]) -> NDArray[np.float64]:
-    return np.array([math.nan if value is None else value for value in values], dtype=np.float64)
+    # What JSON could not hold is NaN again.
+    return np.array(values, dtype=np.float64)
 
 
 def _optional(values: list[float | None] | None) -> NDArray[np.float64] | None:

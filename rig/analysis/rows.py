@@ -10,6 +10,7 @@ from experiments.quantity import Quantity
 from experiments.result import Result, Verdict
 from rig.analysis.judging import held_against, whose_limit
 from rig.content.grid import Grid, columns, number_columns
+from rig.content.phrase import phrase, yes_or_no
 from rig.content.wording import STATISTICAL_PART, laboratory_unit, metric_text, number, show
 
 if TYPE_CHECKING:
@@ -65,8 +66,7 @@ def proof_words(result: Result) -> str:
 
 def limit_words(line: Verdict) -> str:
     """The limit that a quantity was held against, and whose limit it is."""
-    because = f"; {line.because}" if line.because else ""
-    return f"({held_against(line)[1]}, {whose_limit(line)}{because})"
+    return f"({held_against(line)[1]}, {whose_limit(line)}{phrase('; {}', line.because)})"
 
 
 def _catalogue_words(quantity: Quantity, estimate: Estimate, gear: HarmonicDrive | None) -> str:
@@ -117,7 +117,7 @@ def budget_grid(result: Result, names: Collection[str]) -> Grid | None:
     title = "Uncertainty budget"
     (who, unit), parts, whole = _parts(result.quantity(estimates[0].name), estimates[0])
     if len(estimates) == 1:
-        heads = columns("source (type)", (f"{who} [{unit}]" if unit else who, "number"))
+        heads = columns("source (type)", (f"{who} [{unit}]".removesuffix(" []"), "number"))
         return Grid(title, heads, (*parts, ("u", whole[0]), ("U (95 %)", whole[1])), note)
     heads = (
         *columns(("quantity", "quantity"), ("unit", "unit")),
@@ -166,8 +166,9 @@ def metric_grid(result: Result) -> Grid:
     for name, value in result.metrics.items():
         quantity = result.quantity(name)
         way = quantity.member(name)
-        title = quantity.family_title if way in ways else quantity.titled(name)
-        place = ways.index(way) if way in ways else 0
+        title, place = quantity.titled(name), 0
+        if way in ways:
+            title, place = quantity.family_title, ways.index(way)
         rows.setdefault(title, ["", ""])[place] = metric_text(quantity, float(value))
     values = "value, or forward" if any(cells[1] for cells in rows.values()) else "value"
     heads = columns("figure of merit", (values, "number"), ("reverse", "number"))
@@ -212,9 +213,9 @@ def truth_grid(rows: Sequence[tuple[str, TruthRow]], results: Sequence[Result]) 
                 shown.unit,
                 shown.number(estimate.value - row.error),
                 number(abs(row.error) / u, 2) if u > 0 else "–",
-                "yes" if row.within else "no",
+                yes_or_no(row.within),
                 shown.number(estimate.value - row.difference),
-                "yes" if row.covered else "no",
+                yes_or_no(row.covered),
             )
         )
     heads = columns(

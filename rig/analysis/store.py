@@ -14,7 +14,6 @@ from __future__ import annotations
 import gzip
 import hashlib
 import json
-import math
 import os
 import re
 import stat
@@ -28,6 +27,7 @@ from experiments.catalogue import extension_of
 from experiments.quantity import Quantity, quantity_of
 from experiments.result import Result, checks_to_mapping
 from rig.analysis import format_1
+from rig.analysis.number_or_none import finite
 from rig.analysis.result_data import (
     covariance_from_mapping,
     declared_quantities,
@@ -66,8 +66,7 @@ class Analysis:
         """The SHA-256 of its file; with the words that it is not sealed where nothing vouches for it."""
         if self.seal.is_whole:
             return self.seal.sha256
-        is_older = self.content.get("format") != STORE_FORMAT
-        return f"{self.seal.sha256}, {NOT_SEALED_THEN if is_older else 'not sealed'}"
+        return f"{self.seal.sha256}, {_not_sealed(self)}"
 
     @property
     def kind(self) -> str:
@@ -167,12 +166,16 @@ class Basis:
     other_tares: tuple[Mapping[str, Any], ...] = ()
 
 
+def _not_sealed(analysis: Analysis) -> str:
+    """That nothing vouches for it, and whether the version that stored it sealed any."""
+    return "not sealed" if analysis.content.get("format") == STORE_FORMAT else NOT_SEALED_THEN
+
+
 def unsealed_words(analysis: Analysis) -> str:
     """What stands on every page of an analysis that nothing vouches for."""
-    is_older = analysis.content.get("format") != STORE_FORMAT
-    since = f"{NOT_SEALED_THEN}: " if is_older else "not sealed: "
     return (
-        f"The analysis {analysis.name} is {since}nothing beside it says that it is what was stored."
+        f"The analysis {analysis.name} is {_not_sealed(analysis)}: nothing beside it says that it is what was "
+        "stored."
     )
 
 
@@ -189,7 +192,7 @@ def json_ready(content: Any) -> Any:
     if isinstance(content, int):
         return int(content)
     if isinstance(content, float):
-        return float(content) if math.isfinite(content) else None
+        return finite(float(content))
     for convert in ("tolist", "as_json"):
         if hasattr(content, convert):
             return json_ready(getattr(content, convert)())

@@ -20,6 +20,7 @@ from experiments import catalogue
 from experiments.tares import same_rig
 from model.errors import WordedError
 from rig.analysis.learnt import with_learnt_scale
+from rig.analysis.number_or_none import finite
 from rig.errors import ChangedRunError, RigError
 
 if TYPE_CHECKING:
@@ -80,8 +81,8 @@ class FoundTare:
     def as_json(self) -> dict[str, Any]:
         """As `--json` tells it."""
         return {
-            "file": None if self.path is None else str(self.path),
-            "age_days": self.age_days if math.isfinite(self.age_days) else None,
+            "file": self.path and str(self.path),
+            "age_days": finite(self.age_days),
             "because": list(self.because),
         }
 

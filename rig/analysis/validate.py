@@ -335,7 +335,7 @@ def independent_values(left: FloatArray) -> float:
         return float(n)
     correlation = correlation / correlation[0]
     negative = np.flatnonzero(correlation <= 0.0)
-    end = int(negative[0]) if len(negative) else n
+    end = int(next(iter(negative), n))
     return min(float(n), n / (1.0 + 2.0 * float(correlation[1:end].sum())))
 
 

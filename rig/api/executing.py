@@ -60,19 +60,18 @@ def execute(
 
     Raises `PlanError`, `LimitError`, `ConfigurationError` before anything moves; `RigError` where nothing was recorded.
     """
-    said = {
+    said: dict[str, object] = {
         "backend": backend,
         "gear": gear,
         "serial": serial,
-        "folder": None if folder is None else Path(folder),
         "operator": operator,
         "seed": seed,
         "world": _chosen(world or {}),
-        "config": None if config is None else Path(config),
         "mounting": mounting,
         "sample_rate": sample_rate,
-        "status": None if status is None else Path(status),
     }
+    places = {"folder": folder, "config": config, "status": status}
+    said |= {name: Path(place) for name, place in places.items() if place is not None}
     order = order_of(protocol, parameters, {k: v for k, v in said.items() if v is not None})
     return _executed(order, confirm, ask)
 

@@ -12,7 +12,7 @@ from rig.analysis.fit_run import Choices, fit_run
 from rig.analysis.tare import FoundTare, takes_tare, tare_kind
 from rig.api.reading import load
 from rig.api.results import Result, Results
-from rig.api.runs import Run
+from rig.api.runs import Run, file_of
 
 if TYPE_CHECKING:
     from model.gear import HarmonicDrive
@@ -78,19 +78,18 @@ def _fit_one(
     settings: Mapping[str, Any],
     largest_missed_share: float | None,
 ) -> Fit:
-    path = run.path if isinstance(run, Run) else Path(run)
-    tare_path = tare.path if isinstance(tare, Run) else _path_of(tare)
+    path = file_of(run)
     tare_in_memory = isinstance(tare, Run) and tare.path is None
     if path is not None and not tare_in_memory:
         choices = Choices(
             gear=gear,
-            tare=tare_path,
+            tare=_path_of(tare),
             no_tare=tare is None,
             settings=settings,
             largest_missed_share=largest_missed_share,
         )
         return fit_run(path, kind, choices)
-    recording = (run if isinstance(run, Run) else load(run)).recording
+    recording = _opened(run).recording
     kind = kind_of(recording, kind)
     made = fit_recording(
         recording,
@@ -101,20 +100,29 @@ def _fit_one(
         path=path,
         largest_missed_share=largest_missed_share,
     )
+    if made.tare is not None:
+        return made
     why_none = LEFT_AWAY if tare is None else _IN_MEMORY
-    return made if made.tare is not None else replace(made, found_tare=FoundTare(None, (why_none,)))
+    return replace(made, found_tare=FoundTare(None, (why_none,)))
 
 
 _IN_MEMORY = "a recording in memory lies in no folder in which a tare could be found"
 
 
-def _path_of(tare: str | Path | None) -> Path | None:
-    return None if tare in ("found", None) else Path(tare)
+def _path_of(tare: Tare) -> Path | None:
+    """The file of the tare that is named; None for none, for one that is to be found, and for one in memory."""
+    if tare is None or tare == "found":
+        return None
+    return file_of(tare)
+
+
+def _opened(run: OneRun) -> Run:
+    return run if isinstance(run, Run) else load(run)
 
 
 def _tare_fit(tare: Tare, gear: HarmonicDrive | None) -> Fit | None:
     """The analysed tare for a recording in memory: there is no folder in which one could be found."""
     if tare is None or tare == "found":
         return None
-    run = tare if isinstance(tare, Run) else load(tare)
+    run = _opened(tare)
     return fit_recording(run.recording, tare_kind(), gear=gear, path=run.path)

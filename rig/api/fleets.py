@@ -38,9 +38,10 @@ def fleet_fit(
     from rig.fleet.engine import Crew
     from rig.fleet.fit import FleetOrder, fit_fleet
     from rig.fleet.work import PathMap
+    from rig.gears.card_places import places
 
     order = FleetOrder(
-        names=[runs] if isinstance(runs, (str, Path)) else list(runs),
+        names=places(runs),
         kind=kind or "",
         settings=settings,
         no_tare=no_tare,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from rig.analysis.judging import judge_runs
 from rig.api.fitting import fit
 from rig.api.results import Result
-from rig.api.runs import Run
+from rig.api.runs import Run, file_of
 from rig.gears.acceptance import acceptance_named
 from rig.present.build import report_on_files
 from rig.present.report import write_report
@@ -58,4 +58,4 @@ def _file_of(item: Reported) -> Path | None:
     """The run file of an item; None for a result, which is reported as it is, and for a run in memory."""
     if isinstance(item, Result):
         return None
-    return item.path if isinstance(item, Run) else Path(item)
+    return file_of(item)

@@ -13,6 +13,7 @@ from rig.analysis.adopt import comparison_grid
 from rig.analysis.rows import LIMIT, estimate_grid, metric_grid
 from rig.api.tables import Tabular
 from rig.content.grid import Column, Grid
+from rig.content.phrase import phrase
 from rig.content.wording import show
 from rig.errors import RigError
 from rig.extras import optional
@@ -244,7 +245,7 @@ def _draw(plots: Sequence[Plot], which: str, origin: str, where: str) -> Figure:
             "there is no such figure",
             where=where,
             value=repr(which) if which else None,
-            limit=", ".join(f"{p.name} ({p.figure})" if p.figure else p.name for p in plots),
+            limit=", ".join(p.name + phrase(" ({})", p.figure) for p in plots),
         )
     return draw_figure(named[0], origin)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 from experiments.recording import Segment
 from rig.api.tables import Tabular
 from rig.content.grid import Grid, columns
+from rig.content.phrase import phrase
 from rig.errors import RigError
 from rig.extras import optional
 from rig.runfile.contents import segment_grid
@@ -220,13 +221,18 @@ class Run(Tabular):
     def _grid(self) -> Grid:
         metadata = self.metadata
         words = (metadata.experiment or "recording", metadata.origin.upper(), self.outcome)
-        gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
+        gear = phrase(", gear {}", metadata.gear_serial)
         span = f" at {metadata.sample_rate:.6g} Hz" if metadata.sample_rate > 0.0 else ""
         title = f"Run {self.id}: {' '.join(filter(None, words))}{gear}, {self.rows} rows{span}"
         rows = [(name, one.unit, one.long_name) for name, one in self.recording.signals.items()]
         counts = f"{len(self.recording.segments)} segments, {len(self.events)} events"
         remarks = "\n".join((counts, *self.warnings))
         return Grid(title, columns("channel", ("unit", "unit"), "what"), rows, remarks)
+
+
+def file_of(run: Run | str | Path) -> Path | None:
+    """The file of a run; None for one in memory."""
+    return run.path if isinstance(run, Run) else Path(run)
 
 
 _SHOWN_CHANNELS = 4

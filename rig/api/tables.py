@@ -6,6 +6,7 @@ import textwrap
 from html import escape
 
 from rig.content.grid import Grid
+from rig.content.phrase import shortened
 from rig.content.wording import aligned, visible
 
 WIDTH = 100
@@ -31,9 +32,12 @@ class Tabular:
 
 def text_of(grid: Grid) -> str:
     """A table for a terminal: no more rows than fit a screen, and how many more there are."""
-    shown = [grid.headings, *([_cut(visible(cell)) for cell in row] for row in grid.rows[:ROWS])]
+    shown = [
+        grid.headings,
+        *([shortened(visible(cell), _CELL) for cell in row] for row in grid.rows[:ROWS]),
+    ]
     whole = (visible(grid.title), *aligned(shown), *_more(len(grid.rows) - ROWS))
-    lines = [_cut(line, WIDTH) for line in whole]
+    lines = [shortened(line, WIDTH) for line in whole]
     remarks = grid.note.splitlines()
     for remark in remarks[:REMARKS]:
         lines += textwrap.wrap(visible(remark), WIDTH, subsequent_indent="  ")
@@ -55,7 +59,3 @@ def html_of(grid: Grid) -> str:
 
 def _more(count: int) -> list[str]:
     return [f"... and {count} more"] if count > 0 else []
-
-
-def _cut(text: str, length: int = _CELL) -> str:
-    return text if len(text) <= length else f"{text[: length - 1]}…"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rig.analysis.fit_run import Choices
 from rig.analysis.validate import validate_runs
-from rig.api.runs import Run
+from rig.api.runs import Run, file_of
 from rig.api.tables import Tabular
 from rig.content.data import data_grid
 from rig.content.grid import Grid
@@ -86,7 +86,7 @@ def validate(
 
 
 def _file(run: OneRun) -> Path:
-    path = run.path if isinstance(run, Run) else Path(run)
+    path = file_of(run)
     if path is None:
         raise RigError(
             "a recording in memory cannot be validated: its tare and its gear are found beside its file",

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from model.units import RPM
+from rig.content.phrase import phrase
 from rig.runfile.chained_lines import Chain
 
 JOURNAL_NAME = "commissioning.jsonl"
@@ -214,8 +215,8 @@ def _why_not(done: StageDone | None, description: str, devices: Mapping[str, Dev
     if devices is None or not done.devices:
         return ""
     names = sorted({*done.devices, *devices})
-    other = [n for n in names if _known_by(done.devices.get(n)) != _known_by(devices.get(n))]
-    return f"another {other[0]} since {day}" if other else ""
+    other = (n for n in names if _known_by(done.devices.get(n)) != _known_by(devices.get(n)))
+    return phrase("another {} since {}", next(other, ""), day)
 
 
 def _known_by(device: Device | None) -> tuple[str, ...]:

@@ -92,7 +92,7 @@ def read_held(path: Path) -> dict[str, Any]:
     with path.open("rb") as stream:
         stream.seek(1)
         text = stream.read()
-    content = json.loads(text) if text else {}
+    content = json.loads(text or b"{}")
     if not isinstance(content, dict):
         raise ValueError("is no object of JSON")
     return content

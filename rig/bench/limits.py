@@ -107,13 +107,11 @@ class Limits:
 
     def tightest(self, quantity: str) -> Limit | None:
         """The limit that holds, or None where the quantity is not limited."""
-        limits = self.of(quantity)
-        return limits[0] if limits else None
+        return next(iter(self.of(quantity)), None)
 
     def value(self, quantity: str) -> float:
         """The value that holds; infinite where the quantity is not limited."""
-        limit = self.tightest(quantity)
-        return limit.value if limit else math.inf
+        return min((limit.value for limit in self.of(quantity)), default=math.inf)
 
     @property
     def of_the_rig(self) -> Limits:
@@ -322,7 +320,8 @@ def _ramp_limits(
 ) -> Iterable[Limit]:
     """Ramps that the limited motor torque can follow: what friction leaves of it, over the inertia."""
     friction = motor.coulomb_friction + motor.viscous_friction * motor.rated_speed
-    friction += gear.ratings.running_torque if gear_mounted else 0.0
+    if gear_mounted:
+        friction += gear.ratings.running_torque
     words = f"motor torque limit {torque:.3g} N m over {load.total_inertia:.3g} kg m2"
     usable = _SETPOINT_SHARE * torque
     driving = max(usable - friction, 0.1 * usable) / load.total_inertia

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile
+from rig.commands.judgement import AcceptanceFile, acceptance_said
 from rig.commands.terminal import Json, echo, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from rig.analysis.advised import Advised
@@ -50,10 +51,8 @@ def next_(
     within the run, no run helps, and it says so. It moves nothing.
     """
     from rig.analysis.advised import advised
-    from rig.gears.acceptance import acceptance_named
 
-    asked = acceptance_named(acceptance) if acceptance else None
-    found = advised(source, folder, target or (), asked)
+    found = advised(source, folder, target or (), acceptance_said(acceptance))
     rows = [_row(one, found, folder) for one in found.advice]
     if json:
         told = found.as_json()
@@ -77,7 +76,7 @@ def next_(
 
 def _row(one: Advice, found: Advised, folder: Path) -> dict[str, Any]:
     """The command of an advice, and its minutes by the planner; "" and null where no run helps."""
-    gear = f" --gear {found.serial}" if found.serial else ""
+    gear = phrase(" --gear {}", found.serial)
     if one.helps == "visits" and one.parameters:
         (name, value), *_ = one.parameters.items()
         command = f"rig run {one.kind}{gear} --{name.replace('_', '-')} {value}"

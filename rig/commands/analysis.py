@@ -16,6 +16,7 @@ from rig.commands.judgement import (
 from rig.commands.naming import RUNS, RunsFolder, is_name, run_meant, runs_meant
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.content.phrase import phrase
 from rig.errors import nearest
 
 if TYPE_CHECKING:
@@ -131,9 +132,10 @@ def fit(
 ) -> None:
     """Identify a model from one or more runs; the kind follows from the run's protocol unless given.
 
-    Kinds: kinematic-error, friction, velocity-steps, motor-tare, warm-up, starting-torque, home,
-    and for any recording motion (inertia and friction), revolution (Fourier series per revolution),
-    order-spectrum, skew (delay between two channels) and hysteresis (loops of output torque).
+    Kinds: kinematic-error, friction, velocity-steps, motor-tare, torque-scale, warm-up, starting-torque,
+    home, compensated-error, and for any recording motion (inertia and friction), friction-curve (a table
+    of speed and torque), revolution (Fourier series per revolution), order-spectrum, skew (delay between
+    two channels) and hysteresis (loops of output torque).
 
     The exit code is the verdict by the acceptance file of the gear:
     0 PASS or NOT JUDGED, 1 FAIL, 3 MARGINAL, 7 NOT JUDGED under --require-verdict.
@@ -304,7 +306,7 @@ def _keep_by_hand(kind: str, runs: list[Path], number: int, by: str, *, json: bo
 def _gear(path: Path | None) -> HarmonicDrive | None:
     from model.gear_file import load_gear
 
-    return None if path is None else load_gear(path)
+    return path and load_gear(path)
 
 
 def settings_of(pairs: list[str] | None) -> dict[str, Any]:
@@ -411,11 +413,11 @@ def _print_fits(
     for one, verdict in zip(fits, verdicts, strict=True):
         metadata = one.recording.metadata
         word = ORIGIN_WORDS.get(metadata.origin, metadata.origin.upper())
-        gear = f", gear {metadata.gear_serial}" if metadata.gear_serial else ""
+        gear, mark = phrase(", gear {}", metadata.gear_serial), phrase(" · {}", word)
         print_result(
             out,
             one.result,
-            f"{one.result.kind} · run {metadata.run_id}{gear}{' · ' + word if word else ''}",
+            f"{one.result.kind} · run {metadata.run_id}{gear}{mark}",
             verdict,
             everything=everything,
         )

@@ -71,7 +71,7 @@ def program_crew(
     walked: Walk, remote: RemoteOperator, stop: StopRequest, *, listens: bool
 ) -> Iterator[Crew]:
     """Words on standard input where it `listens`, lines of JSON on standard output, STOP by signals as well."""
-    from rig.commands.prompting import terminal_ask
+    from rig.commands.prompting import program_ask
     from rig.run.remote import lines_of
     from rig.run.stop import pressed_by_signals
     from rig.trial.campaign.conduct import Crew
@@ -99,7 +99,7 @@ def program_crew(
     with pressed_by_signals(stop):
         yield Crew(
             stop=stop,
-            ask=remote.ask if listens else terminal_ask(stop),
+            ask=program_ask(remote, stop, listens=listens),
             confirm=confirm,
             begun=begun,
             ended=ended,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rig.commands.judgement import RequireVerdict
+from rig.commands.judgement import RequireVerdict, acceptance_of
 from rig.commands.ordering import OF_MANY_RUNS, NoCard, Said, with_order
 from rig.commands.running import ORDERED, Events, Json, StdinControl
 from rig.commands.terminal import console, outliving_the_terminal, painted, print_json
@@ -18,7 +18,6 @@ from rig.commands.terminal import console, outliving_the_terminal, painted, prin
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Alarm
     from rig.bench.backends.order import Order
-    from rig.gears.acceptance import Acceptance
     from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew
     from rig.trial.campaign.plan import CampaignPlan
     from rig.trial.campaign.walk import Walk
@@ -78,7 +77,10 @@ def campaign(
     pattern = order_of(chosen.stages[0].protocol, {}, said, no_card=no_card)
     walked = walk(chosen, pattern)
     if dry_run:
-        print_json(walked.as_json()) if json else _print_walk(walked)
+        if json:
+            print_json(walked.as_json())
+        else:
+            _print_walk(walked)
         return
     order = _order_of(walked, pattern, anew=anew)
     _warn_of_what_was_never_tried(pattern)
@@ -147,14 +149,6 @@ def _plan_of(name: str, path: Path | None) -> CampaignPlan:
     return load_plan(path) if path is not None else shipped_plan(name)
 
 
-def _acceptance_of(pattern: Order) -> Acceptance | None:
-    from rig.gears.acceptance import acceptance_for, acceptance_named
-
-    if pattern.acceptance:
-        return acceptance_named(pattern.acceptance)
-    return acceptance_for(pattern.folder, pattern.serial)
-
-
 def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
     from rig.bench.backends.registry import is_simulated
     from rig.gears.card import now_text
@@ -165,7 +159,7 @@ def _order_of(walked: Walk, pattern: Order, *, anew: bool) -> CampaignOrder:
         walk=walked,
         bench=bench_for(pattern).id,
         now=now_text,
-        acceptance=_acceptance_of(pattern),
+        acceptance=acceptance_of(pattern.acceptance, pattern.folder, pattern.serial),
         beside=is_simulated(pattern.backend),
         anew=anew,
     )
@@ -269,7 +263,7 @@ def _certificate(report: CampaignReport, order: CampaignOrder, pattern: Order) -
         outputs,
         acceptance=order.acceptance,
         protocols=[one.order.protocol for one in report.walk.stages],
-        laboratory=laboratory_of(pattern.config) if pattern.config else None,
+        laboratory=laboratory_of(pattern.config),
     )
     return [str(path) for path in certificate.paths]
 
@@ -304,12 +298,9 @@ def _print_report(report: CampaignReport, certificate: list[str]) -> None:
     out = console()
     for words in report.resumed:
         out.print(words, soft_wrap=True)
-    done: dict[int, Any] = {run.index: run for run in report.journal.stages}
+    done = {run.index: (run.run, run.outcome) for run in report.journal.stages}
     rows = [
-        (
-            one.order.protocol,
-            *((run.run, run.outcome) if (run := done.get(index)) else ("not run", "-")),
-        )
+        (one.order.protocol, *done.get(index, ("not run", "-")))
         for index, one in enumerate(report.walk.stages)
     ]
     out.print(painted(Grid("", columns("protocol", "run", "outcome"), rows)))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, acceptance_said
 from rig.commands.reporting import ReportFormat, suffixes_of
 from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, console, echo, print_json
@@ -71,8 +71,7 @@ def certificate(
     from rig.bench.config.place import DEFAULT_PATH
     from rig.commands.result_tables import print_verdict
     from rig.exits import code_of_verdict
-    from rig.gears.acceptance import acceptance_named
-    from rig.present.certificate.laboratory import LaboratoryWords, laboratory_of
+    from rig.present.certificate.laboratory import laboratory_of
     from rig.present.certificate.write import write_certificate
 
     described = config or (DEFAULT_PATH if DEFAULT_PATH.is_file() else None)
@@ -80,8 +79,8 @@ def certificate(
         folder,
         gear,
         [output.with_suffix(suffix) for suffix in suffixes_of(output, format_)],
-        acceptance=acceptance_named(acceptance) if acceptance else None,
-        laboratory=laboratory_of(described) if described else LaboratoryWords(),
+        acceptance=acceptance_said(acceptance),
+        laboratory=laboratory_of(described),
         paper=paper.value,
     )
     if json:

@@ -12,6 +12,7 @@ import typer
 from rig.commands.ordering import NoCard, Said, with_order
 from rig.commands.running import Events, StdinControl
 from rig.commands.terminal import Json, console, echo, outliving_the_terminal, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from rig.run.stop import StopRequest
     from rig.trial.commission.work import Seen, Work
 
+
+_OUTCOMES = {True: "COMPLETED", False: "ERROR"}
+"""How stages end, by whether what was seen of them is fine."""
 
 _Stages = Annotated[
     list[str] | None,
@@ -211,12 +215,13 @@ class _Program:
     def ended(self, index: int, stage: Stage, seen: Seen) -> None:
         failed = "; ".join(one.sentence for one in seen.findings if one.severity == "blocks")
         run = seen.latest
-        outcome = "COMPLETED" if seen.is_fine else "ERROR"
+        path, rows = ("", 0) if run is None else (str(run.path), run.rows)
+        outcome = _OUTCOMES[seen.is_fine]
         report: dict[str, Any] = {
             "outcome": outcome,
             "message": failed,
-            "path": "" if run is None else str(run.path),
-            "rows": 0 if run is None else run.rows,
+            "path": path,
+            "rows": rows,
             # What did not turn stands; what a stage let somebody stop was seen to stand, or the stage has failed.
             "make_safe": {"safe": run is None or run.safe or seen.is_fine},
         }
@@ -234,7 +239,7 @@ class _Program:
                 **self._named(),
                 **_as_json(done, missing, record),
                 "complete": fine,
-                "outcome": "COMPLETED" if fine else "ERROR",
+                "outcome": _OUTCOMES[fine],
                 "verdict": "stages are missing" if missing else "every stage is done",
                 "lines": _lines(done, missing, record),
             }
@@ -284,8 +289,8 @@ def _list(bench: Bench, missing: Sequence[Missing], json: bool) -> None:
                 "does": stage.does,
                 "must_be_seen": stage.must_be_seen,
                 "missing": reasons.get(stage.name, ""),
-                "at": newest[stage.name].at if stage.name in newest else None,
-                "operator": newest[stage.name].operator if stage.name in newest else None,
+                "at": (done := newest.get(stage.name)) and done.at,
+                "operator": done and done.operator,
             }
             for stage in STAGES
         ]
@@ -309,10 +314,12 @@ def _lines(done: Mapping[str, Seen], missing: Sequence[Missing], record: Path | 
     """How it stands, in lines."""
     if not done:
         return ["Nothing is missing: every stage was done with this description."]
-    left = f"still missing: {', '.join(map(str, missing))}" if missing else "every stage is done"
+    left = phrase("still missing: {}", ", ".join(map(str, missing))) or "every stage is done"
     failed = [f"{name} failed" for name, seen in done.items() if not seen.is_fine]
-    sealed = [f"record  {record}"] if record is not None else []
-    return ["; ".join([f"{len(done)} stages", *failed, left]), *sealed]
+    lines = ["; ".join([f"{len(done)} stages", *failed, left])]
+    if record is not None:
+        lines.append(f"record  {record}")
+    return lines
 
 
 def _as_json(
@@ -330,5 +337,5 @@ def _as_json(
             for name, seen in done.items()
         },
         "missing": [vars(one) for one in missing],
-        "record": None if record is None else str(record),
+        "record": record,
     }

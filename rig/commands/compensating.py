@@ -13,6 +13,7 @@ import typer
 from model.units import ARCSEC, RPM
 from rig.commands.naming import RUNS, RunsFolder, runs_meant
 from rig.commands.terminal import Json, console, echo, fact_table, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from model.compensation import CompensationTable, Proof
@@ -78,9 +79,9 @@ def compensate(
                 remedy="Say where the correction goes: --output FILE.",
             )
     text = compensation_text(table) if to is None else FORMS[to.value](table)
-    path = None if output is None else write_new_sealed(output, text.encode())
+    path = output and write_new_sealed(output, text.encode())
     if json:
-        print_json({**_as_json(table), "file": None if path is None else str(path)})
+        print_json({**_as_json(table), "file": path})
         return
     _show(table)
     if path is not None:
@@ -134,7 +135,7 @@ def _as_json(table: CompensationTable) -> dict[str, Any]:
         "ratio": table.ratio,
         "bench": table.bench,
         "runs": list(table.runs),
-        "proof": None if table.proof is None else _proof_as_json(table.proof),
+        "proof": table.proof and _proof_as_json(table.proof),
         "takes_out": {
             name: {"orders": list(way.labels), "rms_arcsec": table.of(sign).rms / ARCSEC}
             for name, way, sign in (
@@ -153,8 +154,7 @@ def _show(table: CompensationTable) -> None:
 
 def _facts(table: CompensationTable) -> list[tuple[str, str]]:
     spread = math.sqrt(0.5 * sum(c[0] + c[2] for c in table.forward.covariance))
-    slowest, fastest = (f"{speed / RPM:.4g}" for speed in table.speed)
-    at = slowest if slowest == fastest else f"{slowest} to {fastest}"
+    at = " to ".join(dict.fromkeys(f"{speed / RPM:.4g}" for speed in table.speed))
     facts = [
         ("gear", f"{table.gear}, {table.mounting}, ratio {table.ratio:g}"),
         ("bench", table.bench or "not stated"),
@@ -164,7 +164,7 @@ def _facts(table: CompensationTable) -> list[tuple[str, str]]:
         (
             "output encoder",
             f"may add {table.encoder_rms / ARCSEC:.2g} arcsec r.m.s., which this bench can't show"
-            + (f"; by {table.learnt}" if table.learnt else ""),
+            + phrase("; by {}", table.learnt),
         ),
     ]
     proof = table.proof

@@ -12,6 +12,7 @@ from rig.bench.backends.order import Order
 from rig.commands.discovering import discover
 from rig.commands.ordering import Said, with_order
 from rig.commands.terminal import Json, console, echo, print_json
+from rig.content.phrase import counted
 
 if TYPE_CHECKING:
     from experiments.finding import Finding
@@ -138,7 +139,7 @@ def check(
         print_json(_as_json(file, problems, warnings, configured))
     else:
         _print(file, problems, warnings, configured)
-    raise typer.Exit(exits.USAGE if problems else exits.DONE)
+    raise typer.Exit(exits.code_of_check(not problems, exits.USAGE))
 
 
 @config.command("certificate")
@@ -205,8 +206,7 @@ def _warnings(configured: ConfiguredRig) -> tuple[Finding, ...]:
     today = datetime.now(UTC).date()
     channels = {"motor encoder": configuration.motor_encoder.calibration}
     channels |= {c.channel: c.calibration for c in configuration.counters}
-    for source in configuration.sources:
-        channels |= {} if source.certified is None else {source.channel: source.certified}
+    channels |= {s.channel: s.certified for s in configuration.sources if s.certified is not None}
     inputs = [a for module in configuration.analog_modules for a in module.inputs]
     channels |= {a.channel: a.calibration for a in inputs}
     warnings = [
@@ -277,10 +277,7 @@ def _print(
     if problems or warnings:
         print_findings({str(file): (*problems, *warnings)})
     if configured is None:
-        out.print(
-            f"{file}: {len(problems)} problem{'s' if len(problems) != 1 else ''}",
-            soft_wrap=True,
-        )
+        out.print(f"{file}: {counted(len(problems), 'problem', 'problems')}", soft_wrap=True)
         return
     rig = configured.configuration
     nodes = [f"drive {rig.drive.node_id}", *(f"{c.channel} {c.node_id}" for c in rig.counters)]

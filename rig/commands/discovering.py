@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -79,7 +80,7 @@ def discover(
         print_json(_as_json(nodes, proposal, bus, write if nodes else None))
     else:
         _print(nodes, proposal, bus, write)
-    raise typer.Exit(exits.DONE if nodes else exits.ERROR)
+    raise typer.Exit(exits.code_of_check(bool(nodes)))
 
 
 def _argument(text: str) -> tuple[str, str | int]:
@@ -135,7 +136,7 @@ def _as_json(
         "sample_rate_hz": proposal.rate,
         "refused": list(proposal.refused),
         "questions": [{"word": word, "asks": asks} for word, asks in proposal.questions],
-        "written": str(written) if written else "",
+        "written": written or "",
     }
 
 
@@ -183,6 +184,6 @@ def _rates(nodes: int) -> Grid:
     rows = []
     for count in sorted({1, 2, 3, 4, nodes}):
         found = rates_of(count)
-        rows.append((str(count), *(f"{rate:g}" if rate else "none" for rate in found.values())))
+        rows.append((str(count), *(phrase("{:g}", rate) or "none" for rate in found.values())))
     heads = number_columns("nodes", *(f"{rate // 1000} kbit/s" for rate in RATES_SHOWN))
     return Grid("SYNC rate that the bus carries [Hz]", heads, rows)

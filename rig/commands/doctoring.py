@@ -110,7 +110,7 @@ def doctor(
         _print(examination, bundle, packed)
     if examination.was_stopped:
         raise typer.Exit(exits.ABORTED)
-    raise typer.Exit(exits.DONE if examination.is_fine else exits.ERROR)
+    raise typer.Exit(exits.code_of_check(examination.is_fine))
 
 
 def _examined(

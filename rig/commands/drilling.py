@@ -17,7 +17,10 @@ if TYPE_CHECKING:
 
 _Backend = Annotated[
     str | None,
-    typer.Option(help="Which simulated rig: sim or wire; without it, whichever carries the fault."),
+    typer.Option(
+        help="Which simulated rig: sim, wire, wire-box, wire-csp, wire-pv, wire-analog; without it, whichever "
+        "carries the fault."
+    ),
 ]
 
 _Fault = Annotated[
@@ -86,7 +89,7 @@ def drill(
     --without-faults nothing goes wrong, and it is 0 only when every drill that claims a detection
     fails. With --pairs it is 0 when every pair ends safe and the program says so.
     """
-    from rig.exits import DONE, ERROR
+    from rig.exits import code_of_check
     from rig.trial.drill.suite import (
         chosen,
         proves_detection,
@@ -99,7 +102,7 @@ def drill(
         pairs=pairs, without_faults=without_faults, fault=fault, random=random, markdown=markdown
     )
     if pairs:
-        raise typer.Exit(DONE if _run_pairs(pairs, seed, backend, output, json) else ERROR)
+        raise typer.Exit(code_of_check(_run_pairs(pairs, seed, backend, output, json)))
     drills = random_drills(random, seed, backend) if random else chosen(fault or (), backend)
     if list_:
         _print_list(drills)
@@ -128,7 +131,7 @@ def drill(
     if markdown is not None:
         _write(markdown, rows, run(without=True))
     good = proves_detection(rows) if without_faults else all(row.passed for row in rows)
-    raise typer.Exit(DONE if good else ERROR)
+    raise typer.Exit(code_of_check(good))
 
 
 def _print_list(drills: Sequence[Drill]) -> None:
@@ -208,6 +211,10 @@ def acknowledge(
         )
 
 
+_STYLES = {True: "green", False: "red"}
+"""How a sentence on all drills looks, by whether they ended as they must."""
+
+
 def _print_table(rows: list[DrillRow]) -> None:
     from rig.content.grid import Grid, columns
     from rig.trial.drill.table import outcome_cells
@@ -227,7 +234,7 @@ def _print_table(rows: list[DrillRow]) -> None:
     failed = [row for row in rows if not row.passed]
     out.print(
         f"{len(rows) - len(failed)} of {len(rows)} drills ended as they must.",
-        style="red" if failed else "green",
+        style=_STYLES[not failed],
     )
     for row in failed:
         out.print(
@@ -268,7 +275,7 @@ def _print_without(rows: list[DrillRow]) -> None:
     out.print(
         f"{len(failing)} of {len(claiming)} drills that claim a detection fail with their fault taken out: {proof}. "
         f"{len(rows) - len(claiming)} claim none.",
-        style="green" if proves_detection(rows) else "red",
+        style=_STYLES[proves_detection(rows)],
         soft_wrap=True,
     )
 

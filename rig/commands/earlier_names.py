@@ -38,10 +38,12 @@ class Command(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments, each earlier name taken for the present one."""
         own = {name for parameter in self.params for name in parameter.opts}
-        is_late = any(one.name == "runs_folder" for one in self.params)
-        before = {} if is_late else _NAMED_BEFORE
-        names = {old: now for old, now in before.items() if old not in own and now in own}
-        return super().parse_args(ctx, [_renamed(word, names) for word in args])
+        if not any(one.name == "runs_folder" for one in self.params):
+            names = {
+                old: now for old, now in _NAMED_BEFORE.items() if old not in own and now in own
+            }
+            args = [_renamed(word, names) for word in args]
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Execute; a Ctrl-C that was raised in a run and ended it is told with the words of how the run ended."""
@@ -67,7 +69,9 @@ def flowing(words: str) -> str:
 
 def _refuse_unportable(ctx: Any, parameter: Any) -> None:
     """What is to be written must have a name that every system can have, and a folder a place to be made in."""
-    named = None if _WRITTEN.isdisjoint(parameter.opts) else ctx.params.get(parameter.name)
+    if _WRITTEN.isdisjoint(parameter.opts):
+        return
+    named = ctx.params.get(parameter.name)
     for path in named if isinstance(named, (list, tuple)) else (named,):
         if isinstance(path, Path) and (why := unportable(path)):
             raise BadParameter(

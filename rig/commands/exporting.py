@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from rig.exchange.exporting import Export
@@ -130,8 +131,7 @@ def _show(done: Export) -> None:
     from rig.exchange.notes import error_grid, meaning_grid, sentences
 
     out, notes = console(), done.notes
-    mark = done.identified.mark
-    echo(f"{mark + '  ' if mark else ''}{notes.title}")
+    echo(f"{phrase('{}  ', done.identified.mark)}{notes.title}")
     out.print(painted(meaning_grid(notes)))
     if notes.forms:
         out.print(painted(error_grid(notes)))

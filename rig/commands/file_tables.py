@@ -13,6 +13,7 @@ from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import console, fact_table, painted
 from rig.commands.visible import Text
 from rig.content.grid import Fact, Grid, columns, number_columns
+from rig.content.phrase import phrase
 from rig.content.wording import duration_text
 from rig.library.index import IndexedRun
 from rig.program import brought_by
@@ -57,9 +58,8 @@ def print_runs(
     if found > len(listed):
         out.print(f"The newest {len(listed)} of {found} runs: --last 0 lists all, --text searches.")
     _print_below(out, listed)
-    for run in listed:
-        verdict = verdicts.get(run.path)
-        for words in verdict.stale if verdict is not None else ():
+    for verdict in (verdicts[run.path] for run in listed if run.path in verdicts):
+        for words in verdict.stale:
             out.print(Text(words, style="yellow"), soft_wrap=True)
 
 
@@ -70,19 +70,18 @@ def _run_grid(
     *,
     wide: bool,
 ) -> Grid:
-    rows = []
+    rows, words = [], {path: one.verdict for path, one in verdicts.items()}
     for run in listed:
         if run.problem:
             rows.append((_name(folder, run), "", "", "unreadable", "", "", ""))
             continue
-        verdict = verdicts.get(run.path)
         rows.append(
             (
                 _name(folder, run).removesuffix(".h5"),
                 run.start[:16].replace("T", " ") or "-",
                 _lasted(run.duration),
                 run.outcome or _STATE_WORDS[run.state],
-                verdict.verdict if verdict is not None else "-",
+                words.get(run.path, "-"),
                 _gear_text(run.gear, run.gear_serial),
                 str(run.rows),
             )
@@ -143,7 +142,7 @@ def print_recording(recording: Recording, path: Path, verdict: GearVerdict | Non
     mark = ORIGIN_WORDS[m.origin]
     out.print(
         Text(f"{m.run_id or path.name}", style="bold")
-        + Text(f"  {mark}" if mark else "", style="bold magenta")
+        + Text(phrase("  {}", mark), style="bold magenta")
         + Text("" if m.is_sealed else "  NOT SEALED", style="bold red")
     )
     out.print(fact_table(_facts(recording, path)))
@@ -220,7 +219,7 @@ def _row_text(recording: Recording) -> str:
     rate = "" if math.isnan(m.sample_rate) else f" at {m.sample_rate:g} Hz"
     total = float(recording.time(slice(rows - 1, rows))[0]) if rows else 0.0
     flagged = sum(int((recording.flags(block) != 0).sum()) for block in recording.blocks())
-    missed = f", {flagged} cycles flagged" if flagged else ""
+    missed = phrase(", {} cycles flagged", flagged)
     return f"{rows}{rate}, {duration_text(total)}, time base {m.time_base}{missed}"
 
 

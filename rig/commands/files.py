@@ -261,7 +261,7 @@ def _format_of(output: Path | None, said: _TableFormat | None) -> _TableFormat:
     if output is None:
         return said or _TableFormat.csv
     suffix = output.suffix.lower().removeprefix(".")
-    allowed = [said.value] if said is not None else [one.value for one in _TableFormat]
+    allowed = [one.value for one in _TableFormat if said in (None, one)]
     if suffix not in allowed:
         raise typer.BadParameter(
             f"{output}: ends in .{' or .'.join(allowed)}", param_hint="--output"
@@ -310,7 +310,7 @@ def _listed_as_json(run: IndexedRun, judged: JudgedRun | None) -> dict[str, Any]
     return {
         **run.as_json(),
         **verdict_as_json(judged and judged.verdict),
-        "analysis": found.as_json() if found and found.analysis is not None else None,
+        "analysis": found and found.analysis and found.as_json(),
     }
 
 

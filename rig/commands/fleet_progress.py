@@ -18,15 +18,14 @@ ON_A_TERMINAL, IN_A_LOG = 0.2, 30.0
 def telling(now: Callable[[], float] = time.monotonic) -> Iterator[Callable[[Progress], None]]:
     """Tells each moment of a job on standard error, no oftener than a reader can follow."""
     is_terminal = sys.stderr.isatty()
-    pause = ON_A_TERMINAL if is_terminal else IN_A_LOG
-    told = now() - (pause if is_terminal else 0.0)
+    pause, start, end = (ON_A_TERMINAL, "\r\x1b[K", "") if is_terminal else (IN_A_LOG, "", "\n")
+    told = now() - pause * is_terminal
 
     def tell(progress: Progress) -> None:
         nonlocal told
         if now() - told < pause and progress.done < progress.runs:
             return
         told = now()
-        start, end = ("\r\x1b[K", "") if is_terminal else ("", "\n")
         sys.stderr.write(f"{start}{visible(progress.words())}{end}")
         sys.stderr.flush()
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rig.commands.terminal import Json, console, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from rig.fleet.lot import Lot
@@ -64,9 +65,10 @@ def _print(lot: Lot, written: Path) -> None:
     from rig.commands.visible import Text
     from rig.fleet.lot import why_of
     from rig.fleet.lot_words import with_interval
+    from rig.runfile.header import ORIGIN_WORDS
 
     counted = ", ".join(f"{count} {word}" for word, count in lot.verdicts.items())
-    mark = "" if lot.data.origin == "hardware" else f"  {lot.data.origin.upper()}"
+    mark = phrase("  {}", ORIGIN_WORDS.get(lot.data.origin, lot.data.origin.upper()))
     out = console()
     out.print(
         Text(f"Lot of {len(lot.gears)} gears, {lot.data.runs} runs{mark}: {counted}"),

@@ -9,6 +9,7 @@ import typer
 
 from rig.commands.fleet_report import Origin, PartName
 from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from rig.fleet.gauge.study import Studies, Study
@@ -115,7 +116,7 @@ def _print_json(found: Studies, written: Path | None) -> None:
             "origin": found.origin,
             "studies": [study_as_json(one) for one in found.studies],
             "not_studied": [{"quantity": name, "reason": why} for name, why in found.lacking],
-            "report": None if written is None else str(written),
+            "report": written,
         }
     )
 
@@ -123,13 +124,14 @@ def _print_json(found: Studies, written: Path | None) -> None:
 def _print(found: Studies, written: Path | None) -> None:
     from rig.fleet.gauge.page import components_grid, summary
     from rig.fleet.gauge.study import words_of
+    from rig.runfile.header import ORIGIN_WORDS
 
     out = console()
     out.print(painted(summary(found.studies)))
     if len(found.studies) == 1:
         out.print(painted(components_grid(found.studies[0])))
     shapes = {one.shape for one in found.studies}
-    mark = "" if found.origin == "hardware" else f"{found.origin.upper()}  "
+    mark = phrase("{}  ", ORIGIN_WORDS.get(found.origin, found.origin.upper()))
     echo(f"{mark}{'; '.join(sorted(shapes))}")
     for one in _named(found.studies):
         echo(f"{one.title}: {' '.join(words_of(one))}")

@@ -122,7 +122,7 @@ def fit(
     else:
         _print_report(report)
     none = len(report.failed) == report.runs
-    raise typer.Exit(exits.ERROR if none or report.changed else exits.DONE)
+    raise typer.Exit(exits.code_of_check(not (none or report.changed)))
 
 
 def _print_report(report: FleetReport) -> None:
@@ -242,7 +242,7 @@ def simulate(
         echo(f"{report.runs} runs: {made}")
         _print_failures(report.failed)
         echo(f"fit them: rig fleet fit {report.output} --acceptance demonstration")
-    raise typer.Exit(exits.ERROR if len(report.failed) == report.runs else exits.DONE)
+    raise typer.Exit(exits.code_of_check(len(report.failed) != report.runs))
 
 
 def _by_protocol(pairs: list[str] | None) -> dict[str, dict[str, Any]]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from model.catalogue.contradictions import Contradiction
@@ -146,7 +147,7 @@ def _refuse_another_part(serial: str, part: str, folder: Path, *, can_ask: bool)
     if not others:
         return
     named = ", ".join(f"{run.path.name} ({run.gear})" for run in others[:3])
-    more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+    more = phrase(" and {} more", len(others[3:]))
     if can_ask:
         echo(f"Runs of {serial} name another part than {part}: {named}{more}.")
         if input(f"Is {serial} a {part} all the same? Type {CONSENT}: ").strip().lower() == CONSENT:
@@ -285,9 +286,8 @@ def _print_made(made: NewGear) -> None:
         )
         if not is_said
     ]
+    begin = "Next:"
     if missing:
         out.print(f"Next: rig gear set {serial} --by NAME {' '.join(missing)}", soft_wrap=True)
-    out.print(
-        f"{'then' if missing else 'Next:'} look at the gear, and rig gear confirm {serial} --by NAME",
-        soft_wrap=True,
-    )
+        begin = "then"
+    out.print(f"{begin} look at the gear, and rig gear confirm {serial} --by NAME", soft_wrap=True)

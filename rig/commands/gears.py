@@ -10,6 +10,7 @@ import typer
 
 from rig.commands import gear_sets
 from rig.commands.terminal import Json, console, echo, fact_table, painted, print_json
+from rig.content.phrase import phrase
 
 if TYPE_CHECKING:
     from rig.gears.card import GearCard
@@ -212,9 +213,7 @@ def _print(card: GearCard) -> None:
     out.print(fact_table(rows, f"Gear {card.serial}"))
     for event in card.history:
         names = ", ".join(named(name)[0] for name in event.values)
-        out.print(
-            f"{event.at}  {event.what} by {event.by}" + (f": {names}" if names else ""),
-        )
+        out.print(f"{event.at}  {event.what} by {event.by}{phrase(': {}', names)}")
     last = card.confirmation
     if card.is_confirmed and last is not None:
         out.print(f"confirmed by {last.by}, {last.at}", style="green")

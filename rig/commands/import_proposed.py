@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
@@ -25,7 +24,7 @@ def told(proposal: Proposal) -> dict[str, Any]:
     return {
         "columns": [asdict(one) for one in proposal.columns],
         "questions": [asdict(one) for one in proposal.questions],
-        "ratio": proposal.ratio if math.isfinite(proposal.ratio) else None,
+        "ratio": proposal.ratio,
         "output_sense": proposal.output_sense or None,
         "is_table": proposal.is_table,
     }

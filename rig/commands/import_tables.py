@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from rig.commands.terminal import console, echo, painted
+from rig.content.phrase import phrase
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.looking import Look, column_grid, known, look_grid
 from rig.runfile.importing.reach import reach_of
@@ -38,7 +39,7 @@ def print_look(name: str, look: Look, options: ImportOptions) -> None:
     for note in look.notes:
         echo(f"  {note}")
     for kind, why in reach_of(look, options).items():
-        echo(f"{kind:16} {'yes' if not why else f'no: {why}'}")
+        echo(f"{kind:16} {phrase('no: {}', why) or 'yes'}")
     if look.proposals and not (options.segments or options.segments_from):
         echo("Labels that the motion suggests; take over what is right into --map:")
         for s in look.proposals:

@@ -341,7 +341,12 @@ def _import(
             }
             for recording in made
         ]
-        print_json(told[0] if len(told) == 1 else {"runs": told})
+        _print_told(told)
+
+
+def _print_told(told: list[dict[str, Any]]) -> None:
+    """One run as an object of its own, several together in one."""
+    print_json(told[0] if len(told) == 1 else {"runs": told})
 
 
 def _check(
@@ -371,7 +376,7 @@ def _check(
         if not json:
             print_look(one.name, look, options)
     if json:
-        print_json(told[0] if len(told) == 1 else {"runs": told})
+        _print_told(told)
 
 
 def _look_as_json(look: Look, options: ImportOptions) -> dict[str, Any]:

@@ -24,31 +24,30 @@ RequireVerdict = Annotated[
 ]
 
 
-def refuse_unknown_acceptance(named: str) -> None:
-    """Raise `ConfigurationError` for an acceptance file that is not there, before anything turns or is stored."""
+def acceptance_said(named: str) -> Acceptance | None:
+    """The acceptance file that was named; None where none was."""
     from rig.gears.acceptance import acceptance_named
 
-    if named:
-        acceptance_named(named)
+    return acceptance_named(named) if named else None
+
+
+def refuse_unknown_acceptance(named: str) -> None:
+    """Raise `ConfigurationError` for an acceptance file that is not there, before anything turns or is stored."""
+    acceptance_said(named)
 
 
 def acceptance_of(named: str, folder: Path, serial: str) -> Acceptance | None:
     """The acceptance file that was named, else that of the gear's card in this folder of runs, else none."""
-    from rig.gears.acceptance import acceptance_for, acceptance_named
+    from rig.gears.acceptance import acceptance_for
 
-    return acceptance_named(named) if named else acceptance_for(folder, serial)
-
-
-def _folder_of(path: Path | None) -> Path:
-    """The folder of runs in which a run lies, beside its gear's card."""
-    return path.parent if path is not None else Path()
+    return acceptance_said(named) or acceptance_for(folder, serial)
 
 
 def judged_run(one: Analysed, path: Path | None, named: str = "") -> GearVerdict:
     """The verdict on what one run measures, by the acceptance file that was named or that of its gear's card."""
     from rig.analysis.judging import judge_run
 
-    return judge_run(one, acceptance_of(named, _folder_of(path), one.serial))
+    return judge_run(one, acceptance_of(named, (path or Path()).parent, one.serial))
 
 
 def verdict_text(line: Verdict) -> str:

@@ -99,7 +99,7 @@ def learn(
             beside = named[0].parent if runs else folder
             name = f"{lesson.prefix}-{lesson.bench}-{today.isoformat()}"
             path = lesson.write(output or free_name(beside, name, lesson.suffix), today, until)
-        told.append({**lesson.as_json(), "file": None if path is None else str(path)})
+        told.append({**lesson.as_json(), "file": path})
         if not json:
             lesson.show(path)
     if json:
@@ -205,7 +205,7 @@ def _calibrations(place: str, content: object) -> Iterator[_Told]:
             yield {
                 "channel": place,
                 "certificate": value["certificate"],
-                "due": "" if value.get("due") is None else str(value["due"]),
+                "due": str(value.get("due") or ""),
             }
         else:
             yield from _calibrations(where, value)
@@ -278,7 +278,7 @@ def check(
     if output is not None:
         write_golden_page(found, output, now.astimezone().isoformat(timespec="seconds"))
     if json:
-        print_json({**found.as_json(), "report": None if output is None else str(output)})
+        print_json({**found.as_json(), "report": output})
     else:
         console().print(painted(checked_grid(found)))
         for one in found.quantities:
@@ -306,7 +306,7 @@ def _curves(folder: Path) -> Iterator[_Told]:
             "basis": f"{one.header.learnt}, {len(one.header.without)} gears",
             "date": one.header.date.isoformat(),
             "age_days": _days_since(one.header.date.isoformat()),
-            "due": None if one.header.due is None else one.header.due.isoformat(),
+            "due": one.header.due,
             "gears": sorted(one.header.without),
             "expanded_uncertainty": largest,
             "u": f"{number(largest / ARCSEC, 2)} arcsec",
@@ -328,7 +328,7 @@ def _scales(folder: Path) -> Iterator[_Told]:
                 "basis": scale.certificate,
                 "date": scale.date.isoformat(),
                 "age_days": _days_since(scale.date.isoformat()),
-                "due": None if scale.due is None else scale.due.isoformat(),
+                "due": scale.due,
                 "gain": one.gain,
                 "expanded_uncertainty": 2.0 * one.relative_uncertainty,
                 "u": f"{number(200.0 * one.relative_uncertainty, 2)} %",
@@ -354,7 +354,7 @@ def _by_kind(runs: list[Path] | None, folder: Path) -> dict[str, list[Path]]:
     if not groups:
         raise ConfigurationError(
             "hold no run that teaches anything of a bench",
-            where=", ".join(map(str, runs)) if runs else str(folder),
+            where=", ".join(map(str, runs or [folder])),
             limit=f"complete runs of {', '.join(LESSONS)}",
         )
     return groups

@@ -12,6 +12,7 @@ from rig.analysis.passport.rows import series_grid
 from rig.commands.result_tables import print_verdict
 from rig.commands.terminal import STYLES, console, painted
 from rig.commands.visible import Text
+from rig.content.phrase import phrase
 
 
 def print_difference(
@@ -53,7 +54,7 @@ def print_passport(
 ) -> None:
     """The verdict on a gear, its series, what their charts say, and what is missing."""
     out = console(highlight=True)
-    mark = Text(f"  {passport.mark}", style="bold magenta") if passport.mark else Text("")
+    mark = Text(phrase("  {}", passport.mark), style="bold magenta")
     out.print(Text(f"Gear {passport.serial}", style="bold") + Text(f"  {passport.gear}") + mark)
     for one in analysed:
         out.print(
@@ -81,5 +82,5 @@ def print_passport(
         if lines:
             out.print(Text(heading, style="bold"))
         for line in lines:
-            remedy = f"  →  {line.remedy}" if line.remedy else ""
-            out.print(Text(f"  {line.run + ': ' if line.run else ''}{line.what}{remedy}"))
+            run, remedy = phrase("{}: ", line.run), phrase("  →  {}", line.remedy)
+            out.print(Text(f"  {run}{line.what}{remedy}"))

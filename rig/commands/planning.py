@@ -65,7 +65,8 @@ def plan(
     wanted = tares_wanted(protocol, order.folder)
     if json:
         told = prediction.as_json()
-        told["warnings"] += [wanted] if wanted else []
+        if wanted:
+            told["warnings"].append(wanted)
         figures_told = [str(path) for path in written]
         print_json({**planned.as_json(), "prediction": told, "figures": figures_told})
         return

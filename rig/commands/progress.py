@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     Listeners = tuple[Callable[[Progress], None], Callable[[Event], None]]
     """What to call with progress, and with events."""
 
+_STYLES = {"warning": "yellow", "error": "red"}
+"""How events are told that are more than information, by their level."""
 _REDRAW_INTERVAL = 0.1
 """s of wall time between two redraws; a rig in virtual time reports far more often."""
 
@@ -79,8 +81,7 @@ def progress_line(title: str, duration: float, quiet: bool = False) -> Iterator[
             )
 
         def on_event(event: Event) -> None:
-            if event.level in ("warning", "error"):
-                style = "red" if event.level == "error" else "yellow"
+            if style := _STYLES.get(event.level):
                 out.print(f"{event.level}: {event.text}", style=style)
 
         yield on_progress, on_event

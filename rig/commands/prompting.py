@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 
 from experiments.steps.note import Prompt
 from rig.commands.terminal import echo
-from rig.run.remote import PATIENCE, lines_of
+from rig.run.remote import PATIENCE, RemoteOperator, lines_of
 from rig.run.stop import StopRequest
 
 CONSENT = "yes"
@@ -91,6 +91,13 @@ def terminal_ask(stop: StopRequest) -> Callable[[Prompt], str | None]:
         return operator[0].ask(prompt)
 
     return ask
+
+
+def program_ask(
+    remote: RemoteOperator, stop: StopRequest, *, listens: bool
+) -> Callable[[Prompt], str | None]:
+    """How a run of a program asks: the program, where that answers on standard input, else whoever is at a terminal."""
+    return remote.ask if listens else terminal_ask(stop)
 
 
 def _show(text: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rig import exits
+from rig.content.phrase import phrase
 from rig.errors import RigError
 from rig.library.folder import run_tree
 from rig.library.living import is_being_written
@@ -63,11 +64,13 @@ def words_of(outcome: Outcome) -> Iterator[str]:
     elif run.is_removed:
         yield f"{run.path} was taken away:"
     else:
-        unread = f", {run.unread} could not be read" if run.unread else ""
+        unread = phrase(", {} could not be read", run.unread)
         yield f"{run.rows} rows recovered into {run.path}{unread}, outcome {run.outcome or '-'}"
-    for note in () if run is None else run.notes:
+    if run is None:
+        return
+    for note in run.notes:
         yield f"  {note}"
-    if run is not None and run.kept is not None:
+    if run.kept is not None:
         yield f"  what was recorded stays as {run.kept}, byte for byte: delete it when the run has what you need"
 
 
@@ -92,6 +95,6 @@ def _run_as_json(run: Recovered) -> dict[str, Any]:
         "bytes_beyond_last_flush": run.beyond,
         "outcome": run.outcome,
         "notes": run.notes,
-        "kept": None if run.kept is None else str(run.kept),
+        "kept": run.kept,
         "removed": run.is_removed,
     }

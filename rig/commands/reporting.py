@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.analysis import Parameters
-from rig.commands.judgement import AcceptanceFile, RequireVerdict
+from rig.commands.judgement import AcceptanceFile, RequireVerdict, acceptance_said
 from rig.commands.library import (
     Analyse,
     Baseline,
@@ -166,7 +166,6 @@ def report(
     """
     from rig.analysis.alarm.laboratory import watching_in_force
     from rig.exits import code_of_verdicts
-    from rig.gears.acceptance import acceptance_named
     from rig.present.build import report_on_files, report_on_gear
 
     _refuse_together(runs, gear, models=models, per_run=per_run, passport=passport)
@@ -176,7 +175,7 @@ def report(
         return
     if len(folders or ()) > 1:
         raise typer.BadParameter("a page is of the runs of one folder", param_hint="--runs")
-    asked = acceptance_named(acceptance) if acceptance else None
+    asked = acceptance_said(acceptance)
     wanted = _chosen_sections(sections)
     runs = runs_meant((folders or [RUNS])[0], runs or ())
     of_files = partial(

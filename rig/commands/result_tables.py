@@ -18,6 +18,7 @@ from rig.analysis.rows import (
 from rig.commands.judgement import verdict_text
 from rig.commands.terminal import painted, toned
 from rig.commands.visible import Text
+from rig.content.phrase import phrase
 
 
 def print_result(
@@ -90,7 +91,7 @@ def print_verdict(out: Console, verdict: GearVerdict) -> None:
     for words in _not_yet_told(verdict):
         out.print(Text(f"    {words}", style="yellow"), soft_wrap=True)
     if verdict.source:
-        remark = f", {verdict.remark}" if verdict.remark else ""
+        remark = phrase(", {}", verdict.remark)
         out.print(Text(f"    by {verdict.source}{remark}", style="dim"), soft_wrap=True)
 
 

@@ -15,6 +15,7 @@ from experiments.setting import EVERY_KIND
 from model.units import RPM
 from rig.commands.terminal import console, echo, fact_table, painted
 from rig.content.grid import Grid, columns, number_columns
+from rig.content.phrase import yes_or_no
 from rig.content.wording import percent
 from rig.run.dry_run import margin_grid
 from rig.run.margins import number, worded
@@ -67,7 +68,7 @@ def _default(field: ParameterField) -> str:
     if isinstance(value, tuple):
         return " ".join(f"{number:g}" for number in value) or "-"
     if isinstance(value, bool):
-        return "yes" if value else "no"
+        return yes_or_no(value)
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 

@@ -316,7 +316,7 @@ def _run_for_a_program(
     """A run whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.analysis.store import json_ready
-    from rig.commands.prompting import terminal_ask
+    from rig.commands.prompting import program_ask
     from rig.run.remote import RemoteOperator, lines_of
     from rig.run.start import run_order
     from rig.run.stop import StopRequest, pressed_by_signals
@@ -337,7 +337,7 @@ def _run_for_a_program(
             confirmation=typed[0],
             uncommissioned=typed[1],
             stop=stop,
-            ask=remote.ask if listens else terminal_ask(stop),
+            ask=program_ask(remote, stop, listens=listens),
             on_progress=remote.on_progress,
             on_event=remote.on_event,
         )

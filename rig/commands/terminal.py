@@ -50,6 +50,13 @@ def toned(text: str) -> Text:
     return Text(text, style=STYLES.get(tone_of(text) or "", ""))
 
 
+_ON_ONE_LINE = {"no_wrap": True, "overflow": "ellipsis"}
+_LOOKS: Mapping[str, Mapping[str, Any]] = {
+    "number": {"justify": "right", **_ON_ONE_LINE},
+    "unit": _ON_ONE_LINE,
+    "name": {"style": "dim"},
+}
+"""How rich sets a column by what stands in it; text to the left, and in the next line where it is long."""
 HIGHEST_ROW = 2
 """Lines of a row in a table. What needs more is left out, and said to be."""
 
@@ -93,8 +100,8 @@ class FittedTable:
             if self._has_room(self.grid.without(*left_out), console, options):
                 break
         else:
-            is_of_sentences = any(one.kind == "sentence" for one in self.grid.columns)
-            left_out = left_out if is_of_sentences else ()
+            if not any(one.kind == "sentence" for one in self.grid.columns):
+                left_out = ()
         return self.grid.without(*left_out), [h for h in self.grid.headings if h in left_out]
 
     def choices(self) -> Iterator[tuple[str, ...]]:
@@ -151,14 +158,8 @@ class FittedTable:
         texts = {"title": grid.title or None, "caption": grid.note or None}
         rows = Table(**{**plain, **sides, **texts, **self.look})
         for column in grid.columns:
-            whole = column.kind in ("number", "unit")
-            rows.add_column(
-                column.heading,
-                justify="right" if column.kind == "number" else "left",
-                style="dim" if column.kind == "name" else "",
-                no_wrap=whole,
-                overflow="ellipsis" if whole else "fold",
-            )
+            look = {"overflow": "fold", **_LOOKS.get(column.kind, {})}
+            rows.add_column(column.heading, **look)
         are_words = [one.kind == "word" for one in grid.columns]
         for row in grid.rows:
             cells = zip(row, are_words, strict=True)

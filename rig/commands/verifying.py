@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,41 +67,57 @@ def verify(
     manifest that is there is never written over; the hash that is printed is worth what the place is worth
     where it is kept. Exit code 6 if anything does not hold.
     """
-    from experiments.finding import first_blocking
     from rig import exits
-    from rig.present.certificate.verify import certificates_in, verify_certificate
     from rig.runfile.damage import refuse_missing
-    from rig.runfile.verify import verify_run
-    from rig.trial.chain import links_of, runs_in
     from rig.trial.manifest import hold_against
 
-    if (manifest is not None or gear) and (manifest is None or not _is_one_folder(places)):
-        raise typer.BadParameter(
-            "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
-        )
+    if manifest is not None or gear:
+        _refuse_no_manifest(manifest, places)
     places = runs_meant(runs_folder, places)
     if len(places) == 1 and not json:
         # A mistyped name; among several, and for a program, it is one of the findings.
         refuse_missing(*places)
+    found = _looked_at(places, recompute=recompute)
+    held = manifest and hold_against(manifest, places[0], gear)
+    error = _first_error(found) or (held and held.error)
+    if json:
+        print_json(_as_object(found, held, error))
+    else:
+        _print(found, held)
+    if error:
+        raise typer.Exit(exits.ERROR)
+
+
+def _refuse_no_manifest(manifest: Path | None, places: Sequence[Path]) -> None:
+    """Raise `BadParameter` unless there is a file for the manifest, and one folder that it is of."""
+    if manifest is None or len(places) != 1 or not places[0].is_dir():
+        raise typer.BadParameter(
+            "name one folder and a FILE for its manifest", param_hint="--manifest, --gear"
+        )
+
+
+@dataclass(frozen=True)
+class _Looked:
+    """How the files were found: what each one says of itself, the links between them, what was made again."""
+
+    checked: Mapping[str, Sequence[Finding]]
+    links: Sequence[Link]
+    again: Sequence[Recomputed] | None
+    """None where nobody asked for it."""
+
+
+def _looked_at(places: Sequence[Path], *, recompute: bool) -> _Looked:
+    """Every run and every certificate that these places mean, and what they rest on."""
+    from rig.present.certificate.verify import certificates_in, verify_certificate
+    from rig.runfile.verify import verify_run
+    from rig.trial.chain import links_of, runs_in
+
     runs = list(dict.fromkeys(run for place in places for run in runs_in(place)))
     certificates = [one for place in places for one in certificates_in(place)]
     checked = {str(run): verify_run(run) for run in runs}
     checked |= {str(one): verify_certificate(one) for one in certificates}
     links = [link for place in places for link in links_of(place)]
-    again = _made_again(runs, certificates) if recompute else None
-    held = hold_against(manifest, places[0], gear) if manifest is not None else None
-    error = _first_error(checked, first_blocking(links), again or ()) or (held and held.error)
-    if json:
-        told = _as_object(checked, links, again, error)
-        print_json(told if held is None else told | {"manifest": held.as_json()})
-    else:
-        _print(checked, links, again or (), held)
-    if error:
-        raise typer.Exit(exits.ERROR)
-
-
-def _is_one_folder(places: Sequence[Path]) -> bool:
-    return len(places) == 1 and places[0].is_dir()
+    return _Looked(checked, links, _made_again(runs, certificates) if recompute else None)
 
 
 def _made_again(runs: Sequence[Path], certificates: Sequence[Path]) -> list[Recomputed]:
@@ -132,29 +149,23 @@ def _again(run: Path) -> list[Recomputed]:
     return made
 
 
-def _first_error(
-    checked: Mapping[str, Sequence[Finding]], link: Link | None, again: Sequence[Recomputed]
-) -> RigError | None:
+def _first_error(found: _Looked) -> RigError | None:
     """What is wrong first: of the chain, then of a run's content, then of what was made again."""
     from experiments.finding import first_blocking
     from rig.errors import ChangedRunError, RunFileError
 
+    link = first_blocking(found.links)
     if link is not None:
         return link.error or ChangedRunError(link.found, where=link.where)
-    for run, findings in checked.items():
+    for run, findings in found.checked.items():
         blocking = first_blocking(findings)
         if blocking is not None:
             return RunFileError(blocking.sentence, where=run)
-    wrong = first_blocking(one.finding for one in again)
+    wrong = first_blocking(one.finding for one in found.again or ())
     return wrong and ChangedRunError(wrong.found, where=wrong.where)
 
 
-def _as_object(
-    checked: Mapping[str, Sequence[Finding]],
-    links: Sequence[Link],
-    again: Sequence[Recomputed] | None,
-    error: RigError | None,
-) -> dict[str, Any]:
+def _as_object(found: _Looked, held: HeldManifest | None, error: RigError | None) -> dict[str, Any]:
     from rig import exits
     from rig.runfile.checks import LEVELS
 
@@ -167,26 +178,25 @@ def _as_object(
                     for f in findings
                 ],
             }
-            for run, findings in checked.items()
+            for run, findings in found.checked.items()
         ],
-        "links": [link.as_json() for link in links],
+        "links": [link.as_json() for link in found.links],
         "trusted": error is None,
     }
-    if again is not None:
-        told["recomputed"] = [one.as_json() for one in again]
-    return told if error is None else told | exits.error_object(error, str(error))
+    if found.again is not None:
+        told["recomputed"] = [one.as_json() for one in found.again]
+    if error is not None:
+        told |= exits.error_object(error, str(error))
+    if held is not None:
+        told["manifest"] = held.as_json()
+    return told
 
 
-def _print(
-    checked: Mapping[str, Sequence[Finding]],
-    links: Sequence[Link],
-    again: Sequence[Recomputed],
-    held: HeldManifest | None,
-) -> None:
+def _print(found: _Looked, held: HeldManifest | None) -> None:
     from rig.commands.findings import print_findings, print_links
 
-    print_findings(checked)
-    print_links(links, again)
+    print_findings(found.checked)
+    print_links(found.links, found.again or ())
     if held is not None:
         _print_manifest(held)
 

@@ -9,8 +9,9 @@ Who knows something says it here, once; who shows it paints what is here, and wo
   chooses letters, colours and widths by the kind of a column and the tone of a word, never by a heading.
 
 `grid` has `Grid` with its `Column`s, `Fact`, and the tone of a word; `wording` numbers and estimates as text;
-`data` makes a grid of a table of numbers; `page` has a whole report: sections, figures, annexes. Headings and
-titles of facts begin small: a painter of pages begins them with a capital (`capital`), a symbol stays what it is.
+`phrase` what is said only where there is something to say; `data` makes a grid of a table of numbers; `page` has a
+whole report: sections, figures, annexes. Headings and titles of facts begin small: a painter of pages begins them with
+a capital (`capital`), a symbol stays what it is.
 This room draws nothing, reads no file, and stands below `rig.runfile`, so that every producer may import it.
 
     grid = Grid("Results", columns("quantity", ("value", "number"), ("identifiable", "word")), rows, "a remark")

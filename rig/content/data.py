@@ -31,24 +31,24 @@ def data_grid(table: Table) -> Grid:
 
 def data_column(title: str, cells: Sequence[Any]) -> tuple[Column, list[str]]:
     """One column of a table with its texts; it is one of numbers where every cell is one."""
+    texts = [number(cell) for cell in cells]
     numeric = bool(cells) and all(
         isinstance(cell, (int, float)) and not isinstance(cell, bool) for cell in cells
     )
-    if not numeric or all(isinstance(cell, int) for cell in cells):
-        kind = "number" if numeric else "text"
-        return Column(heading(title), kind), [number(cell) for cell in cells]
-    values = [float(cell) for cell in cells]
-    title, values = _in_small_unit(title, values)
-    decimals = _decimals(values)
-    texts = [number(value) if decimals is None else fixed(value, decimals) for value in values]
+    if not numeric:
+        return Column(heading(title)), texts
+    if not all(isinstance(cell, int) for cell in cells):
+        title, values = _in_small_unit(title, [float(cell) for cell in cells])
+        decimals = _decimals(values)
+        texts = [number(value) if decimals is None else fixed(value, decimals) for value in values]
     return Column(heading(title), "number"), texts
 
 
 def _in_small_unit(title: str, values: list[float]) -> tuple[str, list[float]]:
     match = _UNIT.search(title)
-    unit = _SMALL_UNITS.get(match[1]) if match else None
-    if match is None or unit is None:
+    if match is None or match[1] not in _SMALL_UNITS:
         return title, values
+    unit = _SMALL_UNITS[match[1]]
     if max((abs(v) for v in values if math.isfinite(v)), default=1.0) >= 1.0:
         return title, values
     factor = scale_in(unit, match[1]) or 1.0

@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from rig.content.phrase import phrase
+
 Kind = Literal[
     "text", "sentence", "name", "number", "unit", "word", "quantity", "symbol", "figure", "hash"
 ]
@@ -122,13 +124,13 @@ class Fact:
     @property
     def text(self) -> str:
         """The value with its unit."""
-        return f"{self.value} {self.unit}".rstrip() if self.value else ""
+        return phrase("{} {}", self.value, self.unit).rstrip()
 
 
 def tone_of(text: str) -> Tone | None:
     """The tone of a text that begins with a word of a verdict."""
     match = _WORD.match(text)
-    return TONES[match[1]] if match else None
+    return match and TONES[match[1]]
 
 
 def capital(text: str) -> str:

@@ -83,7 +83,11 @@ class Page:
     made_from: str = "run files whose SHA-256 stands under Provenance"
 
     def only(self, wanted: Collection[str]) -> Page:
-        """The report with these sections alone, by their words (`word_of`); its head and its verdict always stay."""
+        """The report with these sections alone, by their words (`word_of`), with all where none is named; its head and
+        its verdict always stay.
+        """
+        if not wanted:
+            return self
         return replace(
             self,
             sections=tuple(one for one in self.sections if word_of(one) in wanted),

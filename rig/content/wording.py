@@ -13,6 +13,7 @@ from experiments.quantity import Quantity, bare_quantity
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.unit_text import scale_in
 from model.units import by_size, printed
+from rig.content.phrase import phrase
 
 STATISTICAL_PART = "statistical part"
 """What people are told the 95 % interval of the data alone is."""
@@ -61,8 +62,13 @@ def laboratory_unit(unit: str, size: float, shown: str = "") -> tuple[float, str
     if not shown or scale_in(shown, unit) is None:
         shown = by_size(unit, size)
     if shown == unit:
-        return 1.0, "" if unit == "1" else printed(unit)
+        return 1.0, unit_text(unit)
     return scale_in(shown, unit) or 1.0, shown
+
+
+def unit_text(unit: str) -> str:
+    """A unit as it stands behind a number: a pure number has none."""
+    return "" if unit == "1" else printed(unit)
 
 
 def show(estimate: Estimate, quantity: Quantity) -> Shown:
@@ -114,13 +120,16 @@ def value_text(
     return show(estimate, quantity or bare_quantity("", unit)).with_uncertainty
 
 
+_SHOWN_IN = {"rad/s": "r/min"}
+"""Units in which a laboratory reads an SI unit whatever the size."""
+
+
 def quantity_text(value: float, unit: str) -> str:
     """A number in SI with its unit as it is read in a laboratory, all its digits kept as they are typed."""
     if unit == "s" and abs(value) < 1e-3:
         return f"{value * 1e6:.9g} µs"
-    factor, shown = laboratory_unit(unit, value, "r/min" if unit == "rad/s" else "")
-    words = "" if shown == "1" else shown.replace("degC", "°C")
-    return f"{value / factor:.9g} {words}".rstrip()
+    factor, shown = laboratory_unit(unit, value, _SHOWN_IN.get(unit, ""))
+    return f"{value / factor:.9g} {shown}".rstrip()
 
 
 def decimals_of(expanded: float) -> int | None:
@@ -130,12 +139,15 @@ def decimals_of(expanded: float) -> int | None:
     return min(max(1 - math.floor(math.log10(expanded) + 1e-9), 0), 9)
 
 
+_INFINITE = {math.inf: "∞", -math.inf: "−∞"}
+
+
 def fixed(value: float, decimals: int) -> str:
     """A number with fixed decimals, a real minus sign and thin groups of thousands."""
     if math.isnan(value):
         return "–"
     if math.isinf(value):
-        return "∞" if value > 0 else "−∞"
+        return _INFINITE[value]
     text = f"{value:,.{decimals}f}".replace(",", "\u202f")
     if not any(c in "123456789" for c in text):
         text = text.lstrip("-")
@@ -159,7 +171,8 @@ def number(value: object, digits: int = 4) -> str:
 
 
 def _trim(text: str) -> str:
-    return text.rstrip("0").rstrip(".") if "." in text else text
+    whole, point, decimals = text.partition(".")
+    return whole + (point + decimals).rstrip("0.")
 
 
 def percent(share: float) -> str:
@@ -181,7 +194,7 @@ def duration_text(seconds: float) -> str:
 def days_text(moments: Iterable[str]) -> str:
     """The days of these times (ISO 8601), from the first to the last one."""
     days = sorted({moment[:10] for moment in moments if moment})
-    return " to ".join(dict.fromkeys((days[0], days[-1]))) if days else "not stated"
+    return " to ".join(dict.fromkeys((*days[:1], *days[-1:]))) or "not stated"
 
 
 def _superscript(power: int) -> str:
@@ -246,7 +259,7 @@ def order_label(order: float, ratio: float) -> str:
         return number(order, 6)
     sign = "−" if part < 0 else "+"
     if whole == 0:
-        return f"{sign if part < 0 else ''}{abs(part)}/N"
+        return f"{sign.strip('+')}{abs(part)}/N"
     return f"{whole}{sign}{abs(part)}/N"
 
 
@@ -261,9 +274,9 @@ def unbroken(title: str) -> str:
 
 def source_text(provenance: str, source: str) -> str:
     """Provenance and source of a value, the provenance not said twice."""
-    if not source:
-        return provenance
-    return source if provenance in source else f"{provenance}: {source}"
+    if provenance in source:
+        return source
+    return provenance + phrase(": {}", source)
 
 
 def heading(text: str) -> str:
@@ -279,16 +292,18 @@ def metric_text(quantity: Quantity, value: float) -> str:
 
 def printable(text: str) -> str:
     """A text from a file without control characters, which neither XML nor HTML can hold."""
-    return "".join(
-        " " if c in "\t\n\r" else c for c in text if c >= " " or c in "\t\n\r"
-    ).translate(_UNPRINTABLE)
+    return text.translate(_UNPRINTABLE)
 
 
 _REORDERING = (*range(0x202A, 0x202F), *range(0x2066, 0x206A))
 """Characters that turn the direction of what follows: what is read is not what stands there."""
-_UNPRINTABLE = dict.fromkeys(
-    [*range(0x7F, 0xA0), *range(0xD800, 0xE000), *_REORDERING, 0xFFFE, 0xFFFF]
-)
+_UNPRINTABLE: dict[int, str | None] = {
+    **dict.fromkeys(
+        [*range(0x20), *range(0x7F, 0xA0), *range(0xD800, 0xE000), *_REORDERING, 0xFFFE, 0xFFFF]
+    ),
+    **dict.fromkeys(map(ord, "\t\n\r"), " "),
+}
+"""What becomes of characters that cannot be printed: breaks of lines and tabs are blanks, others go."""
 _UNSEEN = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
 )

@@ -98,14 +98,17 @@ def gear_json(identified: IdentifiedGear) -> dict[str, Any]:
 
 
 def _parameter(one: Parameter) -> dict[str, Any]:
-    stated = one.is_uncertain
+    standard = expanded = factor = None
+    if one.is_uncertain:
+        standard, expanded = one.standard_uncertainty, one.expanded_uncertainty
+        factor = expanded / standard
     return {
         "symbol": one.symbol,
         "value": one.value,
         "unit": one.unit,
-        "standard_uncertainty": one.standard_uncertainty if stated else None,
-        "expanded_uncertainty": one.expanded_uncertainty if stated else None,
-        "coverage_factor": one.expanded_uncertainty / one.standard_uncertainty if stated else None,
+        "standard_uncertainty": standard,
+        "expanded_uncertainty": expanded,
+        "coverage_factor": factor,
         "provenance": one.provenance,
         "source": one.source,
         "description": one.description,
@@ -127,7 +130,7 @@ def _derived(identified: IdentifiedGear) -> dict[str, Any]:
             "unit": "N m/rad",
         },
         "mode_damping_ratio": {
-            "value": mode.damping_ratio if mode is not None else None,
+            "value": mode and mode.damping_ratio,
             "unit": "1",
         },
     }

@@ -363,9 +363,9 @@ def _doubt(u: float | None) -> tuple[float, float]:
 
 def _speeds(friction: Result | None) -> tuple[float, ...]:
     """Least and greatest input speed [rad/s] of the points that friction was fitted to."""
-    table = (
-        next((t for t in friction.tables if t.name == "fitted-points"), None) if friction else None
-    )
+    if friction is None:
+        return ()
+    table = next((t for t in friction.tables if t.name == "fitted-points"), None)
     if table is None or not table.rows:
         return ()
     speeds = [abs(float(row[table.columns.index("speed [r/min]")])) * RPM for row in table.rows]
@@ -374,6 +374,9 @@ def _speeds(friction: Result | None) -> tuple[float, ...]:
 
 def _temperatures(friction: Result | None) -> tuple[float, ...]:
     """Least and greatest temperature of the housing [degC] while friction was measured."""
-    metrics = friction.metrics if friction else {}
-    mean, span = (metrics.get(f"housing_temperature{end}", math.nan) for end in ("", "_span"))
+    if friction is None:
+        return ()
+    mean, span = (
+        friction.metrics.get(f"housing_temperature{end}", math.nan) for end in ("", "_span")
+    )
     return (mean - 0.5 * span, mean + 0.5 * span) if math.isfinite(mean + span) else ()

@@ -57,7 +57,7 @@ class Joint:
     @property
     def factor(self) -> float:
         """Speed of the wave generator over speed at this side."""
-        return self.ratio if self.side == "joint" else 1.0
+        return _factor_at(self.side, self.ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,16 +86,21 @@ class Form:
         return np.sign(v) * (self.coulomb + dip + size * (d0 + size * (d1 + size * d2)))
 
 
+def _factor_at(side: Side, ratio: float) -> float:
+    """Speed of the wave generator over speed at a side."""
+    return ratio if side == "joint" else 1.0
+
+
 def torque_at(identified: IdentifiedGear, side: Side, speed: ArrayLike) -> FloatArray:
     """The gear's own friction torque [N m] at speeds [rad/s] of one side (equation 20)."""
-    factor = identified.ratio if side == "joint" else 1.0
+    factor = _factor_at(side, identified.ratio)
     return factor * friction_torque(identified.gear, factor * np.asarray(speed, dtype=np.float64))
 
 
 def seen_from(identified: IdentifiedGear, side: Side) -> Joint:
     """The gear at one of its sides, over the speeds that it is compared over."""
     gear, ratio = identified.gear, identified.ratio
-    factor = ratio if side == "joint" else 1.0
+    factor = _factor_at(side, ratio)
     speeds = np.geomspace(*identified.compared_over, POINTS) / factor
     turning = gear.inertia.flexspline if identified.mounting == "circular-spline-fixed" else 0.0
     at_input = gear.inertia.wave_generator + turning / ratio**2

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from xml.etree import ElementTree
 
 from model.units import REVOLUTION
+from rig.content.phrase import phrase
 from rig.exchange.identified import IdentifiedGear
 from rig.exchange.joint import Form, Joint
 from rig.exchange.notes import NEVER, Meaning, Notes
@@ -77,7 +78,7 @@ def mjcf_text(identified: IdentifiedGear, joint: Joint, form: Form) -> str:
 
 
 def _head(identified: IdentifiedGear, joint: Joint, form: Form) -> str:
-    mark = f"{identified.mark} " if identified.mark else ""
+    mark = phrase("{} ", identified.mark)
     # Two hyphens end a comment of XML.
     runs = ", ".join(one.run for one in identified.runs) or "a parameter set alone"
     words = f"{mark}{identified.gear.name}, ratio {joint.ratio:g}, seen from the {joint.side}; from {runs}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from xml.etree import ElementTree
 
+from rig.content.phrase import phrase
 from rig.exchange.identified import IdentifiedGear
 from rig.exchange.joint import Form, Joint
 from rig.exchange.mjcf import BODY_INERTIA, joint_name
@@ -18,7 +19,7 @@ from rig.exchange.notes import NEVER, Meaning, Notes
 def urdf_text(identified: IdentifiedGear, joint: Joint, form: Form) -> str:
     """The XML of a robot of two links and the gear between them. `form` is the linear one: URDF has no other."""
     root = ElementTree.Element("robot", name=_word(joint.name))
-    mark = f"{identified.mark} " if identified.mark else ""
+    mark = phrase("{} ", identified.mark)
     words = f"{mark}{identified.gear.name}, ratio {joint.ratio:g}, seen from the {joint.side}; SI (REP 103)"
     root.append(ElementTree.Comment(f" {words.replace('--', '- -')} "))
     ElementTree.SubElement(root, "link", name="base")

@@ -23,6 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rig.content.phrase import counted
+
 LEAST_GEARS = 10
 """Gears below which no capability is told: the interval of C_p reaches from 0.55 to 1.45 times the value of ten."""
 CONFIDENCE = 0.95
@@ -62,23 +64,27 @@ def capability(
     if lower is None and upper is None:
         return "no limit is on it"
     if n < LEAST_GEARS:
-        return f"{n} {'gear' if n == 1 else 'gears'} judged, {LEAST_GEARS} are needed"
+        return f"{counted(n, 'gear', 'gears')} judged, {LEAST_GEARS} are needed"
     found = np.asarray(values, dtype=float)
     mean, deviation = float(found.mean()), float(found.std(ddof=1))
     if not deviation > 1e-12 * abs(mean):
         return "all gears show the same value: there is no spread to hold against the limit"
-    sides = [
-        *([] if upper is None else [upper - mean]),
-        *([] if lower is None else [mean - lower]),
-    ]
+    sides: list[float] = []
+    if upper is not None:
+        sides.append(upper - mean)
+    if lower is not None:
+        sides.append(mean - lower)
     actual = min(sides) / (3.0 * deviation)
-    both = None if lower is None or upper is None else (upper - lower) / (6.0 * deviation)
+    both = between = None
+    if lower is not None and upper is not None:
+        both = (upper - lower) / (6.0 * deviation)
+        between = potential_interval(both, n)
     return Capability(
         gears=n,
         mean=mean,
         standard_deviation=deviation,
         potential=both,
-        potential_interval=None if both is None else potential_interval(both, n),
+        potential_interval=between,
         actual=actual,
         actual_interval=actual_interval(actual, n),
         anderson_darling=_anderson_darling(found, mean, deviation),

@@ -129,9 +129,9 @@ class Batches(Generic[_SomePiece]):
         expected = [self._seconds.get(piece.kind, _FIRST_GUESS) for piece in batch]
         factor = seconds / max(sum(expected), 1e-9)
         for kind in {piece.kind for piece in batch}:
-            before = self._seconds.get(kind)
-            now = max((_FIRST_GUESS if before is None else before) * factor, 1e-3)
-            self._seconds[kind] = now if before is None else 0.5 * (before + now)
+            now = max(self._seconds.get(kind, _FIRST_GUESS) * factor, 1e-3)
+            # What nobody had timed yet is what it took now.
+            self._seconds[kind] = 0.5 * (self._seconds.get(kind, now) + now)
 
 
 @dataclass(frozen=True)

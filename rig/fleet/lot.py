@@ -293,7 +293,7 @@ def _unlike(quantities: Sequence[LotQuantity]) -> dict[str, list[str]]:
 def _urgency(gear: LotGear) -> tuple[int, float, str]:
     """What fails first, then what is marginal, then what has changed or is unlike the others, then the rest."""
     if gear.beyond:
-        return (0 if gear.verdict == "FAIL" else 1), gear.margin, gear.gear
+        return int(gear.verdict != "FAIL"), gear.margin, gear.gear
     return (2 if gear.changed or gear.unlike else 3), gear.margin, gear.gear
 
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from experiments.result import Plot, Series
+from rig.content.phrase import phrase
 from rig.content.wording import number
 from rig.fleet.lot_quantity import LotQuantity
 
@@ -20,7 +21,7 @@ _REACH = 3.0
 def axis_of(one: LotQuantity) -> str:
     """The label of a quantity's axis, with its unit."""
     _, unit = one.shown_in
-    return f"{one.title} [{unit}]" if unit else one.title
+    return f"{one.title}{phrase(' [{}]', unit)}"
 
 
 def core(values: np.ndarray) -> tuple[float, float]:
@@ -61,7 +62,7 @@ def distribution(one: LotQuantity) -> Plot:
         )
         for side, value in _limits(one)
     ]
-    beyond = f" Not in the picture: {', '.join(far)}." if far else ""
+    beyond = phrase(" Not in the picture: {}.", ", ".join(far))
     return Plot(
         name=f"{one.kind}.{one.name}.distribution",
         title=f"{one.title}: distribution",
@@ -120,9 +121,11 @@ def over_time(one: LotQuantity) -> Plot | None:
 
 
 def _edges(values: np.ndarray, limits: list[float]) -> np.ndarray:
+    if not values.size:
+        return np.array([-1.0, 1.0])
     if values.size < 2 or float(np.ptp(values)) == 0.0:
-        width = max(abs(float(values[0])) * 0.01, 1e-9) if values.size else 1.0
-        middle = float(values[0]) if values.size else 0.0
+        middle = float(values[0])
+        width = max(abs(middle) * 0.01, 1e-9)
         return np.array([middle - width, middle + width])
     edges = np.histogram_bin_edges(values, bins="fd")
     if not 4 <= len(edges) <= 60:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from rig.content.grid import Grid, capital, columns
 from rig.content.page import Page, Section, Signature, State, annexes_of
+from rig.content.phrase import phrase
 from rig.content.wording import days_text, decimals_of, fixed, number
 from rig.fleet.dataset import DataSet
 from rig.fleet.gauge.page import gauge_sections
@@ -52,9 +53,9 @@ def lot_page(lot: Lot, created: str) -> Page:
         note="Every gear counts once, by the newest analysed run of each kind. Verdicts are those of the time when "
         "the runs were fitted; rig fleet fit makes anew what has changed.",
         facts=page_facts(
-            [_several(sorted({row.part for row in rows if row.part}))],
+            [_named(sorted({row.part for row in rows if row.part})) or "not stated"],
             _range([gear.gear for gear in lot.gears]),
-            [_several(sorted({row.operator for row in rows if row.operator}))],
+            [_named(sorted({row.operator for row in rows if row.operator})) or "not stated"],
             days_text(
                 datetime.fromtimestamp(row.started, UTC).isoformat()
                 for row in rows
@@ -122,11 +123,11 @@ def _capability_row(one: LotQuantity) -> tuple[str, ...]:
     factor, unit = one.shown_in
     values = [row.value / factor for row in one.measured if row.value is not None]
     doubts = [row.expanded_uncertainty / factor for row in one.measured if row.expanded_uncertainty]
-    mean = sum(values) / len(values) if values else None
+    mean = _mean(values)
     spread = None
     if mean is not None and len(values) > 1:
         spread = (sum((v - mean) ** 2 for v in values) / (len(values) - 1)) ** 0.5
-    doubt = sum(doubts) / len(doubts) if doubts else None
+    doubt = _mean(doubts)
     found = one.capability
     if isinstance(found, str):
         indices = ("–", "–")
@@ -152,6 +153,10 @@ def _capability_row(one: LotQuantity) -> tuple[str, ...]:
     )
 
 
+def _mean(values: Sequence[float]) -> float | None:
+    return sum(values) / len(values) if values else None
+
+
 def _text(value: float | None, decimals: int | None) -> str:
     if value is None:
         return "–"
@@ -170,11 +175,13 @@ def _parts(lot: Lot, quantities: Sequence[LotQuantity]) -> Iterator[Section]:
             for at, plot in enumerate(plots, number_ + 1)
         )
         number_ += len(plots)
-        lacks = one.capability if isinstance(one.capability, str) and one.limits else ""
+        warnings: tuple[str, ...] = ()
+        if isinstance(one.capability, str) and one.limits:
+            warnings = (f"No capability: {one.capability}.",)
         yield Section(
             title=f"{capital(one.title)} ({one.kind})",
             anchor=f"part-{place}",
-            warnings=(f"No capability: {lacks}.",) if lacks else (),
+            warnings=warnings,
             figures=figures,
             grids=(_bench_grid(one),),
         )
@@ -212,14 +219,15 @@ def _unknown(lot: Lot) -> Section:
     return Section(title=grid.title, anchor="part-2", warnings=none, grids=shown(grid))
 
 
-def _named(gears: Sequence[str]) -> str:
-    names = ", ".join(gears[:_MOST_NAMED])
-    return names if len(gears) <= _MOST_NAMED else f"{names} and {len(gears) - _MOST_NAMED} more"
+def _named(several: Sequence[str]) -> str:
+    names = ", ".join(several[:_MOST_NAMED])
+    more = len(several) - _MOST_NAMED
+    return names if more <= 0 else f"{names} and {more} more"
 
 
 def _bench_grid(one: LotQuantity) -> Grid:
     factor, unit = one.shown_in
-    where = f" [{unit}]" if unit else ""
+    where = phrase(" [{}]", unit)
     rows = tuple(_bench_row(bench, factor) for bench in by_bench(one))
     return Grid(
         "Bench beside bench",
@@ -263,7 +271,7 @@ def _gear_grid(lot: Lot) -> Grid:
             one.gear,
             one.bench or "–",
             one.verdict,
-            one.because[0] if one.because else one.nearest or "–",
+            (*one.because, one.nearest or "–")[0],
         )
         for one in lot.gears
     )
@@ -293,14 +301,6 @@ def _terms(quantities: Sequence[LotQuantity]) -> Iterator[tuple[str, str]]:
         "Cp, Cpk",
         "Cp = (upper − lower) / 6s; Cpk = distance of the mean from the nearer limit / 3s. 95 % intervals: chi-square "
         "for Cp, Bissell (Applied Statistics 39, 1990, 331–340) for Cpk. Not told of fewer than ten judged gears.",
-    )
-
-
-def _several(names: Sequence[str]) -> str:
-    return (
-        ", ".join(names[:_MOST_NAMED])
-        + (f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else "")
-        or "not stated"
     )
 
 

@@ -147,8 +147,8 @@ def quantity_as_json(one: LotQuantity) -> dict[str, object]:
         "quantity": one.name,
         "unit": one.unit,
         "gears": len(one.measured),
-        "lower": limits.lower if limits else None,
-        "upper": limits.upper if limits else None,
+        "lower": limits and limits.lower,
+        "upper": limits and limits.upper,
         "verdicts": dict(one.verdicts),
     }
     if isinstance(found, str):

@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, get_type_hints
 
 from experiments import catalogue
 from experiments.quantity import Quantity
@@ -176,14 +176,19 @@ def read_lot(folder: Path, *, origin: str = "", part: str = "") -> LotData:
     )
 
 
+def sql_columns(row: type) -> str:
+    """The columns of a row in SQL, by their names and types; a text that is not there is an empty one."""
+    names = [
+        f"coalesce({name}, '')" if kind is str else name
+        for name, kind in get_type_hints(row).items()
+    ]
+    return ", ".join(names)
+
+
 def _newest_sql() -> str:
     """The rows of the newest whole run of every gear and kind that a lot looks at: judged ones, and key quantities."""
-    columns = ", ".join(
-        f"coalesce({name}, '')" if LotRow.__annotations__[name] == "str" else name
-        for name in LotRow._fields
-    )
     # Seconds: for a time with its zone DuckDB needs one more package.
-    columns = columns.replace("started", "epoch(started)")
+    columns = sql_columns(LotRow).replace("started", "epoch(started)")
     return f"""
 WITH newest AS (
     SELECT gear, kind, arg_max(run_file, (coalesce(started, TIMESTAMPTZ '1970-01-01'), run_file)) AS run_file

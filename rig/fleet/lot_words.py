@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rig.analysis.judging import LIMIT_SIGNS
 from rig.content.wording import decimals_of, fixed, number
 
 if TYPE_CHECKING:
@@ -33,8 +34,7 @@ def limit_words(row: LotRow, one: LotQuantity) -> str:
     factor, unit = one.shown_in
     if row.limit_value is None:
         return "–"
-    sign = "≤" if row.limit_is == "upper" else "≥"
-    return f"{sign} {number(row.limit_value / factor)} {unit}".rstrip()
+    return f"{LIMIT_SIGNS[row.limit_is]} {number(row.limit_value / factor)} {unit}".rstrip()
 
 
 def limits_words(one: LotQuantity) -> str:
@@ -42,14 +42,14 @@ def limits_words(one: LotQuantity) -> str:
     if one.limits is None:
         return ""
     factor, _ = one.shown_in
-    lower, upper = (
-        None if v is None else number(v / factor) for v in (one.limits.lower, one.limits.upper)
-    )
+    lower, upper = one.limits.lower, one.limits.upper
     if lower is not None and upper is not None:
-        return f"{lower} … {upper}"
+        return f"{number(lower / factor)} … {number(upper / factor)}"
     if upper is not None:
-        return f"≤ {upper}"
-    return "" if lower is None else f"≥ {lower}"
+        return f"≤ {number(upper / factor)}"
+    if lower is not None:
+        return f"≥ {number(lower / factor)}"
+    return ""
 
 
 def with_interval(value: float | None, interval: Interval | None) -> str:

@@ -15,7 +15,7 @@ from rig.analysis.fit import Fit
 from rig.analysis.fit_run import Choices, Surroundings
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_text
-from rig.gears.acceptance import Acceptance, acceptance_for, acceptance_named, acceptance_text
+from rig.gears.acceptance import Acceptance, acceptance_for, acceptance_text
 from rig.library.index import LibraryIndex
 from rig.runfile.read import close_recording
 
@@ -89,7 +89,7 @@ class Neighbours(Surroundings):
         if key not in self._accepted:
             if len(self._accepted) >= GEARS:
                 self._accepted.clear()
-            found = acceptance_named(named) if named else acceptance_for(folder, serial)
+            found = acceptance_for(folder, serial, named)
             self._accepted[key] = (found, "" if found is None else digest(acceptance_text(found)))
         return self._accepted[key]
 

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from model.arrays import quotient
+from rig.content.phrase import phrase
+
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
@@ -23,7 +26,7 @@ class Progress:
     def rate(self) -> float:
         """Runs per second that this job did; 0 before the first."""
         made = self.done - self.reused
-        return made / self.seconds if self.seconds > 0.0 else 0.0
+        return quotient(made, self.seconds, 0.0)
 
     @property
     def left(self) -> float | None:
@@ -32,11 +35,14 @@ class Progress:
 
     def words(self) -> str:
         """One line."""
-        left = "" if self.left is None else f", {duration(self.left)} left"
-        rate = f", {self.rate:.2g} runs/s{left}" if self.rate else ""
-        failed = f", {self.failed} failed" if self.failed else ""
-        what = f"{self.what}: " if self.what else ""
-        return f"{what}{self.done} of {self.runs} runs{rate}{failed}"
+        words = [f"{phrase('{}: ', self.what)}{self.done} of {self.runs} runs"]
+        if self.rate:
+            words.append(f"{self.rate:.2g} runs/s")
+            if self.left is not None:
+                words.append(f"{duration(self.left)} left")
+        if self.failed:
+            words.append(f"{self.failed} failed")
+        return ", ".join(words)
 
 
 def duration(seconds: float) -> str:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +12,12 @@ from experiments import catalogue
 from experiments.result import WORST_FIRST
 from model.errors import without_traceback
 from rig.analysis.causes import which_mounting
-from rig.analysis.judging import GearVerdict, whose_limit
+from rig.analysis.judging import GearVerdict, Side, side_of, whose_limit
+from rig.analysis.number_or_none import known
 from rig.analysis.store import json_ready
 from rig.fleet.results import NAMES, Row
 from rig.program import version as program_version
+from rig.runfile.header import gear_name
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from rig.analysis.fit import Fit
 
 EMPTY: Row = dict.fromkeys(NAMES)
+_TIGHTEST: Mapping[Side, Callable[[Iterable[float]], float]] = {"upper": min, "lower": max}
+"""Which of several limits on one side of a quantity counts."""
 
 
 def _compact_json(content: Any) -> str:
@@ -41,7 +44,7 @@ def _run_part(recording: Recording) -> Row:
     return {
         "run": metadata.run_id,
         "gear": metadata.gear_serial,
-        "part": metadata.gear.name if metadata.gear is not None else "",
+        "part": gear_name(metadata),
         "bench": str(metadata.process.get("bench", "")),
         "mounting": metadata.mounting,
         "mounted": which_mounting(metadata),
@@ -92,7 +95,7 @@ def rows_of_fit(fit: Fit, verdict: GearVerdict, shared: Row) -> list[Row]:
     for name, value in result.metrics.items():
         quantity = result.quantity(name)
         named = {"quantity": name, "family": quantity.name, "title": quantity.titled(name)}
-        number = {"is_metric": True, "value": _known(value), "unit": quantity.unit}
+        number = {"is_metric": True, "value": known(value), "unit": quantity.unit}
         rows.append(common | named | number | _judged(None))
     for name, line in deciding.items():
         named = {"quantity": name, "family": line.quantity.name, "title": line.name}
@@ -126,22 +129,23 @@ def _sides(verdict: GearVerdict) -> dict[str, Row]:
     sides: dict[str, Row] = {}
     for line in verdict.lines:
         here = sides.setdefault(line.estimate.name, {"lower_limit": None, "upper_limit": None})
-        side, tightest = ("upper_limit", min) if line.is_upper else ("lower_limit", max)
-        here[side] = line.limit if here[side] is None else tightest(here[side], line.limit)
+        side = side_of(line)
+        limits = (here[f"{side}_limit"], line.limit)
+        here[f"{side}_limit"] = _TIGHTEST[side](one for one in limits if one is not None)
     return sides
 
 
 def _numbers(estimate: Estimate) -> Row:
     return {
         "is_metric": False,
-        "value": _known(estimate.value),
+        "value": known(estimate.value),
         "unit": estimate.unit,
-        "standard_uncertainty": _known(estimate.standard_uncertainty),
-        "expanded_uncertainty": _known(estimate.expanded_uncertainty),
-        "coverage_factor": _known(estimate.coverage_factor),
-        "degrees_of_freedom": _known(estimate.degrees_of_freedom),
-        "low": _known(estimate.low),
-        "high": _known(estimate.high),
+        "standard_uncertainty": known(estimate.standard_uncertainty),
+        "expanded_uncertainty": known(estimate.expanded_uncertainty),
+        "coverage_factor": known(estimate.coverage_factor),
+        "degrees_of_freedom": known(estimate.degrees_of_freedom),
+        "low": known(estimate.low),
+        "high": known(estimate.high),
         "identifiable": estimate.identifiable,
         "note": estimate.note,
     }
@@ -152,22 +156,17 @@ def _judged(line: Verdict | None) -> Row:
         return {"verdict": "", "reason": ""}
     return {
         "limit_value": line.limit,
-        "limit_is": "upper" if line.is_upper else "lower",
+        "limit_is": side_of(line),
         "limit_source": whose_limit(line),
         "verdict": line.outcome,
         "reason": line.because,
     }
 
 
-def _known(value: float) -> float | None:
-    """A number, None for NaN: what is not known is null. Infinity stays: it is an answer."""
-    return None if math.isnan(value) else float(value)
-
-
 def _mean(recording: Recording, channel: str) -> float | None:
     if not recording.has(channel) or recording.rows == 0:
         return None
-    return _known(float(np.mean(recording.si(channel))))
+    return known(float(np.mean(recording.si(channel))))
 
 
 def _moments(text: str) -> tuple[datetime | None, Any]:

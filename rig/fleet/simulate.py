@@ -169,8 +169,9 @@ def days_of(production: Production) -> list[_BenchDay]:
 
 def _measured_on(production: Production, bench: int) -> Iterator[_Mounted]:
     """What a bench measures, in its order: all gears in their first mounting, again as often, then in the next."""
-    step = 1 if production.crossed else production.benches
-    gears = range(1 if production.crossed else bench, production.gears + 1, step)
+    gears = range(bench, production.gears + 1, production.benches)
+    if production.crossed:
+        gears = range(1, production.gears + 1)
     for mount in range(1, production.mountings + 1):
         for _ in range(production.repeats):
             yield from (_Mounted(gear, mount) for gear in gears)

@@ -94,7 +94,8 @@ def fit_runs(
         spent += one.fit_seconds
         if one.error is not None:
             failed.append((task.run_file, failure_of(one.error)))
-            changed += [task.run_file] if isinstance(one.error, ChangedRunError) else []
+            if isinstance(one.error, ChangedRunError):
+                changed.append(task.run_file)
         elif one.is_known:
             reused.append(task.run_file)
         else:
@@ -182,7 +183,11 @@ class _Analysis:
         return rows_of_fit(fit, judge_run(fit, acceptance), self._shared)
 
     def _key(self, footing: Footing, accepted: str) -> str:
-        tare, source = footing.tared.fit, footing.source
+        source = footing.source
+        tare = tare_run = ""
+        if footing.tared.fit is not None:
+            tare = self._neighbours.tare_digest(footing.tared.fit)
+            tare_run = footing.tared.fit.recording.metadata.sha256
         content = {
             "schema": SCHEMA_VERSION,
             "run": footing.recording.metadata.sha256,
@@ -191,8 +196,8 @@ class _Analysis:
             "settings": footing.settings,
             "no_tare": self._job.no_tare,
             "gear": source.sha256 or source.source,
-            "tare": "" if tare is None else self._neighbours.tare_digest(tare),
-            "tare_run": "" if tare is None else tare.recording.metadata.sha256,
+            "tare": tare,
+            "tare_run": tare_run,
             "acceptance": accepted,
             "output_encoder": _output_curve(footing.recording),
             "other_tares": [dict(other.named) for other in footing.other_tares],
@@ -205,5 +210,6 @@ class _Analysis:
 def _output_curve(recording: Recording) -> str:
     """The curve that is taken off the output angle, learnt or certified; "" where there is none."""
     signal = recording.signals.get("output_angle")
-    curve = None if signal is None else signal.calibration.curve
-    return "" if curve is None else digest([list(curve.errors), list(curve.expanded_uncertainties)])
+    if signal is None or (curve := signal.calibration.curve) is None:
+        return ""
+    return digest([list(curve.errors), list(curve.expanded_uncertainties)])

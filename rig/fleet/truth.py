@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from experiments.recording import mapping_of
+from model.errors import path_of
 from rig.fleet.questions import TRUTH_NAME
 from rig.fleet.table import COMPRESSION
 from rig.library.folder import sealed_runs
@@ -58,8 +60,7 @@ def _rows(run: Path, name: str) -> Iterator[dict[str, Any]]:
         "bench": str(metadata.process.get("bench", "")),
         "protocol": metadata.experiment,
     }
-    truth = metadata.process.get("truth")
-    for path, value in _numbers(truth if isinstance(truth, Mapping) else {}):
+    for path, value in _numbers(mapping_of(metadata.process.get("truth"))):
         yield {**told, "name": path, "value": value}
 
 
@@ -67,7 +68,7 @@ def _numbers(content: Any, path: str = "") -> Iterator[tuple[str, float]]:
     """The numbers of a nested record with their names, parts parted by a dot."""
     if isinstance(content, Mapping):
         for key, value in content.items():
-            yield from _numbers(value, f"{path}.{key}" if path else str(key))
+            yield from _numbers(value, path_of(path, str(key)))
     elif isinstance(content, list):
         for place, value in enumerate(content):
             yield from _numbers(value, f"{path}.{place}")

@@ -24,7 +24,7 @@ from rig.fleet.dataset import FOLDER_NAME, Identity, Known
 from rig.fleet.neighbours import digest
 from rig.fleet.results import SCHEMA_VERSION
 from rig.fleet.task import Job, RunTask
-from rig.gears.acceptance import acceptance_for, acceptance_named, acceptance_text
+from rig.gears.acceptance import acceptance_for, acceptance_text
 from rig.gears.card import card_path
 from rig.library.folder import run_files
 from rig.library.index import IndexedRun, LibraryIndex, fingerprint_of
@@ -247,15 +247,16 @@ class _Place:
         return self._gears[serial]
 
     def _card(self, serial: str) -> str:
+        if not serial:
+            return ""
         try:
-            return card_path(self._folder, serial).read_text(encoding="utf-8") if serial else ""
+            return card_path(self._folder, serial).read_text(encoding="utf-8")
         except OSError:
             return ""
 
     def _acceptance(self, serial: str) -> str:
         try:
-            named = self._job.acceptance
-            found = acceptance_named(named) if named else acceptance_for(self._folder, serial)
+            found = acceptance_for(self._folder, serial, self._job.acceptance)
             return "" if found is None else acceptance_text(found)
         except WordedError as error:
             return str(error)
@@ -265,7 +266,9 @@ def _leans_on(experiment: Experiment | None) -> tuple[str, ...]:
     """The protocols of the same gear whose stored analyses decide on those of this kind."""
     if experiment is None:
         return ()
-    return (*experiment.builds_on, *((experiment.name,) if experiment.learns is not None else ()))
+    if experiment.learns is None:
+        return tuple(experiment.builds_on)
+    return (*experiment.builds_on, experiment.name)
 
 
 def _traits(run: IndexedRun) -> list[str]:

@@ -27,10 +27,13 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 from experiments import catalogue
 from experiments.quantity import Quantity, quantity_of
 from model import quantities
-from model.errors import ParameterError
+from model.errors import ParameterError, path_of
 from model.unit_text import read
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError, misstated
 from rig.gears.card import card_for
+from rig.gears.card_places import places
+from rig.runfile.header import gear_name
 
 if TYPE_CHECKING:
     from experiments.recording import RunMetadata
@@ -61,7 +64,7 @@ class Part:
     @classmethod
     def of(cls, run: RunMetadata) -> Part:
         """The part that a recording says was turned."""
-        return cls(run.gear.name if run.gear is not None else "", run.ratio)
+        return cls(gear_name(run), run.ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +157,7 @@ class Acceptance:
     def whom(self) -> str:
         """The gears that it is for, in words."""
         ratios = [f"ratio {ratio:g}" for ratio in self.ratios]
-        return " or ".join(self.parts) + (f" ({' or '.join(ratios)})" if ratios else "")
+        return " or ".join(self.parts) + phrase(" ({})", " or ".join(ratios))
 
     def foreign(self, part: Part) -> str:
         """Why its limits say nothing of a gear: it is another part, or nobody knows which; "" where they do."""
@@ -222,11 +225,13 @@ def acceptance_named(text: str) -> Acceptance:
     return load_acceptance(text) if text.lower().endswith(".toml") else shipped_acceptance(text)
 
 
-def acceptance_for(folder: str | Path, serial: str) -> Acceptance | None:
-    """What the card of a gear says it must show; None without card, or where the card names no file.
+def acceptance_for(folder: str | Path, serial: str, named: str = "") -> Acceptance | None:
+    """What a gear must show, by the file that is named, else by the gear's card; None where that names none.
 
     Raises `ConfigurationError` for a card or an acceptance file that cannot be read.
     """
+    if named:
+        return acceptance_named(named)
     card = card_for(folder, serial)
     if card is None or not card.facts.acceptance:
         return None
@@ -237,10 +242,10 @@ def acceptance_of_places(
     where: str | Path | Iterable[str | Path], serial: str
 ) -> Acceptance | None:
     """What a gear must show, by the first of these folders and folders of run files whose card names a file."""
-    places = [Path(where)] if isinstance(where, (str, Path)) else [Path(one) for one in where]
-    folders = dict.fromkeys(place if place.is_dir() else place.parent for place in places)
-    named = (acceptance_for(folder, serial) for folder in folders)
-    return next((one for one in named if one is not None), None)
+    named = map(Path, places(where))
+    folders = dict.fromkeys(place if place.is_dir() else place.parent for place in named)
+    found = (acceptance_for(folder, serial) for folder in folders)
+    return next((one for one in found if one is not None), None)
 
 
 def acceptance_text(acceptance: Acceptance) -> str:
@@ -415,7 +420,23 @@ def _check_keys(content: Mapping[str, Any], allowed: Any, path: str, table: str)
 
 
 def _place(path: str, table: str, key: str) -> str:
-    return f"{path}: {table}.{key}" if table else f"{path}: {key}"
+    return f"{path}: {path_of(table, key)}"
+
+
+def _refusal(
+    content: Mapping[str, Any],
+    key: str,
+    what: str,
+    where: str,
+    *,
+    limit: str = "",
+    remedy: str = "",
+) -> ConfigurationError:
+    """The refusal of what stands under a key, or of nothing where something is needed."""
+    if key not in content:
+        return ConfigurationError("is missing", where=where, limit=limit, remedy=remedy)
+    value = quantities.shorten(content[key])
+    return ConfigurationError(what, where=where, value=value, limit=limit, remedy=remedy)
 
 
 def _text(
@@ -424,12 +445,8 @@ def _text(
     """A text of the file, without blanks around it."""
     text = content.get(key, "")
     if not isinstance(text, str) or (needed and not text.strip()):
-        raise ConfigurationError(
-            "is missing" if key not in content else "is no text",
-            where=_place(path, table, key),
-            value=quantities.shorten(text) if key in content else None,
-            remedy=f'Write {key} = "...".',
-        )
+        remedy = f'Write {key} = "...".'
+        raise _refusal(content, key, "is no text", _place(path, table, key), remedy=remedy)
     return text.strip()
 
 
@@ -439,12 +456,8 @@ def _word(
     """One of a few words; "" where that is one of them and nothing stands there."""
     word = content.get(key, "")
     if word not in allowed:
-        raise ConfigurationError(
-            "is none of the words there are" if key in content else "is missing",
-            where=_place(path, table, key),
-            value=quantities.shorten(word) if key in content else None,
-            limit=", ".join(name for name in allowed if name),
-        )
+        what, limit = "is none of the words there are", ", ".join(filter(None, allowed))
+        raise _refusal(content, key, what, _place(path, table, key), limit=limit)
     return word
 
 
@@ -454,7 +467,9 @@ def _day(row: Mapping[str, Any], path: str, table: str) -> str:
     if day == "":
         return ""
     try:
-        return (day if type(day) is date else date.fromisoformat(day)).isoformat()
+        if type(day) is not date:
+            day = date.fromisoformat(day)
+        return day.isoformat()
     except (TypeError, ValueError):
         raise ConfigurationError(
             "is no date",

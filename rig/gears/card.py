@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import PlanError
 from experiments.parameters import parameter_fields
+from rig.content.phrase import phrase
 from rig.content.wording import named
 from rig.errors import ConfigurationError, RigError, misstated
 from rig.gears.card_history import (
@@ -127,10 +128,10 @@ class GearCard:
                 f"the card of gear {self.serial} was edited by hand ({self.edited}) "
                 f"after its last confirmation ({before.by}, {before.at})"
             )
-        names = (
-            ", ".join(name for name in change.values if name in CONFIRMED_FIELDS) if change else ""
-        )
-        changed = f" ({names} by {change.by}, {change.at})" if change else ""
+        changed = ""
+        if change is not None:
+            names = ", ".join(name for name in change.values if name in CONFIRMED_FIELDS)
+            changed = f" ({names} by {change.by}, {change.at})"
         return f"the card of gear {self.serial} was changed{changed} after its last confirmation ({before.at})"
 
     def as_json(self) -> dict[str, Any]:
@@ -155,7 +156,8 @@ class GearCard:
 
 def _differ(one: Any, other: Any) -> bool:
     """Whether two values of a fact are not the same; empty text and None are what nobody told."""
-    return (None if one == "" else one) != (None if other == "" else other)
+    untold = ("", None)
+    return one != other and not (one in untold and other in untold)
 
 
 def _asks(event: CardEvent) -> bool:
@@ -174,7 +176,10 @@ def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: 
     `ConfigurationError` without a name.
     """
     _named(by, "change")
-    before = {} if card is None else stated_facts(card.facts)
+    before: dict[str, Any] = {}
+    history: tuple[CardEvent, ...] = ()
+    if card is not None:
+        before, history = stated_facts(card.facts), card.history
     facts = make_facts({**before, **values})
     if card is not None and facts.serial != card.serial:
         raise ConfigurationError(
@@ -191,7 +196,6 @@ def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: 
     }
     if not changed and card is not None:
         return card
-    history = card.history if card is not None else ()
     return GearCard(facts, (*history, CardEvent(at, by.strip(), "changed", changed)))
 
 
@@ -392,7 +396,7 @@ def card_text(card: GearCard) -> str:
     ]
     fields = {f.name: f for f in parameter_fields(GearFacts)}
     for name, value in stated_facts(card.facts).items():
-        unit = f"  # {fields[name].unit}" if fields[name].unit else ""
+        unit = phrase("  # {}", fields[name].unit)
         lines.append(f"{name} = {value_text(value)}{unit}")
     for event in card.history:
         lines += [

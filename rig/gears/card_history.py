@@ -64,7 +64,8 @@ def latest_confirmed(history: Sequence[CardEvent]) -> Mapping[str, Any] | None:
         return last.values if values_sha256(last.values) == last.sha256 else None
     values: dict[str, Any] = {}
     for event in history[: places[-1]]:
-        values |= event.values if event.what == "changed" else {}
+        if event.what == "changed":
+            values |= event.values
     return values
 
 

@@ -1,9 +1,9 @@
-"""Where gear cards lie: in a folder of runs, or in one above it."""
+"""Where gear cards lie: in a folder of runs, or in one above it; and the places that somebody names."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from urllib.parse import quote as in_file_name
 
@@ -39,6 +39,11 @@ def card_path(folder: str | Path, serial: str) -> Path:
             if os.path.isdir(cards) and os.path.isfile(os.path.join(cards, name)):
                 return Path(cards, name)
     return Path(own)
+
+
+def places(where: str | Path | Iterable[str | Path]) -> list[str | Path]:
+    """The folders and files that are named: one alone, or each of several."""
+    return [where] if isinstance(where, (str, Path)) else list(where)
 
 
 def above(folder: str | Path) -> Iterator[str]:

@@ -8,9 +8,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from model import quantities
-from model.errors import ParameterError
+from model.errors import ParameterError, path_of
 from model.sections import Section, allowed_range
 from model.unit_text import read, understood
+from rig.content.phrase import phrase
 
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*")
 
@@ -18,7 +19,7 @@ _NUMBER = re.compile(r"\s*([-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*(.*?)\s*"
 def declared(sections: Mapping[str, type[Section]]) -> dict[str, Mapping[str, Any]]:
     """What is declared of every number, by its path "section.name"."""
     return {
-        f"{section}.{f.name}" if section else f.name: f.metadata
+        path_of(section, f.name): f.metadata
         for section, kind in sections.items()
         for f in dataclasses.fields(kind)  # type: ignore[arg-type]
         if "unit" in f.metadata
@@ -65,8 +66,9 @@ def value_of(path: str, text: str, meta: Mapping[str, Any]) -> float:
 def remark_of(path: str, text: str, meta: Mapping[str, Any]) -> str:
     """What should be known of how a typed unit was read, a pound taken for a force; "" for nothing."""
     match = _NUMBER.fullmatch(text)
-    unit = match[2] if match else ""
-    return f"{path}: {remark}" if unit and (remark := read(unit, (meta["unit"],)).remark) else ""
+    if match is None or not match[2]:
+        return ""
+    return phrase("{1}: {0}", read(match[2], (meta["unit"],)).remark, path)
 
 
 def _units_for(si_unit: str) -> tuple[str, ...]:

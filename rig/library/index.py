@@ -214,14 +214,16 @@ def _row_of(name: str, said: dict[str, Any], problem: str) -> Row:
     }
     for name in _NUMBERS:
         # A database knows no NaN.
-        row[name] = None if math.isnan(row[name]) else row[name]
+        if math.isnan(row[name]):
+            row[name] = None
     return tuple(row[column] for column in _COLUMNS)
 
 
 def _run_of(path: Path, row: Row) -> IndexedRun:
     values = dict(zip(_COLUMNS, row, strict=True))
     for name in _NUMBERS:
-        values[name] = math.nan if values[name] is None else values[name]
+        if values[name] is None:
+            values[name] = math.nan
     return IndexedRun(path=path, state=_state_of(path, values["problem"]), **values)
 
 

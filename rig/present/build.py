@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments import catalogue
+from rig.content.phrase import counted
 from rig.errors import RigError
 from rig.gears.acceptance import acceptance_for
 
@@ -68,7 +69,7 @@ def report_on_files(
         raise RigError("there is nothing to report", remedy="Name at least one run.")
     forget_hashes()
     created = created or datetime.now().astimezone().isoformat(timespec="seconds")
-    gear = load_gear(parameters) if parameters else None
+    gear = parameters and load_gear(parameters)
     anew = refit or no_tare or tare is not None or gear is not None
     choices = Choices(gear=gear, tare=tare, no_tare=no_tare) if anew else None
     lines: list[str] = []
@@ -78,11 +79,11 @@ def report_on_files(
         stored_fits.append(fit)
         lines += words
     outputs = (output,) if isinstance(output, Path) else tuple(output)
-    count = f"{len(stored_fits)} {'run' if len(stored_fits) == 1 else 'runs'}"
+    count = counted(len(stored_fits), "run", "runs")
     verdict = judge_runs(stored_fits, _acceptance(acceptance, stored_fits))
     judged = _judged_models(stored_fits, choices) if models else ()
     page = report_page(stored_fits, created=_readable(created), verdict=verdict, models=judged)
-    page = page.only(sections) if sections else page
+    page = page.only(sections)
     lines += _written(page, outputs, count)
     return Reports(outputs, tuple(stored_fits), tuple(lines), verdict)
 
@@ -136,7 +137,7 @@ def report_on_gear(
     record = passport(folder, serial)
     asked = acceptance or acceptance_for(folder, serial)
     page, verdict = gear_page(record, created=_readable(created), acceptance=asked)
-    page = page.only(sections) if sections else page
+    page = page.only(sections)
     return Reports(
         tuple(outputs),
         (),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from rig.analysis.tare import takes_tare
 from rig.content.grid import Fact, Grid, columns
+from rig.content.phrase import phrase
 from rig.content.wording import laboratory_unit, number, show, source_text
 from rig.present.provenance import tare_of
 
@@ -94,10 +95,10 @@ def _here(fit: Fit, quantity: Quantity, conditions: Mapping[str, str]) -> str:
     lacks_tare = takes_tare(fit.result.kind) and tare_of(fit) == "none"
     parts = [
         "" if quantity.placeholder == "speed" else conditions.get("input speeds", ""),
-        f"wave-generator positions {positions}" if positions else "",
-        f"housing {housing}" if housing else "",
+        phrase("wave-generator positions {}", positions),
+        phrase("housing {}", housing),
         f"lubricant {conditions.get('lubricant', 'not noted')}",
-        f"torque of {subject}" if subject else "",
+        phrase("torque of {}", subject),
         "no tare" if subject and lacks_tare else "",
     ]
     return ", ".join(part for part in parts if part)

@@ -181,10 +181,6 @@ def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
     drawable, remarks = [], []
     for series in plot.series:
         x, y = np.asarray(series.x, dtype=float).ravel(), np.asarray(series.y, dtype=float).ravel()
-        low, high = (
-            None if a is None else np.asarray(a, dtype=float).ravel()
-            for a in (series.low, series.high)
-        )
         good = np.ones(len(x), dtype=bool)
         if plot.x_scale == "log":
             good &= ~(x <= 0)
@@ -195,7 +191,10 @@ def without_what_logs_lose(plot: Plot) -> tuple[Plot, tuple[str, ...]]:
             remarks.append(
                 f"{lost} values of “{series.label}” are not positive and have no place on a logarithmic axis."
             )
-        low, high = (None if a is None else a[good] for a in (low, high))
+        low, high = (
+            None if a is None else np.asarray(a, dtype=float).ravel()[good]
+            for a in (series.low, series.high)
+        )
         drawable.append(replace(series, x=x[good], y=y[good], low=low, high=high))
     return replace(plot, series=tuple(drawable)), tuple(remarks)
 
@@ -208,35 +207,35 @@ def _draw(plot: Plot, origin: str, size: tuple[float, float], title: str) -> Fig
     figure = Figure(figsize=size)
     FigureCanvasAgg(figure)
     shares = [1.0, *(panel.share for panel in plot.panels)]
-    grid = figure.add_gridspec(
-        len(shares),
-        2 if plot.enlarged else 1,
-        height_ratios=shares,
-        width_ratios=BESIDE if plot.enlarged else None,
-    )
+    widths = BESIDE if plot.enlarged else (1.0,)
+    grid = figure.add_gridspec(len(shares), len(widths), height_ratios=shares, width_ratios=widths)
     first = figure.add_subplot(grid[0, 0])
     lower = [figure.add_subplot(grid[k, 0], sharex=first) for k in range(1, len(shares))]
+    scales = [plot.y_scale, *("linear" for _ in lower)]
+    labels = [plot.y_label, *(panel.y_label for panel in plot.panels)]
     for panel, axes in enumerate((first, *lower)):
         axes.set_xscale(plot.x_scale)
-        axes.set_yscale("linear" if panel else plot.y_scale)
-        axes.set_ylabel(plot.panels[panel - 1].y_label if panel else plot.y_label)
+        axes.set_yscale(scales[panel])
+        axes.set_ylabel(labels[panel])
         if shares[panel] >= MARKED:
             _watermark(axes, origin, size)
         _paint(axes, plot, panel, int(100 * size[0]))
         if axes is not (first, *lower)[-1]:
             axes.tick_params(labelbottom=False)
-        _ticks(axes, plot, "linear" if panel else plot.y_scale)
+        _ticks(axes, plot, scales[panel])
     (first, *lower)[-1].set_xlabel(plot.x_label)
-    legend = 0.0
+    above = heading = 0.0
     if any(np.isfinite(s.y).any() for s in plot.series):
-        legend = LINE * _legend(first, lower, plot, size)
-    beside = figure.add_subplot(grid[:, 1]) if plot.enlarged else None
-    if beside is not None:
+        above = LINE * _legend(first, lower, plot, size)
+    beside = None
+    if plot.enlarged:
+        beside = figure.add_subplot(grid[:, 1])
         _enlarge(beside, first, plot)
+        above = max(above, LINE)
     if title:
+        heading = 0.3
         figure.text(0.02, 1.0 - 0.08 / size[1], title, va="top", fontsize=9.0, fontweight="bold")
-    margins = _Margins(max(legend, LINE if beside is not None else 0.0), 0.3 if title else 0.0)
-    _lay_out(figure, (first, *lower), beside, plot, margins)
+    _lay_out(figure, (first, *lower), beside, plot, _Margins(above, heading))
     return figure
 
 

@@ -14,6 +14,7 @@ from rig.analysis.passport.rows import conditions_text, newest_pair
 from rig.content.data import data_grid
 from rig.content.grid import Grid, columns, tone_of
 from rig.content.page import Page, Section, Signature, State, annexes_of
+from rig.content.phrase import counted, phrase
 from rig.content.wording import days_text
 from rig.present import catalogue, definitions
 from rig.present.gear_runs import gear_alarms, gear_files, newest_fits
@@ -53,7 +54,7 @@ def gear_page(
 def _page(passport: Passport, fits: Sequence[Fit], verdict: GearVerdict, created: str) -> Page:
     runs = passport.runs
     marks = marks_of(run.origin for run in runs)
-    counted = f"{len(runs)} {'run counts' if len(runs) == 1 else 'runs count'}"
+    are_counted = counted(len(runs), "run counts", "runs count")
     titles = [f"{definitions.title_of(fit.result.kind)}, run {fit.result.run}" for fit in fits]
     sources = list(zip(titles, map(provenance_of, fits), strict=True))
     sections = (
@@ -67,7 +68,7 @@ def _page(passport: Passport, fits: Sequence[Fit], verdict: GearVerdict, created
         created=created,
         version=program_version(),
         subtitle="Catalogue values of the newest runs, and every followed quantity over the life of the gear",
-        note=f"{counted} for this gear; they are listed in the annex.",
+        note=f"{are_counted} for this gear; they are listed in the annex.",
         facts=page_facts(
             [passport.gear],
             passport.serial,
@@ -114,10 +115,10 @@ def _chart_state(passport: Passport) -> State:
         sentence = "No run of this gear has an analysis with a quantity that is followed."
         return State("NOTHING TO FOLLOW", sentence)
     worst = next(state for state in _WORST if state in states)
-    counted = ", ".join(f"{states.count(state)} {state}" for state in _WORST if state in states)
+    by_state = ", ".join(f"{states.count(state)} {state}" for state in _WORST if state in states)
     told = " ".join(f"{one.sentence}. {one.decides}" for one in passport.alarms)
     charts = "one quantity" if len(states) == 1 else f"{len(states)} quantities"
-    sentence = f"{told} Of {charts} over time: {counted}.".strip()
+    sentence = f"{told} Of {charts} over time: {by_state}.".strip()
     return State(worst.upper(), sentence, tone_of(worst) or "muted")
 
 
@@ -125,8 +126,8 @@ def _warnings(passport: Passport) -> Iterator[tuple[str, str, str]]:
     """What is missing, and runs that do not count, as lines with a place to go to."""
     for title, concerns in (("Missing", passport.missing), ("Left out", passport.left_out)):
         for one in concerns:
-            what = f"{one.run}: {one.what}" if one.run else one.what
-            yield title, "parameters", f"{what}. {one.remedy}" if one.remedy else what
+            what = phrase("{}: ", one.run) + one.what + phrase(". {}", one.remedy)
+            yield title, "parameters", what
 
 
 def _parts(passport: Passport) -> Iterator[Section]:

@@ -11,6 +11,7 @@ from experiments.result import Plot, Series
 from rig.analysis.golden import FIRST, CheckedQuantity, Golden
 from rig.content.grid import Grid, capital, columns
 from rig.content.page import Page, Section, Signature, State
+from rig.content.phrase import phrase
 from rig.content.wording import number
 from rig.present.page import write_page
 from rig.present.report import drawn, marks_of, page_facts, program_version, shown
@@ -62,7 +63,7 @@ def difference_plot(one: CheckedQuantity) -> Plot:
         )
     ends = np.array([0.5, len(one.runs) + 0.5])
     series.append(Series(label="", x=ends, y=np.zeros(2), role="null"))
-    unit = f" [{one.shown_unit}]" if one.shown_unit else ""
+    unit = phrase(" [{}]", one.shown_unit)
     return Plot(
         name="golden",
         title=one.title,

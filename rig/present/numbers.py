@@ -16,7 +16,8 @@ from rig.content.grid import Grid, columns
 from rig.content.wording import laboratory_unit, number, order_label, printed_symbol, show
 
 if TYPE_CHECKING:
-    from model.gear import HarmonicDrive
+    from model.gear import HarmonicDrive, Value
+    from model.summary import Quantity as DerivedQuantity
 
 NOTHING = "–"
 COLUMNS = columns(
@@ -126,9 +127,9 @@ def _grid(
             (
                 row.title,
                 printed_symbol(row.symbol),
-                _text(stated.value, stated.unit, row.shown) if stated else NOTHING,
+                _cell(stated, row.shown),
                 stated.origin.provenance if stated else "",
-                _text(computed.value, computed.unit, row.shown) if computed else NOTHING,
+                _cell(computed, row.shown),
                 _identified(estimate, quantity),
             )
         )
@@ -140,14 +141,17 @@ def _orders(card: HarmonicDrive, fits: Sequence[Fit]) -> Grid:
     stated = {order_label(h.order, card.ratio): h for h in card.kinematic_error}
     lines = []
     for label in dict.fromkeys((*stated, *_told_orders(fits))):
-        harmonic = stated.get(label)
+        amplitude, provenance = NOTHING, ""
+        if harmonic := stated.get(label):
+            amplitude = _text(harmonic.amplitude, "rad", "arcsec")
+            provenance = _provenance(card, harmonic.order)
         estimate, quantity = _found(("kinematic-error", f"amplitude_{label}"), fits)
         lines.append(
             (
                 f"kinematic error, amplitude of order {label}",
                 "",
-                _text(harmonic.amplitude, "rad", "arcsec") if harmonic else NOTHING,
-                _provenance(card, harmonic.order) if harmonic else "",
+                amplitude,
+                provenance,
                 NOTHING,
                 _identified(estimate, quantity),
             )
@@ -185,6 +189,11 @@ def _identified(estimate: Estimate | None, quantity: Quantity | None) -> str:
         return "not identifiable"
     words = show(estimate, quantity or bare_quantity(estimate.name, estimate.unit)).with_uncertainty
     return f"{words} (weakly)" if estimate.identifiable == "weakly" else words
+
+
+def _cell(one: Value | DerivedQuantity | None, shown: str) -> str:
+    """A number that the card states or the model computes."""
+    return _text(one.value, one.unit, shown) if one else NOTHING
 
 
 def _text(value: float, unit: str, shown: str = "") -> str:

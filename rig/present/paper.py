@@ -15,6 +15,7 @@ from typing import Any
 
 from rig.content.grid import TONES, Grid, capital
 from rig.content.page import Page
+from rig.content.phrase import shortened
 from rig.content.wording import printable, unbroken
 from rig.present.typesetting import Document, set_pages
 
@@ -55,7 +56,7 @@ def paper_content(page: Page) -> dict[str, Any]:
         **plain(page),
         "words": page.words,
         "tone_of": TONES,
-        "heading_short": _breakable(printable(_shortened(page.heading))),
+        "heading_short": _breakable(printable(shortened(page.heading, _HEADING_LENGTH))),
     }
 
 
@@ -86,10 +87,6 @@ def plain(value: Any) -> Any:
     if isinstance(value, (list, tuple)):
         return [plain(one) for one in value]
     return value
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _HEADING_LENGTH else text[: _HEADING_LENGTH - 1] + "…"
 
 
 def _breakable(text: str) -> str:

@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from model.units import printed
 from rig.content.grid import Grid, columns
-from rig.content.wording import laboratory_unit, number, order_label, printed_symbol
+from rig.content.wording import laboratory_unit, number, order_label, printed_symbol, unit_text
 
 if TYPE_CHECKING:
     from model.gear import Harmonic, HarmonicDrive, Value
@@ -41,7 +40,7 @@ def _value_row(v: Value) -> tuple[str, ...]:
         printed_symbol(v.symbol),
         number(v.value, 0) if is_count else number(float(text), 6),
         number(u * float(text) / v.value, 2) if u is not None and v.value else "",
-        "" if unit == "1" else printed(unit),
+        unit_text(unit),
         v.origin.provenance,
         v.origin.source,
     )
@@ -52,15 +51,17 @@ def _order_row(gear: HarmonicDrive, harmonic: Harmonic) -> tuple[str, ...]:
 
     factor, unit = laboratory_unit("rad", harmonic.amplitude)
     origin = gear.origins.get(harmonic_path(harmonic.order))
-    u = origin.standard_uncertainty if origin else None
+    u, provenance, source = None, "", ""
+    if origin is not None:
+        u, provenance, source = origin.standard_uncertainty, origin.provenance, origin.source
     return (
         f"kinematic error, order {order_label(harmonic.order, gear.ratio)}: amplitude",
         "",
         number(harmonic.amplitude / factor),
         number(u / factor, 2) if u else "",
         unit,
-        origin.provenance if origin else "",
-        origin.source if origin else "",
+        provenance,
+        source,
     )
 
 

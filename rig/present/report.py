@@ -28,6 +28,7 @@ from rig.analysis.rows import (
 from rig.content.data import data_grid
 from rig.content.grid import Grid, capital, columns, tone_of
 from rig.content.page import Figure, Page, Section, Signature, State, annexes_of
+from rig.content.phrase import phrase, shortened
 from rig.content.wording import days_text, readable, show
 from rig.errors import RigError
 from rig.present import catalogue, definitions
@@ -101,9 +102,7 @@ def report_page(
     parts, plots = _parts(fits, models)
     sources = [(part.title, provenance_of(fit)) for part, fit in zip(parts, fits, strict=True)]
     runs = [fit.recording.metadata for fit in fits]
-    mounted = [f for f in fits if f.recording.metadata.gear_mounted] or fits
-    serials = [s for s in dict.fromkeys(f.recording.metadata.gear_serial for f in mounted) if s]
-    gears = list({f.gear.name: f.gear for f in mounted if f.gear_known}.values())
+    gears, serials = _tested(fits)
     sections = (
         *parts,
         *_numbers(fits),
@@ -131,6 +130,13 @@ def report_page(
         signature=signature_of(fits),
         run_line=run_line([m.run_id for m in runs]),
     )
+
+
+def _tested(fits: Sequence[Fit]) -> tuple[list[HarmonicDrive], list[str]]:
+    """The gears that were tested and their serial numbers, each once; of runs without a gear what they name."""
+    mounted = [f for f in fits if f.recording.metadata.gear_mounted] or fits
+    serials = [s for s in dict.fromkeys(f.recording.metadata.gear_serial for f in mounted) if s]
+    return list({f.gear.name: f.gear for f in mounted if f.gear_known}.values()), serials
 
 
 def shown(*grids: Grid | None) -> tuple[Grid, ...]:
@@ -187,10 +193,10 @@ def overall(verdict: GearVerdict, fits: Sequence[Fit] = ()) -> State:
         "FAIL": "At least one quantity breaks its limit by more than its expanded uncertainty.",
         "NOT JUDGED": "Nothing is claimed of the gear; the values stand for themselves.",
     }[verdict.verdict]
-    because = f" {capital('; '.join(verdict.because))}." if verdict.because else ""
+    because = phrase(" {}.", capital("; ".join(verdict.because)))
     broken = [f.recording.metadata for f in fits if f.recording.metadata.outcome in UNFINISHED]
     runs = ", ".join(f"{m.run_id} ({m.outcome})" for m in broken)
-    unfinished = f" Not every run reached its end: {runs}." if runs else ""
+    unfinished = phrase(" Not every run reached its end: {}.", runs)
     tone = tone_of(verdict.verdict) or "muted"
     return State(verdict.verdict, sentence + because + unfinished, tone)
 
@@ -214,18 +220,12 @@ def verdict_grid(verdict: GearVerdict) -> Grid:
 
 def _source(line: Verdict) -> str:
     doubts = "; ".join(words for words in (line.because, line.rests_on) if words)
-    because = f" ({doubts})" if doubts else ""
-    return f"{line.quantity.definition}; {whose_limit(line)}{because}"
+    return f"{line.quantity.definition}; {whose_limit(line)}{phrase(' ({})', doubts)}"
 
 
 def _file_grid(fits: Sequence[Fit]) -> Grid:
     """The run files that the report rests on, the tares among them, with their hashes whole."""
-    recordings = [
-        r
-        for f in fits
-        for r in (f.recording, f.tare.recording if f.tare else None)
-        if r is not None
-    ]
+    recordings = [r for f in fits for r in (f.recording, f.tare and f.tare.recording) if r]
     files = {r.metadata.run_id: r.metadata for r in recordings}
     rows = tuple(
         (m.run_id, m.outcome or "not stated", seal_words(m.is_sealed), m.sha256)
@@ -317,25 +317,21 @@ def run_line(runs: Sequence[str]) -> str:
     first and the last.
     """
     named = sorted(set(runs))
-    line = ("Run " if len(named) == 1 else "Runs ") + ", ".join(named)
-    if len(line) <= LONGEST_LINE or not named:
-        return line if named else ""
+    if not named:
+        return ""
     if len(named) == 1:
-        return _cut(line, LONGEST_LINE)
+        return shortened(f"Run {named[0]}", LONGEST_LINE)
+    line = f"Runs {', '.join(named)}"
+    if len(line) <= LONGEST_LINE:
+        return line
     most = LONGEST_LINE // 2 - 8
-    return f"{len(named)} runs, {_cut(named[0], most)} to {_cut(named[-1], most)}"
-
-
-def _cut(text: str, most: int) -> str:
-    """A text of no more letters than that; that something is cut off is seen."""
-    return text if len(text) <= most else f"{text[: most - 1]}…"
+    return f"{len(named)} runs, {shortened(named[0], most)} to {shortened(named[-1], most)}"
 
 
 def _place(fit: Fit) -> tuple[int, str]:
-    """Parts stand in the order of the catalogue."""
-    kinds, kind = experiments_catalogue.kinds(), fit.result.kind
-    place = kinds.index(kind) if kind in kinds else len(kinds)
-    return place, fit.recording.metadata.start_time
+    """Parts stand in the order of the catalogue, behind all of it what it does not have."""
+    kind = fit.result.kind
+    return [*experiments_catalogue.kinds(), kind].index(kind), fit.recording.metadata.start_time
 
 
 def _alarms(sources: Sequence[Provenance], serials: Sequence[str]) -> tuple[str, ...]:
@@ -409,7 +405,7 @@ def figures_of(plots: Sequence[Plot], origin: str, before: int) -> list[tuple[Fi
         is_odd_one = siblings[plot.figure] % 2 and plot.figure not in begun
         half = siblings[plot.figure] >= 3 and not is_odd_one
         begun.add(plot.figure)
-        after = f"cf. figure {plot.figure} of the paper" if plot.figure else ""
+        after = phrase("cf. figure {} of the paper", plot.figure)
         figures_and_plots.append((drawn(plot, origin, number, half=half, after=after), plot))
     return figures_and_plots
 
@@ -423,7 +419,7 @@ def _paper_grid(figures_and_plots: Sequence[tuple[Figure, Plot]], *, whole: bool
             str(f.number) for f, plot in figures_and_plots if number in _figure_numbers(plot.figure)
         ]
         if here or whole:
-            words = f"Figure {', '.join(here)}" if here else f"needs a {kind} run"
+            words = phrase("Figure {}", ", ".join(here)) or f"needs a {kind} run"
             rows.append((number, figure.shows, words))
     heads = columns(("paper", "number"), "what it shows", ("here", "figure"))
     return Grid("Figures after the paper", heads, rows)

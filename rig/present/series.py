@@ -49,6 +49,11 @@ class Look:
     behind: bool = False
     """Whether it lies under everything else, in a thin line."""
 
+    @property
+    def zorder(self) -> float:
+        """How far up its line lies."""
+        return 1.6 if self.behind else 2.4
+
 
 def look_of(all_series: Sequence[Series], number: int, logarithmic: bool) -> Look:
     series = all_series[number]
@@ -97,7 +102,7 @@ def _line(axes: Axes, series: Series, look: Look, bins: int) -> None:
         lw=width,
         color=look.colour,
         label=series.label,
-        zorder=1.6 if look.behind else 2.4,
+        zorder=look.zorder,
     )
 
 
@@ -111,29 +116,21 @@ def _steps(axes: Axes, series: Series, look: Look, bins: int) -> None:
         lw=0.8 if look.behind else 1.1,
         color=look.colour,
         label=series.label,
-        zorder=1.6 if look.behind else 2.4,
+        zorder=look.zorder,
     )
 
 
 def _points(axes: Axes, series: Series, look: Look, bins: int) -> None:
     many, crowded = len(series.y) > _VECTOR_POINTS, len(series.y) > CROWDED_POINTS
-    rows = scatter_rows(series.x, series.y) if many else np.arange(len(series.y))
-    size = 2.6 if crowded else 3.4
-    if many:
-        size = 1.2
+    rows = np.arange(len(series.y))
     # Points lie under lines: where there are many of them the curve through them must still be seen.
-    style: dict[str, Any] = {
-        "ls": "none",
-        "marker": "o" if crowded else look.marker,
-        "ms": size,
-        "zorder": 2.0,
-    }
-    style |= {
-        "color": look.colour,
-        "mfc": look.colour if crowded else "white",
-        "label": series.label,
-    }
-    style["mew"] = 0.0 if crowded else 0.7
+    style: dict[str, Any] = {"ls": "none", "marker": look.marker, "ms": 3.4, "mew": 0.7}
+    style |= {"color": look.colour, "mfc": "white", "label": series.label, "zorder": 2.0}
+    if crowded:
+        style |= {"marker": "o", "ms": 2.6, "mew": 0.0, "mfc": look.colour}
+    if many:
+        rows = scatter_rows(series.x, series.y)
+        style["ms"] = 1.2
     if series.low is None or series.high is None or many:
         axes.plot(
             series.x[rows], series.y[rows], rasterized=many, alpha=0.55 if crowded else 1.0, **style

@@ -63,14 +63,14 @@ class Chain:
     def append(self, path: Path, row: Mapping[str, Any]) -> None:
         """Write one more line, to the disk. Raises `RunFileError`."""
         try:
-            kept = path.read_bytes() if path.exists() else b""
-            whole = kept[: kept.rfind(b"\n") + 1]
-            lines = whole.split(b"\n")[:-1]
-            before = hashlib.sha256(lines[-1]).hexdigest() if lines else ""
-            with path.open("r+b" if path.exists() else "xb") as file:
+            with path.open("a+b") as file:
+                file.seek(0)
+                kept = file.read()
+                whole = kept[: kept.rfind(b"\n") + 1]
+                lines = whole.split(b"\n")[:-1]
+                before = "".join(hashlib.sha256(line).hexdigest() for line in lines[-1:])
                 # A line that was cut off is taken away: the next one would be glued to it.
                 file.truncate(len(whole))
-                file.seek(len(whole))
                 file.write(json.dumps({**row, BEFORE: before}, ensure_ascii=False).encode() + b"\n")
                 file.flush()
                 os.fsync(file.fileno())

@@ -17,6 +17,7 @@ import numpy as np
 from drivers.samples import CycleFlag
 from experiments.finding import Finding, Severity, first_blocking, passed_if
 from experiments.recording import Recording
+from rig.content.phrase import phrase
 from rig.errors import RunFileError
 from rig.runfile import layout
 from rig.runfile.header import ORIGIN_WORDS
@@ -141,7 +142,7 @@ def _check_rows(_: Recording, source: FileSource) -> Iterator[Finding]:
     counted = dict.fromkeys(CycleFlag, 0)
     flagged = gaps = missing = backwards = 0
     first_backwards = -1
-    last_cycle = last_time = None
+    cycle_before, time_before = source.cycles(0, 1) - 1, source.time_ns(0, 1) - 1
     for first in range(0, source.rows, BLOCK_ROWS):
         stop = min(first + BLOCK_ROWS, source.rows)
         cycles, times, flags = (
@@ -153,30 +154,27 @@ def _check_rows(_: Recording, source: FileSource) -> Iterator[Finding]:
             flagged += int(np.count_nonzero(flags & ~np.uint16(CycleFlag.HOST_TIME)))
             for flag in counted:
                 counted[flag] += int(np.count_nonzero(flags & np.uint16(flag)))
-        steps = np.diff(cycles, prepend=cycles[0] - 1 if last_cycle is None else last_cycle)
+        steps = np.diff(cycles, prepend=cycle_before)
         gaps += int(np.count_nonzero(steps != 1))
         missing += int((steps - 1)[steps > 1].sum())
-        runs = np.diff(times, prepend=times[0] - 1 if last_time is None else last_time)
+        runs = np.diff(times, prepend=time_before)
         wrong = np.flatnonzero(runs <= 0)
         if len(wrong) and first_backwards < 0:
             first_backwards = first + int(wrong[0])
         backwards += len(wrong)
-        last_cycle, last_time = cycles[-1], times[-1]
+        cycle_before, time_before = cycles[-1:], times[-1:]
     parts = ", ".join(
         f"{str(flag.name).lower()} {count}" for flag, count in counted.items() if count
     )
-    share = f"{flagged} of {source.rows} cycles flagged" + (f" ({parts})" if parts else "")
-    holes = f"{gaps} gaps in the cycle index, {missing} cycles missing"
+    share = f"{flagged} of {source.rows} cycles flagged{phrase(' ({})', parts)}"
+    holes = phrase("{} gaps in the cycle index, {} cycles missing", gaps, missing)
     yield passed_if(
-        "sequence",
-        not gaps,
-        holes if gaps else "every cycle has its row",
-        otherwise=Severity.WARNS,
+        "sequence", not gaps, holes or "every cycle has its row", otherwise=Severity.WARNS
     )
-    turned = f"time does not increase at {backwards} rows, first at row {first_backwards}"
-    yield passed_if(
-        "time", not backwards, turned if backwards else "time increases from row to row"
+    turned = phrase(
+        "time does not increase at {} rows, first at row {}", backwards, first_backwards
     )
+    yield passed_if("time", not backwards, turned or "time increases from row to row")
     yield passed_if("flags", not flagged, share, otherwise=Severity.WARNS)
 
 

@@ -20,7 +20,7 @@ from rig.runfile import layout
 CHECKSUM = f"{layout.PROCESS}/closing_checksum"
 _LENGTHS = {"end_time": 48, "outcome": 32, "status": 32}
 ACQUISITION = "acquisition"
-_VERDICTS_WRITTEN_BEFORE = ("PASS", "MARGINAL", "FAIL")
+_OUTCOMES_NOW: dict[str, str] = dict.fromkeys(("PASS", "MARGINAL", "FAIL"), "COMPLETED")
 """What versions up to 0.2.0 wrote as the outcome of a run that was brought to its end."""
 LONGEST_ACQUISITION = 12_000
 """Bytes of JSON that the figures of the acquisition may take."""
@@ -38,12 +38,9 @@ class Closing:
     @property
     def checksum(self) -> int:
         """CRC-32 of the three words, and of the acquisition where there is one."""
-        words = (
-            self.end_time,
-            self.outcome,
-            self.status,
-            *([self.acquisition] if self.acquisition else []),
-        )
+        words = [self.end_time, self.outcome, self.status]
+        if self.acquisition:
+            words.append(self.acquisition)
         return zlib.crc32("\n".join(words).encode())
 
 
@@ -96,22 +93,21 @@ def read_closing(file: h5py.File) -> Closing:
 
 def outcome_read(word: str) -> str:
     """The outcome that a word in a file stands for: a verdict was written of a run that reached its end."""
-    return "COMPLETED" if word in _VERDICTS_WRITTEN_BEFORE else word
+    return _OUTCOMES_NOW.get(word, word)
 
 
 def acquisition_text(figures: Mapping[str, object]) -> str:
     """The figures of the acquisition as JSON; groups of figures that would not fit are left out and named."""
+    if not figures:
+        return ""
     remaining = dict(figures)
     left: list[str] = []
-    while (
-        len(
-            (text := layout.to_json({**remaining, **({"left_out": left} if left else {})})).encode()
-        )
-        > LONGEST_ACQUISITION
-    ):
+    text = layout.to_json(remaining)
+    while len(text.encode()) > LONGEST_ACQUISITION:
         left.append(max(remaining, key=lambda name: len(layout.to_json(remaining[name]))))
         del remaining[left[-1]]
-    return text if figures else ""
+        text = layout.to_json({**remaining, "left_out": left})
+    return text
 
 
 def _process(file: h5py.File) -> h5py.Group:

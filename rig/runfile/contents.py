@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from experiments.recording import Event, Recording, Segment
 from model.units import RPM
 from rig.content.grid import Grid, columns, number_columns
+from rig.content.phrase import phrase
 
 
 def channel_ranges(recording: Recording) -> dict[str, tuple[float, float]]:
@@ -28,7 +29,7 @@ def channel_grid(recording: Recording) -> Grid:
     rows = []
     for name, (low, high) in channel_ranges(recording).items():
         signal = recording.signals[name]
-        quantum = f"{signal.quantum:.4g}" if signal.quantum else "–"
+        quantum = phrase("{:.4g}", signal.quantum) or "–"
         rows.append((name, signal.long_name, signal.unit, quantum, f"{low:.6g}", f"{high:.6g}"))
     heads = columns("channel", "what", ("unit", "unit"))
     numbers = number_columns("one count", "minimum", "maximum")
@@ -44,7 +45,7 @@ def segment_grid(segments: Sequence[Segment], title: str = "Segments") -> Grid:
             str(one.start),
             str(one.stop),
             f"{one.setpoint:.6g}",
-            f"{one.setpoint / RPM:.5g}" if one.setpoint else "–",
+            phrase("{:.5g}", one.setpoint / RPM) or "–",
             f"{one.direction:+d}",
             str(one.repeat),
         )

@@ -48,7 +48,7 @@ class PartBytes:
     @property
     def beyond(self) -> int:
         """Bytes behind the stated end: what was written after the last flush, and nothing points to."""
-        return max(self.size - self.end, 0) if self.end else self.size
+        return max(self.size - self.end, 0)
 
     @property
     def has_no_header(self) -> bool:

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from experiments.recording import Recording
+from rig.content.phrase import phrase
 from rig.errors import RunFileError
 from rig.extras import optional
-from rig.runfile.header import ORIGIN_WORDS
+from rig.runfile.header import ORIGIN_WORDS, gear_name
 
 BLOCK_ROWS = 16384
 _TIME_DECIMALS = 9
@@ -143,7 +144,7 @@ def _matlab_content(recording: Recording) -> dict[str, Any]:
         "outcome": m.outcome,
         "start_time": m.start_time,
         "operator": m.operator,
-        "gear": m.gear.name if m.gear else "",
+        "gear": gear_name(m),
         "gear_serial": m.gear_serial,
         "ratio": m.ratio,
         "mounting": m.mounting_said,
@@ -199,13 +200,13 @@ def _description(recording: Recording) -> Iterator[str]:
     """What the run is, one line at a time, for the head of an export."""
     m = recording.metadata
     mark = _origin_note(recording)
-    yield f"harmonic-rig export of run {m.run_id}" + (f": {mark}" if mark else "")
+    yield f"harmonic-rig export of run {m.run_id}{phrase(': {}', mark)}"
     if mark:
         yield f"{mark}: these are not measurements of this rig"
     yield f"protocol: {m.experiment or '-'}, outcome: {m.outcome or '-'}, operator: {m.operator or '-'}"
     yield f"started: {m.start_time or '-'}, ended: {m.end_time or '-'}"
     ratio = "" if math.isnan(m.ratio) else f", ratio {m.ratio:g}"
-    yield f"gear: {m.gear.name if m.gear else '-'}, serial {m.gear_serial or '-'}{ratio}, mounting {m.mounting_said}"
+    yield f"gear: {gear_name(m) or '-'}, serial {m.gear_serial or '-'}{ratio}, mounting {m.mounting_said}"
     yield f"sample rate: {m.sample_rate:g} Hz, time base: {m.time_base}, SHA-256 of the run: {m.seal}"
     yield "SI units; angles as each encoder counts them; flags: 0 is a complete cycle on time; segment: -1 is none"
 

@@ -15,6 +15,7 @@ from experiments.parameters import parameter_fields
 from experiments.recording import Recording, RunMetadata
 from model.units import printed
 from rig.content.grid import Fact
+from rig.content.phrase import phrase
 from rig.content.wording import named, quantity_text, value_text
 from rig.program import EXTENSIONS, PROGRAM_KEYS, brought_by
 
@@ -56,9 +57,8 @@ def run_facts(recording: Recording) -> tuple[Fact, ...]:
     program = {name: process.pop(name) for name in PROGRAM_KEYS if name in process}
     for number, one in enumerate(brought_by({EXTENSIONS: process.pop(EXTENSIONS, ())}), 1):
         program[f"another package {number}"] = one
-    figures = m.process.get("acquisition")
     acquired = {"origin": m.origin, "time base": m.time_base, "sample rate": m.sample_rate}
-    acquired |= process | dict(figures if isinstance(figures, Mapping) else {})
+    acquired |= process | dict(figures_of(m.process.get("acquisition")))
     run = {"run": m.run_id, "start": m.start_time, "end": m.end_time, "outcome": m.outcome}
     return (
         *flat("run", run | {"rows": recording.rows, "file": m.seal}),
@@ -71,6 +71,11 @@ def run_facts(recording: Recording) -> tuple[Fact, ...]:
         *flat("versions", program),
         *flat("acquisition", acquired),
     )
+
+
+def figures_of(value: object) -> Mapping[str, Any]:
+    """A group of figures as a run keeps them; empty for what is none."""
+    return value if isinstance(value, Mapping) else {}
 
 
 def flat(
@@ -95,9 +100,9 @@ def parameter_facts(protocol: str, values: Mapping[str, Any]) -> Iterator[Fact]:
         return flat("parameters", values)
     fields = parameter_fields(experiment.parameters)
     units = {field.name: field.unit for field in fields}
-    files = {field.name for field in fields if field.content and values.get(field.name)}
-    short = {n: content_in_words(str(v)) if n in files else v for n, v in values.items()}
-    return flat("parameters", short, units)
+    files = [field.name for field in fields if field.content and values.get(field.name)]
+    short = {name: content_in_words(str(values[name])) for name in files}
+    return flat("parameters", {**values, **short}, units)
 
 
 def content_in_words(content: str) -> str:
@@ -112,7 +117,7 @@ def limit_facts(limits: Mapping[str, Any]) -> Iterator[Fact]:
         if isinstance(limit, Mapping) and isinstance(limit.get("value"), (int, float)):
             text = quantity_text(limit["value"], str(limit.get("unit", "")))
             said = [str(limit[key]) for key in ("tier", "origin", "provenance") if limit.get(key)]
-            text += f" ({', '.join(said)})" if said else ""
+            text += phrase(" ({})", ", ".join(said))
         yield Fact(named(name)[0], text, "", "limits", name)
 
 
@@ -176,7 +181,9 @@ def _calibration_facts(recording: Recording) -> Iterator[Fact]:
 
 
 def _stated(value: float | None, unit: str = "") -> str:
-    return plain(value) if value is None else f"{plain(value)} {unit}".rstrip()
+    if value is None:
+        return plain(value)
+    return f"{plain(value)} {unit}".rstrip()
 
 
 def temperature_ranges(recording: Recording) -> dict[str, tuple[float, float, float]]:

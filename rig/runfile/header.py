@@ -119,8 +119,8 @@ def _write_sample(file: h5py.File, metadata: RunMetadata) -> None:
     sample = layout.create_group(file, layout.SAMPLE, "NXsample")
     gear = metadata.gear
     texts = {
-        "name": gear.name if gear else "",
-        "part_number": gear.name if gear else "",
+        "name": gear_name(metadata),
+        "part_number": gear_name(metadata),
         "serial_number": metadata.gear_serial,
         "mounting": metadata.mounting,
     }
@@ -136,6 +136,11 @@ def _write_sample(file: h5py.File, metadata: RunMetadata) -> None:
     if gear is not None:
         layout.create_field(sample, "gear_parameters", layout.to_json(gear_to_mapping(gear)))
         layout.create_field(sample, "gear_parameters_toml", gear_to_toml(gear))
+
+
+def gear_name(metadata: RunMetadata) -> str:
+    """What the gear of a run is called; "" where nobody said which one it is."""
+    return metadata.gear.name if metadata.gear else ""
 
 
 def _write_instrument(file: h5py.File, header: RunHeader) -> None:
@@ -328,12 +333,13 @@ def _says_zero(file: h5py.File, certificate: str) -> bool:
     return [int(part) for part in version] >= [1, 2] or certificate.startswith("simulated")
 
 
-def _stated(stored: h5py.Group, *, zero_is_said: bool) -> dict[str, float | None]:
-    """The numbers of a calibration; None for one that nobody stated."""
+def _stated(stored: h5py.Group, *, zero_is_said: bool) -> dict[str, float]:
+    """The numbers of a calibration that somebody stated."""
     numbers = {key: layout.read_number(stored, key, math.nan) for key in _NUMBERS}
     return {
-        key: None if math.isnan(number) or (number == 0.0 and not zero_is_said) else number
+        key: number
         for key, number in numbers.items()
+        if not math.isnan(number) and (number != 0.0 or zero_is_said)
     }
 
 

@@ -198,7 +198,7 @@ def read_text(group: h5py.Group, name: str) -> str:
     field = _open_field(group, name)
     if field is None:
         return ""
-    kind = field.get_type() if isinstance(field, h5d.DatasetID) else None
+    kind = _type_of(field)
     is_text = kind is not None and kind.get_class() == h5t.STRING and not kind.is_variable_str()
     if kind is None or not is_text or field.shape not in ((), (1,)):
         raise RunFileError("is not a text", where=f"{group.name}/{name}")
@@ -215,7 +215,7 @@ def read_number(group: h5py.Group, name: str, default: float) -> float:
     field = _open_field(group, name)
     if field is None:
         return default
-    kind = field.get_type() if isinstance(field, h5d.DatasetID) else None
+    kind = _type_of(field)
     if kind is None or kind.get_class() not in (h5t.INTEGER, h5t.FLOAT) or field.shape != ():
         raise RunFileError("is not a number", where=f"{group.name}/{name}")
     value = np.empty((), kind.dtype)
@@ -228,6 +228,11 @@ def _open_field(group: h5py.Group, name: str) -> Any:
     in half the time."""
     raw = name.encode()
     return h5o.open(group.id, raw) if raw in group.id else None
+
+
+def _type_of(field: Any) -> Any:
+    """The type in which a field is stored; None for what is no dataset."""
+    return field.get_type() if isinstance(field, h5d.DatasetID) else None
 
 
 def number_attribute(item: h5py.Group | h5py.Dataset, name: str) -> float:

@@ -23,7 +23,7 @@ from model.gear import Mounting
 from rig.errors import RigError
 from rig.runfile import layout
 from rig.runfile.closing import ACQUISITION, CHECKSUM, Closing, outcome_read
-from rig.runfile.header import check_format
+from rig.runfile.header import check_format, gear_name
 from rig.runfile.layout import PART_SUFFIX
 from rig.runfile.opening import require_hdf5
 from rig.runfile.read import glance
@@ -92,7 +92,7 @@ def _carefully(path: Path) -> _Listing:
         run_id=m.run_id,
         protocol=m.experiment,
         gear_serial=m.gear_serial,
-        gear=m.gear.name if m.gear is not None else "",
+        gear=gear_name(m),
         ratio=m.ratio,
         operator=m.operator,
         start=m.start_time,

@@ -12,8 +12,9 @@ from model.channel import Calibration
 from model.gear import HarmonicDrive
 from model.units import DEGREE, RPM
 from rig.content.grid import Fact, Grid, capital, columns
+from rig.content.phrase import phrase
 from rig.content.wording import named, number
-from rig.runfile.facts import flat, temperature_ranges
+from rig.runfile.facts import figures_of, flat, temperature_ranges
 
 EXPIRED = "EXPIRED WHEN THE RUN BEGAN"
 CALIBRATED = frozenset({"input_angle", "output_angle", "torque"})
@@ -50,7 +51,9 @@ def conditions_of(recording: Recording, gear: HarmonicDrive | None) -> tuple[Fac
 def _range(low: float, high: float) -> str:
     if low > high:
         return "not recorded"
-    return f"{low:.1f} to {high:.1f} °C" if high - low >= 0.05 else f"{low:.1f} °C"
+    if high - low >= 0.05:
+        return f"{low:.1f} to {high:.1f} °C"
+    return f"{low:.1f} °C"
 
 
 def _setpoints(recording: Recording) -> Iterator[tuple[str, str]]:
@@ -77,35 +80,34 @@ def world_facts(world: object) -> tuple[Fact, ...]:
     if not isinstance(world, Mapping):
         return ()
     start = world["start"]
-    turned = _turned(world)
-    hours, correlation = world.get("hours", 0.0), world.get("day_correlation")
+    correlation = world.get("day_correlation")
     warm = ", ".join(f"{name} {start[name]:.1f} degC" for name in start if name != "run")
     parts = (
         f"gear {world['gear_seed']}",
-        f" after {hours:g} h" if hours else "",
+        phrase(" after {:g} h", world.get("hours")),
         f", bench {world['bench_seed']}, mounting {world['mount']}",
-        "" if turned is None else f" turned by {turned:g} deg",
+        _turned(world["mount_turn"], is_said_by_any="version" in world),
         f", day {world['day']}",
         "" if correlation is None else f" (days correlated by {correlation:g})",
         f", number {world['number']}, {world['population']} population; starts as ",
-        f"run {start['run']} ended ({warm})" if warm else "warm as the room",
-        f"; repeats {world['repeats']}" if "repeats" in world else "",
+        phrase("run {1} ended ({0})", warm, start.get("run")) or "warm as the room",
+        phrase("; repeats {}", world.get("repeats")),
     )
     return (Fact("world", "".join(parts), "", "acquisition"),)
 
 
-def _turned(world: Mapping[str, Any]) -> float | None:
-    """The stated angle of a gear on the output flange [deg]; version 0.2.0 wrote 0 where nobody had stated one."""
-    turn = world["mount_turn"]
-    return math.degrees(turn) if turn or (turn is not None and "version" in world) else None
+def _turned(turn: float | None, *, is_said_by_any: bool) -> str:
+    """The stated angle of a gear on the output flange; version 0.2.0 wrote 0 where nobody had stated one."""
+    if turn is None or not (turn or is_said_by_any):
+        return ""
+    return f" turned by {math.degrees(turn):g} deg"
 
 
 def late_words(metadata: RunMetadata) -> str:
     """What to blame where an analysis of time is refused: a computer that came too late and stamps the rows itself; ""
     where it did not, or where the hardware's clock stamps them.
     """
-    figures = metadata.process.get("acquisition")
-    overruns = figures.get("overruns", 0.0) if isinstance(figures, Mapping) else 0.0
+    overruns = figures_of(metadata.process.get("acquisition")).get("overruns", 0.0)
     if metadata.time_base != "host" or not overruns:
         return ""
     return (
@@ -158,7 +160,7 @@ def acquisition_facts(figures: object) -> Iterator[Fact]:
 
 
 def _groups(value: object) -> list[tuple[str, Mapping[str, Any]]]:
-    groups = value.items() if isinstance(value, Mapping) else ()
+    groups = figures_of(value).items()
     return [(name, group) for name, group in groups if isinstance(group, Mapping)]
 
 

@@ -255,10 +255,11 @@ def _copy(source: h5py.File, target: Path) -> _Copied:
         segments, events = layout.create_tables(file)
         notes += _copy_segments(source, segments, rows)
         last_ns = int(datasets[TIME][rows - 1]) if rows else 0
+        told: list[str] = []
         if not is_complete:
             end_time = closing.end_time or (iso_time(last_ns) if rows else "")
             closing = Closing(end_time, "INTERRUPTED", layout.RECOVERED)
-        told = [] if is_complete else [*notes, f"recovered {rows} rows of a run cut off"]
+            told = [*notes, f"recovered {rows} rows of a run cut off"]
         _copy_events(source, events, told, last_ns)
         _finish(source, file, rows, closing)
     return _Copied(rows, unread, closing.outcome, tuple(notes), is_complete)
@@ -328,7 +329,7 @@ def _copy_segments(source: h5py.File, target: h5py.Dataset, rows: int) -> list[s
     if not isinstance(table, h5py.Dataset) or table.dtype != layout.SEGMENT_TYPE:
         raise RunFileError("the table of segments is missing or damaged")
     segments: Any = table[:]
-    inside = segments[segments["start"] < rows] if len(segments) else segments
+    inside = segments[segments["start"] < rows]
     open_or_long = (inside["stop"] == layout.OPEN_STOP) | (inside["stop"] > rows)
     notes = [
         f"segment {row['index']} ({row['label'].decode()}) ends with the last row"

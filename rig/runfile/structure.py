@@ -60,14 +60,29 @@ class _Stored:
     grows: bool
 
     @property
+    def rows(self) -> int:
+        """Rows that it says it has; one where it has no dimension."""
+        return self.shape[0] if self.shape else 1
+
+    @property
     def claimed(self) -> int:
         """Bytes that it says it has."""
-        return self.itemsize * (self.shape[0] if self.shape else 1)
+        return self.itemsize * self.rows
 
     @property
     def chunks(self) -> int:
         """Chunks that its rows need."""
         return -(-self.shape[0] // self.chunk) if self.chunk else 0
+
+    @property
+    def slack(self) -> int:
+        """Chunks that a growing column may still be without: one there may be claimed and not yet stored."""
+        return _SLACK_CHUNKS * self.grows
+
+    @property
+    def slack_bytes(self) -> int:
+        """The same in bytes."""
+        return self.slack * self.chunk * self.itemsize
 
     @property
     def is_column(self) -> bool:
@@ -108,7 +123,7 @@ _ChunkRule = tuple[str, Callable[[_Stored, _Chunks], bool]]
 _CHUNK_RULES: Final[tuple[_ChunkRule, ...]] = (
     (
         "has rows that were never stored",
-        lambda d, c: d.chunks > c.count + (_SLACK_CHUNKS if d.grows else 0),
+        lambda d, c: d.chunks > c.count + d.slack,
     ),
     ("is cut off: its rows lie beyond the end of the file", lambda d, c: c.end > d.file_size),
     (
@@ -117,12 +132,13 @@ _CHUNK_RULES: Final[tuple[_ChunkRule, ...]] = (
     ),
     (
         "unpacks to more than gzip can pack",
-        lambda d, c: d.claimed > LARGEST_RATIO * (c.stored + _slack(d)),
+        lambda d, c: d.claimed > LARGEST_RATIO * (c.stored + d.slack_bytes),
     ),
     (
         "has more time stamps than can be packed into its bytes",
         lambda d, c: (
-            d.path == f"{DATA}/{TIME}" and d.claimed > LARGEST_TIME_RATIO * (c.stored + _slack(d))
+            d.path == f"{DATA}/{TIME}"
+            and d.claimed > LARGEST_TIME_RATIO * (c.stored + d.slack_bytes)
         ),
     ),
 )
@@ -278,14 +294,8 @@ def _are_ours(filters: tuple[int, ...]) -> bool:
     return filters == tuple(one for one in FILTERS if one in filters)
 
 
-def _slack(d: _Stored) -> int:
-    """Bytes that a growing column may still be without: a chunk there may be claimed and not yet stored."""
-    return _SLACK_CHUNKS * d.chunk * d.itemsize if d.grows else 0
-
-
 def _described(d: _Stored) -> str:
-    rows = d.shape[0] if d.shape else 1
-    return f"{rows} rows, {d.claimed} bytes in a file of {d.file_size}"
+    return f"{d.rows} rows, {d.claimed} bytes in a file of {d.file_size}"
 
 
 def _refuse(what: str, path: str, value: object = None, limit: object = "") -> None:

@@ -38,6 +38,8 @@ _CHUNK_CACHE = 256 * 1024
 library's own 8 MB per
 column would grow for half an hour of every run."""
 _INT32 = np.iinfo(np.int32)
+_BUFFERS = {"float64": np.float64}
+"""What the numbers of a column are taken in until they are written, by its type; counts in 64 bits."""
 
 
 class RunWriter:
@@ -59,7 +61,7 @@ class RunWriter:
             np.empty(chunk_rows, np.int64),
         ]
         self._buffers.append(np.empty(chunk_rows, np.uint16))
-        kinds = [np.float64 if column.dtype == "float64" else np.int64 for column in header.columns]
+        kinds = [_BUFFERS.get(column.dtype, np.int64) for column in header.columns]
         self._buffers += [np.empty(chunk_rows, kind) for kind in kinds]
         self._start = self._filled = self._stored = 0
         self._next_cycle: int | None = None
@@ -70,7 +72,7 @@ class RunWriter:
         self._dropped = 0
         self._failure: RunFileError | None = None
         self._file, self._datasets = self._create(header)
-        self._chunks = [ChunkWriter(dataset) for dataset in self._datasets] if compress else []
+        self._chunks = [ChunkWriter(dataset) for dataset in self._datasets if compress]
         self._release = hold_while_writing(self.part)
 
     def _create(self, header: RunHeader) -> tuple[h5py.File, list[h5py.Dataset]]:

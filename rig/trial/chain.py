@@ -112,17 +112,10 @@ def _acceptance(name: str, sha256: str, by: Path) -> Link:
         found = shipped_acceptance(name).sha256
     except RigError as error:
         return Link("acceptance", Severity.WARNS, str(error), where=name)
-    same = found == sha256
-    text = (
-        f"ok, named by {by.name}" if same else f"is another one in this version than for {by.name}"
-    )
-    return Link(
-        "acceptance",
-        Severity.PASSED if same else Severity.WARNS,
-        text,
-        where=name,
-        sha256=found,
-    )
+    severity, text = Severity.PASSED, f"ok, named by {by.name}"
+    if found != sha256:
+        severity, text = Severity.WARNS, f"is another one in this version than for {by.name}"
+    return Link("acceptance", severity, text, where=name, sha256=found)
 
 
 def _run_of(path: Path, done: journals.DoneStage) -> Iterator[Link]:

@@ -17,6 +17,7 @@ from model.errors import WordedError
 from rig.analysis.store import analysis_folder
 from rig.analysis.tare import tare_kind
 from rig.bench.commissioning import is_sealed_record
+from rig.content.phrase import phrase
 from rig.errors import ChangedRunError, RigError
 from rig.gears import card as cards
 from rig.gears import card_places
@@ -54,14 +55,14 @@ def _manifest_of_folder(folder: Path, serial: str = "") -> Manifest:
         raise _NothingToListError(
             "there is no evidence to list",
             where=str(folder),
-            value=f"gear {serial}" if serial else "no run, no card, no certificate",
+            value=phrase("gear {}", serial) or "no run, no card, no certificate",
             remedy="Serial numbers are compared letter for letter; `rig runs` lists what is there.",
         )
     return Manifest.made_of(_of(serial), _entries_of(found, folder))
 
 
 def _of(serial: str) -> str:
-    return f"gear {serial}" if serial else "a folder of runs"
+    return phrase("gear {}", serial) or "a folder of runs"
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,7 @@ class HeldManifest:
             return None
         lost = [f"missing: {entry.name}" for entry in self.changes.missing]
         lost += [f"changed: {entry.name}" for entry, _ in self.changes.changed]
-        more = f", and {len(lost) - 1} more" if len(lost) > 1 else ""
+        more = phrase(", and {} more", len(lost[1:]))
         return ChangedRunError(
             "files are not as the manifest lists them",
             where=str(self.file),

@@ -159,6 +159,17 @@ def test_benches_beside_each_other(lot: Lot) -> None:
     assert a.difference == (pytest.approx(-b.difference[0]), pytest.approx(b.difference[1]))
 
 
+def test_a_text_that_another_program_left_out_is_an_empty_one(tmp_path: Path) -> None:
+    """A row without its bench, as a column of another writer holds it, stands beside those that have one."""
+    rows = rows_of(write_lot(tmp_path / "whole", 12))
+    append(tmp_path / "lacking", [row | {"bench": None} for row in rows[::2]] + rows[1::2])
+    lot = lot_of(tmp_path / "lacking")
+    benches = {row.bench for quantity in lot.quantities for row in quantity.rows}
+    assert "" in benches
+    assert None not in benches
+    assert all(isinstance(one.bench, str) for one in by_bench(lot.quantities[0]))
+
+
 def test_a_drift_is_found_with_its_interval_and_not_told_of_two_days(tmp_path: Path) -> None:
     folder = write_lot(tmp_path / "made")
     first = min(row["started"] for row in rows_of(folder) if row["started"])

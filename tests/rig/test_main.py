@@ -11,10 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import BusLostError, DriverError
+from experiments import catalogue
 from experiments.errors import AnalysisError, PlanError
 from model.errors import ModelError, ParameterError
 from rig import exits, main
 from rig.errors import LimitError, RigError, RunFileError
+from rig.trial.drill.rigs import CARRIERS
 from tests.rig.test_one_verdict import judged, random_store
 
 HEAVY = ("numpy", "scipy", "h5py", "numba", "matplotlib", "pydantic")
@@ -120,6 +122,19 @@ def test_every_command_has_help_worth_reading() -> None:
         "print('fine')"
     )
     assert run_python(code).stdout.strip() == "fine"
+
+
+def test_help_names_every_kind_of_fit_and_every_carrier_of_a_drill() -> None:
+    """What a text lists that a table lists as well."""
+
+    def help_of(*command: str) -> str:
+        shown = CliRunner().invoke(main.app, [*command, "--help"]).output
+        return " ".join(shown.replace("│", " ").split())
+
+    named = help_of("fit")
+    assert [kind for kind in catalogue.kinds() if kind not in named] == []
+    named = help_of("sim", "drill")
+    assert [carrier for carrier in CARRIERS if carrier not in named] == []
 
 
 def test_help_is_broken_into_lines_by_the_terminal_alone() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from rig.analysis.alarm.promise import Promise, Watching
@@ -20,21 +21,14 @@ def watching_in_force(
     that no threshold can be drawn for.
     """
     path = config or (DEFAULT_PATH if DEFAULT_PATH.is_file() else None)
-    written = None
+    watching = Watching()
     if path is not None:
         # Text is checked by pydantic, which a passport without a description does without.
         from rig.bench.config.load import load_alarms
 
-        written = load_alarms(path)
-    usual = Promise()
-    here = (
-        usual if written is None else Promise(written.false_alarms, written.over, written.baseline)
-    )
-    promise = Promise(
-        here.false_alarms if false_alarms is None else false_alarms,
-        here.over if over is None else over,
-        here.baseline if baseline is None else baseline,
-    )
-    if written is None:
-        return Watching(promise)
-    return Watching(promise, written.golden_gear, written.golden_days)
+        if (written := load_alarms(path)) is not None:
+            promise = Promise(written.false_alarms, written.over, written.baseline)
+            watching = Watching(promise, written.golden_gear, written.golden_days)
+    asked = {"false_alarms": false_alarms, "over": over, "baseline": baseline}
+    said = {name: value for name, value in asked.items() if value is not None}
+    return replace(watching, promise=replace(watching.promise, **said))

@@ -55,16 +55,18 @@ def noted(runs: Sequence[NotedRun], baseline: int) -> Noted:
     count = len(runs)
     columns: dict[str, Array] = {"level": np.ones(count)}
     if all(run.temperature is not None for run in runs[:baseline]):
-        temperature = np.array([np.nan if r.temperature is None else r.temperature for r in runs])
+        # One that was not recorded is NaN.
+        temperature = np.array([run.temperature for run in runs], dtype=np.float64)
         columns["warmth"] = (temperature - temperature[:1]) / _WARMTH_UNIT
     for bench in list(dict.fromkeys(run.bench for run in runs if run.bench))[1:]:
         columns[f"bench {bench}"] = np.array([float(run.bench == bench) for run in runs])
-    begins: dict[int, str] = {}
+    begins: dict[int, list[str]] = {}
     for name, changes in _levels(runs, baseline).items():
         for run in changes:
-            begins[run] = f"{begins[run]}, {name}" if run in begins else name
+            begins.setdefault(run, []).append(name)
             columns[f"{name} at {run}"] = (np.arange(count) >= run).astype(float)
-    return Noted(np.stack(list(columns.values()), axis=1), begins, tuple(columns))
+    words = {run: ", ".join(names) for run, names in begins.items()}
+    return Noted(np.stack(list(columns.values()), axis=1), words, tuple(columns))
 
 
 def _levels(runs: Sequence[NotedRun], baseline: int) -> dict[str, list[int]]:

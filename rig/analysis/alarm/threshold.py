@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.recording import mapping_of
 from rig.analysis.alarm.promise import MOST_QUANTITIES, Promise
 from rig.analysis.alarm.scores import scores_of
 from rig.analysis.alarm.sums import ALLOWANCE, HEAD_START, sums_of
@@ -31,6 +32,8 @@ Days = Literal["independent", "alike"]
 
 CORRELATION = 0.3
 """Of neighbouring days that are alike, at most."""
+CORRELATIONS: Mapping[Days, float] = {"independent": 0.0, "alike": CORRELATION}
+"""What neighbouring days are taken to be correlated by."""
 _SEED = 20_331
 _BLOCK, _BLOCKS = 10_000, 8
 _KEPT = "alarm-thresholds.json"
@@ -85,19 +88,19 @@ def _kept_or_drawn(promise: Promise, days: Days, path: Path) -> tuple[float, flo
     return drawn
 
 
-def _read(path: Path) -> dict[str, object]:
+def _read(path: Path) -> Mapping[str, object]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return content if isinstance(content, dict) else {}
+    return mapping_of(content)
 
 
 def thresholds(
     promise: Promise, days: Days, *, blocks: int = _BLOCKS, seed: int = _SEED
 ) -> tuple[float, float, float]:
     """The thresholds of one, two and three quantities, from blocks of ten thousand drawn series each."""
-    correlation = CORRELATION if days == "alike" else 0.0
+    correlation = CORRELATIONS[days]
     generator = np.random.default_rng(seed)
     largest = np.concatenate(
         [largest_sums(promise, correlation, _BLOCK, generator) for _ in range(blocks)]

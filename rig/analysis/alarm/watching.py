@@ -25,7 +25,7 @@ from rig.analysis.alarm.noted import Noted, NotedRun, noted
 from rig.analysis.alarm.promise import Promise
 from rig.analysis.alarm.scores import scores_of
 from rig.analysis.alarm.sums import Sums, crossing_of, sums_of
-from rig.analysis.alarm.threshold import CORRELATION, Days, threshold_of
+from rig.analysis.alarm.threshold import CORRELATION, CORRELATIONS, Days, threshold_of
 
 Array = NDArray[np.float64]
 
@@ -134,7 +134,7 @@ def _scores(values: Array, told: Noted) -> tuple[Array, Array]:
 
 def correlation_of(days: Days) -> float:
     """What days are taken to be correlated by."""
-    return CORRELATION if days == "alike" else 0.0
+    return CORRELATIONS[days]
 
 
 def _change(values: Array, told: Noted, run: int, correlation: float) -> Change:

@@ -20,6 +20,7 @@ from rig.analysis.passport.watch import Group, alarmed, days_between, watched
 from rig.analysis.tare import takes_tare, tare_kind
 from rig.errors import RigError
 from rig.gears.acceptance import acceptance_of_places
+from rig.gears.card_places import places
 from rig.library.index import IndexedRun
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -39,7 +40,7 @@ def passport(
     this gear; `RunFileError` for a folder that is none.
     """
     watching = watching or watching_in_force()
-    where = where if isinstance(where, (str, Path)) else list(where)
+    where = places(where)
     gathered = gather(_runs_of_gear(where, serial), origin)
     groups = followed_groups(gathered.analysed)
     chosen = alarmed(groups)
@@ -109,12 +110,11 @@ def _golden(
     golden = watching.golden_gear
     if not golden or golden == serial:
         return []
-    runs = runs_of(where, golden)
-    return alarmed(followed_groups(gather(runs, origin).analysed)) if runs else []
+    return alarmed(followed_groups(gather(runs_of(where, golden), origin).analysed))
 
 
 def _place(where: str | Path | Iterable[str | Path]) -> str:
-    return str(where) if isinstance(where, (str, Path)) else ", ".join(str(one) for one in where)
+    return ", ".join(map(str, places(where)))
 
 
 def _followed(analysed: Sequence[AnalysedRun]) -> list[FollowedQuantity]:

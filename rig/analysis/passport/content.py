@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, Literal
 from experiments.recording import Origin
 from experiments.result import Plot, Table
 from model.gear import Provenance
+from rig.analysis.number_or_none import finite
 from rig.library.index import IndexedRun
 
 State = Literal["changed", "learning", "no change seen", "not watched"]
@@ -102,7 +102,7 @@ class Wear:
     def as_json(self) -> dict[str, Any]:
         """The trend of one series of `rig report --passport --json`; an open end of an interval is null."""
         to_limit = self.hours_to_limit
-        ends = to_limit and [one if math.isfinite(one) else None for one in to_limit]
+        ends = to_limit and [finite(one) for one in to_limit]
         return {
             "per_1000_hours": list(self.per_1000_hours),
             "hours_to_limit": ends,
@@ -152,7 +152,7 @@ class PassportSeries:
     @property
     def plots(self) -> tuple[Plot, ...]:
         """Its chart, and where it is watched the sums that decide."""
-        return (self.plot,) if self.sums is None else (self.plot, self.sums)
+        return tuple(plot for plot in (self.plot, self.sums) if plot is not None)
 
     def as_json(self) -> dict[str, Any]:
         """One series of `rig report --passport --json`."""
@@ -162,9 +162,9 @@ class PassportSeries:
             "state": self.state,
             "points": [point.as_json() for point in self.points],
             "threshold": self.threshold,
-            "alarm": None if self.alarm is None else self.alarm.as_json(),
-            "wear": None if self.wear is None else self.wear.as_json(),
-            "catalogue_limit": None if self.limit is None else dict(vars(self.limit)),
+            "alarm": self.alarm and self.alarm.as_json(),
+            "wear": self.wear and self.wear.as_json(),
+            "catalogue_limit": self.limit and dict(vars(self.limit)),
             "notes": list(self.notes),
         }
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from experiments.quantity import Quantity
 from experiments.result import Plot, Series, Table
 from model.identify.estimate import Estimate
+from rig.analysis.number_or_none import finite
 from rig.analysis.passport.content import (
     Alarm,
     CatalogueLimit,
@@ -19,6 +20,7 @@ from rig.analysis.passport.content import (
 )
 from rig.analysis.passport.followed import comparable, order_of, watched
 from rig.analysis.passport.gather import AnalysedRun
+from rig.content.phrase import phrase
 from rig.content.wording import laboratory_unit
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -171,7 +173,7 @@ def spectrum_plots(analysed: Sequence[AnalysedRun]) -> tuple[Plot, ...]:
                 conditions = tuple(comparable(one.facts, quantity).items())
                 groups.setdefault((one.origin, conditions), []).append(one)
         for (origin, conditions), members in groups.items():
-            apart = [text for _, text in conditions] if len(groups) > 1 else []
+            apart = [text for _, text in conditions if len(groups) > 1]
             plots.append(_spectrum_plot(quantity, members, origin, apart))
     return tuple(plots)
 
@@ -204,7 +206,7 @@ def _spectrum_plot(
     if len(members) > 1:
         label = f"run {members[-1].run.run_id}, the newest"
         series.append(_drawn(label, spectra[-1], 1, factor))
-    words = f" ({', '.join(conditions)})" if conditions else ""
+    words = phrase(" ({})", ", ".join(conditions))
     return Plot(
         name="passport-order-spectrum",
         title=f"Order spectrum of the {quantity.subject}{words}",
@@ -243,8 +245,7 @@ def _spectrum(quantity: Quantity, one: AnalysedRun) -> dict[float, tuple[float, 
             continue
         order = order_of(quantity.member(name), ratio)
         if math.isfinite(order):
-            u = estimate.expanded_uncertainty
-            spectrum[order] = (estimate.value, u if math.isfinite(u) else 0.0)
+            spectrum[order] = (estimate.value, finite(estimate.expanded_uncertainty) or 0.0)
     return spectrum
 
 

@@ -122,25 +122,28 @@ def facts_of(
     return facts | own
 
 
+def _with_number(text: str, value: object) -> str:
+    """A condition with its number in it; nothing where none is stated."""
+    return text.format(value) if isinstance(value, (int, float)) else ""
+
+
 def _speed(
     parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> str:
-    speed = parameters.get("speed_rpm")
-    return f"{speed:g} r/min" if isinstance(speed, (int, float)) else ""
+    return _with_number("{:g} r/min", parameters.get("speed_rpm"))
 
 
 def _orders(
     parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> str:
     highest = settings.get("accuracy_order") or options.get("highest_order")
-    return f"orders up to {highest:g}" if isinstance(highest, (int, float)) else ""
+    return _with_number("orders up to {:g}", highest)
 
 
 def _ramp(
     parameters: Mapping[str, Any], options: Mapping[str, Any], settings: Mapping[str, Any]
 ) -> str:
-    rate = parameters.get("rate")
-    return f"{rate:g} N m/s" if isinstance(rate, (int, float)) else ""
+    return _with_number("{:g} N m/s", parameters.get("rate"))
 
 
 FACTS: Mapping[str, _SettingReader] = {

@@ -9,23 +9,25 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from drivers.channel import HOUSING_TEMPERATURE
-from experiments.recording import Origin, Recording, RunMetadata
+from experiments.recording import Origin, Recording, mapping_of
 from model.identify.estimate import Estimate, Ground
 from rig.analysis.alarm.noted import NotedRun
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench, which_mounting
 from rig.analysis.fit import NOT_SEALED
 from rig.analysis.in_force import in_force_by_kind
+from rig.analysis.number_or_none import known
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, unsealed_words
 from rig.errors import ChangedRunError, RigError, RunFileError
+from rig.gears.card_places import places
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.library.listed import COUNTED_OUTCOMES
+from rig.runfile.header import gear_name
 from rig.runfile.read import close_recording, open_run
 from rig.runfile.seal import check_seal
 
@@ -78,10 +80,9 @@ def runs_of(where: str | Path | Iterable[str | Path], serial: str) -> tuple[Inde
 
     Raises `RunFileError` for what is neither.
     """
-    places = [where] if isinstance(where, (str, Path)) else list(where)
     runs_by_file: dict[Path, IndexedRun] = {}
     names_by_folder: dict[Path, set[str]] = {}
-    for place in map(Path, places):
+    for place in map(Path, places(where)):
         if place.is_dir():
             names_by_folder.setdefault(place, set()).add("")
         else:
@@ -208,7 +209,7 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
     m = recording.metadata
     result = analysis.result
     options, settings = result.options, analysis.content.get("settings", {})
-    facts = {"part": m.gear.name if m.gear is not None else "", "mounting": m.mounting}
+    facts = {"part": gear_name(m), "mounting": m.mounting}
     names = [name for _, quantity in watched() for name in quantity.conditions if name not in facts]
     facts |= facts_of(dict.fromkeys((*FACTS, *names)), m.parameters, options, settings)
     grounds = grounds_of(recording, analysis)
@@ -231,13 +232,10 @@ def _analysed(run: IndexedRun, recording: Recording, analysis: Analysis) -> Anal
         grounds=grounds,
         estimates=result.estimates,
         housing_temperature=_housing_temperature(recording, result.metrics),
-        hours=float(m.conditions.get("hours", _world(m).get("hours", math.nan))),
+        hours=float(
+            m.conditions.get("hours", mapping_of(m.process.get("world")).get("hours", math.nan))
+        ),
     )
-
-
-def _world(metadata: RunMetadata) -> Mapping[str, Any]:
-    world = metadata.process.get("world")
-    return world if isinstance(world, Mapping) else {}
 
 
 def _housing_temperature(recording: Recording, metrics: Mapping[str, float]) -> float | None:
@@ -249,4 +247,4 @@ def _housing_temperature(recording: Recording, metrics: Mapping[str, float]) -> 
         values = np.concatenate([recording.si(HOUSING_TEMPERATURE, place) for place in places])
         values = values[np.isfinite(values)]
         found = float(values.mean()) if len(values) else math.nan
-    return None if math.isnan(found) else found
+    return known(found)

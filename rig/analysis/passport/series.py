@@ -6,12 +6,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from model.gear_file import gear_from_mapping
 from model.identify.estimate import Estimate
 from rig.analysis.alarm.promise import Watching
 from rig.analysis.alarm.watching import WatchedSeries
+from rig.analysis.number_or_none import known
 from rig.analysis.passport.content import (
     Alarm,
     CatalogueLimit,
@@ -24,6 +25,7 @@ from rig.analysis.passport.draw import history_plot, sums_plot
 from rig.analysis.passport.followed import FollowedQuantity, comparable
 from rig.analysis.passport.gather import AnalysedRun
 from rig.analysis.passport.watch import Group, alarm_of, changes_between, days_words, wear_of
+from rig.content.phrase import phrase
 from rig.gears.acceptance import Acceptance
 from rig.runfile.header import ORIGIN_WORDS
 
@@ -61,8 +63,9 @@ def groups_of(quantity: FollowedQuantity, analysed: Sequence[AnalysedRun]) -> li
     found = []
     for (origin, conditions), members in groups.items():
         apart = [text for name, text in conditions if (name, text) not in everywhere]
-        apart += [ORIGIN_WORDS.get(origin, "") or "hardware"] if several else []
-        title = quantity.title + (f" ({', '.join(apart)})" if apart else "")
+        if several:
+            apart.append(ORIGIN_WORDS.get(origin, "") or "hardware")
+        title = quantity.title + phrase(" ({})", ", ".join(apart))
         found.append(Group(quantity, origin, dict(conditions), title, tuple(members)))
     return found
 
@@ -147,7 +150,7 @@ def _point(
     members = group.members
     one = members[index]
     estimate = one.estimates[group.quantity.key]
-    remarks = list(changes_between(members[index - 1], one)) if index else []
+    remarks = changes_between(members[max(index - 1, 0)], one)
     if temperature is not None and one.housing_temperature is not None:
         warmer = one.housing_temperature - temperature
         if abs(warmer) > _TEMPERATURE_THAT_MATTERS:
@@ -156,10 +159,7 @@ def _point(
             )
     if estimate.identifiable == "weakly":
         remarks.append(f"weakly identifiable: {estimate.note or 'wide interval'}")
-    expected = math.nan if series is None else float(series.expected[index])
-    change = None if series is None else series.change
-    is_summed = series is not None and index >= baseline
-    return PassportPoint(
+    point = PassportPoint(
         position=index + 1,
         run=one.run.run_id,
         number=one.run.number,
@@ -171,13 +171,31 @@ def _point(
         expanded_uncertainty=estimate.expanded_uncertainty,
         identifiability=estimate.identifiable,
         analysis=f"{one.analysis.path.parent.name}/{one.analysis.path.name}",
-        expected=None if math.isnan(expected) else expected,
-        upper_sum=float(series.sums.upper[0, index]) if is_summed and series else None,
-        lower_sum=float(series.sums.lower[0, index]) if is_summed and series else None,
-        is_alarm=change is not None and index == change.run,
-        is_changed=change is not None and index >= change.since,
         housing_temperature=one.housing_temperature,
         remarks=tuple(remarks),
+    )
+    if series is None:
+        return point
+    return _with_watch(point, series, index, is_summed=index >= baseline)
+
+
+def _with_watch(
+    point: PassportPoint, series: WatchedSeries, index: int, *, is_summed: bool
+) -> PassportPoint:
+    """A point with what the watch says of it; the sums begin after the baseline."""
+    change = series.change
+    if is_summed:
+        sums = series.sums
+        point = replace(
+            point,
+            upper_sum=float(sums.upper[0, index]),
+            lower_sum=float(sums.lower[0, index]),
+        )
+    return replace(
+        point,
+        expected=known(series.expected[index]),
+        is_alarm=change is not None and index == change.run,
+        is_changed=change is not None and index >= change.since,
     )
 
 
@@ -200,7 +218,7 @@ def _judging_limit(
         for line in acceptance.limits:
             if line.quantity == name and line.upper is not None:
                 return line.upper
-    return None if catalogue is None else catalogue.value
+    return catalogue and catalogue.value
 
 
 def _notes(

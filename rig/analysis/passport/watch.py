@@ -24,6 +24,7 @@ from rig.analysis.causes import common_grounds, own_uncertainty
 from rig.analysis.passport.content import Alarm, Wear
 from rig.analysis.passport.followed import FollowedQuantity
 from rig.analysis.passport.gather import AnalysedRun, moment
+from rig.content.phrase import phrase
 from rig.content.wording import decimals_of, fixed, laboratory_unit, number
 
 _ABOUT = 1
@@ -161,7 +162,7 @@ def _sentence(group: Group, change: Change, since: AnalysedRun, beside: Sequence
         f"{group.title} is {change.direction} by {text} {unit}".rstrip()
         + f" since run {since.run.run_id} ({spread} times the scatter of one run)"
     )
-    return f"{words}; beside it changed: {'; '.join(beside)}" if beside else words
+    return words + phrase("; beside it changed: {}", "; ".join(beside))
 
 
 def _decides(group: Group, watching: Watching, newest: AnalysedRun) -> tuple[str, str]:
@@ -207,7 +208,7 @@ def wear_of(group: Group, series: WatchedSeries, limit: float | None) -> Wear | 
         )
     return Wear(
         per_1000_hours=scaled,
-        hours_to_limit=None if to_limit is None else (to_limit.value, to_limit.low, to_limit.high),
+        hours_to_limit=to_limit and (to_limit.value, to_limit.low, to_limit.high),
         sentence=words + ".",
     )
 

@@ -6,8 +6,9 @@ that came out of a simulator can be taken for a measurement.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from drivers.bus.analog.config import ReferenceConfig
 from drivers.bus.cia401 import AnalogInput, AnalogModuleConfig
@@ -32,9 +33,13 @@ from rig.bench.backends.sources import Shafts, extensions_of, sources_of
 from rig.bench.config import schema as described
 from rig.bench.config.drives import Drive, ReferenceDrive
 from rig.bench.config.load import load_configuration
+from rig.bench.config.parts import Part
 from rig.bench.config.place import DEFAULT_PATH
 from rig.bench.config.schema import RigConfiguration
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError
+
+_Config = TypeVar("_Config")
 
 SPEED_ROOM = 1.5
 """Times the motor's greatest speed that a count must move within a cycle to have jumped."""
@@ -123,19 +128,23 @@ def can_rig_config(
         ),
         counters=tuple(_counter(c, folder, fastest, ratio) for c in configuration.counters),
         modules=tuple(_module(m, rated_torque, folder) for m in configuration.analog_modules),
-        guard=None if guard is None else GuardContact(**guard.settings()),
+        guard=_configured(GuardContact, guard),
         patience_cycles=real_time.patience_cycles,
         stale_cycles=real_time.stale_cycles,
         stamp_wrap_ns=round(configuration.bus.stamp_wrap_s * 1e9),
         own_node_id=configuration.bus.own_node_id,
-        title=about.name + (f", {about.location}" if about.location else ""),
+        title=about.name + phrase(", {}", about.location),
     )
 
 
 def readout_config(configuration: RigConfiguration) -> ReadoutConfig | None:
     """The serial line of the readout, where there is one."""
-    readout = configuration.readout
-    return None if readout is None else ReadoutConfig(**readout.settings())
+    return _configured(ReadoutConfig, configuration.readout)
+
+
+def _configured(kind: Callable[..., _Config], table: Part | None) -> _Config | None:
+    """What the drivers make of the settings of a table; None where it was left away."""
+    return None if table is None else kind(**table.settings())
 
 
 def _node(
@@ -168,9 +177,7 @@ def _drive(
     values = _node(drive, folder)
     if isinstance(drive, ReferenceDrive):
         bits: dict[str, Any] = values.pop("lines").settings()
-        lines: dict[str, Any] = {
-            name: None if bit is None else Line(**bit.settings()) for name, bit in bits.items()
-        }
+        lines: dict[str, Any] = {name: _configured(Line, bit) for name, bit in bits.items()}
         own = {name: lines.pop(name) for name in ("servo_on", "alarm_reset", "turning")}
         return ReferenceConfig(**values, **own, lines=StatusLines(**lines))
     for name in ("speed_modes", "torque_modes"):

@@ -453,7 +453,7 @@ def arguments_of(order: Order, names: Iterable[str], gear: Path | None = None) -
     arguments = []
     for name in names:
         value = gear if name == "gear" else getattr(order, name)
-        text = _world_text(value) if isinstance(value, WorldChoice) else _text(value)
+        text = _text(value)
         if text and (value != usual[name] or name in _ALWAYS_SAID):
             arguments.append(f"{WORDS[name].option}={text}")
     return arguments
@@ -473,6 +473,8 @@ def _world_text(world: WorldChoice) -> str:
 def _text(value: object) -> str:
     if value is None:
         return ""
+    if isinstance(value, WorldChoice):
+        return _world_text(value)
     return f"{value:.15g}" if isinstance(value, float) else str(value)
 
 

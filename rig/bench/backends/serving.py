@@ -13,6 +13,7 @@ from model.gear_file import gear_to_toml, shipped_gear
 from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.simulated import nameplates, parts_of
 from rig.bench.hub import hub_id
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError
 from sim_backend.faults import Fault
 from sim_backend.wire.bench import ANALOG_INPUT_NODE, COUNTER_NODE, DRIVE_NODE, WireBench
@@ -135,9 +136,7 @@ def description_of(served: Served, order: Order, gear: str = SHIPPED) -> str:
     template = (
         resources.files("rig.bench.config").joinpath("served.toml").read_text(encoding="utf-8")
     )
-    readout = (
-        f'\n[readout]\nurl = "{served.readout}"\nbaud_rate = 115200\n' if served.readout else ""
-    )
+    readout = phrase('\n[readout]\nurl = "{}"\nbaud_rate = 115200\n', served.readout)
     values: dict[str, Any] = {
         "host": served.host,
         "port": served.port,

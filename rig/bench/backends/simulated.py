@@ -273,7 +273,7 @@ def reference_config(
         usual,
         drive=_reference(amplifier.device),
         counters=(pulses, *usual.counters),
-        guard=_guard(inputs, simulated.GUARD) if has_guard else None,
+        guard=_guard(inputs, simulated.GUARD, has_guard),
     )
 
 
@@ -325,11 +325,13 @@ def _counter(node_id: int, encoder: Channel | MotorEncoder, largest_speed: float
     )
 
 
-def _guard(entry: ObjectRef, bit: int) -> GuardContact:
-    """The guard's contact at a digital input of the drive: closed where its bit is set."""
+def _guard(entry: ObjectRef, bit: int, has_guard: bool) -> GuardContact | None:
+    """The guard's contact at a digital input of the drive, closed where its bit is set; None of a bench without it."""
     from drivers.bus.rig_nodes import GuardContact
     from sim_backend.wire.bench import DRIVE_NODE
 
+    if not has_guard:
+        return None
     return GuardContact(node_id=DRIVE_NODE, entry=entry, mask=bit, closed=bit)
 
 
@@ -416,6 +418,6 @@ def wire_config(bench: WireBench, motor: ServoMotor, *, has_guard: bool = False)
         ),
         counters=(_counter(COUNTER_NODE, outer, 0.1 * motor.maximum_speed),),
         modules=(AnalogModuleConfig(ANALOG_INPUT_NODE, (torque, *thermometers)),),
-        guard=_guard(inputs, INTERLOCK) if has_guard else None,
+        guard=_guard(inputs, INTERLOCK, has_guard),
         title=bench.title,
     )

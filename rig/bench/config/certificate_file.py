@@ -115,7 +115,8 @@ def certificate_text(header: Header, curve: AngleCertificate) -> str:
     lines = [
         f"# {name} = {toml_value(value)}" for name, value in values.items() if value not in ("", ())
     ]
-    lines += ["# [without]"] if without else []
+    if without:
+        lines.append("# [without]")
     lines += [f"# {toml_value(gear)} = {toml_value(numbers)}" for gear, numbers in without.items()]
     lines.append(f"{COLUMNS[0]} [deg],{COLUMNS[1]} [arcsec],{COLUMNS[2]} [arcsec]")
     for angle, error, u in zip(
@@ -191,9 +192,12 @@ def _point(number: int, row: list[str], factors: list[float]) -> tuple[float, fl
     return values[0], values[1], values[2]
 
 
+_SIGNS = {"shown minus true": 1.0, "true minus shown": -1.0}
+
+
 def _curve(header: Header, points: list[tuple[float, float, float]]) -> AngleCertificate:
     """The points in the sense in which the encoder counts up, shown minus true."""
-    sign = 1.0 if header.error == "shown minus true" else -1.0
+    sign = _SIGNS[header.error]
     if header.sense == "counting down":
         # What is shown too much in one sense is shown too little in the other. 0 and a whole turn are one place.
         sign = -sign

@@ -169,8 +169,8 @@ def _path_text(place: Sequence[str | int]) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
         elif part.isidentifier():
-            text += f".{part}" if text else part
-    return text
+            text += f".{part}"
+    return text.removeprefix(".")
 
 
 def _shown(value: object) -> str:
@@ -207,7 +207,7 @@ def _table_of(model: type[BaseModel], key: str, kind: str | int) -> type[BaseMod
                 if "kind" in table.model_fields
                 and kind in typing.get_args(table.model_fields["kind"].annotation)
             )
-            return next(own, tables[0] if tables else None)
+            return next(itertools.chain(own, tables), None)
     return None
 
 

@@ -41,9 +41,11 @@ def _certificate(name: object, info: ValidationInfo) -> CertificateFile | None:
         return name
     if not isinstance(name, str):
         raise ValueError("is not the name of a file")
+    if not name:
+        return None
     folder = (info.context or {}).get(FOLDER, Path())
-    found = read_certificate(folder, name) if name else None
-    if found is not None and found.header.learnt:
+    found = read_certificate(folder, name)
+    if found.header.learnt:
         raise ValueError(
             f"{name} was learnt from gears: it belongs beside their runs, where an analysis leaves out what a gear "
             "taught of itself; name a laboratory's certificate here"

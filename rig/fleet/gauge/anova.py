@@ -89,10 +89,10 @@ def _rows(y: FloatArray) -> list[Row]:
 def _below(rows: Sequence[Row], term: Term) -> Row | None:
     """The line against which a term is tested: the first of the chain interaction, mounting, repeat that lies below."""
     chain = [row for row in rows if row.term not in ("gear", "bench")]
-    if term in ("gear", "bench"):
-        return chain[0] if chain else None
-    below = [row.term for row in chain].index(term) + 1
-    return chain[below] if below < len(chain) else None
+    below = 0
+    if term not in ("gear", "bench"):
+        below = [row.term for row in chain].index(term) + 1
+    return next(iter(chain[below:]), None)
 
 
 def _tested(rows: Sequence[Row]) -> list[Row]:

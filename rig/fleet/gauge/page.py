@@ -10,8 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from experiments.result import Plot, Series
+from rig.analysis.number_or_none import finite
 from rig.content.grid import Grid, capital, columns, number_columns
 from rig.content.page import Page, Section, Signature, State, annexes_of
+from rig.content.phrase import phrase
 from rig.content.wording import number
 from rig.errors import ConfigurationError
 from rig.fleet.gauge.components import GAUGE, TERMS, Gauge, Interval, Term
@@ -117,7 +119,7 @@ def components_grid(one: Study) -> Grid:
         interval = f"{number(low / factor, 3)} … {number(high / factor, 3)}"
         share = percent(100.0 * (deviation / whole) ** 2)
         rows.append((title, number(deviation / factor, 4), interval, share))
-    where = f" [{unit}]" if unit else ""
+    where = phrase(" [{}]", unit)
     heads = columns(
         ("part", "name"),
         (f"standard deviation{where}", "number"),
@@ -157,8 +159,8 @@ def _anova_grid(one: Study) -> Grid | None:
             str(row.freedom),
             f"{row.squares:.5g}",
             f"{row.mean_square:.5g}",
-            "–" if math.isnan(row.f) else number(row.f, 4),
-            "–" if math.isnan(row.p) else number(row.p, 2),
+            number(row.f, 4),
+            number(row.p, 2),
         )
         for row in one.gauge.rows
     ]
@@ -204,7 +206,7 @@ def _values_plot(one: Study) -> Plot:
         name=f"{one.kind}.{one.name}.gauge",
         title=f"{capital(one.title)}: every value, the gears in the order of their means",
         x_label="gear",
-        y_label=f"{one.title} [{unit}]" if unit else one.title,
+        y_label=f"{one.title}{phrase(' [{}]', unit)}",
         series=tuple(series),
         note="What lies apart at one gear is the gauge; how the groups rise is the gears. " + order,
     )
@@ -292,8 +294,8 @@ def _values_grid(one: Study) -> Grid:
             of.gear, of.bench, of.mounting, of.value, strict=True
         )
     ]
-    where = f" [{unit}]" if unit else ""
-    heads = columns("gear", "bench", "mounting", (f"value{where}", "number"))
+    value = f"value{phrase(' [{}]', unit)}"
+    heads = columns("gear", "bench", "mounting", (value, "number"))
     return Grid(f"Values: {one.title}", heads, rows)
 
 
@@ -354,8 +356,8 @@ def study_as_json(one: Study) -> dict[str, object]:
         },
         "percent_of_study": gauge.percent_of_study,
         "percent_of_study_interval": gauge.interval_of_percent,
-        "percent_of_study_unpooled": one.unpooled.percent_of_study if one.unpooled else None,
-        "percent_of_tolerance": tolerance if math.isfinite(tolerance) else None,
+        "percent_of_study_unpooled": one.unpooled and one.unpooled.percent_of_study,
+        "percent_of_tolerance": finite(tolerance),
         "ndc": gauge.distinct,
         "told_apart_on_two_benches": gauge.apart() if one.values.counted[1] > 1 else None,
         "told_apart_on_one_bench": gauge.apart(one_bench=True),

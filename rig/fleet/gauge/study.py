@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import math
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from rig.errors import ConfigurationError
 from rig.fleet.gauge.anova import by_anova, shape_of
 from rig.fleet.gauge.components import GAUGE, Gauge, GaugeError, Values
 from rig.fleet.gauge.reml import by_reml
-from rig.fleet.lot_rows import declared_quantity, key_families, origin_of
+from rig.fleet.lot_rows import declared_quantity, key_families, origin_of, sql_columns
 from rig.fleet.questions import connected
 from rig.library.listed import COUNTED_OUTCOMES
 
@@ -234,8 +234,6 @@ def _study(kind: str, name: str, quantity: Quantity, rows: Sequence[Measured]) -
         value=[row.value for row in rows],
     )
     gauge, unpooled = gauges_of(values)
-    lower = {row.lower_limit for row in rows}
-    upper = {row.upper_limit for row in rows}
     return Study(
         kind=kind,
         name=name,
@@ -243,10 +241,15 @@ def _study(kind: str, name: str, quantity: Quantity, rows: Sequence[Measured]) -
         values=values,
         gauge=gauge,
         unpooled=unpooled,
-        # Limits that differ between runs are no tolerance of the study.
-        lower=lower.pop() if len(lower) == 1 else None,
-        upper=upper.pop() if len(upper) == 1 else None,
+        lower=_common_limit(row.lower_limit for row in rows),
+        upper=_common_limit(row.upper_limit for row in rows),
     )
+
+
+def _common_limit(limits: Iterable[float | None]) -> float | None:
+    """The limit of all runs; limits that differ between runs are no tolerance of the study."""
+    several = set(limits)
+    return several.pop() if len(several) == 1 else None
 
 
 def _is_wanted(
@@ -277,10 +280,7 @@ def _quantity(row: Measured) -> Quantity:
 def _read(folder: Path, origin: str, part: str, every: bool) -> tuple[str, list[Measured]]:
     """The origin that counts, and the numbers of its whole runs that the data determined."""
     where = "(part = ? OR ? = '')"
-    columns = ", ".join(
-        f"coalesce({name}, '')" if kind == "str" else name
-        for name, kind in Measured.__annotations__.items()
-    )
+    columns = sql_columns(Measured)
     with connected(folder) as connection:
         counted = connection.execute(
             f"SELECT coalesce(origin, ''), count(DISTINCT gear) FROM results WHERE {where} GROUP BY ALL",

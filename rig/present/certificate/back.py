@@ -9,6 +9,7 @@ from experiments.assumed import TABLE as ASSUMED
 from experiments.assumed import assumed_kinds
 from rig.content.grid import Grid, columns
 from rig.content.page import Signature
+from rig.content.phrase import shortened
 from rig.content.wording import number
 from rig.present import definitions, provenance
 from rig.present.certificate.gather import Certified
@@ -171,9 +172,7 @@ def _remarks(gathered: Certified, words: Words) -> tuple[str, ...]:
             *_assumed(gathered, words),
         ]
     )
-    cut = [
-        one if len(one) <= LONGEST_REMARK else f"{one[: LONGEST_REMARK - 1]}…" for one in remarks
-    ]
+    cut = [shortened(one, LONGEST_REMARK) for one in remarks]
     if len(cut) > MOST_REMARKS:
         more = words.MORE_REASONS.format(count=len(cut) - MOST_REMARKS)
         cut = [*cut[:MOST_REMARKS], more]

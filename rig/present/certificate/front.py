@@ -15,6 +15,7 @@ from rig.analysis.fit import Fit
 from rig.analysis.judging import held_against, room_left, whose_limit
 from rig.analysis.rows import coverage
 from rig.content.grid import Grid, Kind, Tone, columns, tone_of
+from rig.content.phrase import shortened
 from rig.content.wording import number, show
 from rig.present.certificate.gather import Certified
 from rig.present.certificate.laboratory import LaboratoryWords
@@ -106,7 +107,7 @@ def sentence_of(gathered: Certified, words: Words = ENGLISH) -> str:
     """The verdict in one plain sentence."""
     verdict, acceptance = gathered.verdict, gathered.acceptance
     if verdict.verdict == "NOT JUDGED" or acceptance is None:
-        because = verdict.because[0] if verdict.because else words.NOTHING_HELD
+        because = next(iter(verdict.because), words.NOTHING_HELD)
         return words.NOT_JUDGED.format(serial=gathered.serial, because=_cut(because.rstrip(".")))
     bad = sum(line.outcome == verdict.verdict for line in verdict.lines)
     said = words.COUNTED[verdict.verdict].format(
@@ -125,7 +126,7 @@ def _because(lines: Sequence[Verdict], words: Words) -> Iterator[str]:
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 1]}…"
+    return shortened(text, LONGEST_REASON)
 
 
 def value_grid(gathered: Certified, words: Words = ENGLISH) -> Grid:

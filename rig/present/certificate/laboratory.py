@@ -45,13 +45,12 @@ class LaboratoryWords:
     """The language in which it is said."""
 
 
-def laboratory_of(path: Path) -> LaboratoryWords:
-    """The `[laboratory]` of a rig's description with its logo read; empty where there is none.
+def laboratory_of(path: Path | None) -> LaboratoryWords:
+    """The `[laboratory]` of a rig's description with its logo read; empty where there is neither.
 
     Raises `ConfigurationError` for a file, a logo or a language that cannot be read.
     """
-    told = load_laboratory(path)
-    if told is None:
+    if path is None or (told := load_laboratory(path)) is None:
         return LaboratoryWords()
     return LaboratoryWords(
         name=told.name,

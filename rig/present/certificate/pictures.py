@@ -5,7 +5,7 @@ Letters of one size, one accent colour, and marks that are told apart in grey to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -150,22 +150,20 @@ def measured_points(plot: Plot) -> Iterator[tuple[str, NDArray[np.float64], NDAr
             yield way, np.abs(x), np.where(x < 0, -y, y)
 
 
+_POINTS_OF: Mapping[str, Mapping[str, Any]] = {
+    "forward": {"marker": "o", "markersize": 2.6, "color": ACCENT, "markerfacecolor": ACCENT},
+    "reverse": {"marker": "s", "markersize": 5.2, "color": DARK, "markerfacecolor": "none"},
+}
+"""How the points of a direction look: full, and open around them."""
+
+
 def _points(axes: Axes, plot: Plot, words: Words) -> None:
     """The points of both directions: full, and open around them."""
     for way, speed, torque in measured_points(plot):
-        full = way == "forward"
-        called = words.FORWARD if full else words.REVERSE
-        axes.plot(
-            speed,
-            torque,
-            linestyle="",
-            marker="o" if full else "s",
-            markersize=2.6 if full else 5.2,
-            color=ACCENT if full else DARK,
-            markerfacecolor=ACCENT if full else "none",
-            markeredgewidth=0.7,
-            label=words.MEASURED.format(way=called),
+        called = words.MEASURED.format(
+            way={"forward": words.FORWARD, "reverse": words.REVERSE}[way]
         )
+        axes.plot(speed, torque, linestyle="", markeredgewidth=0.7, label=called, **_POINTS_OF[way])
 
 
 def _limits(lines: Sequence[Verdict], words: Words) -> Iterator[tuple[float, float, str]]:

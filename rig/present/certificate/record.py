@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -139,15 +138,11 @@ def _numbers(fit: Fit, analysis: Analysis) -> Iterator[tuple[str, dict[str, Any]
             {
                 "title": quantity.titled(name),
                 **{key: stored.get(key) for key in STORED},
-                "degrees_of_freedom": _freedom(estimate.degrees_of_freedom),
+                # Infinitely many are null: JSON has no number for them.
+                "degrees_of_freedom": float(estimate.degrees_of_freedom),
                 "printed": show(estimate, quantity).with_uncertainty,
             },
         )
-
-
-def _freedom(degrees: float) -> float | None:
-    """Degrees of freedom; null for infinitely many, for which JSON has no number."""
-    return float(degrees) if math.isfinite(degrees) else None
 
 
 STORED = ("value", "unit", "expanded_uncertainty", "coverage_factor", "identifiable")

@@ -80,9 +80,10 @@ def _things(gathered: Certified) -> Iterator[_Thing]:
         for used in fit.recording.metadata.process.get("files", ()):
             if used.get("copy"):
                 yield fit.path.parent / str(used["copy"]), "calibration"
-    for run in gathered.runs if gathered.has_charts else ():
-        for found in in_force_by_kind(run.path).values():
-            yield from _of_analysis(run.path, found)
+    if gathered.has_charts:
+        for run in gathered.runs:
+            for found in in_force_by_kind(run.path).values():
+                yield from _of_analysis(run.path, found)
     yield card_path(gathered.folder, gathered.serial), "gear card"
     if gathered.acceptance is not None and gathered.acceptance.path.lower().endswith(".toml"):
         yield Path(gathered.acceptance.path), "acceptance"

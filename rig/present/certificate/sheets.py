@@ -120,7 +120,7 @@ def texts_of(sheets: Sheets) -> tuple[list[str], list[str]]:
         *back.remarks,
         back.manifest,
         back.scope,
-        "" if back.signature.allowed else back.signature.reason,
+        back.signature.reason,
     ]
     return [text for text in (*both, *one) if text], [text for text in (*both, *two) if text]
 

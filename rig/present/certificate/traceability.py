@@ -112,7 +112,8 @@ def instruments_of(gathered: Certified) -> tuple[Instrument, ...]:
                 one = replace(one, certificate=learnt[channel.name], laboratory="", date="", due="")
             key = (one.channel, one.serial, one.certificate, one.due)
             known = found.get(key)
-            found[key] = one if known is None or known.tested < one.tested else known
+            if known is None or known.tested < one.tested:
+                found[key] = one
     return tuple(found.values())
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.finding import Finding, Severity
+from experiments.finding import Finding, Severity, passed_if
 from model.errors import WordedError
 from rig.analysis.judging import GearVerdict, StoredResult, judge
 from rig.analysis.result_data import result_from_mapping
@@ -126,8 +126,9 @@ def verify_certificate(path: str | Path) -> tuple[Finding, ...]:
 def _sealed(path: Path, what: str, findings: list[Finding]) -> bytes:
     data, seal = read_sealed(path)
     words = f"{what} {path.name}: SHA-256 {seal.sha256}"
-    severity = Severity.PASSED if seal.is_whole else Severity.WARNS
-    findings.append(Finding("seal", severity, words + ("" if seal.is_whole else ", NOT SEALED")))
+    if not seal.is_whole:
+        words += ", NOT SEALED"
+    findings.append(passed_if("seal", seal.is_whole, words, otherwise=Severity.WARNS))
     return data
 
 
@@ -364,15 +365,14 @@ def _of_pdf(path: Path) -> tuple[str, str]:
         pages = [squeezed(page.extract_text()) for page in pypdf.PdfReader(path).pages]
     except (PyPdfError, OSError, ValueError, KeyError, TypeError) as error:
         raise RigError("the PDF cannot be read", where=str(path), value=str(error)) from None
-    return (pages[0] if pages else ""), "".join(pages)
+    return "".join(pages[:1]), "".join(pages)
 
 
 def _of_html(path: Path) -> tuple[str, str]:
     """The text of page one and of all of an HTML page."""
     text = path.read_text(encoding="utf-8", errors="replace")
     text = re.sub(r"(?s)<(style|svg|script)\b.*?</\1>", " ", text)
-    first = text.partition("</main>")[0] if "</main>" in text else text
-    first = first.partition("</section>")[0]
+    first = text.partition("</main>")[0].partition("</section>")[0]
 
     def plain(part: str) -> str:
         return squeezed(html.unescape(re.sub(r"(?s)<[^>]*>", " ", part)))

@@ -71,7 +71,7 @@ class Words:
 
     def numbers(self, text: str) -> str:
         """A text of numbers with the decimal mark of this language."""
-        return _POINT.sub(self.decimal, text) if self.decimal != "." else text
+        return _POINT.sub(self.decimal, text)
 
     def font_files(self) -> tuple[Path, ...]:
         """The files of its typefaces. Raises `RigError` where there are none."""
@@ -134,14 +134,13 @@ def _words(language: str, told: Mapping[str, Any], font_folder: Path | None) -> 
     for name, usual in english.items():
         if name in _OWN:
             continue
-        own = told.get(name)
+        said[name] = told.get(name, usual)
         if isinstance(usual, dict):
-            lacking = [f"{name}.{key}" for key in usual if key not in (own or {})]
-            said[name] = {**usual, **(own or {})}
-        else:
-            lacking = [name] if own is None else []
-            said[name] = usual if own is None else own
-        missing += lacking
+            own = told.get(name) or {}
+            missing += [f"{name}.{key}" for key in usual if key not in own]
+            said[name] = {**usual, **own}
+        elif name not in told:
+            missing.append(name)
     return Words(
         language=language,
         said=said,

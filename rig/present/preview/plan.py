@@ -20,6 +20,7 @@ from experiments.steps.kind import Servo
 from model.units import RPM
 from rig.bench import limits as lim
 from rig.content.grid import Grid, columns, number_columns
+from rig.content.phrase import phrase
 from rig.content.wording import percent
 from rig.present.preview.output import OutputModel, PredictedError
 from rig.present.preview.timeline import PreviewMark, Timeline, timeline
@@ -200,7 +201,7 @@ def preview_plan(planned: PlannedRun) -> PlanPreview:
         torque=torque,
         output_speed=speed / planned.load.ratio if mounted else np.full_like(speed, np.nan),
         output_ripple=ripple[piece] if mounted else np.full_like(speed, np.nan),
-        error=output.kinematic_error() if output else None,
+        error=output and output.kinematic_error(),
         curve_speed=curve_speed,
         curve=model.running(curve_speed),
         starting=model.starting(),
@@ -376,9 +377,8 @@ def _warnings(
         reached = margin.limit.value
         touching = [p for p in peaks if sum(p.predicted.get(margin.quantity, ())) >= reached]
         index = next((peak.index for peak in touching if peak.where == margin.where), None)
-        others = len(touching) - 1
-        does = "step does" if others == 1 else "steps do"
-        more = f"; {others} more {does} so" if others > 0 else ""
+        others = len(touching[1:])
+        more = phrase("; {} more {} so", others, "step does" if others == 1 else "steps do")
         yield _PreviewWarning(index, margin.quantity, f"{_sentence(margin)}{more}")
     starting = model.starting()
     value, doubt = float(starting.value), float(starting.uncertainty)

@@ -55,7 +55,7 @@ class Timeline:
     @property
     def duration(self) -> float:
         """Nominal duration [s]."""
-        return float(self.stop[-1]) if len(self.stop) else 0.0
+        return float(self.stop.max(initial=0.0))
 
     @property
     def acceleration(self) -> FloatArray:

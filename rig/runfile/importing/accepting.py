@@ -12,6 +12,7 @@ from typing import Any
 
 from model.toml_text import toml_value
 from rig.content.grid import Grid, columns
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource
@@ -43,21 +44,19 @@ def proposal_grid(proposal: Proposal, *, all_columns: bool = False) -> Grid:
         (
             one.heading,
             one.channel or "left out",
-            one.unit or ("?" if one.channel else ""),
+            one.unit or phrase("?", one.channel),
             "; ".join(one.evidence),
         )
         for one in shown
     ]
     others = len(proposal.columns) - len(shown)
-    title = "Proposed" + (f" ({others} other columns are left out)" if others else "")
+    title = f"Proposed{phrase(' ({} other columns are left out)', others)}"
     return Grid(title, columns("column", "channel", "unit", "why"), rows)
 
 
 def without_time(proposal: Proposal) -> Proposal:
     """The same where somebody said a rate, or that there is no time: no column is one, and none is asked for."""
-    columns = tuple(
-        replace(one, channel="") if one.channel == TIME_CHANNEL else one for one in proposal.columns
-    )
+    columns = tuple(one.freed_of(TIME_CHANNEL) for one in proposal.columns)
     about = ("rate", TIME_CHANNEL)
     rest = (one for one in proposal.questions if one.why not in about and one.about not in about)
     return replace(proposal, columns=columns, questions=tuple(rest))
@@ -71,7 +70,7 @@ def wording(question: Question) -> str:
     if question.why == "channel":
         return f"{question.text}: {usual} (Enter: {question.usual[0]}): "
     if question.why == "unit":
-        return f"{question.text}{f', such as {usual}' if usual else ''} (Enter leaves it out): "
+        return f"{question.text}{phrase(', such as {}', usual)} (Enter leaves it out): "
     return f"{question.text}: "
 
 
@@ -148,21 +147,25 @@ def command_of(kind: str, files: Sequence[Path], options: ImportOptions) -> str:
     """The one command that does the same without a question."""
     words = ["rig", "import", kind, *map(str, files)]
     for one in options.channels:
-        scale = "" if one.scale is None else f":{_written(one.scale)}"
-        words += ["-c", f"{one.option}{f':{one.unit}' if one.unit or scale else ''}{scale}"]
+        said = one.option
+        if one.scale is not None:
+            said += f":{one.unit}:{_written(one.scale)}"
+        elif one.unit:
+            said += f":{one.unit}"
+        words += ["-c", said]
         stated = (
-            ("--modulus", _written(one.modulus) if one.modulus else ""),
-            ("--lag", "" if one.lag_s is None else f"{_written(one.lag_s)}s"),
-            (
-                "--accuracy",
-                "" if one.accuracy is None else f"{_written(one.accuracy)}{one.accuracy_unit}",
-            ),
+            ("--modulus", one.modulus or None, ""),
+            ("--lag", one.lag_s, "s"),
+            ("--accuracy", one.accuracy, one.accuracy_unit),
         )
-        for flag, text in stated:
-            words += [flag, f"{one.name}={text}"] if text else []
+        for flag, value, unit in stated:
+            if value is not None:
+                words += [flag, f"{one.name}={_written(value)}{unit}"]
     for key, value in _said(options, (*RECORDING_KEYS, *GEAR_KEYS)):
         flag = FLAGS.get(key, f"--{key.replace('_', '-')}")
-        words += [flag] if isinstance(value, bool) else [flag, _written(value)]
+        words.append(flag)
+        if not isinstance(value, bool):
+            words.append(_written(value))
     for name, value in options.conditions.items():
         words += ["--condition", f"{name}={_written(value)}"]
     if options.gear_file is not None:
@@ -183,7 +186,8 @@ def map_text(options: ImportOptions) -> str:
         (CONDITIONS, options.conditions.items()),
     ):
         entries = _entries(said)
-        lines += [f"[{table}]", *entries] if entries[:-1] else []
+        if entries[:-1]:
+            lines += [f"[{table}]", *entries]
     return "\n".join(lines)
 
 

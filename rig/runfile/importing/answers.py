@@ -53,7 +53,7 @@ def answered(proposal: Proposal, question: Question, answer: str) -> Proposal:
     if question.why == "channel":
         if answer not in question.usual:
             raise _not_one_of(question, answer)
-        asked = {name: question.about if name == answer else "" for name in question.usual}
+        asked = dict.fromkeys(question.usual, "") | {answer: question.about}
         columns = [
             replace(one, channel=asked.get(one.heading, one.channel)) for one in proposal.columns
         ]
@@ -84,7 +84,7 @@ def corrected(proposal: Proposal, key: str, channel: str, unit: str) -> Proposal
     def said(one: ProposedColumn) -> ProposedColumn:
         if one.key == key:
             return replace(one, channel=channel, unit=unit, evidence=(*one.evidence, "as said"))
-        return replace(one, channel="") if channel and one.channel == channel else one
+        return one.freed_of(channel)
 
     columns = tuple(map(said, proposal.columns))
     known = {one.channel for one in columns if one.channel}
@@ -134,9 +134,12 @@ def _with_units(
     by_channel = {one.channel: one for one in columns if one.channel}
     found: dict[str, ProposedColumn] = {}
     for angle_name, slope in slopes.items():
-        angle = by_channel[angle_name]
-        speed = by_channel[SPEEDS[ANGLES.index(angle_name)]]
-        units = None if angle.unit and speed.unit else _pair(angle.unit, speed.unit, slope)
+        angle = by_channel.get(angle_name)
+        speed = by_channel.get(SPEEDS[ANGLES.index(angle_name)])
+        # One of them may have been left out since.
+        if angle is None or speed is None or (angle.unit and speed.unit):
+            continue
+        units = _pair(angle.unit, speed.unit, slope)
         if units is None:
             continue
         words = f"{slope:.4g} of {angle.heading} a second at 1 of {speed.heading}"
@@ -171,11 +174,11 @@ def factor(column: ProposedColumn) -> float | None:
 
 def _proportion(used: Sequence[ProposedColumn], slope: float) -> tuple[float, int]:
     """The ratio of input to output where the slope makes it a whole number; and the sense of the output."""
-    if not math.isfinite(slope):
-        return math.nan, 0
-    sense = 1 if slope > 0.0 else -1
     by_channel = {one.channel: one for one in used}
-    first, second = by_channel["input_angle"], by_channel["output_angle"]
+    first, second = (by_channel.get(angle) for angle in ("input_angle", "output_angle"))
+    if not math.isfinite(slope) or first is None or second is None:
+        return math.nan, 0
+    sense = int(math.copysign(1.0, slope))
     scales = (factor(first), factor(second))
     if scales[0] is None or scales[1] is None or first.is_counted or second.is_counted:
         return math.nan, sense
@@ -216,8 +219,9 @@ def _channel_in(question: Question, unit: str) -> str:
         raise ConfigurationError(
             "is no unit of it", where=question.text, value=unit, limit=", ".join(question.usual)
         )
-    is_other = channel in EFFORTS and read.si not in (dimensions_of(channel) or ())
-    return _EFFORT_IN.get(read.si, channel) if is_other else channel
+    if channel in EFFORTS and read.si not in (dimensions_of(channel) or ()):
+        return _EFFORT_IN.get(read.si, channel)
+    return channel
 
 
 def _with_unit(

@@ -105,6 +105,18 @@ class ImportOptions:
     """What the program proposed of the columns, with its evidence; `accepted_by` is who took it over."""
     accepted_by: str = ""
 
+    @property
+    def known_mounting(self) -> Mounting:
+        """How the gear is mounted; the usual way where nobody said it."""
+        return self.mounting or "circular-spline-fixed"
+
+    @property
+    def known_ratio(self) -> float:
+        """The ratio that was said, else that of the gear as it is mounted; NaN where there is neither."""
+        if math.isfinite(self.ratio) or self.gear is None:
+            return self.ratio
+        return self.gear.mounted_ratio(self.known_mounting)
+
     def said_of(self, path: Path, number: int) -> Mapping[str, Any]:
         """What is said of one file of the run alone, the `number`th."""
         return next((said for name, said in self.files.items() if is_named(path, number, name)), {})
@@ -231,8 +243,10 @@ def _segments(listed: object, where: str) -> tuple[ForeignSegment, ...]:
 
 def _segments_from(entry: object, where: str) -> SegmentsFrom:
     where = f"{where}: segments_from"
-    entry = dict(entry) if isinstance(entry, dict) else entry
-    labels = entry.pop("labels", {}) if isinstance(entry, dict) else {}
+    labels: object = {}
+    if isinstance(entry, dict):
+        entry = dict(entry)
+        labels = entry.pop("labels", labels)
     if not isinstance(labels, dict) or not all(isinstance(x, str) for x in labels.values()):
         raise ConfigurationError("is no table of labels", where=f"{where}.labels")
     checked = _entry(entry, SEGMENTS_FROM_KEYS, where)

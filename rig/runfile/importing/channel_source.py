@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from drivers.channel import Calibration, Channel
 from model.unit_text import Unit
 from model.units import COUNT, REVOLUTION
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError
 from rig.runfile.importing.units import (
     TEXT_TIMES,
@@ -95,7 +96,12 @@ class ChannelSource:
     @property
     def option(self) -> str:
         """The channel as the command line takes it, up to its unit."""
-        return f"{self.name}={self.column}{'@' + self.file if self.file else ''}"
+        return f"{self.name}={self.column}{phrase('@{}', self.file)}"
+
+    @property
+    def factor(self) -> float:
+        """Its scale; 1 where nobody said one."""
+        return 1.0 if self.scale is None else self.scale
 
 
 _NOT_NEGATIVE = ("accuracy", "scale_uncertainty", "offset_uncertainty")
@@ -110,22 +116,24 @@ def parse_channel(text: str) -> ChannelSource:
         raise ConfigurationError(
             "is not a channel", where="--channel", value=repr(text), limit=form
         )
+    place, unit, factor = (*parts, "", "")[:3]
     scale = None
-    if len(parts) == 3 and parts[2].strip():
+    if factor.strip():
         try:
-            scale = float(parts[2])
+            scale = float(factor)
         except ValueError:
             raise ConfigurationError(
                 "the scale is not a number",
                 where=f"--channel {name.strip()}",
-                value=repr(parts[2]),
+                value=repr(factor),
                 limit=form,
             ) from None
-    unit = parts[1].strip() if len(parts) > 1 else ""
-    column, at, file = parts[0].strip().rpartition("@")
+    column, at, file = place.strip().rpartition("@")
     if not at or not column:
-        column, file = parts[0].strip(), ""
-    return ChannelSource(name=name.strip(), column=column, unit=unit, scale=scale, file=file)
+        column, file = place.strip(), ""
+    return ChannelSource(
+        name=name.strip(), column=column, unit=unit.strip(), scale=scale, file=file
+    )
 
 
 def column_of(
@@ -160,7 +168,7 @@ def column_of(
                 remedy="Correct the unit, or give the channel another name.",
             )
         return _driven_column(source, allowed[0], unit.si, unit.scale * across, torque_constant)
-    scale = unit.scale * (1.0 if source.scale is None else source.scale) * across
+    scale = unit.scale * source.factor * across
     return _column(source, unit.si, gain=scale, offset=source.offset + unit.zero)
 
 
@@ -175,7 +183,7 @@ def source_unit(
         return unit_of(source.unit or heading_unit, source.name, allowed or ())
     if allowed == ("1",):
         return unit_of("1", source.name)
-    example = allowed[0] if allowed else "UNIT"
+    (example, *_) = allowed or ("UNIT",)
     texts = f", {', '.join(TEXT_TIMES)}" if source.name == TIME_CHANNEL else ""
     plain = "" if allowed else '; "1" for a plain number'
     raise ConfigurationError(
@@ -210,22 +218,27 @@ def _across(source: ChannelSource, allowed: tuple[str, ...] | None, ratio: float
             where=source.name,
             remedy="Give --ratio.",
         )
-    to_input = 1.0 / ratio if allowed and allowed[0] in ("N m", "N") else ratio
+    to_input = 1.0 / ratio if allowed[0] in ("N m", "N") else ratio
     return to_input if own == "input" else 1.0 / to_input
+
+
+_DRIVEN_BY = {"A": "current", "V": "voltage"}
+"""What drives a torque or a force, by its SI unit."""
 
 
 def _driven_column(
     source: ChannelSource, unit: str, si_unit: str, factor: float, torque_constant: float | None
 ) -> Column:
     """A torque or a force that was recorded as the current or the voltage that drives it."""
-    given = torque_constant if si_unit == "A" else None
-    scale = source.scale if source.scale is not None else given
+    scale = source.scale
+    if scale is None and si_unit == "A":
+        scale = torque_constant
     if scale is None:
         raise ConfigurationError(
             f"a {source.name} in {si_unit} needs its scale in {unit} per {si_unit}",
             where=source.name,
             remedy=f"Write {source.option}:{si_unit}:<{unit} per {si_unit}>, or name the channel "
-            f"{'current' if si_unit == 'A' else 'voltage'}.",
+            f"{_DRIVEN_BY[si_unit]}.",
         )
     return _column(source, unit, gain=factor * scale, offset=source.offset)
 
@@ -238,7 +251,7 @@ def _counts_column(source: ChannelSource, allowed: tuple[str, ...] | None, acros
             remedy=f"Name the channel input_angle or output_angle, with counts per revolution, or write "
             f"{source.option}:{allowed[0]}:<{allowed[0]} per count>.",
         )
-    unit = allowed[0] if allowed else "1"
+    (unit, *_) = allowed or ("1",)
     if source.scale is None and unit != "1":
         what = "counts per revolution" if unit == "rad" else f"{unit} per count"
         raise ConfigurationError(
@@ -246,8 +259,7 @@ def _counts_column(source: ChannelSource, allowed: tuple[str, ...] | None, acros
             where=source.name,
             remedy=f"Write {source.option}:count:<{what}>.",
         )
-    given = 1.0 if source.scale is None else source.scale
-    scale = (REVOLUTION / given if unit == "rad" else given) * across
+    scale = (REVOLUTION / source.factor if unit == "rad" else source.factor) * across
     if source.modulus != int(source.modulus):
         raise ConfigurationError(
             "is not a whole number", where=f"{source.name}.modulus", value=source.modulus

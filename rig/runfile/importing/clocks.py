@@ -18,6 +18,11 @@ LATEST_S = 9.2e9
 """Seconds that a time in nanoseconds has room for."""
 
 
+def in_zone(moment: datetime) -> datetime:
+    """A moment with its zone: UTC where it has none."""
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
 @dataclass
 class NumberClock:
     """A column of numbers, `factor` seconds each; `modulus` is the range after which the counter wraps (0: never).
@@ -76,8 +81,7 @@ class TextClock:
             moment = datetime.fromisoformat(whole)
         except ValueError:
             raise ValueError("not a date and time in ISO 8601") from None
-        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        since = moment - datetime(1970, 1, 1, tzinfo=UTC)
+        since = in_zone(moment) - datetime(1970, 1, 1, tzinfo=UTC)
         return (since.days * 86_400 + since.seconds) * 1_000_000_000 + int(
             fraction[:9].ljust(9, "0")
         )

@@ -7,7 +7,7 @@ or, if asked for, rows that are left out, counted and listed in an event of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -23,10 +23,12 @@ from experiments.assumed import (
     TIME_BASE,
     TORQUE_SCALE,
     TORQUE_ZERO,
+    Assumed,
 )
 from experiments.budget import TORQUES
 from experiments.need import EFFORTS
 from experiments.recording import Event
+from model.channel import Channel
 from rig.errors import RunFileError
 from rig.runfile.header import RunHeader, iso_time
 from rig.runfile.importing.adapters.table import Table
@@ -120,37 +122,43 @@ def _behind(reading: Reading, backward: Reading | None) -> Iterator[Rows]:
 def _brief(note: str) -> str:
     """A note as the event of a run has it, whose text is short: of lines only what stands before their colon."""
     first, *lines = note.split("\n")
-    return f"{first} {', '.join(line.partition(':')[0] for line in lines)}" if lines else first
+    if not lines:
+        return first
+    return f"{first} {', '.join(line.partition(':')[0] for line in lines)}"
 
 
 def _missing(header: RunHeader) -> list[str]:
     """What would stand in a rig's own file and nobody said: a note of one line a kind, with what gives it."""
     stated = header.metadata.process["stated"]
     channels = {column.name: column.channel for column in header.columns}
-    missing = [
-        row
-        for name, row in ENCODERS.items()
-        if name in channels and channels[name].calibration.accuracy is None
-    ]
-    efforts = [c for c in channels.values() if c.name in EFFORTS or c.unit in TORQUES]
-    scales = {
-        TORQUE_SCALE.kind if c.unit in TORQUES else CURRENT.kind
-        for c in efforts
-        if c.calibration.scale_relative_uncertainty is None
-    }
-    missing += [row for row in (TORQUE_SCALE, CURRENT) if row.kind in scales]
-    if any(c.calibration.offset_uncertainty is None for c in efforts):
-        missing.append(TORQUE_ZERO)
-    thermometer = channels.get(TEMPERATURE_CHANNEL)
-    if efforts and thermometer is None:
-        missing.append(TEMPERATURE)
-    elif thermometer is not None and thermometer.calibration.offset_uncertainty is None:
-        missing.append(THERMOMETER)
+    assumed = [*_assumed(channels)]
     if header.metadata.time_base == "nominal":
-        missing.append(TIME_BASE)
-    lines = [f"{row.kind}: {row.note}" for row in missing]
+        assumed.append(TIME_BASE)
+    lines = [f"{row.kind}: {row.note}" for row in assumed]
     if not stated["lag_s"] and header.metadata.time_base != "none":
         lines.append("lag of the channels: taken as none. Give it: --lag")
     if "output_angle" in channels and not stated["ratio"]:
         lines.append("ratio: taken from the gear. Give it: --ratio")
-    return ["\n".join(["not said:", *lines])] if lines else []
+    if not lines:
+        return []
+    return ["\n".join(["not said:", *lines])]
+
+
+def _assumed(channels: Mapping[str, Channel]) -> Iterator[Assumed]:
+    """What is assumed of the channels: encoders, scales and zeros of efforts, temperature."""
+    for name, row in ENCODERS.items():
+        if name in channels and channels[name].calibration.accuracy is None:
+            yield row
+    efforts = [c for c in channels.values() if c.name in EFFORTS or c.unit in TORQUES]
+    without_scale = [c for c in efforts if c.calibration.scale_relative_uncertainty is None]
+    if any(c.unit in TORQUES for c in without_scale):
+        yield TORQUE_SCALE
+    if any(c.unit not in TORQUES for c in without_scale):
+        yield CURRENT
+    if any(c.calibration.offset_uncertainty is None for c in efforts):
+        yield TORQUE_ZERO
+    thermometer = channels.get(TEMPERATURE_CHANNEL)
+    if efforts and thermometer is None:
+        yield TEMPERATURE
+    elif thermometer is not None and thermometer.calibration.offset_uncertainty is None:
+        yield THERMOMETER

@@ -73,9 +73,7 @@ def _nominal_angle(speed: float, options: ImportOptions, by_name: Mapping[str, C
 
 
 def _output_angle(options: ImportOptions, by_name: Mapping[str, Column]) -> Derived:
-    ratio = options.ratio
-    if not math.isfinite(ratio) and options.gear is not None:
-        ratio = options.gear.mounted_ratio(options.mounting or "circular-spline-fixed")
+    ratio = options.known_ratio
     if "input_angle" not in by_name or not math.isfinite(ratio):
         raise ConfigurationError(
             "the transmission error is output - input/ratio: with it are needed the input angle and the ratio",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from rig.runfile.header import RunHeader, iso_time
 from rig.runfile.importing.adapters.arrays import ArrayTable
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ImportOptions
+from rig.runfile.importing.clocks import in_zone
 from rig.runfile.importing.reading import Reading, Rows
 from rig.runfile.importing.stated import stated_speed
 from rig.runfile.seal import file_sha256
@@ -37,9 +38,7 @@ def header_of(
     start_ns, start_time = _start(reading, options, first)
     timed = not options.no_time
     rate = reading.rate or (sample_rate(first.time_ns) if timed else math.nan)
-    gear = options.gear
-    mounting = options.mounting or "circular-spline-fixed"
-    ratio = gear.mounted_ratio(mounting) if gear and math.isnan(options.ratio) else options.ratio
+    ratio = options.known_ratio
     metadata = RunMetadata(
         run_id="",
         experiment=options.experiment,
@@ -47,12 +46,12 @@ def header_of(
         title=options.title or f"import of {', '.join(t.path.name for t in tables)}",
         start_time=start_time,
         operator=options.operator,
-        gear=gear,
+        gear=options.gear,
         gear_serial=options.gear_serial,
         gear_mounted=options.gear_mounted,
         # A negative ratio says that the joint counts against the motor, which is no matter of the gear.
         ratio=abs(ratio),
-        mounting=mounting,
+        mounting=options.known_mounting,
         output_sense=options.output_sense or 1,
         sample_rate=rate,
         time_base=_time_base(tables, options),
@@ -98,8 +97,7 @@ def _start(reading: Reading, options: ImportOptions, first: Rows) -> tuple[int, 
                 value=start_time,
                 limit="ISO 8601, as 2025-11-21T09:30:00+01:00",
             ) from None
-        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        return int(moment.timestamp() * 1e6) * 1000 - int(first.time_ns[0]), start_time
+        return int(in_zone(moment).timestamp() * 1e6) * 1000 - int(first.time_ns[0]), start_time
     if first.time_ns[0] >= _EARLIEST_CALENDAR_S * 1e9:
         return 0, iso_time(int(first.time_ns[0]))
     start_ns = reading.start_ns

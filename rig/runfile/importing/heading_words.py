@@ -146,7 +146,7 @@ def _fits(unit: str, channel: str) -> bool:
     """Whether a text is a unit that the channel may have."""
     if not unit:
         return False
-    allowed = (dimensions_of(channel) or ()) if channel else ()
+    allowed = dimensions_of(channel) or ()
     try:
         read = unit_of(unit, channel, allowed)
     except (ConfigurationError, ParameterError):

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from model.units import COUNT
 from rig.content.grid import Grid, columns
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError, RigError
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.channel_map import ForeignSegment, ImportOptions
@@ -107,20 +108,23 @@ class _Watch:
         if whole:
             self.blocks.append(values[:whole].reshape(-1, size)[:, [0, -1]])
 
+    @property
+    def _ends(self) -> NDArray[np.float64]:
+        """The first and the last value of each block (n, 2)."""
+        return np.concatenate([np.zeros((0, 2)), *self.blocks])
+
     def changes(self) -> NDArray[np.float64]:
         """Change over each block: from its first row to the first of the next."""
-        if not self.blocks:
-            return np.zeros(0)
-        within = np.diff(np.concatenate(self.blocks), axis=1)[:, 0]
+        within = np.diff(self._ends, axis=1)[:, 0]
         return within * (self._size / max(self._size - 1, 1))
 
     def begins(self) -> NDArray[np.float64]:
         """First value of each block."""
-        return np.concatenate(self.blocks)[:, 0] if self.blocks else np.zeros(0)
+        return self._ends[:, 0]
 
     def levels(self) -> NDArray[np.float64]:
         """Mean of each block's ends."""
-        return np.concatenate(self.blocks).mean(axis=1) if self.blocks else np.zeros(0)
+        return self._ends.mean(axis=1)
 
 
 def look_at(tables: Sequence[Table], options: ImportOptions) -> Look:
@@ -276,7 +280,7 @@ def column_grid(listed: Sequence[Mapping[str, object]]) -> Grid:
             str(column["unit"] or "?"),
             known(column["low"]),
             known(column["high"]),
-            f"column {column['time']}" if column["time"] else "-",
+            phrase("column {}", column["time"]) or "-",
         )
         for column in listed
     ]

@@ -55,21 +55,26 @@ def propose(tables: Sequence[Table], heads: Sequence[Numbers] | None = None) -> 
     """
     columns: list[ProposedColumn] = []
     numbers: dict[str, Numbers] = {}
-    for index, table in enumerate(tables):
-        values = head(table) if heads is None else heads[index]
+    if heads is None:
+        heads = [head(table) for table in tables]
+    for file, table, values in zip(_files(tables), tables, heads, strict=True):
         # What is no size of anything is no number either: its square would overflow.
         values = np.where(np.abs(values) < _LARGEST, values, np.nan)
-        several = len(tables) > 1
         for at in range(len(table.headings)):
-            column = _by_heading(table, at, values[:, at])
-            if several:
-                column = replace(column, file=str(index + 1))
+            column = replace(_by_heading(table, at, values[:, at]), file=file)
             columns.append(column)
             numbers[column.key] = values[:, at]
     columns = _times(columns, numbers, tables)
     columns = [replace(one, meant=one.channel) for one in _by_numbers(columns, numbers)]
     chosen, asked = _one_of_several(columns, numbers)
     return _concluded(chosen, numbers, asked, tables)
+
+
+def _files(tables: Sequence[Table]) -> list[str]:
+    """How the columns name the files: by number, and not at all where there is one."""
+    if len(tables) == 1:
+        return [""]
+    return [str(number) for number in range(1, len(tables) + 1)]
 
 
 def head(table: Table) -> Numbers:
@@ -90,7 +95,7 @@ def _rows(table: Table, columns: Sequence[int]) -> Numbers:
         rows += len(batch.values)
         if rows >= LOOKED_AT:
             break
-    return np.concatenate(parts) if parts else np.zeros((0, len(columns)))
+    return np.concatenate([*parts, np.zeros((0, len(columns)))])
 
 
 def _by_heading(table: Table, at: int, values: Numbers) -> ProposedColumn:
@@ -99,19 +104,23 @@ def _by_heading(table: Table, at: int, values: Numbers) -> ProposedColumn:
     is_once = Counter(table.headings)[heading] == 1
     plain = is_once and heading.strip() and not set(heading) & set("=:@[](),")
     reference = heading if plain and not heading.strip().isdigit() else str(at + 1)
-    unit = said.unit or (table.units[at] if at < len(table.units) else "")
+    unit = said.unit or "".join(table.units[at : at + 1])
     is_numeric = len(values) > 0 and np.isfinite(values).mean() > 0.5
     shown = heading.strip() or f"column {at + 1}"
     if not is_numeric:
         return ProposedColumn(reference=reference, heading=shown, evidence=(NO_NUMBERS,))
-    evidence = (said.why,) if said.channel else ()
+    evidence: list[str] = []
+    if said.channel:
+        evidence.append(said.why)
+    if unit:
+        evidence.append(f"unit {unit} as written")
     return ProposedColumn(
         reference=reference,
         heading=shown,
         channel=said.channel,
         unit=unit,
         member=said.member,
-        evidence=(*evidence, *((f"unit {unit} as written",) if unit else ())),
+        evidence=tuple(evidence),
     )
 
 
@@ -121,18 +130,12 @@ def _times(
     tables: Sequence[Table],
 ) -> list[ProposedColumn]:
     """One column of time: the one that the file names, else one that rises evenly; others are left out."""
-    named = {
-        (table.headings[time].strip(), str(index + 1) if len(tables) > 1 else "")
-        for index, table in enumerate(tables)
-        for time in table.times
-        if time is not None
-    }
-    rising = [one for one in columns if rises_evenly(numbers[one.key])]
-    by_file = [one for one in columns if (one.heading, one.file) in named]
+    by_file = _named_by_file(columns, tables)
     by_word = [
         one for one in columns if one.channel == TIME_CHANNEL and never_falls(numbers[one.key])
     ]
-    nameless = [one for one in rising if not one.channel and not one.unit]
+    open_ones = (one for one in columns if not one.channel and not one.unit)
+    nameless = (one for one in open_ones if rises_evenly(numbers[one.key]))
     chosen = next(iter((*by_file, *by_word, *nameless)), None)
     made = []
     for one in columns:
@@ -140,15 +143,32 @@ def _times(
             evidence = (*(word for word in one.evidence if word != NO_NUMBERS), BY_FILE)
             one = replace(one, channel=TIME_CHANNEL, evidence=evidence)
         elif one is chosen:
-            step = float(np.nanmedian(np.diff(numbers[one.key])))
-            evidence = (*one.evidence, f"rises by {step:.4g} from row to row")
-            one = replace(one, channel=TIME_CHANNEL, evidence=evidence)
-            if not one.unit and _SECONDS[0] <= step <= _SECONDS[1]:
-                one = replace(one, unit="s", evidence=(*evidence, "a step that is usual in s"))
+            one = _rising_time(one, numbers[one.key])
         elif one.channel == TIME_CHANNEL:
             one = replace(one, channel="", evidence=(*one.evidence, "not the time of the others"))
         made.append(one)
     return made
+
+
+def _named_by_file(columns: list[ProposedColumn], tables: Sequence[Table]) -> list[ProposedColumn]:
+    """The columns that the files themselves name as a time."""
+    named = {
+        (table.headings[time].strip(), file)
+        for file, table in zip(_files(tables), tables, strict=True)
+        for time in table.times
+        if time is not None
+    }
+    return [one for one in columns if (one.heading, one.file) in named]
+
+
+def _rising_time(column: ProposedColumn, values: Numbers) -> ProposedColumn:
+    """A column that is the time by its numbers, with its unit where the step is usual in one."""
+    step = float(np.nanmedian(np.diff(values)))
+    evidence = (*column.evidence, f"rises by {step:.4g} from row to row")
+    column = replace(column, channel=TIME_CHANNEL, evidence=evidence)
+    if not column.unit and _SECONDS[0] <= step <= _SECONDS[1]:
+        column = replace(column, unit="s", evidence=(*evidence, "a step that is usual in s"))
+    return column
 
 
 def _by_numbers(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 from rig.runfile.importing.channel_source import ChannelSource
@@ -43,6 +43,10 @@ class ProposedColumn:
     def is_counted(self) -> bool:
         """Whether its numbers are counts."""
         return self.unit in ("count", "counts")
+
+    def freed_of(self, channel: str) -> ProposedColumn:
+        """The same column; left out where it is this channel."""
+        return replace(self, channel="") if self.channel == channel else self
 
 
 @dataclass(frozen=True)

@@ -41,10 +41,11 @@ def propose(
         start = _onset(still, begin)
         speed = float(changes[begin:end].mean()) / seconds
         turned = abs(float(changes[begin:end].sum()))
+        label = "hold"
         if start < begin:
             label = "step"
-        else:
-            label = "traverse" if unit == "rad" and turned >= REVOLUTION else "hold"
+        elif unit == "rad" and turned >= REVOLUTION:
+            label = "traverse"
         found.append(
             ForeignSegment(
                 label=label,
@@ -61,13 +62,11 @@ def propose(
 
 def _steady_until(changes: NDArray[np.float64], begin: int) -> int:
     """The end of the stretch from `begin` on in which the speed stays within its tolerance of its mean."""
-    end, total = begin, 0.0
-    while end < len(changes):
-        mean = total / (end - begin) if end > begin else float(changes[begin])
-        if abs(changes[end] - mean) > STEADY * abs(mean):
-            break
+    end, total, mean = begin, 0.0, float(changes[begin])
+    while end < len(changes) and not abs(changes[end] - mean) > STEADY * abs(mean):
         total += float(changes[end])
         end += 1
+        mean = total / (end - begin)
     return end
 
 
@@ -75,5 +74,5 @@ def _onset(still: NDArray[np.bool_], begin: int) -> int:
     """The block in which a stretch was started from rest; its own beginning where it was not, or slowly."""
     for back in (1, 2, 3):
         if begin - back >= 1 and still[begin - back] and still[begin - back - 1]:
-            return begin - back + 1 if back > 1 else begin - 1
+            return begin - max(back - 1, 1)
     return begin

@@ -24,14 +24,21 @@ def is_of_tables(kind: str) -> bool:
 
 
 def _why_not(need: Need, look: Look, options: ImportOptions) -> str:
-    names = [channel.name for channel in look.channels]
+    return _no_channel(need, look) or _not_said(need, options) or _no_angle(need, look)
+
+
+def _no_channel(need: Need, look: Look) -> str:
+    names = {channel.name for channel in look.channels}
     for alternatives in need.channels:
+        is_there = bool(names & set(alternatives))
         if alternatives == MEASURED:
-            lacks = len(names) < 2
-        else:
-            lacks = not any(name in names for name in alternatives)
-        if lacks:
+            is_there = len(look.channels) > 1
+        if not is_there:
             return f"no channel {' or '.join(alternatives)}"
+    return ""
+
+
+def _not_said(need: Need, options: ImportOptions) -> str:
     if need.time and options.no_time:
         return "no time base"
     known = options.gear is not None or math.isfinite(options.ratio)
@@ -46,6 +53,10 @@ def _why_not(need: Need, look: Look, options: ImportOptions) -> str:
         labels |= {*options.segments_from.labels.values(), options.segments_from.label}
     if need.labels and not labels & set(need.labels):
         return f"no segment labelled {' or '.join(need.labels)}"
+    return ""
+
+
+def _no_angle(need: Need, look: Look) -> str:
     angles = [c for c in look.channels if c.name in TURNING]
     if need.revolutions and not any(c.unit == "rad" for c in angles):
         return "no channel that is an angle"

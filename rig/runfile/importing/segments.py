@@ -132,8 +132,10 @@ class SteadyStretches:
             if not label or stretch.stop - stretch.start < 2:
                 continue
             speed = stretch.turned / stretch.seconds if stretch.seconds > 0.0 else 0.0
-            setpoint = stretch.value if wanted.setpoint else speed
-            key = (label, round(setpoint, 9) if wanted.setpoint else float(np.sign(setpoint)))
+            setpoint, alike = speed, float(np.sign(speed))
+            if wanted.setpoint:
+                setpoint, alike = stretch.value, round(stretch.value, 9)
+            key = (label, alike)
             repeats[key] = repeats.get(key, -1) + 1
             segments.append(
                 Segment(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.content.phrase import phrase
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.table import BadCell, Batch, CellReader, Table
 from rig.runfile.importing.clocks import LATEST_S, NumberClock, TextClock
@@ -35,7 +36,7 @@ class LeftOut:
     def refuse(self, table: Table, bad: BadCell, rows: int = 1) -> None:
         """Leave rows out, or raise `RunFileError` with line, column and value."""
         word = table.line_word
-        column = f", column {bad.column}" if bad.column else ""
+        column = phrase(", column {}", bad.column)
         if not self.is_allowed:
             limit = "a finite number"
             if "increase" in bad.why:
@@ -51,7 +52,7 @@ class LeftOut:
             )
         self.rows += rows
         if len(self.listed) < _LISTED_ROWS:
-            many = f" and the {rows - 1} after it" if rows > 1 else ""
+            many = phrase(" and the {} after it", rows - 1)
             self.listed.append(f"{word} {bad.line}{many}{column}: {bad.why} ({bad.text})")
 
     def count(self, rows: int, why: str) -> None:
@@ -120,14 +121,16 @@ class Stream:
     def pieces(self) -> Iterator[Piece]:
         """The rows that are kept, a batch at a time."""
         timed = self.time is not None
-        wanted = [*([self.time] if self.time is not None else []), *self.columns]
+        wanted = list(self.columns)
+        if self.time is not None:
+            wanted.insert(0, self.time)
         for batch in self.table.batches(wanted, self.readers):
             good = self._good_rows(batch)
             cycles = self._row + np.arange(len(batch.lines))
             self._row += len(batch.lines)
             stamps = self._stamps(batch, good) if timed else cycles
             if good.any():
-                values = batch.values[:, 1:] if timed else batch.values
+                values = batch.values[:, int(timed) :]
                 yield Piece(stamps, cycles, batch.lines, values).rows(good)
         if self._blank[1]:
             self.notes.append(
@@ -153,21 +156,22 @@ class Stream:
         """Blank rows are the end of a column, unless rows follow: then they are holes."""
         if not batch.blank and not self._blank[1]:
             return
-        filled = np.flatnonzero(good)
-        last = int(filled[-1]) if len(filled) else -1
+        last = int(np.flatnonzero(good).max(initial=-1))
+        blank = np.array(sorted(batch.blank), dtype=np.intp)
+        self._see_blank(batch.lines[blank[blank < last]])
         first, count = self._blank
-        for row in sorted(batch.blank):
-            if row < last:
-                first, count = (int(batch.lines[row]) if not count else first), count + 1
         if last >= 0 and count:
             bad = BadCell(first, "", f"{count} such rows", "the cells are empty, and rows follow")
             self.left_out.refuse(self.table, bad, count)
-            first, count = 0, 0
-        tail = [row for row in sorted(batch.blank) if row > last]
-        if tail:
-            first = first if count else int(batch.lines[tail[0]])
-            count += len(tail)
-        self._blank = (first, count)
+            self._blank = (0, 0)
+        self._see_blank(batch.lines[blank[blank > last]])
+
+    def _see_blank(self, lines: NDArray[np.int64]) -> None:
+        """Take more blank rows to those before."""
+        first, count = self._blank
+        if len(lines) and not count:
+            first = int(lines[0])
+        self._blank = (first, count + len(lines))
 
     def _check_counts(self, batch: Batch, good: NDArray[np.bool_], index: int, name: str) -> None:
         values = batch.values[:, index]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from model.unit_text import understood
 from model.units import COUNT
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError
 from rig.runfile.importing.adapters.table import Table, column_named, find_column, split_heading
 from rig.runfile.importing.adapters.text_form import is_named
@@ -114,7 +115,7 @@ def _remark(wire: Wire) -> str:
     """How the unit of a channel was read, where a reader should know it; "" where it is plain."""
     source = wire.source
     remark = source_unit(source, wire.heading_unit, dimensions_of(source.name)).remark
-    return f"{source.name}, column {source.column}: {remark}" if remark else ""
+    return phrase("{1}, column {2}: {0}", remark, source.name, source.column)
 
 
 def _check_time(
@@ -256,9 +257,9 @@ def _streams(
     for indices in groups.values():
         members = [wires[index] for index in indices]
         clock = _clock(members[0], time, options, _time_unit(tables, members[0].table, options))
-        if isinstance(clock, NumberClock):
-            own = _begin(members[0].table, members[0].time)
-            clock.origin_ns = own - begin if own and begin else 0
+        own = _begin(members[0].table, members[0].time)
+        if isinstance(clock, NumberClock) and own and begin:
+            clock.origin_ns = own - begin
         readers = {
             members[k].column: words.read
             for k, index in enumerate(indices)
@@ -354,7 +355,7 @@ def _clock(
             value=unit.symbol,
             limit=", ".join(understood(("s",))),
         )
-    return NumberClock(unit.scale * (1.0 if said.scale is None else said.scale), said.modulus)
+    return NumberClock(unit.scale * said.factor, said.modulus)
 
 
 def _said_by_heading(table: Table, column: int, options: ImportOptions, name: str) -> str:

@@ -34,5 +34,5 @@ def wraps(values: NDArray[np.float64], scale: float) -> NDArray[np.intp]:
 
 def range_like(jump: float) -> float:
     """The usual range of a wrapped column that a jump is nearest to; the jump itself where none is near."""
-    near = [usual for usual in _USUAL_RANGES if abs(jump - usual) < 0.1 * usual]
-    return near[0] if near else round(jump)
+    near = (usual for usual in _USUAL_RANGES if abs(jump - usual) < 0.1 * usual)
+    return next(near, round(jump))

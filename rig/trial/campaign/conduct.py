@@ -114,7 +114,7 @@ class CampaignReport:
 
     def as_json(self) -> dict[str, Any]:
         """The object that `rig campaign --json` prints."""
-        told = {one.run.name: one for one in self.analysed}
+        refused = {one.run.name: one.refused for one in self.analysed}
         return {
             "campaign": self.walk.plan.name,
             "gear": self.journal.begun.get("gear", ""),
@@ -130,7 +130,7 @@ class CampaignReport:
                     "file": done.run,
                     "outcome": done.outcome,
                     "message": done.message,
-                    "refused": told[done.run].refused if done.run in told else "",
+                    "refused": refused.get(done.run, ""),
                     "outdated": done.outdated,
                 }
                 for done in self.journal.stages

@@ -70,8 +70,7 @@ class Journal:
     @property
     def number(self) -> int:
         """Its number among the campaigns of this gear and name."""
-        match = _NUMBER.search(self.path.name)
-        return int(match[1]) if match else 0
+        return _number(self.path)
 
     def newest(self, index: int) -> DoneStage | None:
         """The last run of a stage."""
@@ -94,10 +93,7 @@ class Journal:
         if newest is None or newest.outdated:
             return self
         _CHAIN.append(self.path, {"what": "outdated", "index": index, "because": because, "at": at})
-        stages = tuple(
-            replace(one, outdated=because) if one is newest else one for one in self.stages
-        )
-        return replace(self, stages=stages)
+        return _with_outdated(self, newest, because)
 
     def with_end(
         self, verdict: str, certificate: str, at: str, rests_on: Mapping[str, Any] | None = None
@@ -142,8 +138,7 @@ def begin(
 def unfinished(folder: Path, plan: CampaignPlan, serial: str) -> Journal | None:
     """The newest campaign of this name and gear in a folder, if it did not come to its end."""
     paths = sorted((folder / FOLDER).glob(f"{_stem(serial, plan.name)}-*.jsonl"), key=_number)
-    journal = read(paths[-1]) if paths else None
-    return journal if journal is not None and journal.ended is None else None
+    return next((one for one in map(read, paths[-1:]) if one and one.ended is None), None)
 
 
 def read(path: Path) -> Journal | None:
@@ -182,12 +177,7 @@ def _taken_in(journal: Journal, row: Mapping[str, Any]) -> Journal:
         )
         return replace(journal, stages=(*journal.stages, stage))
     if what == "outdated":
-        newest = journal.newest(int(row["index"]))
-        stages = tuple(
-            replace(one, outdated=str(row["because"])) if one is newest else one
-            for one in journal.stages
-        )
-        return replace(journal, stages=stages)
+        return _with_outdated(journal, journal.newest(int(row["index"])), str(row["because"]))
     if what == "ended":
         return replace(journal, ended=_without_frame(row))
     return journal
@@ -199,6 +189,12 @@ def _stem(serial: str, campaign: str) -> str:
 
 def _in_name(text: str) -> str:
     return _NOT_IN_NAMES.sub("_", text.strip())[:60].strip("._") or "unknown"
+
+
+def _with_outdated(journal: Journal, stage: DoneStage | None, because: str) -> Journal:
+    """The journal in which this run of a stage does not count any more."""
+    stages = (replace(one, outdated=because) if one is stage else one for one in journal.stages)
+    return replace(journal, stages=tuple(stages))
 
 
 def _number(path: Path) -> int:

@@ -76,7 +76,9 @@ def do_stage(stage: Stage, work: Work, description: str) -> Seen:
     known = next((one.devices for one in reversed(record) if one.stage == "read"), {})
 
     def done(*, begun: bool = False) -> StageDone:
-        answers = {**seen.answers, **({BEGUN: work.now()} if begun else {})}
+        answers = dict(seen.answers)
+        if begun:
+            answers[BEGUN] = work.now()
         return StageDone(
             stage=stage.name,
             at=work.now(),

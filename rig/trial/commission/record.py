@@ -26,6 +26,7 @@ from rig.bench.commissioning import (
     read_record,
 )
 from rig.bench.identity import Bench
+from rig.content.phrase import phrase
 from rig.errors import ChangedRunError, RigError, RunFileError
 from rig.program import this_program
 from rig.runfile.seal import file_sha256
@@ -91,7 +92,7 @@ def links_of_record(path: Path) -> Iterable[Link]:
         yield broken("commissioning", path, error)
         return
     missing = ", ".join(one["stage"] for one in content["missing"])
-    text = f"ok, bench {content['bench']}, " + (f"missing: {missing}" if missing else "complete")
+    text = f"ok, bench {content['bench']}, {phrase('missing: {}', missing) or 'complete'}"
     yield Link("commissioning", Severity.PASSED, text, where=str(path), sha256=seal.sha256)
     for stage in content["stages"]:
         for name, sha256 in stage["runs"].items():

@@ -210,7 +210,9 @@ def _objects(device: RemoteDevice, config: CanRigConfig, node: FoundNode) -> Ite
                 where=where,
             )
     for module in config.modules:
-        for analog in module.inputs if module.node_id == node.node_id else ():
+        if module.node_id != node.node_id:
+            continue
+        for analog in module.inputs:
             yield _readable(device, analog.source, where)
             if analog.unit == "degC":
                 yield _temperature(
@@ -451,6 +453,10 @@ def _sense_and_ratio(work: Work, inner: _Turned, outer: _Turned) -> Iterable[Fin
     )
 
 
+_CONTACT = {True: "closed", False: "open"}
+"""How a guard is, by whether it is closed."""
+
+
 def _guard(
     work: Work, seen: Seen, rig: AssembledRig, bus: ListeningBus, config: CanRigConfig
 ) -> None:
@@ -462,7 +468,7 @@ def _guard(
         return
     device = RemoteDevice(bus, guard.node_id)
     for key, wanted in (("open-guard", False), ("close-guard", True)):
-        word = "closed" if wanted else "open"
+        word = _CONTACT[wanted]
         work.consents(
             seen, rig, key, f"{key.split('-')[0].capitalize()} the guard.", f"it is {word}"
         )
@@ -472,7 +478,7 @@ def _guard(
             passed_if(
                 f"guard, {word}",
                 is_closed is wanted,
-                f"input 0x{value:X} reads as {'closed' if is_closed else 'open'}",
+                f"input 0x{value:X} reads as {_CONTACT[is_closed]}",
                 "`mask` and `closed` of [guard], or its contact: it must open when the guard does.",
                 where="guard",
             )

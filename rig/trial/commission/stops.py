@@ -145,12 +145,11 @@ def _judge(
     if not fits:
         return
     if act.is_seen:
-        made = report.make_safe
-        seconds = (made.rows if made is not None else 0) / work.order.sample_rate
-        stands = report.safe and made is not None
-        by = ", ".join(made.verified_by) if made is not None else "nobody"
-        text = f"verified by {by} after {seconds:.2f} s" if stands else "STANDSTILL NOT VERIFIED"
-        fine = stands and seconds <= LONGEST
+        made, fine, text = report.make_safe, False, "STANDSTILL NOT VERIFIED"
+        if made is not None and report.safe:
+            seconds = made.rows / work.order.sample_rate
+            fine = seconds <= LONGEST
+            text = f"verified by {', '.join(made.verified_by)} after {seconds:.2f} s"
         seen.add(passed_if("standstill", fine, text, where="stop", allowed=f"<= {LONGEST:g} s"))
         return
     _seconds(work, seen, rig)

@@ -124,7 +124,7 @@ def _by_the_point(numbers: Sequence[str]) -> list[str]:
     before, after = (
         max((len(n.partition(".")[side]) for n in numbers), default=0) for side in (0, 2)
     )
-    point = after + 1 if after else 0
+    point = after + (after > 0)
 
     def put(n: str) -> str:
         whole, dot, rest = n.partition(".")

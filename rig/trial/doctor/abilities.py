@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from drivers.port import RigPort
-from experiments.finding import Finding, Severity
+from experiments.finding import Finding, Severity, passed_if
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,10 @@ def inspect_abilities(port: RigPort) -> Iterable[Finding]:
     """A line for each ability of an open rig; what it lacks is said, and is no fault."""
     for line in LINES:
         has = line.has(port)
-        yield Finding(
+        yield passed_if(
             line.name,
-            Severity.PASSED if has else Severity.NOT_LOOKED_AT,
+            has,
             "the rig has it" if has else f"the rig has none: {line.lack}",
             where="abilities",
+            otherwise=Severity.NOT_LOOKED_AT,
         )

@@ -22,6 +22,7 @@ from experiments.finding import Finding, Severity, passed_if
 from rig.trial.doctor.drive import inspect_drive
 from rig.trial.doctor.reference import inspect_reference
 from rig.trial.doctor.second_client import SecondClient, read_again
+from rig.trial.doctor.standing import gravity
 
 _PROFILES = {
     "servo amplifier": 402,
@@ -175,7 +176,7 @@ def _guarding(group: str, device: RemoteDevice) -> Iterable[Finding]:
     beats = bool(device.watch.timeout_ns)
     yield Finding(
         "node guarding",
-        Severity.WARNS if beats else Severity.BLOCKS,
+        gravity(beats),
         f"it waits to be guarded every {period} ms (0x100C), {factor} times (0x100D): nobody does that here",
         "Set 0x100C to 0; this program watches nodes by their heartbeat (0x1017).",
         where=group,

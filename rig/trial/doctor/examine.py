@@ -17,12 +17,13 @@ from drivers.errors import DriverError
 from drivers.port import Command, Guard, Mode
 from drivers.readout.nd287 import ReadoutConfig
 from experiments.errors import ExperimentError
-from experiments.finding import Finding, Severity, first_blocking
+from experiments.finding import Finding, Severity, first_blocking, passed_if
 from rig.bench.backends.assembly import AssembledRig
 from rig.bench.backends.hardware import readout_config
 from rig.bench.backends.order import Order
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.config.load import load_configuration
+from rig.content.phrase import phrase
 from rig.errors import RigError
 from rig.run.arming import guard_check, handle_check, loss_check
 from rig.run.commissioned import Standing, commissioned_check, standing_of
@@ -354,9 +355,9 @@ def _answering(rig: AssembledRig) -> Iterable[Finding]:
     answers = ", ".join(
         f"node {node_id} (profile {profile or 'not told'})" for node_id, profile in nodes.items()
     )
-    yield Finding(
+    yield passed_if(
         "scan",
-        Severity.PASSED if nodes else Severity.BLOCKS,
+        bool(nodes),
         answers or "nobody answers",
         where="nodes",
         value=float(len(nodes)),
@@ -387,7 +388,7 @@ def ending_of(report: RunReport) -> Finding:
     stands = "STANDSTILL NOT VERIFIED"
     if safe is not None and safe.safe:
         stands = "standstill verified by " + ", ".join(safe.verified_by)
-    text = f"{report.outcome}, {stands}" + (f": {report.message}" if report.message else "")
+    text = f"{report.outcome}, {stands}{phrase(': {}', report.message)}"
     if report.outcome == "ABORTED" and report.safe:
         return Finding(
             "run",
@@ -396,15 +397,11 @@ def ending_of(report: RunReport) -> Finding:
             "Stopped by the operator: look the rig over again.",
             where="motion",
         )
-    fine = report.outcome == "COMPLETED" and report.safe
-    remedy = (
-        "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge."
-    )
-    return Finding(
+    return passed_if(
         "run",
-        Severity.PASSED if fine else Severity.BLOCKS,
+        report.outcome == "COMPLETED" and report.safe,
         text,
-        "" if fine else remedy,
+        "Find the cause before anything else is run; a trip is taken away by name: rig acknowledge.",
         where="motion",
     )
 

@@ -29,7 +29,7 @@ from experiments.steps import vocabulary as s
 from model.gear import HarmonicDrive
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.bench.limits import kinematic_error_margin, torsion_stiffness
-from rig.trial.doctor.standing import LARGEST_MISSED
+from rig.trial.doctor.standing import LARGEST_MISSED, gravity, share_marked
 
 CREEP = DEGREE
 _CREEP_SPEED = 1.0 * RPM
@@ -122,8 +122,7 @@ def inspect_motion(recording: Recording, gear: HarmonicDrive) -> Iterable[Findin
 
 
 def _last(recording: Recording, label: str) -> Segment | None:
-    segments = recording.labelled(label)
-    return segments[-1] if segments else None
+    return next(reversed(recording.labelled(label)), None)
 
 
 def _outward(recording: Recording) -> Segment:
@@ -332,7 +331,7 @@ def torque_findings(recording: Recording, segment: Segment) -> Iterable[Finding]
         allowed=f"1 +- {TORQUE_SCALE:g}",
         value=scale,
         unit="1",
-        otherwise=Severity.WARNS if scale <= _ANOTHER_SCALE else Severity.BLOCKS,
+        otherwise=gravity(scale <= _ANOTHER_SCALE),
     )
 
 
@@ -341,9 +340,8 @@ def _cost(recording: Recording, segment: Segment, name: str) -> float:
     zero, moving = _last(recording, "zero-before"), recording.si(name, segment)
     moving = moving[usable(recording, segment)]
     at_rest = recording.si(name, zero) if zero is not None else moving[:0]
-    return (float(moving.mean()) if len(moving) else 0.0) - (
-        float(at_rest.mean()) if len(at_rest) else 0.0
-    )
+    moved, stood = (float(part.mean()) if len(part) else 0.0 for part in (moving, at_rest))
+    return moved - stood
 
 
 def _against_friction(recording: Recording, segment: Segment, port: float) -> Finding:
@@ -366,7 +364,7 @@ def _against_friction(recording: Recording, segment: Segment, port: float) -> Fi
 
 
 def _missed(recording: Recording) -> Finding:
-    share = float(np.mean((recording.flags() & BAD_CYCLE) != 0)) if recording.rows else 1.0
+    share = share_marked(recording.flags(), BAD_CYCLE)
     text = f"{100.0 * share:.2f} % of {recording.rows} cycles cannot be used"
     return passed_if(
         "cycles",
@@ -392,9 +390,8 @@ def _index(recording: Recording) -> Finding:
             where="motion",
         )
     seen = int(recording.si(INDEX_SEEN)[-1])
-    text = (
-        f"input {'seen' if seen & 1 else 'not seen'}, output {'seen' if seen & 2 else 'not seen'}"
-    )
+    words = ("not seen", "seen")
+    text = f"input {words[seen & 1]}, output {words[seen >> 1 & 1]}"
     return passed_if(
         "index marks",
         seen & 3 == 3,

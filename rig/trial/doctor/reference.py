@@ -8,6 +8,7 @@ from drivers.bus.analog.amplifier import ReferenceAmplifier
 from drivers.drive_state import POWERED_STATES, DriveState
 from experiments.finding import Finding, Severity, passed_if
 from model.units import RPM
+from rig.content.phrase import yes_or_no
 
 
 def inspect_reference(amplifier: ReferenceAmplifier) -> Iterable[Finding]:
@@ -16,9 +17,7 @@ def inspect_reference(amplifier: ReferenceAmplifier) -> Iterable[Finding]:
     word, state = amplifier.word(), amplifier.state()
     lines = amplifier.config.lines
     said = {"alarm": lines.alarm, "power": lines.power, "ready": lines.ready}
-    text = ", ".join(
-        f"{name} {'yes' if line.is_active(word) else 'no'}" for name, line in said.items()
-    )
+    text = ", ".join(f"{name} {yes_or_no(line.is_active(word))}" for name, line in said.items())
     yield passed_if(
         "contacts",
         state not in (*POWERED_STATES, DriveState.FAULT) and lines.ready.is_active(word),

@@ -56,6 +56,16 @@ class Stand:
         return None
 
 
+def share_marked(flags: NDArray[np.uint16], marks: int) -> float:
+    """Share of the cycles that bear one of these marks; all, where there are no cycles."""
+    return float(np.mean((flags & marks) != 0)) if len(flags) else 1.0
+
+
+def gravity(is_bearable: bool) -> Severity:
+    """How grave it is that something is not as it must be: a warning where a run can go on with it."""
+    return Severity.WARNS if is_bearable else Severity.BLOCKS
+
+
 def inspect_stand(stand: Stand) -> Iterable[Finding]:
     """Every line that needs data and no motion."""
     yield _complete(stand)
@@ -68,7 +78,7 @@ def inspect_stand(stand: Stand) -> Iterable[Finding]:
 
 def _complete(stand: Stand) -> Finding:
     wrong = CycleFlag.INCOMPLETE | CycleFlag.LATE | CycleFlag.DOUBLED | CycleFlag.SHORT
-    missed = float(np.mean((stand.flags & wrong) != 0)) if len(stand.flags) else 1.0
+    missed = share_marked(stand.flags, wrong)
     return passed_if(
         "cycles",
         missed <= LARGEST_MISSED,
@@ -78,7 +88,7 @@ def _complete(stand: Stand) -> Finding:
         allowed=f"<= {LARGEST_MISSED:g}",
         value=missed,
         unit="1",
-        otherwise=Severity.WARNS if missed <= MISSED_SHARE else Severity.BLOCKS,
+        otherwise=gravity(missed <= MISSED_SHARE),
     )
 
 
@@ -97,7 +107,7 @@ def _time(stand: Stand) -> Iterable[Finding]:
         allowed=f">= {SLOW_RATE * nominal:g} Hz",
         value=rate,
         unit="Hz",
-        otherwise=Severity.WARNS if rate >= SLOWEST_RATE * nominal else Severity.BLOCKS,
+        otherwise=gravity(rate >= SLOWEST_RATE * nominal),
     )
     jitter, largest = float(steps.std()) * 1e-3, float(np.abs(steps - stand.cycle_ns).max()) * 1e-3
     allowed = _LARGEST_JITTER * stand.cycle_ns * 1e-3
@@ -153,7 +163,7 @@ def _torque(stand: Stand) -> Iterable[Finding]:
             allowed=f"+-{_SOUGHT_ZERO * rated:.3g} N m",
             value=zero,
             unit="N m",
-            otherwise=Severity.WARNS if abs(zero) <= LARGEST_ZERO * rated else Severity.BLOCKS,
+            otherwise=gravity(abs(zero) <= LARGEST_ZERO * rated),
         )
         yield passed_if(
             "noise",

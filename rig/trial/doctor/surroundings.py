@@ -42,11 +42,13 @@ from rig.analysis.passport.gather import moment
 from rig.bench.backends.order import Order
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError, LimitError
 from rig.library.index import LibraryIndex
 from rig.run.latch import latch_of
 from rig.run.preflight import drive_limits_check
 from rig.run.start import bench_for
+from rig.trial.doctor.standing import gravity
 
 ENOUGH_SPACE, LEAST_SPACE = 1_000_000_000, 100_000_000
 """Bytes that an hour at 1 kHz and a margin take; bytes below which no run should be begun."""
@@ -130,7 +132,7 @@ def disk(folder: Path) -> Finding:
         allowed=f">= {ENOUGH_SPACE / 1e9:g} GB",
         value=free / 1e9,
         unit="GB",
-        otherwise=Severity.WARNS if free >= LEAST_SPACE else Severity.BLOCKS,
+        otherwise=gravity(free >= LEAST_SPACE),
     )
 
 
@@ -155,8 +157,10 @@ def golden_gear(order: Order, clock: Clock) -> Iterable[Finding]:
     runs = LibraryIndex(order.folder).search(gear=watching.golden_gear)
     starts = [moment(run.start) for run in runs if run.is_complete]
     now = datetime.fromtimestamp(clock.calendar_ns() * 1e-9, UTC)
-    age = (now - max(starts)).total_seconds() / 86400.0 if starts else math.inf
-    found = f"{age:.0f} days ago" if starts else "never measured here"
+    age, found = math.inf, "never measured here"
+    if starts:
+        age = (now - max(starts)).total_seconds() / 86400.0
+        found = f"{age:.0f} days ago"
     yield passed_if(
         f"golden gear {watching.golden_gear}",
         age <= watching.golden_days,
@@ -178,8 +182,8 @@ def calibrations(channels: Sequence[Channel], today: date) -> Iterable[Finding]:
             part
             for part in (
                 certificate.certificate or "no certificate",
-                f"of {certificate.date}" if certificate.date else "",
-                f"due {certificate.due}" if certificate.due else "no due date",
+                phrase("of {}", certificate.date),
+                phrase("due {}", certificate.due) or "no due date",
             )
             if part
         )

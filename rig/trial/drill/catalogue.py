@@ -84,8 +84,8 @@ class Drill:
         """The same run with a fault that does nothing. A press that only gives it its occasion stays."""
         return replace(
             self,
-            fault=Fault if self.fault is not None else None,
-            press=self.press if self.fault is not None else None,
+            fault=self.fault and Fault,
+            press=self.fault and self.press,
             prepare=None,
             limits_factor=1.0,
             recording="",
@@ -110,11 +110,15 @@ def _abort(stop: StopRequest) -> None:
     stop.press()
 
 
-_PRESSES: Mapping[str, Callable[[StopRequest], None]] = {
+_PRESSES: Mapping[str | None, Callable[[StopRequest], None] | None] = {
+    None: None,
     "STOP": StopRequest.press,
     "ABORT": _abort,
 }
-_PREPARED: Mapping[str, Callable[[WireBench], None]] = {"narrow counter": _narrow_counter}
+_PREPARED: Mapping[str | None, Callable[[WireBench], None] | None] = {
+    None: None,
+    "narrow counter": _narrow_counter,
+}
 _FAULTS: Mapping[str, type[Fault]] = {
     name: kind
     for module in (plain, wire, analog, box, strangers)
@@ -175,8 +179,8 @@ def _drill(row: Mapping[str, Any], carriers: Mapping[str, tuple[Carrier, ...]]) 
         carriers=carriers[row.get("on", "wire")],
         moment=row.get("moment", "hold"),
         is_harmless=row.get("harmless", False),
-        press=_PRESSES[row["press"]] if "press" in row else None,
-        prepare=_PREPARED[row["prepare"]] if "prepare" in row else None,
+        press=_PRESSES[row.get("press")],
+        prepare=_PREPARED[row.get("prepare")],
         limits_factor=row.get("limits_factor", 1.0),
         recording=row.get("disk", ""),
         readout=row.get("readout", ""),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from drivers.samples import CycleFlag
 from experiments.recording import Recording
+from rig.content.phrase import phrase
 from rig.errors import RigError
 from rig.run.parts import RunReport
 from rig.runfile.layout import PART_SUFFIX
@@ -78,8 +79,8 @@ def _marks(recording: Recording, row: int, reference: Mapping[str, NDArray[np.in
     rows = np.flatnonzero(flags)
     wrong = _wrong_unmarked(recording, flags, reference) if reference else 0
     words = ", ".join(f"{count} x {flag.name}" for flag, count in counted)
-    text = f"marked {words}" if words else "nothing to detect: counts are right"
-    text = f"{wrong} WRONG COUNTS NOT MARKED; {text}" if wrong else text
+    text = phrase("marked {}", words) or "nothing to detect: counts are right"
+    text = phrase("{} WRONG COUNTS NOT MARKED; ", wrong) + text
     after = max(int(rows[0]) - row, 0) if len(rows) else 0
     return Marks(text, tuple(marked(flag) for flag, _ in counted), after, wrong)
 

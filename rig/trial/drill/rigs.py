@@ -239,7 +239,8 @@ class DrilledRig:
                 happening.begin(self.stop, self.bench, ahead, onset)
         block = self.port.exchange(command, cycles, guard)
         self.rows += len(block)
-        self.moving_row = self.moving_row if self.stands else self.rows
+        if not self.stands:
+            self.moving_row = self.rows
         return block
 
 
@@ -275,7 +276,7 @@ def drilled_rig(
         )
     for happening in happenings:
         # The direct rig is handed its faults when it is made: there a row is a cycle.
-        happening.injected = None if happening.fault is None else happening.fault(happening.row)
+        happening.injected = happening.fault and happening.fault(happening.row)
     faults = [happening.injected for happening in happenings if happening.injected is not None]
     direct = SimulatedRig(individual, motor, world=World.of(seed), clock=clock, faults=faults)
     return DrilledRig(port=direct, plant=direct, clock=clock, happenings=happenings, stop=stop)

@@ -58,6 +58,11 @@ class Reference:
     """Counts of both encoders and the torque port in every row, by channel."""
 
 
+def _made_safe_at(report: RunReport) -> int:
+    """The row from which on a run was made safe: its end, where nothing had to be."""
+    return report.rows - (report.make_safe.rows if report.make_safe is not None else 0)
+
+
 def reference_run(planned: PlannedRun, carrier: Carrier, seed: int, folder: Path) -> Reference:
     """Run with nothing going wrong, and find the rows at which things can happen."""
     rig = drilled_rig(carrier, planned.gear, planned.motor, (), StopRequest(), seed)
@@ -69,13 +74,12 @@ def reference_run(planned: PlannedRun, carrier: Carrier, seed: int, folder: Path
     counts = {name: recording.stored(name) for name in COMPARED}
     close_recording(recording)
     rows = {label: (segment.start + segment.stop) // 2 for label, segment in segments.items()}
-    made_safe = report.rows - (report.make_safe.rows if report.make_safe else 0)
     rows |= {
         "start": 0,
         "preflight": 100,
         "switching-on": segments["zero-before"].stop + 5,
         "ramp": segments["hold"].start - 15,
-        "making-safe": made_safe + 5,
+        "making-safe": _made_safe_at(report) + 5,
     }
     return Reference(rows, report.outcome, counts)
 
@@ -303,7 +307,7 @@ class Staged:
         if self.reacted_ns is None:
             return marks.after
         if any(happening.at_start for happening in happenings):
-            return report.rows - (report.make_safe.rows if report.make_safe is not None else 0)
+            return _made_safe_at(report)
         onsets = [happening.onset_ns for happening in happenings if happening.onset_ns is not None]
         waited = self.reacted_ns - min(onsets, default=self.reacted_ns)
         return max(round(waited / rig.cycle_ns), 0)

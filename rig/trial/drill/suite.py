@@ -112,7 +112,7 @@ def chosen(names: Sequence[str], backend: str | None = None) -> list[Drill]:
             value=", ".join(unknown),
             remedy=nearest(unknown[0], every_drill()),
         )
-    found = [every_drill()[name] for name in names] if names else list(every_drill().values())
+    found = [every_drill()[name] for name in names or every_drill()]
     carried = [drill for drill in found if backend is None or backend in drill.carriers]
     if names and len(carried) < len(found):
         missing = [drill.name for drill in found if drill not in carried]

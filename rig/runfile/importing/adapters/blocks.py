@@ -27,6 +27,7 @@ from rig.runfile.importing.adapters.table import (
     heading_units,
     not_finite,
 )
+from rig.runfile.importing.clocks import in_zone
 
 _EARLIEST = datetime(1990, 1, 1, tzinfo=UTC)
 """Moments before this are the zero of a clock that nobody set."""
@@ -90,7 +91,8 @@ class BlockTable(ABC):
         """Keep what the file says of itself in words, by name; nothing for what it leaves empty."""
         texts = {name: " ".join(str(text).split()) for name, text in said.items() if text}
         listed = [f"{name} {text[:LONGEST_SAID]}" for name, text in texts.items() if text]
-        self.take_note([f"the file says: {', '.join(listed[:MOST_SAID])}"] if listed else [])
+        if listed:
+            self.take_note([f"the file says: {', '.join(listed[:MOST_SAID])}"])
 
     @abstractmethod
     def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
@@ -158,11 +160,16 @@ def calendar_ns(moment: object) -> int:
     if isinstance(moment, np.datetime64) and not np.isnat(moment):
         stamp = int(moment.astype("datetime64[us]").astype(np.int64)) * 1000
     elif isinstance(moment, datetime):
-        aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        stamp = round((aware - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds() * 1e6) * 1000
+        since = in_zone(moment) - datetime(1970, 1, 1, tzinfo=UTC)
+        stamp = round(since.total_seconds() * 1e6) * 1000
     else:
         return 0
     return stamp if stamp >= _EARLIEST.timestamp() * 1e9 else 0
+
+
+def only_one(headings: Sequence[str]) -> str:
+    """The heading that is the only one; "" for none and for several."""
+    return headings[0] if len(headings) == 1 else ""
 
 
 def headings_of(places: Sequence[tuple[str, str]]) -> list[str]:

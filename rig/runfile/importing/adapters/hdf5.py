@@ -102,7 +102,9 @@ def _columns(name: str, item: h5py.Dataset) -> dict[str, str | int | None]:
     if item.ndim == 1 or 1 in item.shape:
         return {name: None}
     width = min(item.shape)
-    return {f"{name}#{k + 1}": k for k in range(width)} if width <= _MOST_COLUMNS else {}
+    if width > _MOST_COLUMNS:
+        return {}
+    return {f"{name}#{k + 1}": k for k in range(width)}
 
 
 def _unit(item: h5py.Dataset) -> str:

@@ -14,6 +14,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,8 @@ def json_table(path: Path) -> ArrayTable:
     if isinstance(content, dict):
         stated = {k: v for k, v in content.items() if isinstance(v, (str, int, float))}
         said = ", ".join(f"{key} {value}" for key, value in list(stated.items())[:SHOWN])
-        table.notes += (f"the file says: {said}",) if said else ()
+        if said:
+            table.notes += (f"the file says: {said}",)
     return table
 
 
@@ -78,25 +80,41 @@ def _columns(content: Any) -> _Found:
 
 def _tables(place: Any) -> Iterator[_Found]:
     """What one part of a file is as a table, by each form that it has."""
-    if isinstance(place, list) and place and all(isinstance(row, dict) for row in place):
-        names = dict.fromkeys(key for row in place for key in row)
-        yield _Found({name: [row.get(name) for row in place] for name in names})
-    elif isinstance(place, list) and place and all(isinstance(row, list) for row in place):
-        yield _Found(_of_rows(place))
-    elif isinstance(place, dict) and {"columns", "data"} <= set(place):
-        names, rows = place["columns"], place["data"]
-        if isinstance(names, list) and isinstance(rows, list):
-            yield _Found(_of_rows([[str(name) for name in names], *rows]))
+    if isinstance(place, list):
+        yield from _of_list(place)
+    elif isinstance(place, dict) and {"columns", "data"} <= place.keys():
+        yield from _of_split(place["columns"], place["data"])
     elif isinstance(place, dict):
-        lists = {k: v for k, v in place.items() if isinstance(v, list) and not _holds(v)}
-        by_row = {k: v for k, v in place.items() if isinstance(v, dict) and v}
-        numbers = {k: v for k, v in by_row.items() if not _holds(v.values())}
-        if lists:
-            yield _of_longest(lists)
-        if numbers:
-            # A row that one column lacks is a hole there, not the next row's number.
-            keys = dict.fromkeys(key for column in numbers.values() for key in column)
-            yield _Found({name: [c.get(key) for key in keys] for name, c in numbers.items()})
+        yield from _of_columns(place)
+
+
+def _of_list(rows: list[Any]) -> Iterator[_Found]:
+    """Rows that all are objects, or all lists."""
+    kinds = set(map(type, rows))
+    if kinds == {dict}:
+        names = dict.fromkeys(key for row in rows for key in row)
+        yield _Found({name: [row.get(name) for row in rows] for name in names})
+    elif kinds == {list}:
+        yield _Found(_of_rows(rows))
+
+
+def _of_split(names: Any, rows: Any) -> Iterator[_Found]:
+    """Rows as lists, with their names beside them."""
+    if isinstance(names, list) and isinstance(rows, list):
+        yield _Found(_of_rows([[str(name) for name in names], *rows]))
+
+
+def _of_columns(place: dict[str, Any]) -> Iterator[_Found]:
+    """Columns as lists, and columns as objects by row number: each kind a table of its own."""
+    lists = {k: v for k, v in place.items() if isinstance(v, list) and not _holds(v)}
+    by_row = {k: v for k, v in place.items() if isinstance(v, dict) and v}
+    numbers = {k: v for k, v in by_row.items() if not _holds(v.values())}
+    if lists:
+        yield _of_longest(lists)
+    if numbers:
+        # A row that one column lacks is a hole there, not the next row's number.
+        keys = dict.fromkeys(key for column in numbers.values() for key in column)
+        yield _Found({name: [c.get(key) for key in keys] for name, c in numbers.items()})
 
 
 def _holds(values: Iterable[Any]) -> bool:
@@ -116,14 +134,12 @@ def _of_longest(columns: dict[str, list[Any]]) -> _Found:
 def _of_rows(rows: list[Any]) -> dict[str, list[Any]]:
     """Columns of rows that are lists; the first row has the names where all of it is text."""
     rows = [row for row in rows if isinstance(row, list)]
-    named = bool(rows) and bool(rows[0]) and all(isinstance(cell, str) for cell in rows[0])
-    data = rows[1:] if named else rows
     width = max(map(len, rows), default=0)
-    names = rows[0] if named else [f"column {k}" for k in range(1, width + 1)]
-    return {
-        str(name): [row[k] if k < len(row) else None for row in data]
-        for k, name in enumerate(names)
-    }
+    names = [f"column {k}" for k in range(1, width + 1)]
+    if rows and set(map(type, rows[0])) == {str}:
+        names, *rows = rows
+    columns = zip_longest(names, *rows)
+    return {str(name): list(values) for name, *values in islice(columns, len(names))}
 
 
 def _number(value: Any) -> float:

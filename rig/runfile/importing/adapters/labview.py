@@ -7,12 +7,18 @@ each channel. The decimal mark of the data is stated, or it is a point.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.text import TextRows
-from rig.runfile.importing.adapters.text_form import encoding_of, has_content, open_text
+from rig.runfile.importing.adapters.text_form import (
+    MARK_WORDS,
+    encoding_of,
+    has_content,
+    open_text,
+)
 
 _MARK = "LabVIEW Measurement"
 _END = "***End_of_Header***"
@@ -20,6 +26,8 @@ _LONGEST_HEADER = 400
 _SHOWN = 5
 _DELIMITERS = {"tab": "\t", "comma": ",", "semicolon": ";", "": "\t"}
 _X_HEADING = "X_Value"
+_CELLS_PER_CHANNEL = {"Multi": 2}
+"""Cells of a line of the header for each channel, by X_Columns; else one."""
 
 
 def is_labview(path: Path) -> bool:
@@ -55,44 +63,42 @@ class LabviewTable(TextRows):
             if (cells := [cell.strip() for cell in line.split(self.delimiter)])[0]
         }
         headings = [cell.strip() for cell in lines[ends[1]].split(self.delimiter)]
-        self._comments = headings.index("Comment") if "Comment" in headings else len(headings)
+        self._comments = [*headings, "Comment"].index("Comment")
         self.headings = tuple(headings)
         self.first_row = ends[1] + 2
         comma = _stated(lines[: ends[0]], "Decimal_Separator") == ","
         self.decimal_commas = (comma,) * len(headings)
         kind = _stated(lines[: ends[0]], "X_Columns") or "One"
         self._refuse_second_block()
-        self._find_times(block, kind, comma=comma)
+        is_time = all(cell in ("Time", "") for cell in block.get("X_Dimension", ["Time"]))
+        self._find_times(block.get("Y_Unit_Label", []), kind, is_time=is_time)
+        if kind == "No" and is_time:
+            self.period = self._common_step(block.get("Delta_X", []), comma=comma)
         self.notes = (
             f"LabVIEW measurement, {len(self.headings)} columns, X_Columns {kind}, "
-            f"decimal {'comma' if comma else 'point'}",
+            f"decimal {MARK_WORDS[comma]}",
             *self._recorded(block),
             *self._said(block),
         )
 
-    def _find_times(self, block: dict[str, list[str]], kind: str, *, comma: bool) -> None:
-        """Units and columns of time, or the step that stands in the header."""
-        places = [i for i, name in enumerate(self.headings) if name == _X_HEADING]
-        is_time = all(cell in ("Time", "") for cell in block.get("X_Dimension", ["Time"]))
-        multi = kind == "Multi"
-        units, times = [], []
-        labels = block.get("Y_Unit_Label", [])
+    def _find_times(self, labels: list[str], kind: str, *, is_time: bool) -> None:
+        """Each column's unit and its column of time: the last one before it."""
         # The cells of a header stand below the channels: one per channel, or with X columns between them.
-        channels = 0
+        below = iter(labels[:: _CELLS_PER_CHANNEL.get(kind, 1)])
+        units = [""] * len(self.headings)
+        times: list[int | None] = [None] * len(self.headings)
+        latest = None
         for index, name in enumerate(self.headings):
-            if name == _X_HEADING or index >= self._comments:
-                units.append("s" if name == _X_HEADING and is_time and kind != "No" else "")
-                times.append(None)
-                continue
-            cell = 2 * channels if multi else channels
-            units.append(labels[cell] if cell < len(labels) else "")
-            before = [place for place in places if place < index]
-            times.append(before[-1] if before and kind != "No" and is_time else None)
-            channels += 1
+            if name == _X_HEADING:
+                if is_time and kind != "No":
+                    units[index], latest = "s", index
+            elif index < self._comments:
+                units[index], times[index] = next(below, ""), latest
         self.units, self.times = tuple(units), tuple(times)
-        steps = {cell for cell in block.get("Delta_X", []) if cell}
-        if kind != "No" or not is_time:
-            return
+
+    def _common_step(self, stated: list[str], *, comma: bool) -> float:
+        """The step of all channels that stands in the header."""
+        steps = {cell for cell in stated if cell}
         if len(steps) != 1:
             raise RunFileError(
                 "its channels have no common step",
@@ -102,7 +108,7 @@ class LabviewTable(TextRows):
             )
         (step,) = steps
         try:
-            self.period = float(step.replace(",", ".") if comma else step)
+            return float(step.replace(",", ".") if comma else step)
         except ValueError:
             raise RunFileError(
                 "the step is no number", where=f"{self.path}, Delta_X", value=repr(step)
@@ -119,12 +125,11 @@ class LabviewTable(TextRows):
                         remedy="Save each block as a file of its own.",
                     )
 
-    def _recorded(self, block: dict[str, list[str]]) -> list[str]:
+    def _recorded(self, block: dict[str, list[str]]) -> Iterator[str]:
         """When it was recorded, as the header says it: local time, without a zone."""
         said = " ".join(next((c for c in block.get(key, []) if c), "") for key in ("Date", "Time"))
-        return (
-            [f"recorded {said.strip()}, local time: give it with --start"] if said.strip() else []
-        )
+        if said.strip():
+            yield f"recorded {said.strip()}, local time: give it with --start"
 
     def _said(self, block: dict[str, list[str]]) -> list[str]:
         """Comments beside the rows, and a number of samples that is not the one of the rows."""
@@ -135,10 +140,11 @@ class LabviewTable(TextRows):
                     continue
                 rows += 1
                 cells = line.rstrip("\r\n").split(self.delimiter)
-                text = cells[self._comments].strip() if len(cells) > self._comments else ""
+                text = "".join(cells[self._comments : self._comments + 1]).strip()
                 if text:
                     comments += 1
-                    first += [f"line {number}: {text}"] if len(first) < _SHOWN else []
+                    first.append(f"line {number}: {text}")
+                    del first[_SHOWN:]
         said = []
         stated = {int(cell) for cell in block.get("Samples", []) if re.fullmatch(r"[1-9]\d*", cell)}
         if stated and stated != {rows}:

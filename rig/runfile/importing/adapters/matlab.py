@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.arrays import ArrayTable
-from rig.runfile.importing.adapters.matlab_older import DAMAGE, may_kill, read_arrays
+from rig.runfile.importing.adapters.matlab_older import DAMAGE, cell_names, may_kill, read_arrays
 from rig.runfile.structure import refuse_foreign_storage
 
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
@@ -108,9 +108,8 @@ def _gather(
     if kind in (b"cell", "cell") and item.dtype == h5py.ref_dtype:
         # What MATLAB counts along columns, HDF5 has along rows.
         cells = item[()].ravel()
-        for number, reference in enumerate(cells, 1):
+        for at, reference in zip(cell_names(name, len(cells)), cells, strict=True):
             inner = file[reference] if reference else None
-            at = name if len(cells) == 1 else f"{name}{{{number}}}"
             _gather(file, at, inner, size, arrays, depth + 1)
     elif kind not in _TEXTS_AND_CELLS and item.dtype.kind in "iufb":
         arrays[name] = item[()].T

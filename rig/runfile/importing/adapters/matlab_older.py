@@ -70,6 +70,13 @@ def _copy_arrays(source: str, target: str) -> int:
     return 0
 
 
+def cell_names(name: str, count: int) -> list[str]:
+    """What the cells of a variable are called: `name{1}`, `name{2}`; one alone as the variable."""
+    if count == 1:
+        return [name]
+    return [f"{name}{{{number}}}" for number in range(1, count + 1)]
+
+
 def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]]) -> None:
     """Numeric arrays of a variable: those inside structs under `name.field`, of cell arrays under `name{2}`."""
     fields = getattr(value, "_fieldnames", None)
@@ -78,8 +85,8 @@ def _flatten(name: str, value: Any, arrays: dict[str, NDArray[Any]]) -> None:
             _flatten(f"{name}.{key}", getattr(value, key), arrays)
     elif isinstance(value, np.ndarray) and value.dtype == object:
         cells = value.ravel(order="F")
-        for number, cell in enumerate(cells, 1):
-            _flatten(name if len(cells) == 1 else f"{name}{{{number}}}", cell, arrays)
+        for at, cell in zip(cell_names(name, len(cells)), cells, strict=True):
+            _flatten(at, cell, arrays)
     elif isinstance(value, np.ndarray) and value.dtype.kind in "iufb":
         arrays[name] = value
 

@@ -13,6 +13,7 @@ from rig.extras import optional
 from rig.runfile.importing.adapters.blocks import (
     BlockTable,
     FileColumn,
+    only_one,
     refused_damage,
     seconds_since,
 )
@@ -37,7 +38,7 @@ class ParquetTable(BlockTable):
             kinds = self._arrow.types
             moments = [f.name for f in schema if kinds.is_timestamp(f.type)]
             start_ns = self._first_moment(file, moments)
-            time = moments[0] if len(moments) == 1 else ""
+            time = only_one(moments)
             columns = [
                 FileColumn(
                     heading=field.name,

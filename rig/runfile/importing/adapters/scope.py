@@ -15,12 +15,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.text import TextRows
-from rig.runfile.importing.adapters.text_form import encoding_of, open_text
+from rig.runfile.importing.adapters.text_form import MARK_WORDS, encoding_of, open_text
 from rig.runfile.importing.clocks import FILETIME_1970, FILETIME_TICKS
 
 _LOOKED_AT = 60
@@ -67,23 +67,21 @@ class ScopeTable(TextRows):
         self.delimiter, self.first_row = head.delimiter, head.first_row
         names = head.properties["Name"]
         units = head.properties.get("Unit", [])
-        headings: list[str] = []
-        times: list[int | None] = []
-        found: list[str] = []
+        found: list[tuple[str, int | None, str]] = []
         latest: int | None = None
-        for index, name in enumerate(names):
+        for index, (name, unit) in enumerate(zip_longest(names, units, fillvalue="")):
             if name == "Name":
                 latest = index
-            headings.append("time" if name == "Name" else name)
-            times.append(None if name == "Name" else latest)
-            stated = units[index] if index < len(units) else ""
-            found.append("ms" if name == "Name" else _unit(stated))
-        self.headings, self.times, self.units = tuple(headings), tuple(times), tuple(found)
+                found.append(("time", None, "ms"))
+            else:
+                found.append((name, latest, _unit(unit)))
+        self.headings, self.times, self.units = zip(*found, strict=True)
         self.start_ns = head.start_ns
-        self.decimal_commas = (self._has_decimal_comma(),) * len(headings)
+        comma = self._has_decimal_comma()
+        self.decimal_commas = (comma,) * len(found)
         self.notes = (
-            f"TwinCAT scope export, {sum(t is not None for t in times)} channels, "
-            f"decimal {'comma' if self.decimal_commas[0] else 'point'}",
+            f"TwinCAT scope export, {sum(t is not None for t in self.times)} channels, "
+            f"decimal {MARK_WORDS[comma]}",
             *self._scaled(head.properties),
         )
 
@@ -151,8 +149,8 @@ def _channels(rows: list[list[str]]) -> tuple[dict[str, list[str]], int]:
         elif properties and cells and cells[0]:
             properties[cells[0]] = cells
         elif properties:
-            following = next((row for row in rows[number:] if any(row)), [])
-            if _is_number(following[0] if following else ""):
+            following = next((row for row in rows[number:] if any(row)), [""])
+            if _is_number(following[0]):
                 return properties, number + 1
             properties = {}
     return {}, 0

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rig.content.phrase import phrase
 from rig.errors import ConfigurationError
 
 BATCH_ROWS = 16384
@@ -85,7 +86,7 @@ def find_column(table: Table, wanted: str) -> int:
     index = column_named(table, wanted)
     if index is not None:
         return index
-    shown = ", ".join(table.headings[:20]) + (", ..." if len(table.headings) > 20 else "")
+    shown = ", ".join(table.headings[:20]) + phrase(", ...", table.headings[20:])
     raise ConfigurationError(
         "there is no such column",
         where=str(table.path),
@@ -132,7 +133,9 @@ def split_heading(heading: str) -> tuple[str, str]:
     if unit.isdigit() and not heading.rstrip().endswith("[1]"):
         inner, unit_before = split_heading(name)
         return f"{inner} ({unit})", unit_before
-    return (heading.strip(), "") if unit.lower() in _NO_UNITS else (name, unit)
+    if unit.lower() in _NO_UNITS:
+        return heading.strip(), ""
+    return name, unit
 
 
 def heading_units(headings: Sequence[str]) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from rig.runfile.importing.adapters.blocks import (
     as_numbers,
     calendar_ns,
     headings_of,
+    only_one,
     refused_damage,
     seconds_since,
     steps_of_rows,
@@ -130,7 +131,7 @@ class TdmsTable(BlockTable):
             for name, other in zip(names, channels, strict=True)
             if other.group_name == channel.group_name and _is_moment(other)
         ]
-        return beside[0] if len(beside) == 1 else ""
+        return only_one(beside)
 
     def blocks(self, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
         names = [self.headings[index] for index in columns]
@@ -175,8 +176,9 @@ def _start(channel: Any) -> int:
 def _number(properties: Mapping[str, Any], name: str) -> float:
     """A property that is a number; 0 for what is none."""
     value = properties.get(name)
-    is_number = isinstance(value, (int, float, np.number)) and math.isfinite(float(value))
-    return float(value) if is_number and value is not None else 0.0
+    if isinstance(value, (int, float, np.number)) and math.isfinite(float(value)):
+        return float(value)
+    return 0.0
 
 
 def _unit(properties: Mapping[str, Any]) -> str:

@@ -22,6 +22,7 @@ from rig.runfile.importing.adapters.text_form import (
     ANY,
     DECIMAL_COMMA,
     DELIMITERS,
+    MARK_WORDS,
     NAMES,
     NUMBER,
     TextForm,
@@ -100,7 +101,9 @@ class TextRows:
                 if (not self.is_ragged and any(split) and not is_end) or len(split) > width:
                     why = f"the line has {len(split)} cells, the table {width}"
                     bad[row] = BadCell(number, "", shown(line.strip()), why)
-                split = [""] * width if row in bad or is_end else self._filled(split, width)
+                if row in bad or is_end:
+                    split = []
+                split = self._filled(split, width)
             chosen = [split[column] for column in columns]
             if row not in bad and not any(chosen):
                 blank.add(row)
@@ -128,16 +131,8 @@ class TextRows:
     ) -> NDArray[np.float64]:
         """The numbers of one column; what is none is NaN and noted."""
         comma = self.decimal_commas[column]
-        together = "".join(texts)
-        if reader is None and "_" not in together and not (comma and "." in together):
-            plain = [text.replace(",", ".") for text in texts] if comma else texts
-            try:
-                values = np.array(plain, dtype=np.str_).astype(np.float64)
-            except ValueError:
-                pass
-            else:
-                if np.isfinite(values).all():
-                    return values
+        if reader is None and (plain := _plain_numbers(texts, comma)) is not None:
+            return plain
         values = np.full(len(texts), np.nan)
         for row, text in enumerate(texts):
             value = self._number(text, comma) if reader is None else _read(reader, text)
@@ -157,9 +152,10 @@ class TextRows:
             if "." in text:
                 return "a point in a number with a decimal comma"
             text = text.replace(",", ".")
+        if text.lower().lstrip("+-") in ("nan", "inf", "infinity"):
+            return "not finite"
         if not NUMBER.fullmatch(text):
-            is_none = text.lower().lstrip("+-") in ("nan", "inf", "infinity")
-            return "not finite" if is_none else "not a number"
+            return "not a number"
         value = float(text)
         return value if np.isfinite(value) else "not finite"
 
@@ -213,7 +209,7 @@ class DelimitedTable(TextRows):
         """How the file was read, in words."""
         name = NAMES.get(self.delimiter, repr(self.delimiter))
         if len(set(self.decimal_commas)) == 1:
-            mark = f"decimal {'comma' if self.decimal_commas[0] else 'point'}"
+            mark = f"decimal {MARK_WORDS[self.decimal_commas[0]]}"
         else:
             with_comma = [
                 heading
@@ -221,10 +217,10 @@ class DelimitedTable(TextRows):
                 if comma
             ]
             mark = f"decimal comma in {', '.join(with_comma)}, decimal point in the others"
-        words = f"columns separated by {name}, {mark}"
-        return words + (
-            f", headings in line {self._heading_line}" if self._heading_line > 1 else ""
-        )
+        words = [f"columns separated by {name}", mark]
+        if self._heading_line > 1:
+            words.append(f"headings in line {self._heading_line}")
+        return ", ".join(words)
 
     def _find_headings(self, head: list[tuple[int, str]], *, is_header_given: bool) -> None:
         """The line of headings is the first that is as wide as the table and holds words; a line of
@@ -242,24 +238,27 @@ class DelimitedTable(TextRows):
                 remedy="Give the line that holds the headings, or the --delimiter.",
             )
         number, cells = wide[0]
-        self._heading_line = 0
-        words = [bool(cell) and not self._is_number(cell) for cell in cells]
-        if any(words) and not all(
-            missing_value(cell) for cell, word in zip(cells, words, strict=True) if word
-        ):
-            self._heading_line = number
-            self.headings = tuple(cell.strip().strip('"') for cell in cells)
-            self.first_row = number + 1
-            if len(wide) > 1 and not any(self._is_number(cell) for cell in wide[1][1]):
-                units = [cell.strip().strip("[]()") for cell in wide[1][1]]
-                if not any(map(missing_value, units)):
-                    self.headings = tuple(
-                        f"{name} [{unit}]" for name, unit in zip(self.headings, units, strict=True)
-                    )
-                    self.first_row = wide[1][0] + 1
-        else:
+        words = [cell for cell in cells if cell and not self._is_number(cell)]
+        if all(map(missing_value, words)):
+            self._heading_line = 0
             self.headings = tuple(f"column {index + 1}" for index in range(width))
             self.first_row = number
+            return
+        self._heading_line = number
+        self.headings = tuple(cell.strip().strip('"') for cell in cells)
+        self.first_row = number + 1
+        for number, cells in wide[1:2]:
+            if units := self._line_of_units(cells):
+                named = zip(self.headings, units, strict=True)
+                self.headings = tuple(f"{name} [{unit}]" for name, unit in named)
+                self.first_row = number + 1
+
+    def _line_of_units(self, cells: list[str]) -> list[str]:
+        """The units in the line behind the headings; nothing where a cell is a number or stands for one."""
+        units = [cell.strip().strip("[]()") for cell in cells]
+        if any(map(self._is_number, cells)) or any(map(missing_value, units)):
+            return []
+        return units
 
     def _is_number(self, cell: str) -> bool:
         """Whether a cell of the first lines is a number by either decimal mark."""
@@ -275,15 +274,29 @@ class DelimitedTable(TextRows):
         rows = [
             self.split(line) for number, line in head[: 4 * _LOOK_AHEAD] if number >= self.first_row
         ]
-        own: list[bool | None] = []
+        own: dict[int, bool] = {}
         for column in range(width):
             cells = [row[column].strip() for row in rows if column < len(row)]
             point = any("." in cell and NUMBER.fullmatch(cell) for cell in cells)
             comma = any(map(DECIMAL_COMMA.fullmatch, cells))
-            own.append(comma if comma != point else None)
-        decided = [mark for mark in own if mark is not None]
-        common = bool(decided) and all(decided)
-        return tuple(common if mark is None else mark for mark in own)
+            if comma != point:
+                own[column] = comma
+        common = bool(own) and all(own.values())
+        return tuple(own.get(column, common) for column in range(width))
+
+
+def _plain_numbers(texts: list[str], comma: bool) -> NDArray[np.float64] | None:
+    """The numbers of a column of nothing but finite numbers, all at once; None for any other."""
+    together = "".join(texts)
+    if "_" in together or (comma and "." in together):
+        return None
+    if comma:
+        texts = [text.replace(",", ".") for text in texts]
+    try:
+        values = np.array(texts, dtype=np.str_).astype(np.float64)
+    except ValueError:
+        return None
+    return values if np.isfinite(values).all() else None
 
 
 def _read(reader: CellReader, text: str) -> float | str:

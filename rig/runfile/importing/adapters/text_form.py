@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import cast
 
@@ -44,6 +45,8 @@ NAMES = {
     NOTHING: "nothing: there is one",
     ANY: "any of comma, semicolon, bar, tab and white space",
 }
+MARK_WORDS = {False: "point", True: "comma"}
+"""What the decimal mark is called, by whether it is the comma."""
 _COMMENTS = ("#", "%", "//")
 _GZIP = b"\x1f\x8b"
 
@@ -121,26 +124,38 @@ def find_delimiter(sample: list[str]) -> str:
     for candidate in ("\t", ";", "|"):
         if len({line.count(candidate) for line in lines}) == 1 and candidate in lines[0]:
             return candidate
+    return _comma_or_blank(lines) or _most_frequent_mark(lines)
+
+
+def _comma_or_blank(lines: list[str]) -> str:
+    """Comma, white space, nothing or any of them, by what cuts these lines alike; "" where none does."""
     commas = {len(split_line(line, ",")) for line in lines}
     words = [line.split() for line in lines]
-    if len({len(row) for row in words}) == 1 and len(words[0]) > 1:
-        numeric = all(
-            DECIMAL_COMMA.fullmatch(cell) or NUMBER.fullmatch(cell) for row in words for cell in row
-        )
-        if numeric or commas == {1}:
-            return _WHITESPACE
-    if len(commas) == 1 and commas != {1}:
+    blanks = set(map(len, words))
+    if _is_table(blanks) and (commas == {1} or all(map(_is_number, chain(*words)))):
+        return _WHITESPACE
+    if _is_table(commas):
         return ","
-    if commas == {1} and {len(row) for row in words} == {1}:
+    if commas == blanks == {1}:
         return NOTHING
-    mixed = {len(split_line(line, ANY)) for line in lines}
-    if len(mixed) == 1 and mixed != {1} and _all_numbers(lines):
+    if _is_table({len(split_line(line, ANY)) for line in lines}) and _all_numbers(lines):
         return ANY
-    counts = {
-        c: Counter(line.count(c) for line in lines if line.count(c)).most_common(1) for c in ",;\t|"
-    }
-    best = max(counts, key=lambda c: counts[c][0][1] if counts[c] else 0)
-    return best if counts[best] else _WHITESPACE
+    return ""
+
+
+def _is_table(widths: set[int]) -> bool:
+    """Whether all lines have the same number of cells, more than one."""
+    return len(widths) == 1 and max(widths) > 1
+
+
+def _is_number(cell: str) -> bool:
+    return bool(DECIMAL_COMMA.fullmatch(cell) or NUMBER.fullmatch(cell))
+
+
+def _most_frequent_mark(lines: list[str]) -> str:
+    """The mark that most lines have equally often; white space where no line has one."""
+    counts = Counter((mark, n) for mark in ",;\t|" for line in lines if (n := line.count(mark)))
+    return max(counts, key=counts.__getitem__, default=(_WHITESPACE, 0))[0]
 
 
 def _all_numbers(lines: list[str]) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from model.toml_text import toml_value
 from rig.bench.config.load import FORMAT, TO_BE_SAID
+from rig.content.phrase import phrase
 from rig.trial.doctor.discover.proposal import Proposal, Table, Word
 
 _HEAD = f"""# A description of this rig, proposed from what its nodes tell of themselves. Nothing of it was measured.
@@ -27,8 +28,7 @@ def description(proposal: Proposal) -> str:
 
 
 def _table(table: Table) -> str:
-    remark = f"# {table.remark}\n" if table.remark else ""
-    return remark + table.heading + "\n" + "".join(map(_line, table.words))
+    return phrase("# {}\n", table.remark) + table.heading + "\n" + "".join(map(_line, table.words))
 
 
 def _line(word: Word) -> str:

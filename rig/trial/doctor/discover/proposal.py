@@ -15,6 +15,7 @@ from drivers.bus.cia402.plausible import Question
 from drivers.bus.discover import FoundNode
 from drivers.bus.load import load_of
 from rig.bench.config.load import TO_BE_SAID
+from rig.content.phrase import phrase
 
 _ROLES: Final = {402: "drive", 406: "counter", 401: "analogue and digital inputs"}
 """What a node of each device profile is for."""
@@ -170,9 +171,7 @@ def _drive(drives: Sequence[FoundNode]) -> Iterator[Table]:
     ramp = plausible.acceleration_unit(stated, known)
     words.append(_believed("acceleration_unit_rad_s2", ramp, "rad/s2 per count of 0x6083"))
     words += (*_modes(drive), *_stops(drive))
-    others = (
-        f"; other drives: {', '.join(str(n.node_id) for n in drives[1:])}" if drives[1:] else ""
-    )
+    others = phrase("; other drives: {}", ", ".join(str(n.node_id) for n in drives[1:]))
     yield Table("[drive]", tuple(words), _about(drive) + others)
     yield Table("[motor_encoder]", tuple(_lines("the motor's encoder", int(known) or None)))
     if drive.has_digital_inputs:
@@ -223,7 +222,7 @@ def _modes(drive: FoundNode) -> Iterator[Word]:
 
 
 def _lines(of: str, counts: int | None) -> Iterator[Word]:
-    product = f"; their product is {counts}, by the device" if counts else ""
+    product = phrase("; their product is {}, by the device", counts)
     yield say("lines", f"lines per revolution of {of}, from its nameplate{product}")
     yield say(
         "multiplication",
@@ -249,7 +248,7 @@ def _counter(node: FoundNode, k: int) -> Iterator[Table]:
             )
         )
     words += _lines("this encoder", node.counts_per_revolution)
-    whole = "2^32" if not node.total_range else str(node.total_range)
+    whole = node.total_range or "2^32"
     words.append(Word("modulus", None, f"asked of the device: it wraps at {whole} (0x6002)"))
     yield Table("[[counter]]", tuple(words), _about(node))
 

@@ -213,6 +213,19 @@ def test_two_angles_give_ratio_and_sense(write: Write, ratio: float, told: float
     assert found.output_sense == (1 if ratio > 0 else -1)
 
 
+@pytest.mark.parametrize("left_out", ["input_angle", "output_angle", "input_speed"])
+def test_what_is_left_out_at_the_question_for_its_unit_tells_nothing_more(
+    write: Write, left_out: str
+) -> None:
+    """Its proportion to another was found before, and asks for it no more."""
+    time, angle, speed = motion()
+    found = proposed(
+        write({"t": time, "motor_angle": angle, "motor_vel": speed, "load_angle": angle / 80.0})
+    )
+    (question,) = (one for one in found.questions if one.about == left_out)
+    assert left_out not in channels(answered(found, question, ""))
+
+
 def test_counts_ask_how_many_go_round(write: Write) -> None:
     time, turned, _ = motion()
     found = proposed(write({"t": time, "enc in [counts]": np.round(4096 * turned)}))
