@@ -113,7 +113,7 @@ class SimulatedRig:
         self._drive = ServoDrive(motor)
         self._plant.write_limits(self._drive.limits)
         self._lead = PositionLead(self._input_resolution, cycle_ns) if by_position else None
-        self._clock: Clock = VirtualClock() if clock is None else clock
+        self._clock: Clock = clock or VirtualClock()
         self._faults = tuple(faults)
         self._devices = Devices(self._plant, self._drive)
         self._watch = GuardWatch(self._instruments.channels, cycle_ns)

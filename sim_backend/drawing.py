@@ -55,10 +55,10 @@ def draw(
         input_encoder=_encoder(on, "input", world),
         output_encoder=_encoder(on, "output", world),
         torque_port=_torque_port(on, days),
-        sync_jitter=sizes.sync_jitter if on.sync_jitter else 0.0,
-        temperature_noise=sizes.temperature_noise if on.temperature_noise else 0.0,
-        housing_offset=sizes.temperature_offset * thermometer if on.temperature_noise else 0.0,
-        start_angle=float(angle) if started else 0.0,
+        sync_jitter=_size(on.sync_jitter, sizes.sync_jitter),
+        temperature_noise=_size(on.temperature_noise, sizes.temperature_noise),
+        housing_offset=_size(on.temperature_noise, sizes.temperature_offset * thermometer),
+        start_angle=_size(started, float(angle)),
         input_count=int(counts[0]) if started else 0,
         output_count=int(counts[1]) if started else 0,
         ambient=sizes.ambient + float(room) if on.ambient_temperature else Thermal().ambient,
@@ -73,6 +73,11 @@ def draw(
     return _at(_with_play(condition), start)
 
 
+def _size(is_on: bool, size: float) -> float:
+    """How large an imperfection is: nothing where it is switched off."""
+    return size if is_on else 0.0
+
+
 def _clock_error(on: Imperfections, world: World) -> float:
     """By what share the clock of the bench's stamps runs too fast."""
     if not on.clock_error or world.version < 2:
@@ -82,7 +87,9 @@ def _clock_error(on: Imperfections, world: World) -> float:
 
 def _with_play(condition: Condition) -> Condition:
     """The condition with the backlash of a worn gear."""
-    backlash = condition.wear.backlash if condition.wear else 0.0
+    if condition.wear is None:
+        return condition
+    backlash = condition.wear.backlash
     return dataclasses.replace(
         condition, deviations=dataclasses.replace(condition.deviations, backlash=backlash)
     )
@@ -100,8 +107,8 @@ def _seating(on: Imperfections, ratio: float, world: World) -> Seating:
     output, wave_generator = on.sizes.eccentricity
     orders = ((1.0 / ratio, output), (1.0, wave_generator)) if on.eccentricity else ()
     return Seating(
-        float(own[0]) if on.mounting else 0.0,
-        (float(first[1]) if on.mounting else 0.0) + (turn or 0.0),
+        _size(on.mounting, float(own[0])),
+        _size(on.mounting, float(first[1])) + (turn or 0.0),
         _drawn(stream(world.mounting_seed, "eccentricity"), orders),
     )
 
@@ -140,10 +147,10 @@ def _torque_port(on: Imperfections, days: Days) -> TorquePort:
     gain = sizes.torque_scale * bounded(stream(days.world.bench_seed, "torque gain"))
     zero = sizes.torque_offset * days.normal("torque zero", bounded)
     return TorquePort(
-        gain if on.torque_scale_error else 0.0,
-        zero if on.torque_offset else 0.0,
-        sizes.torque_drift_per_kelvin if on.torque_offset and on.warming else 0.0,
-        sizes.torque_noise if on.torque_noise else 0.0,
+        _size(on.torque_scale_error, gain),
+        _size(on.torque_offset, zero),
+        _size(on.torque_offset and on.warming, sizes.torque_drift_per_kelvin),
+        _size(on.torque_noise, sizes.torque_noise),
     )
 
 
@@ -157,15 +164,15 @@ def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: f
         kinematic_error=tuple(
             Harmonic(b.order + b.beside / ratio, b.cosine, b.sine) for b in bands
         ),
-        hysteresis_torque=have.hysteresis_torque if on.hysteresis else 0.0,
-        hysteresis_stiffness=have.hysteresis_stiffness if on.hysteresis else 0.0,
-        output_coulomb=have.output_coulomb if on.output_bearing_friction else 0.0,
-        output_viscous=have.output_viscous if on.output_bearing_friction else 0.0,
+        hysteresis_torque=_size(on.hysteresis, have.hysteresis_torque),
+        hysteresis_stiffness=_size(on.hysteresis, have.hysteresis_stiffness),
+        output_coulomb=_size(on.output_bearing_friction, have.output_coulomb),
+        output_viscous=_size(on.output_bearing_friction, have.output_viscous),
         output_per_kelvin=have.output_per_kelvin,
         cogging=have.cogging if on.motor_cogging else (),
-        torque_constant_error=have.torque_constant_error if on.torque_scale_error else 0.0,
-        port_lag=have.port_lag if on.torque_lag else 0.0,
-        output_latch=stated.output_encoder.skew if on.channel_skew else 0.0,
+        torque_constant_error=_size(on.torque_scale_error, have.torque_constant_error),
+        port_lag=_size(on.torque_lag, have.port_lag),
+        output_latch=_size(on.channel_skew, stated.output_encoder.skew),
         thermal=have.thermal if on.warming else None,
     )
     thermal = have.thermal
@@ -178,8 +185,8 @@ def _as_stated(condition: Condition, on: Imperfections, stated: Stated, ratio: f
         output_encoder=dataclasses.replace(_switched(stated.output_encoder, on), skew=0.0),
         torque_port=dataclasses.replace(
             condition.torque_port,
-            gain_error=port.gain_error if on.torque_scale_error else 0.0,
-            offset=port.offset if on.torque_offset else 0.0,
+            gain_error=_size(on.torque_scale_error, port.gain_error),
+            offset=_size(on.torque_offset, port.offset),
         ),
     )
 
@@ -190,7 +197,7 @@ def _switched(encoder: EncoderErrors, on: Imperfections) -> EncoderErrors:
         encoder.series if on.encoder_revolution_error else (),
         encoder.subdivision if on.sub_divisional_error else None,
         encoder.index_angle if on.random_start else math.pi,
-        encoder.skew if on.channel_skew else 0.0,
+        _size(on.channel_skew, encoder.skew),
     )
 
 
@@ -205,16 +212,16 @@ def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int
     return Deviations(
         kinematic_error=_added_orders(on, ratio, gear_seed),
         friction_windup=on.friction_windup,
-        mesh_depth=sizes.mesh_depth if on.mesh_depth_friction else 0.0,
+        mesh_depth=_size(on.mesh_depth_friction, sizes.mesh_depth),
         hardening=on.hardening,
-        hysteresis_torque=sizes.hysteresis_torque if on.hysteresis else 0.0,
-        hysteresis_stiffness=sizes.hysteresis_stiffness if on.hysteresis else 0.0,
+        hysteresis_torque=_size(on.hysteresis, sizes.hysteresis_torque),
+        hysteresis_stiffness=_size(on.hysteresis, sizes.hysteresis_stiffness),
         output_coulomb=sizes.output_coulomb * coulomb,
         output_viscous=sizes.output_viscous * viscous,
         motor_friction=on.motor_friction,
         cogging=_cogging(on, bench_seed),
-        torque_constant_error=constant if on.torque_scale_error else 0.0,
-        port_lag=sizes.torque_lag if on.torque_lag else 0.0,
+        torque_constant_error=_size(on.torque_scale_error, constant),
+        port_lag=_size(on.torque_lag, sizes.torque_lag),
         thermal=Thermal() if on.warming else None,
     )
 
@@ -277,7 +284,7 @@ def _encoder(on: Imperfections, which: str, world: World) -> EncoderErrors:
         series if on.encoder_revolution_error else (),
         harmonic_of(float(lines), fine * scale[2], phase[2]) if on.sub_divisional_error else None,
         float(phase[3]) if on.random_start else math.pi,
-        skew * float(random.uniform(0.7, 1.3)) if on.channel_skew else 0.0,
+        _size(on.channel_skew, skew * float(random.uniform(0.7, 1.3))),
     )
 
 

@@ -52,7 +52,7 @@ class ReplayRig:
         self._cycle_ns = cycle_ns
         self._time_base: TimeBase = time_base
         self._description = RigDescription("replay", title, dict(devices or {}), truth)
-        self._clock: Clock = VirtualClock() if clock is None else clock
+        self._clock: Clock = clock or VirtualClock()
         self._title = title
         self._check()
         self._next = 0

@@ -139,7 +139,7 @@ class Instruments:
         self._torque = by_name[names.TORQUE]
         self._drive_torque = by_name[names.DRIVE_TORQUE]
         self._adc_step = on.sizes.adc_step_counts if on.adc_steps else 1
-        self._adc_limit = _ADC_RANGE if on.adc_steps else _ADC_RANGE * FINE
+        self._adc_limit = _ADC_RANGE * _finer(on.adc_steps)
         self._reference = (
             condition.deviations.thermal.reference if condition.deviations.thermal else 22.0
         )
@@ -220,14 +220,16 @@ class Instruments:
         return np.rint(truth / TEMPERATURE_COUNT).astype(np.int64)
 
 
+def _finer(has_steps: bool) -> int:
+    """How many times finer than the real one a channel counts."""
+    return 1 if has_steps else FINE
+
+
 def _make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
     """The channels of the simulated rig in the order of its columns, with the uncertainties that its sizes imply."""
     sizes = on.sizes
     adc = (
-        sizes.adc_volts
-        * sizes.torque_per_volt_of_rated
-        * motor.rated_torque
-        / (1 if on.adc_steps else FINE)
+        sizes.adc_volts * sizes.torque_per_volt_of_rated * motor.rated_torque / _finer(on.adc_steps)
     )
     reported = motor.rated_torque * TORQUE_COUNT_OF_RATED
     certificate = "simulated instrument"
@@ -244,7 +246,7 @@ def _make_channels(on: Imperfections, motor: ServoMotor) -> tuple[Channel, ...]:
         scale_relative_uncertainty=sizes.torque_constant,
     )
     thermometer = Calibration(certificate=certificate, offset_uncertainty=sizes.temperature_offset)
-    drive_step = reported / (1 if on.drive_torque_steps else FINE)
+    drive_step = reported / _finer(on.drive_torque_steps)
     housing, room = "temperature of the gear housing", "temperature of the room"
     return (
         _encoder_channel(on, names.INPUT_ANGLE, "motor encoder"),
@@ -281,7 +283,7 @@ def _encoder_channel(on: Imperfections, name: str, long_name: str) -> Channel:
     return encoder_channel(
         name,
         lines=lines,
-        multiplication=sizes.multiplication * (1 if on.quantisation else FINE),
+        multiplication=sizes.multiplication * _finer(on.quantisation),
         long_name=long_name,
         model="simulated",
         calibration=Calibration(certificate="simulated instrument", accuracy=accuracy),

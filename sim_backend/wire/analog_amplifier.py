@@ -233,13 +233,14 @@ class AnalogAmplifier(Slave):
         if self._shown is not None:
             return self._shown
         device = self.device
-        word = 0 if self._alarm else NO_ALARM
-        word |= POWER if self._is_powered else 0
-        word |= 0 if self._alarm or self._is_torque_off else READY
         reached = self._is_powered and abs(self._speed - self._wanted()) < device.coincidence
-        word |= COINCIDENCE if reached else 0
-        word |= ROTATION if abs(self._speed) > device.rotation else 0
-        word |= 0 if self._is_guard_open else GUARD
-        for bit, says in self._stuck.items():
-            word = word | bit if says else word & ~bit
-        return word
+        says = {
+            NO_ALARM: not self._alarm,
+            POWER: self._is_powered,
+            READY: not (self._alarm or self._is_torque_off),
+            COINCIDENCE: reached,
+            ROTATION: abs(self._speed) > device.rotation,
+            GUARD: not self._is_guard_open,
+            **self._stuck,
+        }
+        return sum(bit for bit, is_on in says.items() if is_on)

@@ -1,48 +1,29 @@
 """The wire bench: drive, counter, analogue input and readout in front of one plant, the same as the direct rig's.
 
 At SYNC k: synchronous set-points received before it take effect, every channel is latched and sent,
-then the plant goes on by one cycle; target[k] acts from SYNC k. Plant, instruments and noise
-streams are those of `sim_backend.direct`, so that the same commands give the same counts. Time: the
-plant goes on with the SYNC; when the SYNC stays away for longer than `silence_cycles` of the clock,
+then the plant goes on by one cycle (`shown_plant`); target[k] acts from SYNC k. Time: the plant
+goes on with the SYNC; when the SYNC stays away for longer than `silence_cycles` of the clock,
 it goes on alone, as a real motor would, by the set-points that the drive holds, whoever wrote them
 (None: it never does).
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import channel as names
-from drivers.channel import Channel
 from drivers.clock import Clock, VirtualClock
 from drivers.drive_state import POWERED_STATES
 from drivers.errors import DriverError
-from drivers.port import Mode
 from drivers.samples import CycleFlag
-from model import closed_loop
 from model.gear import HarmonicDrive, Mounting
-from model.kernels import closed_loop as kernel
 from model.motor import ServoMotor
-from model.units import REVOLUTION, RPM
+from model.units import REVOLUTION
 from sim_backend.assembly import assemble
-from sim_backend.faults import (
-    BusLost,
-    DeviceFault,
-    Devices,
-    Fault,
-    IncompleteCycles,
-    MarkedCycles,
-    Sensed,
-    SignalFault,
-    Stall,
-)
+from sim_backend.faults import BusLost, Fault, IncompleteCycles, MarkedCycles, Stall
 from sim_backend.imperfections import Imperfections
-from sim_backend.servo_drive import ServoDrive
 from sim_backend.wire.analog_amplifier import AnalogAmplifier, ReferenceDevice
 from sim_backend.wire.analog_input import AnalogInput
 from sim_backend.wire.counter import Counter
@@ -50,10 +31,10 @@ from sim_backend.wire.counter_box import BoxLine, CounterBox
 from sim_backend.wire.drive import Drive, DriveDevice
 from sim_backend.wire.line import BenchBus, BenchSerial, Frame, WireFault
 from sim_backend.wire.readout import Readout
+from sim_backend.wire.shown_plant import ShownPlant
 from sim_backend.wire.slave import Slave
 from sim_backend.world import FIRST_WORLD, ThermalState, World
 
-Counts = NDArray[np.int64]
 Listener = Callable[[int, bytes, int], None]
 """Takes a frame from the bus: COB-ID, data, time stamp [ns]."""
 
@@ -67,18 +48,6 @@ _FRAME_NS = 111_000
 """Time that a frame of eight bytes takes at 1 Mbit/s."""
 FIRST_STAMP_NS = 1_000_000_000
 """The adapter's clock at the first SYNC: it has been running for a second."""
-SPEED_MONITOR = 0.3125e-3 / 1.0 * 1000.0 * RPM
-"""rad/s per increment of the speed monitor: 1 V per 1000 r/min."""
-_HAND_RESTS = 0.3
-"""s for which a hand holds the shaft once it has turned it."""
-_CHUNK = 1024
-_LOOP_MODE = {
-    Mode.OFF: closed_loop.OFF,
-    Mode.SPEED: closed_loop.SPEED,
-    Mode.TORQUE: closed_loop.TORQUE,
-    Mode.QUICK_STOP: closed_loop.QUICK_STOP,
-}
-_POWER_STAGE_ERROR = 0x2310
 
 
 def synchronise(slaves: Sequence[Slave], now_ns: int) -> None:
@@ -90,18 +59,7 @@ def synchronise(slaves: Sequence[Slave], now_ns: int) -> None:
         slave.send_synchronous()
 
 
-class _TrippedDrive(ServoDrive):
-    """The direct rig's drive as its faults see it; a trip falls on the drive on the wire."""
-
-    def __init__(self, motor: ServoMotor, trip: Callable[[], None]) -> None:
-        super().__init__(motor)
-        self._trip = trip
-
-    def trip(self) -> None:
-        self._trip()
-
-
-class WireBench:
+class WireBench(ShownPlant):
     """A rig on a simulated CAN bus and a simulated serial line; parameters as of `SimulatedRig`.
 
     `bus()` opens the bus for a client in this process, `pump` lets the devices run until an instant
@@ -137,8 +95,8 @@ class WireBench:
                 value="adc_steps or drive_torque_steps off",
                 remedy="Leave both imperfections on.",
             )
-        self.clock: Clock = VirtualClock() if clock is None else clock
-        self._assembly = assemble(
+        self.clock: Clock = clock or VirtualClock()
+        assembly = assemble(
             gear,
             motor,
             on,
@@ -150,9 +108,7 @@ class WireBench:
             start=start,
             start_ns=start_ns,
         )
-        self.plant, self.instruments = self._assembly.plant, self._assembly.instruments
-        self._sync = self._assembly.sync
-        self.cycle_ns = cycle_ns
+        super().__init__(assembly, cycle_ns)
         self._silence_cycles = silence_cycles
         what = f"{gear.name} on {motor.name}" if gear_mounted else f"bare {motor.name}"
         self.title = f"simulated rig on the wire: {what}"
@@ -190,9 +146,6 @@ class WireBench:
         self.readout = Readout(
             lambda: float(self._counts[self._column[names.OUTPUT_ANGLE]]) * self._output_scale
         )
-        self._fault_drive = _TrippedDrive(
-            motor, lambda: self.drive.fault(_POWER_STAGE_ERROR, coasts=True)
-        )
 
     def _drive_device(self, motor: ServoMotor, counts_per_revolution: int) -> DriveDevice:
         return DriveDevice(
@@ -205,24 +158,15 @@ class WireBench:
         )
 
     def _begin(self, faults: Sequence[Fault]) -> None:
-        self._column = self.instruments.column
-        self._devices = Devices(self.plant, self._fault_drive)
         self._listeners: list[tuple[object, Listener]] = []
         self._held: list[tuple[int, Frame]] = []
         self._consumed: set[int] = set()
-        self._cycle = 0
         self._last_sync_ns: int | None = None
         self._elapsed_ns = self.clock.monotonic_ns()
-        self._stamp_ns = self._sync.start_ns - _FRAME_NS
+        self._stamp_ns = self._assembly.sync.start_ns - _FRAME_NS
         self._frames_since = 0
-        self._late: Counts = np.empty(0, dtype=np.int64)
-        self._late_from = -1
-        self._previous: Counts | None = None
-        self._counts: Counts = np.zeros(len(self.channels), dtype=np.int64)
-        self._last_target = (Mode.OFF, 0.0)
         self.is_gone = False
         self.bus_off = False
-        self._faults: tuple[Fault, ...] = ()
         self._fell: dict[int, int] = {}
         self.inject(*faults)
         now = self.clock.monotonic_ns()
@@ -235,34 +179,9 @@ class WireBench:
     # What a client sees -------------------------------------------------------------------------------------------
 
     @property
-    def channels(self) -> Sequence[Channel]:
-        """The channels of the direct rig, in its order."""
-        return self.instruments.channels
-
-    @property
-    def cycle(self) -> int:
-        """How many SYNC cycles the plant has run."""
-        return self._cycle
-
-    @property
     def stamp_ns(self) -> int:
         """The adapter's time stamp of the latest frame [ns]."""
         return self._stamp_ns + self._frames_since * _FRAME_NS
-
-    @property
-    def input_speed(self) -> float:
-        """The true speed of the input now [rad/s], whatever the devices say."""
-        return self.plant.input_speed
-
-    @property
-    def thermal_state(self) -> ThermalState:
-        """How warm the rig is now."""
-        return self.plant.thermal_state
-
-    @property
-    def mean_temperatures(self) -> ThermalState:
-        """How warm the rig was on average since it started."""
-        return self.plant.mean_temperatures
 
     @property
     def input_encoder(self) -> Drive | Counter:
@@ -277,11 +196,6 @@ class WireBench:
         """Whether the drive's power stage may produce torque now."""
         return self.drive.drive_state in POWERED_STATES
 
-    @functools.cached_property
-    def truth(self) -> dict[str, Any]:
-        """Every effective parameter of this rig on this day, as of the direct rig."""
-        return self._assembly.truth()
-
     def bus(self, *, receive_own_messages: bool = True) -> BenchBus:
         """Open the bus for one client: a python-can bus without a thread."""
         return BenchBus(self, receive_own_messages=receive_own_messages)
@@ -293,6 +207,10 @@ class WireBench:
     def box_line(self) -> BoxLine:
         """Open the line to the counter box."""
         return BoxLine(self)
+
+    def slave(self, node_id: int) -> Slave:
+        """The device of this number."""
+        return next(slave for slave in self.slaves if slave.node_id == node_id)
 
     def listen(self, owner: object, listener: Listener) -> None:
         """Hand every frame on the bus to `listener`, except those that `owner` sends."""
@@ -413,15 +331,6 @@ class WireBench:
         """Keep a frame back; it is delivered right after the SYNC of that cycle."""
         self._held.append((until_cycle, frame))
 
-    def turn_by_hand(self, turns: float, speed: float = 2.0 * REVOLUTION) -> None:
-        """Somebody turns the input shaft evenly, at `speed` [rad/s], whatever the drive does, and lets it rest."""
-        per_second = 1e9 / self.cycle_ns
-        turning = round(turns * REVOLUTION / speed * per_second)
-        for target in (*[speed] * turning, *[0.0] * round(_HAND_RESTS * per_second)):
-            rows = self.plant.advance(_LOOP_MODE[Mode.SPEED], np.array([target]))
-            self._show(rows, self._lateness(self._cycle))
-            self._cycle += 1
-
     # Inside -------------------------------------------------------------------------------------------------------
 
     def _tick(self, now: int) -> None:
@@ -458,18 +367,11 @@ class WireBench:
 
     def _stamp_of(self, cycle: int) -> int:
         late = np.array([self._lateness(cycle)], dtype=np.int64)
-        stamp = int(self._sync.stamps_ns(cycle, late)[0])
+        stamp = int(self._assembly.sync.stamps_ns(cycle, late)[0])
         for fault in self.wire_faults():
             stamp += fault.stamp_offset_ns
             fault.effects.stamps += fault.stamp_offset_ns != 0
         return stamp
-
-    def _lateness(self, cycle: int) -> int:
-        """How much later than nominal this SYNC comes [ns]; drawn for many cycles at once."""
-        start = cycle - cycle % _CHUNK
-        if start != self._late_from:
-            self._late, self._late_from = self._sync.lateness_ns(start, _CHUNK), start
-        return int(self._late[cycle - start])
 
     def _run_cycle(self, cob_id: int, data: bytes) -> None:
         """The drive's SYNC: latch, act, advance, send; for all that follow the same."""
@@ -511,79 +413,3 @@ class WireBench:
             self._advance_plant()
             self._cycle += 1
         self._last_sync_ns += missed * self.cycle_ns
-
-    def _demand(self) -> tuple[int, float]:
-        """Loop mode and set-point of this cycle, after the device faults have acted."""
-        self._let_device_faults_act(self._devices)
-        mode, target = self.drive.demand()
-        forced = self._devices.forced
-        if forced is not None and mode in (Mode.SPEED, Mode.TORQUE):
-            mode, target = forced
-        return _LOOP_MODE[mode], target
-
-    def _let_device_faults_act(self, devices: Devices) -> None:
-        devices.forced, devices.keeps_turning, devices.load = None, False, 0.0
-        for fault in self._faults:
-            if isinstance(fault, DeviceFault) and fault.active(self._cycle):
-                fault.fall_on(devices, self._cycle)
-        self.plant.load = devices.load
-        self.drive.ignores_stop = devices.keeps_turning
-
-    def _advance_plant(self) -> None:
-        """One cycle: what is true at this SYNC becomes the devices' values, then the set-point acts."""
-        if self.drive.limits_changed:
-            self.drive.limits_changed = False
-            self.plant.write_limits(self._fault_drive.stored(self.drive.limits()))
-        loop_mode, target = self._demand()
-        rows = self.plant.advance(loop_mode, np.array([target]))
-        self._show(rows, self._lateness(self._cycle))
-
-    def _show(self, rows: NDArray[np.float64], lateness_ns: int) -> None:
-        none = np.zeros(1, dtype=np.int64)
-        late = np.array([lateness_ns], dtype=np.int64)
-        counts, flags = self.instruments.read(rows, self._cycle, late, none, (none, none))
-        if self._faults:
-            self._corrupt(counts, flags)
-        self._previous = self._counts = counts[0]
-        self._take(counts[0].tolist(), float(rows[0, kernel.ROW_INPUT_SPEED]))
-
-    def _corrupt(self, counts: Counts, flags: NDArray[np.uint16]) -> None:
-        sensed = Sensed(self._cycle, counts, flags, self._column, self._previous)
-        for fault in self._faults:
-            if isinstance(fault, SignalFault):
-                fault.fall_on(sensed)
-        self.counter.signal_error(bool(flags[0] & CycleFlag.SIGNAL_ERROR))
-
-    def _take(self, counts: list[int], speed: float) -> None:
-        put = self._column
-        seen = counts[put[names.INDEX_SEEN]]
-        input_angle, input_index = counts[put[names.INPUT_ANGLE]], counts[put[names.INPUT_INDEX]]
-        if isinstance(self.drive, AnalogAmplifier):
-            self.drive.take(speed)
-        else:
-            torque = counts[put[names.DRIVE_TORQUE]]
-            self.drive.take(input_angle, torque, input_index, seen & 1, speed)
-        if self.motor_counter is not None:
-            self.motor_counter.take(input_angle, input_index, seen & 1)
-        self.counter.take(
-            counts[put[names.OUTPUT_ANGLE]], counts[put[names.OUTPUT_INDEX]], seen >> 1 & 1
-        )
-        self.analog_input.take(
-            (
-                counts[put[names.TORQUE]],
-                round(speed / SPEED_MONITOR),
-                counts[put[names.HOUSING_TEMPERATURE]],
-                counts[put[names.AMBIENT_TEMPERATURE]],
-            )
-        )
-
-    def _read_at_rest(self) -> None:
-        """What the devices show before the first SYNC; plant and latches stay as they are."""
-        before, latches = self.plant.snapshot(), self.instruments.latches()
-        none = np.zeros(1, dtype=np.int64)
-        rows = self.plant.advance(closed_loop.OFF, np.zeros(1))
-        counts, _ = self.instruments.read(rows, 0, none, none, (none, none))
-        self.plant.restore(before)
-        self.instruments.restore(latches)
-        self._counts = counts[0]
-        self._take(counts[0].tolist(), 0.0)

@@ -48,6 +48,11 @@ _NO_FRAME: tuple[Frame, ...] = ()
 _UPLOAD_ANSWER, _UPLOAD_REQUEST, _DOWNLOAD_REQUEST = 0x40, 0x40, 0x20
 
 
+def _lost(is_lost: bool, frame: Frame) -> Sequence[Frame]:
+    """What arrives of a frame: nothing where it is lost."""
+    return _NO_FRAME if is_lost else (frame,)
+
+
 # Devices ------------------------------------------------------------------------------------------------------------
 
 
@@ -58,7 +63,7 @@ class HeartbeatLost(WireFault):
     node_id: int = DRIVE_NODE
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return _NO_FRAME if frame[0] == 0x700 + self.node_id and frame[1] != b"\0" else (frame,)
+        return _lost(frame[0] == 0x700 + self.node_id and frame[1] != b"\0", frame)
 
 
 @dataclass(frozen=True)
@@ -71,9 +76,7 @@ class NodeReset(WireFault):
 
     def act(self, bench: WireBench, cycle: int) -> None:
         if cycle == self.at_cycle:
-            next(s for s in bench.slaves if s.node_id == self.node_id).restart(
-                bench.clock.monotonic_ns()
-            )
+            bench.slave(self.node_id).restart(bench.clock.monotonic_ns())
 
 
 @dataclass(frozen=True)
@@ -83,8 +86,7 @@ class NodeSilent(WireFault):
     node_id: int = COUNTER_NODE
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        own = frame[0] & 0x7F == self.node_id and frame[0] > 0x80
-        return _NO_FRAME if own else (frame,)
+        return _lost(frame[0] & 0x7F == self.node_id and frame[0] > 0x80, frame)
 
 
 @dataclass(frozen=True)
@@ -98,8 +100,7 @@ class EmergencyMessage(WireFault):
 
     def act(self, bench: WireBench, cycle: int) -> None:
         if cycle == self.at_cycle:
-            slave = next(s for s in bench.slaves if s.node_id == self.node_id)
-            slave.emergency(self.code, self.register, self.vendor)
+            bench.slave(self.node_id).emergency(self.code, self.register, self.vendor)
 
 
 @dataclass(frozen=True)
@@ -220,8 +221,9 @@ class _TpdoFault(WireFault):
     number: int = 0
 
     def _is_mine(self, frame: Frame, bench: WireBench) -> bool:
-        slave = next(s for s in bench.slaves if s.node_id == self.node_id)
-        chosen = slave.tpdos[self.number - 1 : self.number] if self.number else slave.tpdos
+        chosen = bench.slave(self.node_id).tpdos
+        if self.number:
+            chosen = chosen[self.number - 1 : self.number]
         return any(pdo.exists and pdo.cob_id & 0x7FF == frame[0] for pdo in chosen)
 
 
@@ -230,7 +232,7 @@ class TpdoLost(_TpdoFault):
     """Process data do not arrive."""
 
     def from_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return _NO_FRAME if self._is_mine(frame, bench) else (frame,)
+        return _lost(self._is_mine(frame, bench), frame)
 
 
 @dataclass(frozen=True)
@@ -283,7 +285,7 @@ class SyncLost(WireFault):
     """The SYNC does not reach the devices: they latch and send nothing, and the motor goes on as it was told last."""
 
     def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return _NO_FRAME if frame[0] == SYNC else (frame,)
+        return _lost(frame[0] == SYNC, frame)
 
 
 @dataclass(frozen=True)
@@ -351,7 +353,7 @@ class SdoSilent(_SdoFault):
     """The device does not answer requests for the object: the client's time-out."""
 
     def to_devices(self, frame: Frame, bench: WireBench) -> Sequence[Frame]:
-        return _NO_FRAME if self._is_request(frame) else (frame,)
+        return _lost(self._is_request(frame), frame)
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,7 @@ class AlienTpdo(WireFault):
     def act(self, bench: WireBench, cycle: int) -> None:
         if (cycle - self.at_cycle) % self.every:
             return
-        slave = next(s for s in bench.slaves if s.node_id == self.node_id)
-        pdo = next(pdo for pdo in slave.tpdos if pdo.exists)
+        pdo = next(pdo for pdo in bench.slave(self.node_id).tpdos if pdo.exists)
         bench.answer(pdo.cob_id & 0x7FF, bytes([self.byte]) * 8)
 
 

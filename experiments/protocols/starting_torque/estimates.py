@@ -104,7 +104,7 @@ def estimates_of(
     apart = _apart(balance, known.zero)
     found: dict[str, Estimate] = {}
     # A drift between two zeros does not cancel where one direction follows the other; an offset does.
-    drift = 0.5 * math.isfinite(known.zero.drift)
+    drift = 0.5 if math.isfinite(known.zero.drift) else 0.0
     # If one direction is right, the other is wrong by twice the half-sum.
     for sign, way, share, times in (
         (1, "_forward", 1.0, 2.0),
@@ -114,7 +114,9 @@ def estimates_of(
         one = _estimate(recording, ramps, balance, known, f"starting_torque{way}", sign)
         own = replace(zero, standard_uncertainty=share * u_zero)
         lines = [replace(a, standard_uncertainty=times * a.standard_uncertainty) for a in apart]
-        found[one.name] = one.with_budget((*lines, *[own] * (share > 0.0)))
+        if share > 0.0:
+            lines.append(own)
+        found[one.name] = one.with_budget(lines)
     if known.law.is_known:
         found[AT_REFERENCE] = at_20_degrees(found["starting_torque"], known)
     return found

@@ -73,7 +73,8 @@ def listen(work: Work, seen: Seen) -> None:
     assert config is not None
     masters = masters_heard(bus.heard, config.node_ids, config.own_node_id)
     syncs = heard.get((SYNC_COB_ID, False), 0)
-    masters += [f"SYNC (COB-ID 0x080) {syncs} times"] * bool(syncs)
+    if syncs:
+        masters.append(f"SYNC (COB-ID 0x080) {syncs} times")
     seen.add(
         passed_if(
             "other masters",

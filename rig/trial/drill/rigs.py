@@ -122,7 +122,8 @@ class Happening:
         if self.press is not None:
             before = stop.level
             self.press(stop)
-            self.facts += [f"{_PRESSED[stop.level]} pressed"] * (stop.level > before)
+            if stop.level > before:
+                self.facts.append(f"{_PRESSED[stop.level]} pressed")
         if bench is not None and not self.at_start:
             self._inject(bench, bench.cycle + ahead)
 

@@ -22,6 +22,7 @@ from rig.fleet.questions import results_folder
 from rig.window.fleet.plots import LotPlots
 from rig.window.fleet.wanted import WantedGears, of_gears
 from rig.window.review.grid import GridTable
+from rig.window.shell.sentence import listed_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -163,7 +164,7 @@ class FleetPage(QWidget):
     @property
     def chosen(self) -> LotGear | None:
         """The gear that is chosen in the list."""
-        rows = self.gears.selectionModel().selectedRows() if self.gears.rowCount() else []
+        rows = self.gears.selectionModel().selectedRows()
         return self._shown[rows[0].row()] if rows else None
 
     def showEvent(self, event: QShowEvent) -> None:
@@ -275,17 +276,16 @@ class FleetPage(QWidget):
             {bench for gear in lot.gears for bench in gear.bench.split(", ")} if lot else set()
         )
         _offer(self.bench, ["every bench", *sorted(benches - {""})])
-        quantities = [one for one in lot.quantities if one.measured] if lot else []
+        quantities = _measured(lot)
         for place, box in enumerate((self.quantity, self.beside)):
             _offer_quantities(box, quantities, min(place, len(quantities) - 1))
         self._show_gears()
 
     def _show_gears(self) -> None:
         lot = self.lot
-        bench = self.bench.currentText() if self.bench.currentIndex() > 0 else ""
-        verdict = self.verdict.currentText() if self.verdict.currentIndex() > 0 else ""
+        wanted = WantedGears(self.text.text(), *map(_wanted_in, (self.bench, self.verdict)))
         before = self.chosen
-        self._shown = WantedGears(self.text.text(), bench, verdict).of(lot) if lot else ()
+        self._shown = wanted.of(lot) if lot else ()
         rows = [
             (one.gear, one.bench or "–", one.verdict, "; ".join(one.because or why_of(one)))
             for one in self._shown[:_MOST_LISTED]
@@ -310,7 +310,7 @@ class FleetPage(QWidget):
             self._say("")
             return
         every, shown = len(lot.gears), len(self._shown)
-        text = f"{every} gears" if shown == every else f"{shown} of {every} gears"
+        text = listed_of(shown, every, "gears")
         text += ": " + ", ".join(f"{count} {word}" for word, count in lot.verdicts.items() if count)
         if shown > _MOST_LISTED:
             text += f" · the first {_MOST_LISTED} are listed"
@@ -322,7 +322,7 @@ class FleetPage(QWidget):
         self.plots.choose(gear.gear if gear else "")
 
     def _quantity(self, box: QComboBox) -> LotQuantity | None:
-        quantities = [one for one in self.lot.quantities if one.measured] if self.lot else []
+        quantities = _measured(self.lot)
         place = box.currentIndex()
         return quantities[place] if 0 <= place < len(quantities) else None
 
@@ -359,6 +359,16 @@ def _read(folder: Path) -> Lot | None:
     except ConfigurationError:
         return None
     return lot_of(found)
+
+
+def _measured(lot: Lot | None) -> list[LotQuantity]:
+    """The quantities of a lot that were measured; none without a lot."""
+    return [one for one in lot.quantities if one.measured] if lot else []
+
+
+def _wanted_in(box: QComboBox) -> str:
+    """What is chosen in a box; "" for its first entry, which is every one."""
+    return box.currentText() if box.currentIndex() > 0 else ""
 
 
 def _said_of(one: LotQuantity) -> str:

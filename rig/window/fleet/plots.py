@@ -9,6 +9,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QWidget
 
+from rig.content.phrase import phrase
 from rig.fleet.lot_figures import MOST_BENCHES, axis_of, core, distribution
 from rig.fleet.lot_quantity import LotQuantity
 from rig.runfile.header import ORIGIN_WORDS
@@ -76,7 +77,7 @@ class LotPlots(QWidget):
 
     def _say_beyond(self, plot: LabPlot, title: str, words: str) -> None:
         """Name in the title what lies beyond the picture."""
-        plot.set_title(f"{title}; beyond: {words}" if words else title)
+        plot.set_title(title + phrase("; beyond: {}", words))
 
     def _draw_scatter(self, x: LotQuantity, y: LotQuantity) -> None:
         plot, pairs = self.scatter, pairs_of(x, y)

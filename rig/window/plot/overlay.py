@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from experiments.result import Plot
+from rig.content.phrase import phrase
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ def overlay(runs: Sequence[Overlaid], name: str) -> Overlay | None:
             continue
         names.append(run.name)
         series += [
-            replace(s, label=f"{run.name}: {s.label}" if s.label else run.name, group=run.place)
+            replace(s, label=run.name + phrase(": {}", s.label), group=run.place)
             for s in plot.series
         ]
     plot = replace(first, series=tuple(series), note="")

@@ -274,8 +274,7 @@ class LabPlot(QWidget):
 
     def _bars(self, name: str, x: NDArray[np.float64], y: NDArray[np.float64], group: int) -> Curve:
         share = HISTOGRAM_WIDTH if is_histogram(x, y) else _BAR_WIDTH
-        width = share * float(np.min(np.diff(np.sort(x)))) if len(x) > 1 else share
-        item = pg.BarGraphItem(x=x, height=y, width=width, pen=None)
+        item = pg.BarGraphItem(x=x, height=y, width=share * least_gap(x), pen=None)
         self.item.addItem(item)
         curve = Curve(item, name, group, "bars")
         self._curves.append(curve)
@@ -391,6 +390,11 @@ class LabPlot(QWidget):
             self.item.layout.setRowFixedHeight(0, _MARK_HEIGHT)
         else:
             self.item.layout.setRowFixedHeight(0, 6)
+
+
+def least_gap(places: NDArray[np.float64]) -> float:
+    """The least distance of two bars over x; of a single one 1."""
+    return float(np.min(np.diff(np.sort(places)))) if len(places) > 1 else 1.0
 
 
 def colour_of(curve: Curve, palette: Palette) -> str:

@@ -18,10 +18,11 @@ from PySide6.QtGui import QTextDocument
 from PySide6.QtWidgets import QListWidgetItem, QVBoxLayout, QWidget
 
 from experiments.result import Plot, Series
+from rig.content.phrase import phrase
 from rig.present.decimate import scatter_rows
 from rig.present.figure import without_what_logs_lose
 from rig.present.series import foot_of
-from rig.window.plot.plots import Curve, CurveStyle, LabPlot, upright
+from rig.window.plot.plots import Curve, CurveStyle, LabPlot, least_gap, upright
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -158,13 +159,14 @@ class ResultPlot(_PanelPlot):
         drawable, self.remarks = without_what_logs_lose(plot)
         drawable = _with_edges_on_the_axis(drawable)
         self._make_panels(len(plot.panels))
-        self.set_labels(plot.title, "" if plot.panels else plot.x_label, plot.y_label)
+        # What all panels are drawn over stands under the last one.
+        x_labels = (*("" for _ in plot.panels), plot.x_label)
+        self.set_labels(plot.title, x_labels[0], plot.y_label)
         self.show_series(drawable, 0)
         for place, (panel, lower) in enumerate(zip(plot.panels, self.below, strict=True), 1):
-            is_last = place == len(plot.panels)
             # A low panel has no room for a label in one line.
             label = panel.y_label.replace(" [", "\n[")
-            lower.set_labels("", plot.x_label if is_last else "", label)
+            lower.set_labels("", x_labels[place], label)
             lower.show_series(drawable, place)
             lower.item.setXLink(self.item)
             lower.hide_empty_head()
@@ -237,8 +239,7 @@ def _shift_of(all_series: Sequence[Series], number: int) -> float:
     if len(barred) < 2:
         return 0.0
     places = np.unique(np.concatenate([all_series[i].x for i in barred]))
-    gap = float(np.min(np.diff(places))) if len(places) > 1 else 1.0
-    return 0.6 * gap / len(barred) * (barred.index(number) - 0.5 * (len(barred) - 1))
+    return 0.6 * least_gap(places) / len(barred) * (barred.index(number) - 0.5 * (len(barred) - 1))
 
 
 class PlotGallery(QWidget):
@@ -293,11 +294,9 @@ class PlotGallery(QWidget):
             return
         plot = self._plots[row]
         self.plot.show_data(plot)
-        figure = f"Figure {plot.figure} of the paper." if plot.figure else ""
-        note = f"{plot.note[:1].upper()}{plot.note[1:]}".rstrip(".")
-        text = " ".join(
-            part for part in (f"{note}." if note else "", figure, *self.plot.remarks) if part
-        )
+        figure = phrase("Figure {} of the paper.", plot.figure)
+        note = phrase("{}.", f"{plot.note[:1].upper()}{plot.note[1:]}".rstrip("."))
+        text = " ".join(part for part in (note, figure, *self.plot.remarks) if part)
         self.note.setText(text)
         self.note.setVisible(bool(text))
 

@@ -124,5 +124,6 @@ def campaign_arguments(
     words = ["campaign"]
     words.append(campaign if campaign in shipped_names() else f"--plan={campaign}")
     words += arguments_of(order, SAID_OF_A_RUN, parameters)
-    words += ["--anew"] if anew else []
+    if anew:
+        words.append("--anew")
     return [*words, "--events", "--stdin-control"]

@@ -18,8 +18,10 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QGridLayout, QLineEdit, QWid
 from experiments.errors import ExperimentError, PlanError
 from experiments.parameters import ParameterField
 from model import units
+from rig.content.phrase import phrase
 from rig.window.prepare.request import heading
 from rig.window.shell.stack import (
+    mark_invalid,
     restyled,
     set_tip,
     text_label,
@@ -118,11 +120,9 @@ class _FieldRow(QObject):
     def set_problem(self, text: str) -> None:
         """Mark the field as wrong, in these words; "" shows its help and range again."""
         self.problem = text
-        self.note.setText(f"✗ {text}" if text else self.hint)
-        self.editor.setProperty("invalid", "true" if text else "false")
+        self.note.setText(phrase("✗ {}", text) or self.hint)
         restyled(self.note, "bad" if text else "muted")
-        self.editor.style().unpolish(self.editor)
-        self.editor.style().polish(self.editor)
+        mark_invalid(self.editor, bool(text))
         set_tip(self.editor, text or self.hint)
 
     @property
@@ -269,7 +269,7 @@ def refusal_text(error: ExperimentError) -> str:
         text += f": {printed(str(error.value))}"
     if error.limit:
         text += f", allowed {printed(error.limit)}"
-    return f"{text}. {error.remedy}" if error.remedy else text
+    return text + phrase(". {}", error.remedy)
 
 
 def as_text(value: Any) -> str:

@@ -34,6 +34,7 @@ from rig.run.gear import acceptance_checks_of_card
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.new_gear import NewGearForm
 from rig.window.prepare.preview_plot import short_name
+from rig.window.shell.sentence import give_or_take
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -308,8 +309,7 @@ class GearSection(QWidget):
 
     def _show_status(self) -> None:
         stored, shown = self._stored, self.facts
-        edited = stored is None or shown != stored.facts
-        self.revert_button.setEnabled(edited and stored is not None)
+        self.revert_button.setEnabled(stored is not None and shown != stored.facts)
         who = (
             f"&Confirm as {short_name(self._operator)}" if self._operator else "&Confirm this card"
         )
@@ -317,8 +317,8 @@ class GearSection(QWidget):
         set_tip(self.confirm_button, self._why_not(shown))
         if not self._why_not(shown):
             self.refused.hide()
-        last = stored.confirmation if stored is not None else None
-        if edited:
+        last = stored and stored.confirmation
+        if stored is None or shown != stored.facts:
             text, part = (
                 "Look at the gear, fill in what is known, then confirm it by name.",
                 "warning",
@@ -327,10 +327,10 @@ class GearSection(QWidget):
                 text = "Changed, not confirmed."
             if why := self._why_not(shown):
                 text += f" {why}"
-        elif stored is not None and stored.is_confirmed and last is not None:
+        elif stored.is_confirmed and last is not None:
             text, part = f"✓ Confirmed by {last.by}, {_day(last.at)}", "good"
         else:
-            text, part = f"Not confirmed: {stored.warning if stored else ''}.", "warning"
+            text, part = f"Not confirmed: {stored.warning}.", "warning"
         doubts = [
             f"! {check.found}"
             for check in acceptance_checks_of_card(stored)
@@ -354,11 +354,7 @@ def _digest_of(facts: GearFacts) -> str:
         words.append(f"{facts.hours:g} h")
     if facts.load_inertia_kg_m2 is not None:
         doubt = facts.load_inertia_uncertainty_kg_m2
-        words.append(
-            f"load inertia {facts.load_inertia_kg_m2:g}"
-            + (f" ± {doubt:g}" if doubt is not None else "")
-            + " kg m²"
-        )
+        words.append(f"load inertia {facts.load_inertia_kg_m2:g}{give_or_take(doubt)} kg m²")
     return " · ".join(words)
 
 

@@ -16,6 +16,7 @@ from model.errors import ParameterError
 from model.gear import HarmonicDrive
 from model.gear_file import SECTIONS
 from model.quantities import readable
+from rig.content.phrase import phrase
 from rig.errors import RigError
 from rig.gears.card import now_text, with_confirmation
 from rig.gears.facts import CHOICES
@@ -27,6 +28,7 @@ from rig.window.shell.stack import (
     in_column,
     in_row,
     line_field,
+    mark_invalid,
     push_button,
     restyled,
     room_for,
@@ -63,14 +65,11 @@ class _NewGearField(QObject):
         """A note under the field."""
         self.note.setText(text)
         restyled(self.note, part)
-        self.editor.setProperty("invalid", "true" if part == "bad" else "false")
-        self.editor.style().unpolish(self.editor)
-        self.editor.style().polish(self.editor)
+        mark_invalid(self.editor, part == "bad")
 
     def refuse(self, error: ParameterError | PlanError | RigError) -> None:
         """Say at the field what is wrong, what is allowed, and what to do."""
-        limit = f", allowed {error.limit}" if error.limit else ""
-        remedy = f" {error.remedy}" if error.remedy else ""
+        limit, remedy = phrase(", allowed {}", error.limit), phrase(" {}", error.remedy)
         self.say(f"✗ {error.what}{limit}.{remedy}", "bad")
 
 
@@ -199,8 +198,7 @@ class NewGearForm(QWidget):
             self.serial.refuse(error)
             self._refuse(error.what)
             return
-        count = len(made.open_questions)
-        left = f"; {count} values of its nameplate are only assumed" if count else ""
+        left = phrase("; {} values of its nameplate are only assumed", len(made.open_questions))
         self._session.message.emit(
             f"Gear {made.card.serial}, {gear.name}, is made and confirmed{left}."
         )
@@ -281,7 +279,7 @@ class NewGearForm(QWidget):
                 f"{len(asked)} of {len(NAMEPLATE)} nameplate values are only assumed: read them off the "
                 "plate or the papers (More), or leave them marked."
             )
-        self.says.setText(f"! {waits} {assumed}" if waits else assumed)
+        self.says.setText(phrase("! {} ", waits) + assumed)
 
 
 def _place(grid: QGridLayout, fields: Sequence[_NewGearField]) -> None:

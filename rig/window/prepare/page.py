@@ -23,6 +23,7 @@ from PySide6.QtWidgets import (
 from experiments.errors import ExperimentError
 from experiments.finding import Finding, Severity
 from model.errors import ModelError
+from rig.content.phrase import counted, phrase
 from rig.errors import RigError
 from rig.window.prepare.campaign import look_ahead_campaign
 from rig.window.prepare.checklist import Checklist
@@ -50,6 +51,7 @@ from rig.window.prepare.request import (
 )
 from rig.window.prepare.status_page import StatusPageChoice
 from rig.window.prepare.walk_table import WalkTable
+from rig.window.shell.sentence import first_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -127,15 +129,14 @@ class PreparePage(QWidget):
     def _operator_field(self) -> QLineEdit:
         names = [str(name) for name in self._session.recall("operators", [])]
         last = self._session.operator
-        hint = f"your name (last here: {last})" if last else "your name"
-        field = line_field("Operator", hint)
+        field = line_field("Operator", "your name" + phrase(" (last here: {})", last))
         completer = QCompleter(names)
         completer.setCaseSensitivity(Qt.CaseSensitivity.CaseInsensitive)
         # An open list takes the next click wherever it goes: once the name is whole, it has nothing more to offer.
         offered = completer.popup()
         if offered is not None:
             field.textEdited.connect(
-                lambda text: QTimer.singleShot(0, offered.hide) if text in names else None
+                lambda text: text in names and QTimer.singleShot(0, offered.hide)
             )
         field.setCompleter(completer)
         return field
@@ -250,7 +251,7 @@ class PreparePage(QWidget):
         ]
         left = len(self.checklist.open)
         if left:
-            reasons.append(f"{left} {'item' if left == 1 else 'items'} of the checklist not signed")
+            reasons.append(f"{counted(left, 'item', 'items')} of the checklist not signed")
         return reasons
 
     @property
@@ -282,7 +283,7 @@ class PreparePage(QWidget):
 
     def _show_wanted(self, field: QWidget | None) -> None:
         """Bring the field into view that a refusal waits for, and let it be typed into."""
-        widget = self.operator if field is None else field
+        widget = field or self.operator
         self.scroll_to(widget)
         widget.setFocus()
 
@@ -459,7 +460,7 @@ class PreparePage(QWidget):
         self._name_doctor_button()
         self.start_button.setEnabled(not reasons)
         name = self.operator.text().strip()
-        self.sign_button.setText(f"Sign &all as {short_name(name)}" if name else "Sign &all")
+        self.sign_button.setText("Sign &all" + phrase(" as {}", short_name(name)))
         self.sign_button.setEnabled(bool(name) and bool(self.checklist.open))
         self.acknowledge_button.setVisible(
             any(check.what == "trip latch" for check in self.checklist.failed)
@@ -468,8 +469,7 @@ class PreparePage(QWidget):
         set_tip(self.acknowledge_button, "" if name else "The operator has to be named first")
         set_tip(self.start_button, "\n".join(reasons) or "Ctrl+2 shows the run")
         if reasons:
-            more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-            self.waiting.setText(f"Start waits: {reasons[0]}{more}")
+            self.waiting.setText(f"Start waits: {first_of(reasons)}")
             set_tip(self.waiting, "\n".join(reasons))
         else:
             self.waiting.setText("✓ Ready.")

@@ -21,6 +21,7 @@ from PySide6.QtWidgets import (
 from rig.present.preview.figures import figures_of
 from rig.present.preview.plan import PlanPreview, PredictedMargin, predicted_grid
 from rig.window.plot.plots import LabPlot
+from rig.window.shell.sentence import cut_short
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -105,9 +106,10 @@ def log_ticks(low: float, high: float) -> list[list[tuple[float, str]]]:
     for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
         for digit in range(1, 10):
             value = digit * 10.0**decade
-            (major if digit in (1, 2, 5) else minor).append(
-                (math.log10(value), f"{value:g}" if digit in (1, 2, 5) else "")
-            )
+            if digit in (1, 2, 5):
+                major.append((math.log10(value), f"{value:g}"))
+            else:
+                minor.append((math.log10(value), ""))
     return [major, minor]
 
 
@@ -141,5 +143,4 @@ def summary(preview: PlanPreview) -> str:
 
 def short_name(name: str) -> str:
     """A name as it fits on a button."""
-    text = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1].rstrip()}…"
-    return text.replace("&", "&&")
+    return cut_short(name, _LONGEST_NAME).replace("&", "&&")

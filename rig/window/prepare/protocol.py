@@ -16,7 +16,7 @@ from rig.trial.campaign.plan import CampaignPlan, shipped_names
 from rig.window.prepare.campaign import armed_protocol, plan_named
 from rig.window.prepare.form import CalmComboBox, ParameterForm
 from rig.window.prepare.request import KNOWN_BY_THE_RIG
-from rig.window.shell.session import WindowSession
+from rig.window.shell.session import WindowSession, path_of
 from rig.window.shell.stack import (
     in_column,
     in_row,
@@ -120,7 +120,7 @@ class ProtocolSection(QWidget):
         if not self._session.free_for("A plan file"):
             return None
         path, _ = QFileDialog.getOpenFileName(self, "Plan of a campaign", "", "Plans (*.toml)")
-        return Path(path) if path else None
+        return path_of(path)
 
     def _offer_plan(self, path: Path) -> int:
         """Put a plan of one's own among the campaigns; its place, -1 where it is refused."""

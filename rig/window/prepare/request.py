@@ -18,6 +18,7 @@ from model.gear_file import save_gear, shipped_gear
 from rig.bench.backends.order import Order, arguments_of
 from rig.bench.backends.registry import HARDWARE
 from rig.bench.identity import bench_of
+from rig.content.phrase import phrase
 from rig.content.wording import named, percent
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card import GearCard, card_path, conditions_of, gear_of
@@ -32,6 +33,7 @@ from rig.run.preflight import static_checks
 from rig.run.progress import in_words as time_in_words
 from rig.run.start import plan_order
 from rig.trial.campaign.walk import Walk
+from rig.window.shell.sentence import give_or_take
 
 KNOWN_BY_THE_RIG = ("mounting", "sync_rate")
 """Parameters of protocols that follow from the gear card and the rig: not asked for twice."""
@@ -89,6 +91,11 @@ class Intent:
     anew: bool = False
     """Whether that campaign begins again where an unfinished one could go on."""
 
+    @property
+    def serial(self) -> str:
+        """The serial number of the gear; "" where none is said."""
+        return self.facts.serial if self.facts is not None else ""
+
 
 @dataclass(frozen=True)
 class Outlook:
@@ -115,8 +122,10 @@ def order_for(intent: Intent) -> Order:
     mounted = catalogue.load(intent.protocol).gear_mounted
     if facts is not None:
         gear = gear_of(facts, gear)
-        known |= {"mounting": facts.mounting} if facts.mounting else {}
-        known |= {"serial": facts.serial} if mounted else {}
+        if facts.mounting:
+            known["mounting"] = facts.mounting
+        if mounted:
+            known["serial"] = facts.serial
     if config is not None:
         from rig.bench.config.apply import with_ratings
         from rig.bench.config.load import load_configuration
@@ -160,9 +169,8 @@ def look_ahead(intent: Intent) -> Outlook:
 
 def gear_checks(intent: Intent) -> tuple[Finding, ...]:
     """What is looked at on the card of the gear, and on what the gear must show."""
-    serial = intent.facts.serial if intent.facts is not None else ""
     return (
-        *(_for_this_rig(check, intent.rig) for check in card_checks(intent.card, serial)),
+        *(_for_this_rig(check, intent.rig) for check in card_checks(intent.card, intent.serial)),
         *acceptance_checks_of_card(intent.card),
     )
 
@@ -180,7 +188,7 @@ def parameters_check(planned: PlannedRun, rig: RigChoice) -> Finding:
         return Finding("parameters", Severity.PASSED, f"{planned.motor.name} without a gear")
     inertia = planned.gear.value("inertia.output")
     uncertainty = inertia.origin.standard_uncertainty
-    doubt = f" ± {uncertainty:g}" if uncertainty is not None else ""
+    doubt = give_or_take(uncertainty)
     evidence = (
         f"{planned.gear.name}, {planned.mounting.replace('-', ' ')}, ratio "
         f"{planned.load.ratio:g}; load inertia {inertia.value:g}"
@@ -269,9 +277,9 @@ def short(error: Exception) -> str:
     """A refusal in one sentence: what, value, limit; where it is from only if nothing else says so."""
     what, where = getattr(error, "what", str(error)), getattr(error, "where", "")
     value, limit = getattr(error, "value", None), getattr(error, "limit", "")
-    text = f"{where}: {what}" if where else str(what)
+    text = phrase("{}: ", where) + str(what)
     text += f" ({value})" if value is not None else ""
-    return text + (f"; allowed {limit}" if limit else "")
+    return text + phrase("; allowed {}", limit)
 
 
 def write_parameters(order: Order) -> Path | None:
@@ -333,7 +341,8 @@ def commission_arguments(
 ) -> list[str]:
     """What follows `python -m rig` to take this bench through the stages that are missing."""
     words = ["commission", *arguments_of(order, _SAID_TO_A_CHILD[:-1], parameters)]
-    words += [f"--confirm={confirmation}"] if confirmation else []
+    if confirmation:
+        words.append(f"--confirm={confirmation}")
     return [*words, "--events", "--stdin-control"]
 
 
@@ -341,7 +350,7 @@ def arming(intent: Intent, typed: str) -> Arming:
     """What an intent says of who arms it, with what was typed."""
     return Arming(
         intent.operator,
-        intent.facts.serial if intent.facts is not None else "",
+        intent.serial,
         typed,
         catalogue.load(intent.protocol).gear_mounted,
         _limits_set_by_hand(intent.rig),
@@ -390,9 +399,8 @@ def sign_off_notes(checks: Sequence[Finding], name: str) -> tuple[str, ...]:
     good = ", ".join(
         dict.fromkeys(check.what for check in checks if check.severity is Severity.PASSED)
     )
-    notes = [f"checklist signed by {name}: {good}"] if good else []
     return (
-        *notes,
+        *filter(None, (phrase("checklist signed by {1}: {0}", good, name),)),
         *(
             f"accepted by {name}: {c.what}: {c.found}"
             for c in checks

@@ -6,7 +6,8 @@ from pathlib import Path
 
 from PySide6.QtWidgets import QFileDialog, QPushButton
 
-from rig.window.shell.session import WindowSession
+from rig.content.phrase import phrase
+from rig.window.shell.session import WindowSession, path_of
 from rig.window.shell.stack import push_button, set_tip
 
 
@@ -22,8 +23,7 @@ class StatusPageChoice:
     @property
     def kept(self) -> Path | None:
         """The page that is kept of every run that is begun from now on."""
-        path = str(self._session.recall("status", ""))
-        return Path(path) if path else None
+        return path_of(str(self._session.recall("status", "")))
 
     def choose(self) -> None:
         """Ask where it is kept; where one is kept, end it."""
@@ -40,4 +40,4 @@ class StatusPageChoice:
         kept = self.kept
         self.button.setChecked(kept is not None)
         what = "Keeps a page of how each run stands, for a phone or a wall."
-        set_tip(self.button, what if kept is None else f"{what} It is {kept}; press to end it.")
+        set_tip(self.button, what + phrase(" It is {}; press to end it.", kept))

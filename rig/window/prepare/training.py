@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from rig.content.phrase import phrase
 from rig.window.shell.stack import in_column, in_row, line_field, push_button, restyled, text_label
 from rig.window.work.background import BackgroundCommand, json_object
 
@@ -125,18 +126,22 @@ class TrainingDialog(QDialog):
         super().done(result)
 
 
+_SEEN = {
+    "passed": ("✗ did NOT end as it must", "✓ ended as it must"),
+    "safe": ("the motor does NOT stand", "the motor stands without power"),
+    "verified": ("standstill not verified: the loudest alarm there is", "standstill verified"),
+    "file_readable": ("file NOT readable", "file readable"),
+}
+"""What a drill looks at, by its key: in words where it is not so, and where it is."""
+
+
 def verdict_text(row: dict[str, Any]) -> str:
     """One row of `rig sim drill --json` in sentences."""
-    passed = "✓ ended as it must" if row.get("passed") else "✗ did NOT end as it must"
-    safe = "the motor stands without power" if row.get("safe") else "the motor does NOT stand"
-    verified = "standstill not verified: the loudest alarm there is"
-    if row.get("verified"):
-        verified = "standstill verified"
-    readable = "file readable" if row.get("file_readable") else "file NOT readable"
+    passed, safe, verified, readable = (pair[bool(row.get(key))] for key, pair in _SEEN.items())
     text = (
         f"{passed}: {row.get('fault')}\nDetected: {row.get('detected')}, after "
         f"{row.get('cycles')} SYNC cycles. Action: "
         f"{row.get('action')}; {safe}; {verified}.\nOutcome: {row.get('outcome')} (must be "
         f"{row.get('expected')}); {readable}."
     )
-    return text + (f"\n{row['message']}" if row.get("message") else "")
+    return text + phrase("\n{}", row.get("message", ""))

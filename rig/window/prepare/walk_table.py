@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rig.content.grid import Grid
+from rig.content.phrase import phrase
 from rig.run.progress import in_words
 from rig.trial.campaign.walk import Walk, walk_grid
 from rig.window.review.grid import GridTable
@@ -31,4 +32,4 @@ def walk_summary(walked: Walk, done: Sequence[str] = ()) -> str:
     longest = in_words(sum(one.planned.longest for one in left))
     words = f"{walked.plan.title}: {len(left)} runs, {nominal} nominal, {longest} at most"
     finished = len(walked.stages) - len(left)
-    return words + (f" · goes on: {finished} of {len(walked.stages)} are done" if finished else "")
+    return words + phrase(" · goes on: {} of {} are done", finished, len(walked.stages))

@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtWidgets import QComboBox, QWidget
 
 from rig.analysis.difference import Change, Difference, change_grid, difference
+from rig.content.phrase import phrase
 from rig.window.review.grid import GridTable
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -62,7 +63,7 @@ class DifferenceView(QWidget):
         text = "Nothing differs but number and time."
         if compared.differs:
             text = f"{len(compared.changes)} of {looked_at} things differ."
-        self.says.setText(text + (f" The same in both: {', '.join(same)}." if same else ""))
+        self.says.setText(text + phrase(" The same in both: {}.", ", ".join(same)))
         self._fill()
 
     def _fill(self) -> None:

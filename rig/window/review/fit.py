@@ -42,9 +42,8 @@ class FitOrder:
     @property
     def arguments(self) -> list[str]:
         """Everything after `rig`."""
-        words = ["fit", *([self.kind] if self.kind else []), str(self.run)]
-        for flag, value in (("--tare", self.tare), ("--parameters", self.parameters)):
-            words += [flag, str(value)] if value is not None else []
+        words = ["fit", *filter(None, (self.kind,)), str(self.run)]
+        words += [*option("--tare", self.tare), *option("--parameters", self.parameters)]
         for name, value in self.settings:
             words += ["--set", f"{name}={value}"]
         return [*words, "--json", "--plots", "--store" if self.keep else "--no-store"]
@@ -90,6 +89,11 @@ def tares_among(runs: Iterable[IndexedRun], origin: str) -> list[IndexedRun]:
         for run in runs
         if run.protocol == tare_kind() and run.origin == origin and run.is_complete
     ]
+
+
+def option(flag: str, value: str | Path | None) -> list[str]:
+    """An option of a command; nothing where it is not set."""
+    return [flag, str(value)] if value else []
 
 
 def _setting(value: Any) -> str:

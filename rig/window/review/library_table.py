@@ -38,6 +38,7 @@ from rig.window.review.table_model import (
 )
 from rig.window.review.table_source import LibrarySource
 from rig.window.shell.flow import FlowLayout, in_flow
+from rig.window.shell.sentence import listed_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -350,7 +351,7 @@ class LibraryTable(QWidget):
     def _count(self) -> None:
         every, shown = self.model.rowCount(), self.filtered.rowCount()
         bad = sum(bool(run.problem) for run in self.model.runs)
-        text = f"{every} runs" if shown == every else f"{shown} of {every} runs"
+        text = listed_of(shown, every, "runs")
         if not every:
             text = f"No runs in {self.source.folder} yet. Prepare one and run it: it is listed here at once."
         if bad:

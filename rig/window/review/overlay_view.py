@@ -27,6 +27,7 @@ from rig.window.review.fit import FitDesk, FitOrder, ResultCache, order_of
 from rig.window.review.table_model import local_time
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
+    check_state,
     choice_box,
     in_column,
     in_row,
@@ -150,8 +151,7 @@ class OverlayView(QWidget):
                 )
                 set_tip(item, line.problem or line.run.path.name)
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
-                off = keep and row in hidden
-                item.setCheckState(Qt.CheckState.Unchecked if off else Qt.CheckState.Checked)
+                item.setCheckState(check_state(not (keep and row in hidden)))
                 item.setIcon(_swatch(self._session.palette.series_colour(row)))
                 self.runs.addItem(item)
 
@@ -163,7 +163,7 @@ class OverlayView(QWidget):
             self.figure.clear()
             for name, title in figures.items():
                 self.figure.addItem(title, name)
-            self.figure.setCurrentIndex(max(0, self.figure.findData(chosen)) if figures else -1)
+            self.figure.setCurrentIndex(max(0, self.figure.findData(chosen)))
         self._draw()
 
     def _draw(self) -> None:

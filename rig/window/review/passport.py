@@ -24,6 +24,7 @@ from rig.analysis.passport.followed import watched_kinds
 from rig.analysis.passport.rows import missing_grid, series_grid
 from rig.analysis.tare import find_tare, takes_tare
 from rig.content.grid import Grid, columns
+from rig.content.phrase import phrase
 from rig.gears.acceptance import acceptance_for
 from rig.library.index import IndexedRun, LibraryIndex
 from rig.present.certificate.gather import certified
@@ -32,6 +33,7 @@ from rig.window.plot.result_plot import PlotGallery
 from rig.window.review.fit import FitDesk, FitOrder, renewal_of
 from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time, outcome_of, with_sign
+from rig.window.shell.sentence import first_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -43,7 +45,7 @@ from rig.window.shell.stack import (
 )
 from rig.window.work.background import LatestTask
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
-from rig.window.work.verdicts import SIGNS, ListedVerdict, listed_verdict
+from rig.window.work.verdicts import SIGNS, ListedVerdict, listed_verdict, verdict_text
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Passport
@@ -193,12 +195,10 @@ class PassportView(QWidget):
         self.verdict.setText(f"{SIGNS[read.judged.verdict]} {read.judged.verdict}")
         restyled(self.verdict, VERDICT_COLOURS[read.judged.verdict])
         reasons = read.judged.because
-        self.because.setText(_because_words(reasons))
+        self.because.setText(first_of(reasons))
         set_tip(self.because, "\n".join(reasons))
         self.because.setVisible(bool(reasons))
-        self.title.setText(
-            f"Passport of {passport.serial}" + (f" · {passport.gear}" if passport.gear else "")
-        )
+        self.title.setText(f"Passport of {passport.serial}" + phrase(" · {}", passport.gear))
         self.mark.setText(passport.mark)
         self.charts.show_plots(passport.plots, passport.mark, keep=True)
         self.state.show_grid(series_grid(passport.series))
@@ -251,8 +251,7 @@ class _ReadGear:
 
     def words(self, run: IndexedRun) -> str:
         """The verdict on a run in a word or two."""
-        verdict = self.listed.get(run.path)
-        return verdict.text if verdict is not None else ""
+        return verdict_text(self.listed.get(run.path))
 
 
 def _reader(folder: Path, serial: str) -> Callable[[], _ReadGear]:
@@ -273,12 +272,6 @@ def _gear_verdict(folder: Path, serial: str) -> GearVerdict:
             return gathered.verdict
     except WordedError as error:
         return not_judged(str(error))
-
-
-def _because_words(reasons: Sequence[str]) -> str:
-    """The first of the reasons, and how many more there are."""
-    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-    return f"{reasons[0]}{more}" if reasons else ""
 
 
 def lacking_runs(folder: Path, serial: str, library: Sequence[IndexedRun]) -> tuple[str, ...]:

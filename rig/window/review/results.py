@@ -25,7 +25,7 @@ from rig.window.review.grid import GridTable
 from rig.window.review.table_model import local_time
 from rig.window.review.words import budget_page, result_page
 from rig.window.shell.flow import in_flow, labelled
-from rig.window.shell.session import WindowSession
+from rig.window.shell.session import WindowSession, path_of
 from rig.window.shell.stack import (
     choice_box,
     in_column,
@@ -118,11 +118,9 @@ class FitBar(QWidget):
         kinds = catalogue.kinds()
         with QSignalBlocker(self.kind):
             self.kind.clear()
-            for name in ([protocol] if protocol in kinds else []) + [
-                k for k in kinds if k != protocol
-            ]:
+            for name in sorted(kinds, key=lambda kind: kind != protocol):
                 self.kind.addItem(name, name)
-            chosen = used.kind if used and used.kind else protocol
+            chosen = (used and used.kind) or protocol
             self.kind.setCurrentIndex(max(0, self.kind.findData(chosen)))
         self.parameters.clear()
         self.parameters.addItem("the run's own", "")
@@ -140,15 +138,15 @@ class FitBar(QWidget):
     def order(self, *, keep: bool) -> FitOrder:
         """The fit as it is set."""
         assert self._run is not None
-        tare, parameters = (
-            str(self.tare.currentData() or ""),
-            str(self.parameters.currentData() or ""),
+        kind, tare, parameters = (
+            str(box.currentData() or "") for box in (self.kind, self.tare, self.parameters)
         )
-        with_tare = takes_tare(str(self.kind.currentData())) and tare
+        if not takes_tare(kind):
+            tare = ""
         return FitOrder(
             self._run,
-            str(self.kind.currentData() or ""),
-            Path(tare) if with_tare else None,
+            kind,
+            path_of(tare),
             Path(parameters) if parameters not in ("", "?") else None,
             keep=keep,
         )
@@ -234,7 +232,7 @@ class FitBar(QWidget):
             return None
         title = "Which parameter set is held against this run?"
         chosen, _ = QFileDialog.getOpenFileName(self, title, "", "Parameter sets (*.toml)")
-        return Path(chosen) if chosen else None
+        return path_of(chosen)
 
 
 class ResultsView(QWidget):
@@ -289,7 +287,7 @@ class ResultsView(QWidget):
     @property
     def chosen(self) -> str:
         """The name of the number that is chosen in the table; "" for none."""
-        rows = self.table.selectionModel().selectedRows() if self.table.rowCount() else []
+        rows = self.table.selectionModel().selectedRows()
         names = list(self._shown[0].estimates) if self._shown else []
         return names[rows[0].row()] if rows and rows[0].row() < len(names) else ""
 

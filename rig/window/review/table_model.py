@@ -21,6 +21,7 @@ from PySide6.QtCore import (
 from PySide6.QtGui import QColor, QFont
 
 from experiments import catalogue
+from rig.content.phrase import phrase
 from rig.content.wording import duration_text
 from rig.gears.card import UNNAMED
 from rig.library.index import IndexedRun
@@ -28,7 +29,7 @@ from rig.runfile.header import ORIGIN_WORDS
 from rig.window.shell.palette import Palette
 from rig.window.shell.stack import plain_tip
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
-from rig.window.work.verdicts import ListedVerdict
+from rig.window.work.verdicts import ListedVerdict, verdict_reasons, verdict_text
 
 _AnyIndex = QModelIndex | QPersistentModelIndex
 _NOWHERE = QModelIndex()
@@ -39,6 +40,8 @@ SIGNS = {
     "TRIPPED": "▲",
     "ERROR": "✗",
     "INTERRUPTED": "■",
+    "being written": "●",
+    "": "",
 }
 """The sign before an outcome: a colour never carries a meaning alone."""
 COLOURS = {
@@ -46,25 +49,29 @@ COLOURS = {
     "ABORTED": "warning",
     "INTERRUPTED": "warning",
     "being written": "accent",
+    "": "text",
 }
 """Colours of the palette by outcome; any other one is bad news."""
 
 
 def outcome_of(run: IndexedRun) -> str:
     """The word for how a run ended, or for what state its file is in."""
-    return run.outcome or ("" if run.state == "sealed" else run.state)
+    return outcome_word(run.outcome, run.state)
+
+
+def outcome_word(outcome: str, state: str) -> str:
+    """The outcome; where there is none the state of the file, which goes without saying of a sealed one."""
+    return outcome or ("" if state == "sealed" else state)
 
 
 def colour_of(outcome: str, palette: Palette) -> str:
     """The colour of an outcome; that of the text for none."""
-    return getattr(palette, COLOURS.get(outcome, "bad")) if outcome else palette.text
+    return getattr(palette, COLOURS.get(outcome, "bad"))
 
 
 def with_sign(outcome: str) -> str:
     """The outcome with its sign."""
-    unknown = "!" if outcome else ""
-    sign = SIGNS.get(outcome, "●" if outcome == "being written" else unknown)
-    return f"{sign} {outcome}".strip()
+    return f"{SIGNS.get(outcome, '!')} {outcome}".strip()
 
 
 @functools.lru_cache(maxsize=100_000)
@@ -99,9 +106,7 @@ def gear_words(run: IndexedRun) -> str:
 
 
 COLUMNS = (
-    _LibraryColumn(
-        "#", lambda r: str(r.number) if r.number else "–", lambda r: r.number, numeric=True
-    ),
+    _LibraryColumn("#", lambda r: str(r.number or "–"), lambda r: r.number, numeric=True),
     _LibraryColumn("protocol", lambda r: r.protocol or "–", lambda r: r.protocol),
     _LibraryColumn("gear", gear_words, lambda r: r.gear_serial),
     _LibraryColumn("outcome", lambda r: with_sign(outcome_of(r)), outcome_of),
@@ -219,8 +224,7 @@ class LibraryModel(QAbstractTableModel):
 
     def _sort_key(self, run: IndexedRun, column: int) -> Any:
         if column == VERDICT:
-            verdict = self.verdicts.get(run.path)
-            return verdict.text if verdict is not None else ""
+            return verdict_text(self.verdicts.get(run.path))
         key = COLUMNS[max(column, 0)].key(run)
         return key.casefold() if isinstance(key, str) else key
 
@@ -258,14 +262,14 @@ class LibraryModel(QAbstractTableModel):
         run, column = self._rows[index.row()], COLUMNS[index.column()]
         verdict = self.verdicts.get(run.path)
         if index.column() == VERDICT and role == Qt.ItemDataRole.DisplayRole:
-            return verdict.text if verdict is not None else ""
+            return verdict_text(verdict)
         if role == Qt.ItemDataRole.DisplayRole:
             return column.text(run)
         if role == RUN_ROLE:
             return run
         if role == Qt.ItemDataRole.ToolTipRole:
-            said = verdict.reasons if verdict is not None else ""
-            return plain_tip("\n".join(part for part in (_tool_tip(run), said) if part))
+            said = (_tool_tip(run), verdict_reasons(verdict))
+            return plain_tip("\n".join(part for part in said if part))
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if column.numeric else Qt.AlignmentFlag.AlignLeft
             return side | Qt.AlignmentFlag.AlignVCenter
@@ -294,8 +298,8 @@ def _tool_tip(run: IndexedRun) -> str:
     facts = [
         run.path.name,
         run.problem,
-        f"{run.rows} rows" if run.rows else "",
-        f"backend {run.backend}" if run.backend else "",
+        phrase("{} rows", run.rows),
+        phrase("backend {}", run.backend),
     ]
     if run.state in ("being written", "left behind"):
         facts.append(

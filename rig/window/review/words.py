@@ -11,6 +11,7 @@ from rig.analysis.judging import GearVerdict, held_against
 from rig.analysis.rows import budget_grid, limit_words, metric_grid, proof_words
 from rig.content.data import data_grid
 from rig.content.grid import Grid, capital, tone_of
+from rig.content.phrase import phrase
 from rig.content.wording import readable
 from rig.window.shell.palette import Palette
 
@@ -18,7 +19,7 @@ from rig.window.shell.palette import Palette
 def _verdict_words(judged: GearVerdict) -> str:
     """The verdict with its reasons in one sentence."""
     because = "; ".join(judged.because)
-    return f"Verdict: {judged.verdict}" + (f". {because}." if because else ".")
+    return f"Verdict: {judged.verdict}{phrase('. {}', because)}."
 
 
 POINTS = "points"
@@ -81,7 +82,7 @@ def grid_html(grid: Grid, palette: Palette) -> str:
         + "</tr>"
         for row in grid.rows
     )
-    note = f"<p>{html.escape(grid.note)}</p>" if grid.note else ""
+    note = phrase("<p>{}</p>", html.escape(grid.note))
     return f'<h4>{html.escape(grid.title)}</h4><table cellpadding="3"><tr>{head}</tr>{body}</table>{note}'
 
 
@@ -93,4 +94,4 @@ def facts_html(title: str, pairs: Iterable[Sequence[str]], palette: Palette) -> 
         for name, text in pairs
         if text
     )
-    return f'<h4>{html.escape(title)}</h4><table cellpadding="2">{rows}</table>' if rows else ""
+    return phrase('<h4>{1}</h4><table cellpadding="2">{0}</table>', rows, html.escape(title))

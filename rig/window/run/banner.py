@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
 )
 
 from rig.run.state import RunState, State
+from rig.window.shell.sentence import cut_short
 from rig.window.shell.stack import (
     in_column,
     in_row,
@@ -149,7 +150,7 @@ class Banner(QFrame):
         if self._look is None:
             return
         letters = LINES * (1.0 - _WORD_SHARE) * self.width() / LETTER
-        self._what.setText(_short(self._words, max(round(letters), 30)))
+        self._what.setText(cut_short(self._words, max(round(letters), 30)))
         size = _banner_font(self._look.word, _WORD_SHARE * self.width() - _SYMBOL_WIDTH)
         if size != self._size:
             self._size = size
@@ -208,7 +209,3 @@ class StopButtons(QWidget):
         self.is_live = live
         for button, part in ((self.stop, "stop"), (self.abort, "abort")):
             restyled(button, part if live else f"{part}-idle")
-
-
-def _short(text: str, longest: int) -> str:
-    return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"

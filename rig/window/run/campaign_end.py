@@ -70,13 +70,18 @@ class _LimitLine:
         return cls(
             name=str(told["name"]),
             outcome=str(told["outcome"]),
-            share=value / limit if limit > 0.0 else math.nan,
-            expanded=expanded / limit if limit > 0.0 else math.nan,
+            share=_share(value, limit),
+            expanded=_share(expanded, limit),
             is_upper=is_upper,
             value_text=words,
             limit_text=f"{'≤' if is_upper else '≥'} {number(limit / factor)} {word}".rstrip(),
             because=str(told.get("because", "")),
         )
+
+
+def _share(value: float, limit: float) -> float:
+    """A value as a share of its limit; NaN where there is nothing to share."""
+    return value / limit if limit > 0.0 else math.nan
 
 
 def _number(told: Any) -> float:

@@ -17,7 +17,7 @@ from experiments.protocols.velocity_steps.data import carries
 from model.units import ARCMIN, DEGREE, REVOLUTION
 from rig.window.plot.plots import CurveStyle, LabPlot
 from rig.window.run.live_axes import ValueAxis
-from rig.window.run.live_view import LiveContext, RowView
+from rig.window.run.live_view import WAYS, LiveContext, RowView, way_of
 from rig.window.shell.session import WindowSession
 from rig.window.work.live_file import Block
 
@@ -29,7 +29,6 @@ WIND_UP = 1.5 * REVOLUTION
 """Input angle after a change of set-point that is not shown."""
 _FASTEST = 400.0 * REVOLUTION / 60.0
 """rad/s; above, the output's vibration hides the error (the protocol's own highest speed is 300 r/min)."""
-WAYS = ((1, "forward"), (-1, "reverse"))
 
 
 class SteadyRows:
@@ -41,15 +40,12 @@ class SteadyRows:
 
     def of(self, target: FloatArray, angle: FloatArray) -> NDArray[np.bool_]:
         """A mask over rows in order."""
-        before = self._target if self._target is not None else target[0]
-        changes = np.diff(target, prepend=before) != 0.0
+        if self._target is None:
+            self._target, self._changed_at = float(target[0]), float(angle[0])
+        changes = np.diff(target, prepend=self._target) != 0.0
         marks = np.where(changes, np.arange(len(target)), -1)
         latest = np.maximum.accumulate(marks)
-        since = np.where(
-            latest >= 0,
-            angle[np.maximum(latest, 0)],
-            self._changed_at if self._target is not None else angle[0],
-        )
+        since = np.where(latest >= 0, angle[np.maximum(latest, 0)], self._changed_at)
         self._target, self._changed_at = float(target[-1]), float(since[-1])
         return (np.abs(angle - since) >= WIND_UP) & (target != 0.0) & (np.abs(target) <= _FASTEST)
 
@@ -155,7 +151,7 @@ class _ErrorRows:
             self.reference = phase_reference(self._context.recording)
         outer = self._sense * block.si["output_angle"][block.good][steady]
         inner, target = inner[steady], target[steady]
-        way = 1 if target[-1] > 0.0 else -1
+        way = way_of(float(target[-1]))
         same = np.sign(target) == way
         inner, outer = inner[same] - self.reference.input_angle, outer[same]
         return inner, outer, outer - inner / self.ratio, way

@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QFrame, QLabel, QSizePolicy, QWidget
 from experiments.recording import Recording
 from model.units import RPM
 from rig.run.progress import in_words
+from rig.window.run.live_view import cycle_period, torque_channel
 from rig.window.shell.stack import in_column, in_row, text_label
 from rig.window.work.live_file import Block, SlidingSpeed
 
@@ -17,6 +18,13 @@ NOTHING = "–"
 LATEST = 0.2
 """s over which speed and torque are averaged: a number that trembles cannot be read."""
 NUMBERS = ("speed", "torque", "temperature", "time left")
+_CAPTIONS = {
+    "torque": "motor torque",
+    "drive_torque": "torque by the drive",
+    "housing_temperature": "housing",
+    "ambient_temperature": "room",
+}
+"""What stands under a number, by the channel that it comes from."""
 
 
 class LiveNumbers(QWidget):
@@ -61,15 +69,12 @@ class LiveNumbers(QWidget):
 
     def begin(self, recording: Recording) -> None:
         """A run whose rows come from now on."""
-        rate = recording.metadata.sample_rate
-        self._speed = SlidingSpeed(1.0 / rate if rate > 0.0 else 1e-3)
-        self._torque = "torque" if recording.has("torque") else "drive_torque"
+        self._speed = SlidingSpeed(cycle_period(recording))
+        self._torque = torque_channel(recording)
         housing = recording.has("housing_temperature")
         self._temperature = "housing_temperature" if housing else "ambient_temperature"
-        self._captions["torque"].setText(
-            "motor torque" if self._torque == "torque" else "torque by the drive"
-        )
-        self._captions["temperature"].setText("housing" if housing else "room")
+        for name, channel in (("torque", self._torque), ("temperature", self._temperature)):
+            self._captions[name].setText(_CAPTIONS[channel])
         self._captions["speed"].setText("input speed")
 
     @property

@@ -22,6 +22,25 @@ _RUN_TIME = "time since the start of the run [s]"
 MILLI = 1e-3
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+WAYS = ((1, "forward"), (-1, "reverse"))
+"""Both directions of the input."""
+_TORQUE_LABELS = {"torque": "monitor port", "drive_torque": "reported by the drive"}
+
+
+def way_of(value: float) -> int:
+    """The direction of a speed, a set-point or a turn that is not zero."""
+    return 1 if value > 0.0 else -1
+
+
+def torque_channel(recording: Recording) -> str:
+    """The channel of the motor torque: the monitor port where the rig has one."""
+    return "torque" if recording.has("torque") else "drive_torque"
+
+
+def cycle_period(recording: Recording) -> float:
+    """s from one cycle to the next; a millisecond where the run does not say."""
+    rate = recording.metadata.sample_rate
+    return 1.0 / rate if rate > 0.0 else 1e-3
 
 
 @dataclass
@@ -45,8 +64,7 @@ class LiveContext:
     @property
     def period(self) -> float:
         """s from one cycle to the next."""
-        rate = self.recording.metadata.sample_rate
-        return 1.0 / rate if rate > 0.0 else 1e-3
+        return cycle_period(self.recording)
 
 
 class LiveView(Protocol):
@@ -236,9 +254,8 @@ class SpeedView(RowView):
 
 def torque_view(session: WindowSession, context: LiveContext) -> _TraceView:
     """Motor torque over time, from the monitor port where the rig has one."""
-    name = "torque" if context.recording.has("torque") else "drive_torque"
-    label = "monitor port" if name == "torque" else "reported by the drive"
-    signals = [(name, label, MILLI, "line")]
+    name = torque_channel(context.recording)
+    signals = [(name, _TORQUE_LABELS[name], MILLI, "line")]
     words = "Motor torque", "motor torque [mN m]"
     if context.prediction is None:
         return _TraceView(session, *words, signals, context.duration)

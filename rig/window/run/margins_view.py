@@ -72,7 +72,10 @@ class MarginBars(QWidget):
         palette, (name, _, _, margin) = self._session.palette, entry
         near = margin < (0.0 if name == TRAVEL else NEAR)
         top, width = index * ROW, self.width() - 8
-        painter.setPen(QColor(palette.warning if near else palette.text))
+        words, inside, sign = palette.text, palette.accent, ""
+        if near:
+            words, inside, sign = palette.warning, palette.warning, "⚠ "
+        painter.setPen(QColor(words))
         label, numbers = self._label(entry), self._numbers(entry)
         wide = painter.fontMetrics().horizontalAdvance(numbers)
         left = painter.fontMetrics().elidedText(
@@ -82,7 +85,7 @@ class MarginBars(QWidget):
         painter.drawText(
             line,
             Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter,
-            ("⚠ " if near else "") + left,
+            sign + left,
         )
         painter.drawText(line, Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter, numbers)
         bar = QRectF(0, top + 19, width, 6)
@@ -90,7 +93,6 @@ class MarginBars(QWidget):
         painter.setBrush(QColor(palette.raised))
         painter.drawRoundedRect(bar, 3, 3)
         share = min(max(1.0 - margin, 0.0), 1.0)
-        inside = palette.warning if near else palette.accent
         painter.setBrush(QColor(palette.bad if margin < 0.0 else inside))
         painter.drawRoundedRect(QRectF(0, top + 19, max(share * width, 2.0), 6), 3, 3)
 

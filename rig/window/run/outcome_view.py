@@ -21,6 +21,7 @@ from experiments.quantity import key_names
 from experiments.result import Result
 from rig.analysis.tare import takes_tare
 from rig.bench.identity import option_of
+from rig.content.phrase import phrase
 from rig.content.wording import show
 from rig.run.state import RunState, State
 from rig.run.trips import rule_of
@@ -273,7 +274,7 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
         rule = rule_of(state.cause)
         parts.append(f"Cause: {state.cause.replace('_', ' ')}, {rule.what}.")
         if trip.get("value") is not None and trip.get("limit") is not None:
-            unit = f" {trip['unit']}" if trip.get("unit") else ""
+            unit = phrase(" {}", trip.get("unit"))
             parts.append(f"Found {trip['value']:.4g}{unit}, limit {trip['limit']:.4g}{unit}.")
     elif state.what:
         parts.append(state.what.rstrip(".") + ".")
@@ -295,8 +296,7 @@ def sentence_of(state: RunState, report: dict[str, Any], bench: str) -> str:
 
 def verdict_line(verdict: str, because: Sequence[str]) -> str:
     """The verdict on the gear with its reasons."""
-    reasons = "; ".join(because)
-    return f"Verdict: {verdict}" + (f" ({reasons})" if reasons else "")
+    return f"Verdict: {verdict}" + phrase(" ({})", "; ".join(because))
 
 
 def result_lines(result: Result) -> list[str]:

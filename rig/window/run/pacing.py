@@ -64,8 +64,9 @@ class Pacer:
             self._interval += _TRUST * (min(passed, LONGEST / LATE) - self._interval)
         self._put, self._goes_on = False, behind
         left = self._burst_at + LATE * self._interval - now
-        share = elapsed / (elapsed + left) if left > 0.0 else 1.0
-        rows = self._rows if share >= 1.0 else int(share * self._rows) + 1
+        rows = self._rows
+        if left > 0.0:
+            rows = min(rows, int(elapsed / (elapsed + left) * rows) + 1)
         return self._taken(max(rows, self._rows - MOST))
 
     def rest(self) -> list[Block]:

@@ -35,7 +35,7 @@ from rig.window.run.margins_view import MarginBars
 from rig.window.run.outcome_view import OutcomeView
 from rig.window.run.prompt_view import PromptView
 from rig.window.run.stages_view import StageRow, StagesView
-from rig.window.shell.session import WindowSession
+from rig.window.shell.session import WindowSession, path_of
 from rig.window.shell.stack import (
     in_column,
     in_row,
@@ -248,8 +248,8 @@ class RunPage(QWidget):
         if told["state"] == "begun":
             self.stages.stands(index, "under way")
             self.run_report = {}
-            planned = self._walk.stages[index].planned if self._walk is not None else None
-            self._expect(planned, None if planned is None else preview_plan(planned))
+            planned = self._walk and self._walk.stages[index].planned
+            self._expect(planned, planned and preview_plan(planned))
             number = f"run {index + 1} of {len(self.stages.rows)}"
             self._title = f"{self._campaign_title}, {number}: {protocol}"
             if "does" in told:
@@ -297,7 +297,7 @@ class RunPage(QWidget):
     def _on_finished(self, ending: Ending) -> None:
         self._change(self.state.gone(ending.reported, ending.complaint, ending.killed))
         run = self.run_report
-        path = Path(run["path"]) if run.get("path") else None
+        path = path_of(run.get("path", ""))
         if path is None and self.plots.live is not None:
             path = self.plots.live.path
         if path is not None:
@@ -411,9 +411,7 @@ class RunPage(QWidget):
         self.prompt.answered.connect(self._on_answer)
         self.close_question.answered.connect(self._answer_to_close)
         self.fold.toggled.connect(self.side.setVisible)
-        self.events.note_written.connect(
-            lambda text: self.process.note(text) if self.process is not None else None
-        )
+        self.events.note_written.connect(lambda text: self.process and self.process.note(text))
         self.outcome.review_requested.connect(self.review_requested)
         self.campaign_end.review_requested.connect(self.review_requested)
         self.campaign_end.next_requested.connect(self.next_gear_requested)

@@ -21,12 +21,18 @@ from model.friction import friction_torque
 from model.identify.running_torque import RunningTorque
 from model.units import DEGREE, REVOLUTION, RPM
 from rig.window.plot.plots import LabPlot
-from rig.window.run.live_view import MILLI, LiveContext, SegmentView
+from rig.window.run.live_view import (
+    MILLI,
+    WAYS,
+    LiveContext,
+    SegmentView,
+    torque_channel,
+    way_of,
+)
 from rig.window.shell.session import WindowSession
 
 COUNTED = ("hold", "bracket")
 _PREDICTED = "predicted"
-WAYS = ((1, "forward"), (-1, "reverse"))
 
 
 class TorquePoints(SegmentView):
@@ -41,7 +47,7 @@ class TorquePoints(SegmentView):
             session, "Running torque", "input speed [r/min]", f"running torque, {subject} [mN m]"
         )
         self.plot.item.setLogMode(x=True)
-        self._channel = "torque" if context.recording.has("torque") else "drive_torque"
+        self._channel = torque_channel(context.recording)
         self._points: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
         self._curves = {
             way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)
@@ -99,7 +105,7 @@ class TorquePoints(SegmentView):
     def _keep(self, torques: list[RunningTorque]) -> None:
         for torque in torques:
             if math.isfinite(torque.torque) and torque.speed:
-                way = 1 if torque.speed > 0.0 else -1
+                way = way_of(torque.speed)
                 self._points[way, "all"].append((abs(torque.speed), way * torque.torque))
                 self._changed = True
 
@@ -138,7 +144,7 @@ class StartingPoints(SegmentView):
             "starting torque, motor + gear [mN m]",
         )
         self.plot.item.setXRange(0.0, 360.0)
-        self._channel = "torque" if context.recording.has("torque") else "drive_torque"
+        self._channel = torque_channel(context.recording)
         self._points: dict[int, list[tuple[float, float]]] = {1: [], -1: []}
         self._curves = {
             way: self.plot.curve(name, k, "points") for k, (way, name) in enumerate(WAYS)
@@ -161,7 +167,7 @@ class StartingPoints(SegmentView):
         torque = recording.si(self._channel, segment)
         torque = torque - torque_zero(recording, self._channel).at(recording.time(segment))
         smooth = np.convolve(segment.direction * torque, np.full(10, 0.1), "valid")
-        self._points[1 if segment.direction > 0 else -1].append(
+        self._points[way_of(segment.direction)].append(
             (segment.setpoint % REVOLUTION, float(smooth.max()))
         )
 

@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QFrame, QPushButton
 
 from drivers.clock import Clock, WallClock
 from experiments.steps.note import Prompt
+from rig.content.phrase import phrase
 from rig.window.run.rig_picture import RigPicture, scene_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
@@ -115,7 +116,7 @@ class PromptView(QFrame):
         self.hint.setText("A click, or Tab and then Space" if prompt.consent else "")
         self.field.clear()
         self.field.setVisible(not prompt.consent)
-        set_tip(self.field, f"kept in the run as {prompt.key}" if prompt.key else "kept in the run")
+        set_tip(self.field, "kept in the run" + phrase(" as {}", prompt.key))
         self._show_armed()
         self._looks.start()
         self._make_room()

@@ -124,7 +124,8 @@ class RigPicture(QWidget):
         palette, place = self._session.palette, _PLACES[part]
         is_meant = part in self.scene.looked_at
         is_gone = part in ("gear", "flange") and not self.scene.gear_on
-        pen = QPen(QColor(palette.accent if is_meant else palette.muted), 2.5 if is_meant else 1.2)
+        meant = palette.accent if is_meant else ""
+        pen = QPen(QColor(meant or palette.muted), 2.5 if is_meant else 1.2)
         if is_gone or part == "guard":
             pen.setStyle(Qt.PenStyle.DashLine)
         painter.setPen(pen)
@@ -133,7 +134,7 @@ class RigPicture(QWidget):
         )
         if part == "stop":
             # An outline: it is no button, and the one that is stands above.
-            painter.setPen(QPen(QColor(palette.accent if is_meant else palette.stop), 2.5))
+            painter.setPen(QPen(QColor(meant or palette.stop), 2.5))
             painter.drawEllipse(place)
         elif part == "guard" and self.scene.guard_open:
             # Its lid stands up behind.
@@ -142,11 +143,13 @@ class RigPicture(QWidget):
         else:
             painter.drawRoundedRect(place, 3, 3)
         if name := _NAMES.get(part):
-            colour = palette.accent if is_meant else palette.text
-            painter.setPen(QColor(palette.stop if part == "stop" else colour))
+            words, height = meant or palette.text, 12
+            if part == "stop":
+                words, height = palette.stop, 9
+            painter.setPen(QColor(words))
             painter.save()
             font = QFont(painter.font())
-            font.setPixelSize(9 if part == "stop" else 12)
+            font.setPixelSize(height)
             painter.setFont(font)
             painter.drawText(place, Qt.AlignmentFlag.AlignCenter, name)
             painter.restore()

@@ -15,6 +15,8 @@ from rig.window.shell.stack import set_tip
 _SYMBOLS = {"to come": "○", "under way": "▶", "counts": "✓", "COMPLETED": "✓"}
 """Before the name of a run; any other outcome has a cross."""
 _OTHER = "✖"
+_COLOURS = {"to come": "muted", "under way": "text", "counts": "text", "COMPLETED": "text"}
+"""Colours of the palette; any other outcome is bad news."""
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,7 @@ class StagesView(QLabel):
         palette = self._session.palette
         parts = []
         for row, words in zip(self.rows, self.words, strict=True):
-            good = row.standing in ("counts", "COMPLETED")
-            colour = palette.text if good or row.standing == "under way" else palette.bad
-            colour = palette.muted if row.standing == "to come" else colour
+            colour = getattr(palette, _COLOURS.get(row.standing, "bad"))
             weight = 700 if row.standing == "under way" else 400
             told = escape(words).replace(" ", "&nbsp;").replace("-", "&#8209;")
             parts.append(f'<span style="color:{colour}; font-weight:{weight}">{told}</span>')

@@ -30,7 +30,7 @@ from model.gear import HarmonicDrive
 from model.identify.step_data import StepScore, score_step
 from model.units import REVOLUTION, RPM
 from rig.window.plot.plots import LabPlot
-from rig.window.run.live_view import LiveContext, SegmentView
+from rig.window.run.live_view import WAYS, LiveContext, SegmentView, way_of
 from rig.window.shell.session import WindowSession
 
 SHOWN = 0.6
@@ -146,7 +146,7 @@ class StepView(SegmentView):
         self._measured.item.setData(x, score.measured_speed[shown] / RPM)
         self._predicted.item.setData(x, score.predicted_speed[shown] / RPM)
         self._rigid.item.setData(x, score.rigid_speed[shown] / RPM)
-        way = "forward" if segment.setpoint > 0.0 else "reverse"
+        way = dict(WAYS)[way_of(segment.setpoint)]
         speed = abs(segment.setpoint) / RPM
         self.plot.set_title(
             f"Step {latest.number}: {speed:.4g} r/min {way}, skill {score.metrics['skill_speed']:.2f}"

@@ -78,10 +78,10 @@ class FlowLayout(QLayout):
             height = max(size.height() for _, size in line)
             taken = sum(size.width() for _, size in line) + self.spacing() * (len(line) - 1)
             growing = [item for item, _ in line if _grows(item)]
-            more = max(rect.width() - taken, 0) // len(growing) if growing else 0
+            more = max(rect.width() - taken, 0) // max(len(growing), 1)
             left = rect.x()
             for item, size in line:
-                width = size.width() + (more if item in growing else 0)
+                width = size.width() + more * (item in growing)
                 place = QPoint(left, top + (height - size.height()) // 2)
                 item.setGeometry(QRect(place, QSize(width, size.height())))
                 left += width + self.spacing()

@@ -93,6 +93,11 @@ class WindowSession(QObject):
             )
 
 
+def path_of(chosen: str) -> Path | None:
+    """The path that was chosen or remembered; None where none was."""
+    return Path(chosen) if chosen else None
+
+
 def _read(path: Path) -> dict[str, Any]:
     """What was remembered; nothing from a file that is missing or damaged."""
     try:

@@ -210,8 +210,23 @@ def scrolled(inner: QWidget) -> QScrollArea:
 def restyled(widget: QWidget, part: str) -> None:
     """Give a widget another part of the style sheet, at once."""
     widget.setProperty("part", part)
+    _polish(widget)
+
+
+def mark_invalid(editor: QWidget, is_invalid: bool) -> None:
+    """Draw a field as a refused one, or as it is without, at once."""
+    editor.setProperty("invalid", str(is_invalid).lower())
+    _polish(editor)
+
+
+def _polish(widget: QWidget) -> None:
     widget.style().unpolish(widget)
     widget.style().polish(widget)
+
+
+def check_state(is_checked: bool) -> Qt.CheckState:
+    """How the box of an entry of a list stands."""
+    return Qt.CheckState.Checked if is_checked else Qt.CheckState.Unchecked
 
 
 def _fill(

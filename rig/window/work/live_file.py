@@ -149,8 +149,10 @@ class Envelope:
 
     def add(self, time_s: FloatArray, values: FloatArray) -> None:
         """Take in rows."""
-        stamps = np.concatenate([self._rest_time, time_s]) if len(self._rest) else time_s
-        rows = np.concatenate([self._rest, values]) if len(self._rest) else values
+        stamps, rows = time_s, values
+        if len(self._rest):
+            stamps = np.concatenate([self._rest_time, time_s])
+            rows = np.concatenate([self._rest, values])
         while True:
             whole = len(rows) // self._span
             room = self._bins - self._count

@@ -47,6 +47,16 @@ class ListedVerdict:
         return "\n".join(words)
 
 
+def verdict_text(listed: ListedVerdict | None) -> str:
+    """A verdict in a word or two; nothing where there is none."""
+    return listed.text if listed is not None else ""
+
+
+def verdict_reasons(listed: ListedVerdict | None) -> str:
+    """The reasons of a verdict, line by line; nothing where there is none."""
+    return listed.reasons if listed is not None else ""
+
+
 def listed_verdict(run: IndexedRun) -> ListedVerdict | None:
     """The verdict on what a run measured; None for one that is not sealed."""
     return _shown(judge_listed([run]).get(run.path))

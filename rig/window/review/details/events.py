@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QWidget
 from experiments.recording import Event, Recording
 from rig.runfile.contents import event_grid
 from rig.window.review.grid import GridTable
+from rig.window.shell.sentence import listed_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     choice_box,
@@ -66,5 +67,5 @@ def _passes(event: Event, wanted: int) -> bool:
 
 
 def _count(shown: Sequence[object], every: int) -> str:
-    text = f"{every} events" if len(shown) == every else f"{len(shown)} of {every} events"
+    text = listed_of(len(shown), every, "events")
     return f"{text}. Enter or double click shows the signals around one." if shown else text

@@ -8,11 +8,13 @@ from pathlib import Path
 from PySide6.QtWidgets import QFrame, QSizePolicy
 
 from experiments.recording import Recording, RunMetadata
+from rig.content.phrase import phrase
 from rig.content.wording import duration_text, fixed
 from rig.runfile.header import ORIGIN_WORDS
 from rig.window.review.signals.data import duration_of
-from rig.window.review.table_model import COLOURS, local_time, with_sign
+from rig.window.review.table_model import COLOURS, local_time, outcome_word, with_sign
 from rig.window.shell.flow import in_flow
+from rig.window.shell.sentence import first_of
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
     in_column,
@@ -22,7 +24,7 @@ from rig.window.shell.stack import (
     text_label,
 )
 from rig.window.work.verdicts import COLOURS as VERDICT_COLOURS
-from rig.window.work.verdicts import ListedVerdict
+from rig.window.work.verdicts import ListedVerdict, verdict_reasons, verdict_text
 
 _LEFT_BEHIND = "left behind"
 """What the library calls a run whose acquisition ended without sealing it."""
@@ -71,7 +73,7 @@ class RunHeaderView(QFrame):
         self.mark.setText(ORIGIN_WORDS[m.origin])
         self.allow_report(state == "sealed")
         self.recover.setVisible(state == _LEFT_BEHIND)
-        self._show_outcome(m.outcome or (state if state != "sealed" else ""))
+        self._show_outcome(outcome_word(m.outcome, state))
         gear = (
             " ".join(part for part in (m.gear.name if m.gear else "", m.gear_serial) if part)
             or "gear not stated"
@@ -93,11 +95,10 @@ class RunHeaderView(QFrame):
 
     def show_verdict(self, listed: ListedVerdict | None) -> None:
         """What the run is worth, with the first reason; nothing for a run that is not sealed."""
-        self.verdict.setText(listed.text if listed is not None else "")
+        self.verdict.setText(verdict_text(listed))
         self.verdict.setVisible(listed is not None)
-        reasons = listed.reasons.splitlines() if listed is not None else []
-        more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
-        self.because.setText(f"{reasons[0]}{more}" if reasons else "")
+        reasons = verdict_reasons(listed).splitlines()
+        self.because.setText(first_of(reasons))
         set_tip(self.because, "\n".join(reasons))
         self.because.setVisible(bool(reasons))
         if listed is not None:
@@ -126,5 +127,5 @@ class RunHeaderView(QFrame):
 
 
 def _hash_words(metadata: RunMetadata) -> str:
-    shown = f"SHA-256 {metadata.sha256[:_SHOWN_HASH]}…" if metadata.sha256 else ""
+    shown = phrase("SHA-256 {}…", metadata.sha256[:_SHOWN_HASH])
     return " · ".join(part for part in ("" if metadata.is_sealed else "NOT SEALED", shown) if part)

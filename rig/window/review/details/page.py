@@ -166,7 +166,9 @@ class RunDetails(QWidget):
         self._read_analyses()
         self._show_newest()
         self._forget_comparison()
-        self._growing.start() if state == "being written" else self._growing.stop()
+        self._growing.stop()
+        if state == "being written":
+            self._growing.start()
         self._fill_page()
 
     def refresh(self) -> None:

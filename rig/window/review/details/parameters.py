@@ -10,7 +10,8 @@ from PySide6.QtCore import QObject, Signal
 
 from model.gear import HarmonicDrive
 from model.gear_file import load_gear
-from rig.window.review.fit import FitOrder
+from rig.content.phrase import counted
+from rig.window.review.fit import FitOrder, option
 from rig.window.review.results import FitBar
 from rig.window.work.background import BackgroundCommand, in_words
 
@@ -44,8 +45,7 @@ class ParameterDesk(QObject):
         """Hold a parameter set against the run, in a process of its own."""
         assert order.parameters is not None
         arguments = ["validate", str(order.run), "--against", str(order.parameters), "--json"]
-        arguments += ["--kind", order.kind] if order.kind else []
-        arguments += ["--tare", str(order.tare)] if order.tare else []
+        arguments += [*option("--kind", order.kind), *option("--tare", order.tare)]
         parameters = order.parameters
         self._bar.set_busy(True, f"Comparing with {parameters.name} …")
         self._command = BackgroundCommand(
@@ -74,7 +74,7 @@ class ParameterDesk(QObject):
         own = {} if gear is None else {value.path: value.value for value in gear.values()}
         fresh = sum(own.get(value.path) != value.value for value in load_gear(target).values())
         if fresh:
-            values = f"{fresh} identified {'value' if fresh == 1 else 'values'}"
+            values = counted(fresh, "identified value", "identified values")
             self._bar.say(
                 f"Parameter set: {target}, with {values}. Another run can be compared with it.",
                 "good",

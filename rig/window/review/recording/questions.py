@@ -107,8 +107,7 @@ class CorrectionRow(QWidget):
             self.unit.setText(column.unit)
 
     def _tell(self) -> None:
-        channel = self.channel.currentText().strip()
-        is_out = channel in ("", LEFT_OUT)
-        self.said.emit(
-            self._column, "" if is_out else channel, "" if is_out else self.unit.text().strip()
-        )
+        channel, unit = self.channel.currentText().strip(), self.unit.text().strip()
+        if channel in ("", LEFT_OUT):
+            channel = unit = ""
+        self.said.emit(self._column, channel, unit)

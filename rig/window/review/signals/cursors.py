@@ -177,14 +177,15 @@ def between_words(a: float, b: float, stretches: Sequence[Stretch]) -> str:
     if stretches:
         rows, incomplete = stretches[0].rows, stretches[0].incomplete
         words.append(f"{fixed(rows, 0)} rows")
-        words += [f"{incomplete} incomplete left out"] if incomplete else []
+        if incomplete:
+            words.append(f"{incomplete} incomplete left out")
     return "   ·   ".join(words)
 
 
 def stretch_row(one: Stretch, *, crossed: bool = False) -> tuple[str, ...]:
     """A channel between the cursors, under `COLUMNS`; `crossed`: B is the earlier one."""
-    sign = -1.0 if crossed else 1.0
-    ends = (one.last, one.first) if crossed else (one.first, one.last)
+    way = -1 if crossed else 1
+    ends = (one.first, one.last)[::way]
     inside = (one.mean, one.std, one.smallest, one.largest, one.slope)
-    numbers = (number(value, DIGITS) for value in (*ends, sign * one.change, *inside))
+    numbers = (number(value, DIGITS) for value in (*ends, way * one.change, *inside))
     return (one.name.replace("_", " "), one.unit, *numbers)

@@ -41,15 +41,15 @@ class Stretch:
 
     name: str
     unit: str
-    rows: int
+    rows: int = 0
     incomplete: int
-    first: float
-    last: float
-    mean: float
-    std: float
-    smallest: float
-    largest: float
-    slope: float
+    first: float = math.nan
+    last: float = math.nan
+    mean: float = math.nan
+    std: float = math.nan
+    smallest: float = math.nan
+    largest: float = math.nan
+    slope: float = math.nan
 
     @property
     def change(self) -> float:
@@ -123,17 +123,19 @@ class _Sums:
 
     def stretch(self, name: str, unit: str, incomplete: int) -> Stretch:
         """What they come to; a single row has neither scatter nor slope."""
-        some, several = self.rows > 0, self.rows > 1
+        if not self.rows:
+            return Stretch(name=name, unit=unit, incomplete=incomplete)
+        spread = math.nan if self.rows == 1 else self.value_squares / (self.rows - 1)
         return Stretch(
             name=name,
             unit=unit,
             rows=self.rows,
             incomplete=incomplete,
-            first=self.ends[0] if some else math.nan,
-            last=self.ends[-1] if some else math.nan,
-            mean=self.value if some else math.nan,
-            std=math.sqrt(self.value_squares / (self.rows - 1)) if several else math.nan,
-            smallest=self.smallest if some else math.nan,
-            largest=self.largest if some else math.nan,
+            first=self.ends[0],
+            last=self.ends[-1],
+            mean=self.value,
+            std=math.sqrt(spread),
+            smallest=self.smallest,
+            largest=self.largest,
             slope=self.products / self.time_squares if self.time_squares > 0.0 else math.nan,
         )

@@ -38,6 +38,7 @@ from rig.window.review.signals.stretch import stretches_of
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
 from rig.window.shell.stack import (
+    check_state,
     choice_box,
     in_column,
     in_row,
@@ -177,8 +178,7 @@ class SignalsView(QWidget):
         with QSignalBlocker(self.channels):
             for row in range(self.channels.count()):
                 item = self.channels.item(row)
-                wanted = item.data(Qt.ItemDataRole.UserRole) in names
-                item.setCheckState(Qt.CheckState.Checked if wanted else Qt.CheckState.Unchecked)
+                item.setCheckState(check_state(item.data(Qt.ItemDataRole.UserRole) in names))
         self._rebuild()
 
     def show_all(self) -> None:
@@ -205,9 +205,7 @@ class SignalsView(QWidget):
                 set_tip(item, what)
                 item.setData(Qt.ItemDataRole.UserRole, name)
                 item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
-                item.setCheckState(
-                    Qt.CheckState.Checked if name in checked else Qt.CheckState.Unchecked
-                )
+                item.setCheckState(check_state(name in checked))
                 self.channels.addItem(item)
 
     def _rebuild(self) -> None:
