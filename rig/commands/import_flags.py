@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import inspect
+import typing
+from dataclasses import dataclass, fields
 from enum import Enum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from rig.commands.signature import with_options
 
 
 class _MountingChoice(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
@@ -216,3 +221,64 @@ DropBadRows = Annotated[
 ]
 Operator = Annotated[str, typer.Option("--operator", help="Who recorded it.")]
 Title = Annotated[str, typer.Option("--title", help="What it is, in a few words.")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImportFlags:
+    """What was said of an import, in the order of its help; words and `--json` apart."""
+
+    channel: Channels = None
+    map_file: MapFile = None
+    check: Check = False
+    accept: Accept = False
+    save_map: SaveMap = None
+    output: Folder = Path("runs")
+    rate: Rate = None
+    speed: Speed = ""
+    no_time: NoTime = False
+    time_base: TimeBaseFlag = None
+    start: Start = ""
+    protocol: Protocol = ""
+    gear: Serial = ""
+    no_gear: NoGear = False
+    parameters: ParameterSet = None
+    ratio: Ratio = None
+    mounting: MountingFlag = None
+    output_sense: OutputSense = 0
+    resonance_hz: Resonance = None
+    load_inertia: LoadInertia = None
+    condition: Conditions = None
+    torque_constant: TorqueConstant = None
+    modulus: Moduli = None
+    lag: Lags = None
+    accuracy: Accuracies = None
+    allow_jumps: AllowJumps = False
+    ignore_headings: IgnoreHeadings = False
+    delimiter: Delimiter = ""
+    decimal: Decimal = ""
+    skip: Skip = 0
+    header: Header = 0
+    ragged: Ragged = False
+    interpolate: Interpolate = False
+    gap: Gap = None
+    drop_bad_rows: DropBadRows = False
+    operator: Operator = ""
+    title: Title = ""
+    open_page: OpenPage = False
+
+
+_KINDS = typing.get_type_hints(ImportFlags, include_extras=True)
+_FIELDS = tuple(
+    inspect.Parameter(
+        one.name, inspect.Parameter.KEYWORD_ONLY, default=one.default, annotation=_KINDS[one.name]
+    )
+    for one in fields(ImportFlags)
+)
+
+
+def _gathered(given: dict[str, Any]) -> ImportFlags:
+    return ImportFlags(**{one.name: given.pop(one.name) for one in _FIELDS})
+
+
+with_flags = with_options(_FIELDS, _gathered)
+"""Give a command these flags in the place of its parameter `said`."""

@@ -22,105 +22,67 @@ if TYPE_CHECKING:
     from rig.runfile.importing.looking import Look
 
 
-def import_(
-    words: flags.Words,
-    channel: flags.Channels = None,
-    map_file: flags.MapFile = None,
-    check: flags.Check = False,
-    accept: flags.Accept = False,
-    save_map: flags.SaveMap = None,
-    output: flags.Folder = Path("runs"),
-    rate: flags.Rate = None,
-    speed: flags.Speed = "",
-    no_time: flags.NoTime = False,
-    time_base: flags.TimeBaseFlag = None,
-    start: flags.Start = "",
-    protocol: flags.Protocol = "",
-    gear: flags.Serial = "",
-    no_gear: flags.NoGear = False,
-    parameters: flags.ParameterSet = None,
-    ratio: flags.Ratio = None,
-    mounting: flags.MountingFlag = None,
-    output_sense: flags.OutputSense = 0,
-    resonance_hz: flags.Resonance = None,
-    load_inertia: flags.LoadInertia = None,
-    condition: flags.Conditions = None,
-    torque_constant: flags.TorqueConstant = None,
-    modulus: flags.Moduli = None,
-    lag: flags.Lags = None,
-    accuracy: flags.Accuracies = None,
-    allow_jumps: flags.AllowJumps = False,
-    ignore_headings: flags.IgnoreHeadings = False,
-    delimiter: flags.Delimiter = "",
-    decimal: flags.Decimal = "",
-    skip: flags.Skip = 0,
-    header: flags.Header = 0,
-    ragged: flags.Ragged = False,
-    interpolate: flags.Interpolate = False,
-    gap: flags.Gap = None,
-    drop_bad_rows: flags.DropBadRows = False,
-    operator: flags.Operator = "",
-    title: flags.Title = "",
-    open_page: flags.OpenPage = False,
-    json: Json = False,
-) -> None:
+@flags.with_flags
+def import_(words: flags.Words, said: flags.ImportFlags, json: Json = False) -> None:
     """Make a run of a recording from another rig, marked IMPORTED; every analysis then works on it
     or says what it lacks. Units, signs and ratios are asked for, never guessed.
 
     With a file alone it proposes what the columns are, with the evidence, and asks what stays open.
     """
+    way = _Way(
+        is_named=bool(said.channel) or said.map_file is not None,
+        stated={
+            "modulus": _pairs(said.modulus, "--modulus"),
+            "lag": _texts(said.lag, "--lag"),
+            "accuracy": _texts(said.accuracy, "--accuracy"),
+        },
+        check=said.check,
+        accept=said.accept,
+        save_map=said.save_map,
+        folder=said.output,
+        opens=said.open_page,
+        json=json,
+    )
+    _carry_out(*_kind_and_files(words), _runs(said.map_file, _options(said), way), way)
+
+
+def _options(said: flags.ImportFlags) -> dict[str, Any]:
+    """What was said of the recording, by the names of the options of an import."""
     from rig.runfile.importing.channel_source import parse_channel
     from rig.runfile.importing.reach import is_of_tables
 
-    said = {
-        "channels": tuple(parse_channel(text) for text in channel or ()),
-        "rate": rate,
-        "speed": speed,
-        "no_time": no_time or is_of_tables(protocol),
-        "time_base": time_base and time_base.value,
-        "start_time": start,
-        "drop_bad_rows": drop_bad_rows,
-        "torque_constant": torque_constant,
-        "delimiter": delimiter,
-        "decimal": decimal,
-        "skip": skip or None,
-        "header": header or None,
-        "is_ragged": ragged,
-        "interpolate": interpolate,
-        "gap": gap,
-        "allow_jumps": allow_jumps,
-        "ignore_headings": ignore_headings,
-        "experiment": protocol,
-        "title": title,
-        "operator": operator,
-        "gear": _gear_set(parameters),
-        "gear_file": parameters,
-        "gear_serial": gear,
-        "gear_mounted": not no_gear,
-        "ratio": _finite(ratio),
-        "mounting": mounting and mounting.value,
-        "output_sense": output_sense or None,
-        "resonance_hz": resonance_hz,
-        "load_inertia_kg_m2": load_inertia,
-        "conditions": _pairs(condition, "--condition"),
+    return {
+        "channels": tuple(parse_channel(text) for text in said.channel or ()),
+        "rate": said.rate,
+        "speed": said.speed,
+        "no_time": said.no_time or is_of_tables(said.protocol),
+        "time_base": said.time_base and said.time_base.value,
+        "start_time": said.start,
+        "drop_bad_rows": said.drop_bad_rows,
+        "torque_constant": said.torque_constant,
+        "delimiter": said.delimiter,
+        "decimal": said.decimal,
+        "skip": said.skip or None,
+        "header": said.header or None,
+        "is_ragged": said.ragged,
+        "interpolate": said.interpolate,
+        "gap": said.gap,
+        "allow_jumps": said.allow_jumps,
+        "ignore_headings": said.ignore_headings,
+        "experiment": said.protocol,
+        "title": said.title,
+        "operator": said.operator,
+        "gear": _gear_set(said.parameters),
+        "gear_file": said.parameters,
+        "gear_serial": said.gear,
+        "gear_mounted": not said.no_gear,
+        "ratio": _finite(said.ratio),
+        "mounting": said.mounting and said.mounting.value,
+        "output_sense": said.output_sense or None,
+        "resonance_hz": said.resonance_hz,
+        "load_inertia_kg_m2": said.load_inertia,
+        "conditions": _pairs(said.condition, "--condition"),
     }
-    stated = {
-        "modulus": _pairs(modulus, "--modulus"),
-        "lag": _texts(lag, "--lag"),
-        "accuracy": _texts(accuracy, "--accuracy"),
-    }
-    is_named = bool(channel) or map_file is not None
-    way = _Way(
-        is_named=is_named,
-        stated=stated,
-        check=check,
-        accept=accept,
-        save_map=save_map,
-        folder=output,
-        opens=open_page,
-        json=json,
-    )
-    _carry_out(*_kind_and_files(words), _runs(map_file, said, way), way)
 
 
 @dataclass(frozen=True, kw_only=True)

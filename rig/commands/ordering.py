@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 import inspect
 import sys
-import typing
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -20,17 +18,15 @@ from rig.bench.backends.order import (
     world_said,
 )
 from rig.commands.judgement import refuse_unknown_acceptance
+from rig.commands.signature import Command, with_options
 from rig.commands.terminal import echo
 
 if TYPE_CHECKING:
     from rig.bench.backends.order import Order, WorldChoice
     from rig.run.dry_run import PlannedRun
 
-Command = TypeVar("Command", bound=Callable[..., None])
 Said = Mapping[str, Any]
 """What was said of an order: values by field; what was not said is not in it."""
-SAID = "said"
-"""The parameter of a command in whose place the options of an order stand."""
 EARLIER = "earlier_"
 """What stands before the names of the world's words as flags of their own, as version 0.2.0 had them."""
 OF_MANY_RUNS = tuple(name for name in WORLD_WORDS if name not in ("number", "start_state"))
@@ -51,33 +47,17 @@ def with_order(
             "world", f"{WORDS['world'].help} Its words: {', '.join(map(key_of, world))}."
         )
 
-    def decorated(command: Command) -> Command:
-        own = inspect.signature(command)
-        hints = typing.get_type_hints(command, include_extras=True)
-        rows: list[inspect.Parameter] = []
-        for parameter in own.parameters.values():
-            if parameter.name == SAID:
-                rows += [
-                    _option(name, WORDS[name], helps.get(name, WORDS[name].help)) for name in names
-                ]
-                rows += [_earlier(name) for name in world if "world" in names]
-            else:
-                rows.append(parameter.replace(annotation=hints[parameter.name]))
-        rows = [row.replace(kind=inspect.Parameter.KEYWORD_ONLY) for row in rows]
+    options = [_option(name, WORDS[name], helps.get(name, WORDS[name].help)) for name in names]
+    options += [_earlier(name) for name in world if "world" in names]
 
-        @functools.wraps(command)
-        def called(**given: Any) -> None:
-            said = {name: given.pop(name) for name in names}
-            if "world" in said:
-                earlier = {name: given.pop(f"{EARLIER}{name}") for name in world}
-                said["world"] = _world(said["world"], earlier, world)
-            command(said={k: v for k, v in said.items() if v is not None}, **given)
+    def gathered(given: dict[str, Any]) -> Said:
+        said = {name: given.pop(name) for name in names}
+        if "world" in said:
+            earlier = {name: given.pop(f"{EARLIER}{name}") for name in world}
+            said["world"] = _world(said["world"], earlier, world)
+        return {name: value for name, value in said.items() if value is not None}
 
-        called.__dict__["__signature__"] = own.replace(parameters=rows)
-        called.__annotations__ = {row.name: row.annotation for row in rows}
-        return typing.cast("Command", called)
-
-    return decorated
+    return with_options(options, gathered)
 
 
 def _option(name: str, words: Spoken, help_text: str) -> inspect.Parameter:
