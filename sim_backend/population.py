@@ -247,11 +247,11 @@ def _sizes(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Sizes
         torque_scale=0.01 * uniform,
         torque_constant=0.02 * uniform,
         torque_offset=5e-3 * uniform,
-        stated=_stated(own, gear, bench, world),
+        stated=_wide_condition(own, gear, bench, world),
     )
 
 
-def _stated(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Stated:
+def _wide_condition(own: HarmonicDrive, gear: _Draw, bench: _Draw, world: World) -> Stated:
     nominal, days, newer = Sizes(), Days(world), world.version >= 2
     ambient = days.within("wide ambient", 15.0, 32.0)
     hysteresis = 0.5 * gear.within("hysteresis", 0.2 * ARCMIN, 2.0 * ARCMIN)

@@ -40,7 +40,7 @@ _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION})
 
 
 @dataclass(frozen=True)
-class Stretch:
+class CycleRun:
     """Consecutive cycles [start, stop) of a block with one state: statusword latched, and what the loop is told."""
 
     start: int
@@ -95,7 +95,7 @@ class ServoDrive:
             )
         return np.rint(target / count).astype(np.int64)
 
-    def stretches(self, mode: Mode, cycles: int) -> Iterator[Stretch]:
+    def stretches(self, mode: Mode, cycles: int) -> Iterator[CycleRun]:
         """Walk the state machine over a block: the statusword latched at each SYNC, then one transition."""
         if mode in _LOOP_MODE and self.state in _CAN_BE_ENABLED:
             self.state = DriveState.ENABLED
@@ -105,7 +105,7 @@ class ServoDrive:
             stop = done + 1
             if self._after(mode) is self.state and latched is self.state:
                 stop = cycles
-            yield Stretch(done, stop, STATUSWORD_OF[latched], self._loop_mode(mode))
+            yield CycleRun(done, stop, STATUSWORD_OF[latched], self._loop_mode(mode))
             done = stop
 
     def trip(self) -> None:

@@ -76,7 +76,7 @@ def doubts_of(recorded: Recorded, channel: str) -> tuple[Doubt, ...]:
     elif signal.unit == "1" or channel.endswith(_INDEX):
         return ()
     else:
-        found = _stated(signal)
+        found = _stated_doubts(signal)
     return tuple(doubt for doubt in (*found, _delay(recorded, signal)) if doubt.size > 0.0)
 
 
@@ -146,7 +146,7 @@ def _thermometer(signal: Channel) -> Doubt:
     return _doubt(signal, Part.OFFSET, stated, "calibration of the channel")
 
 
-def _stated(signal: Channel) -> tuple[Doubt, ...]:
+def _stated_doubts(signal: Channel) -> tuple[Doubt, ...]:
     own, note = signal.calibration, "calibration of the channel"
     return (
         _doubt(signal, Part.SCALE, own.scale_relative_uncertainty or 0.0, note),

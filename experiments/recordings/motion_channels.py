@@ -18,7 +18,7 @@ from experiments.recording import Recording
 from experiments.recordings.channels import chosen_channel, stated, stated_lag
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
-from model.identify.motion_source import MotionBlock, Stretch, TimeAxis, time_axis
+from model.identify.motion_source import MotionBlock, TimeAxis, UnbrokenRows, time_axis
 
 _SPEED_OF: Mapping[str, tuple[str, ...]] = {
     "input_angle": ("input_speed", "speed"),
@@ -83,7 +83,7 @@ class RecordedMotion:
         return self.axis.is_even
 
     @property
-    def stretches(self) -> Sequence[Stretch]:
+    def stretches(self) -> Sequence[UnbrokenRows]:
         return self.axis.stretches
 
     @functools.cached_property

@@ -132,7 +132,7 @@ def _first(highest: int) -> Callable[[Sequence[Sample]], FittedOrders]:
     return lambda samples: _fitted(range(1, highest + 1), samples, apart=False)
 
 
-def _found(*, apart: bool) -> Callable[[Sequence[Sample]], FittedOrders]:
+def _fitted_orders(*, apart: bool) -> Callable[[Sequence[Sample]], FittedOrders]:
     def fit(samples: Sequence[Sample]) -> FittedOrders:
         orders: list[float] = []
         for order in sorted(order for one in samples for order in one.at.found):
@@ -176,14 +176,14 @@ LADDER = Ladder(
         Rung(
             name="orders that were found",
             parameters=0,
-            fit=_found(apart=False),
+            fit=_fitted_orders(apart=False),
             predict=_predict,
             count=_numbers,
         ),
         Rung(
             name="found, each way apart",
             parameters=0,
-            fit=_found(apart=True),
+            fit=_fitted_orders(apart=True),
             predict=_predict,
             count=_numbers,
             applies=_both_ways,

@@ -116,7 +116,7 @@ def order_source(recording: Recording, angle_name: str, channel: str, ratio: flo
     stretches, rounding, left_out = _segments(recording, angle), 0.0, 0.0
     if not stretches:
         zone = _dead_zone(recording, angle)
-        stretches, rounding = _found(recording, angle, zone), zone.rounding
+        stretches, rounding = _turning_rows(recording, angle, zone), zone.rounding
         kept = sum(stop - start for start, stop, _ in stretches)
         left_out = 1.0 - kept / max(recording.rows, 1)
 
@@ -201,7 +201,7 @@ def _dead_zone(recording: Recording, angle: Callable[[slice], FloatArray]) -> De
     return DeadZone.of([angle(rows) for rows in looks])
 
 
-def _found(
+def _turning_rows(
     recording: Recording, angle: Callable[[slice], FloatArray], zone: DeadZone
 ) -> list[tuple[int, int, int]]:
     """First row, end and direction of all that turns one way beyond the dead zone of the angle."""

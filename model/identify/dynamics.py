@@ -144,7 +144,7 @@ def fit_ladder(
     rungs += [_rung(name, solution) for name, solution in solutions.items()]
     answers, said = _without_runaways(problem, answers, period, expected)
     chosen = _chosen({name: solutions[name] for name in answers})
-    fit = _stated(steps, problem, answers, tuple(rungs), chosen, expected)
+    fit = _fit_of_rung(steps, problem, answers, tuple(rungs), chosen, expected)
     return replace(fit, warnings=(*said, *fit.warnings))
 
 
@@ -268,7 +268,7 @@ def _chosen(solutions: Mapping[str, Solution]) -> str:
     return next(name for name, s in solutions.items() if s.robust_cost() <= best + _WORTH)
 
 
-def _stated(
+def _fit_of_rung(
     steps: Sequence[StepData],
     problem: Problem,
     answers: Mapping[str, Sequence[Solution]],

@@ -30,7 +30,7 @@ import scipy  # pyright: ignore[reportMissingTypeStubs]
 from model.arrays import BoolArray, IntArray
 from model.errors import IdentificationError
 from model.identify.checks import Array
-from model.identify.motion_source import MotionBlock, MotionSource, Stretch
+from model.identify.motion_source import MotionBlock, MotionSource, UnbrokenRows
 
 HIGHEST_SHARE = 0.4
 """Of the sampling frequency: above it nothing is differentiated."""
@@ -184,7 +184,7 @@ def samples(source: MotionSource, recipe: MotionFilter, basis: Basis) -> Iterato
 
 
 def _of_stretch(
-    source: MotionSource, stretch: Stretch, recipe: MotionFilter, basis: Basis
+    source: MotionSource, stretch: UnbrokenRows, recipe: MotionFilter, basis: Basis
 ) -> Iterator[Samples]:
     period, n = source.period, recipe.decimation
     latest = max(abs(lag) for lag in (basis.lag, basis.instrument_lag, *basis.tried_lags, 0.0))
@@ -207,7 +207,7 @@ def _of_stretch(
             yield _decimated(even, wanted, recipe, basis, period)
 
 
-def _instant(source: MotionSource, stretch: Stretch, row: int) -> int:
+def _instant(source: MotionSource, stretch: UnbrokenRows, row: int) -> int:
     """The first even instant, counted from the start of the stretch, that is not before a row."""
     if source.is_even:
         return row - stretch.start

@@ -40,7 +40,7 @@ class MotionBlock:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class UnbrokenRows:
     """Rows [start, stop) without a gap of time."""
 
     start: int
@@ -65,7 +65,7 @@ class MotionSource(Protocol):
         ...
 
     @property
-    def stretches(self) -> Sequence[Stretch]:
+    def stretches(self) -> Sequence[UnbrokenRows]:
         """The stretches without gaps, in the order of time."""
         ...
 
@@ -85,7 +85,7 @@ class TimeAxis:
     period: float
     worst_step: float
     """The largest relative deviation of a step from the period within a stretch."""
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[UnbrokenRows, ...]
     longest_gap: float
     """The longest gap [s]; 0 without one."""
 
@@ -133,7 +133,7 @@ def time_axis(blocks: Iterable[tuple[int, Array]], period: float) -> TimeAxis:
     if before is None:
         raise IdentificationError("has no row that can be used", where="time")
     edges.append(before[0] + 1)
-    stretches = tuple(Stretch(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True))
+    stretches = tuple(UnbrokenRows(a, b) for a, b in zip(edges[::2], edges[1::2], strict=True))
     return TimeAxis(period, worst, stretches, longest)
 
 
@@ -162,7 +162,7 @@ class ArrayMotion:
         return self.axis.is_even
 
     @property
-    def stretches(self) -> Sequence[Stretch]:
+    def stretches(self) -> Sequence[UnbrokenRows]:
         return self.axis.stretches
 
     def read(self, start: int, stop: int) -> MotionBlock:

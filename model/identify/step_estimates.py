@@ -91,7 +91,7 @@ def estimates_of(
     if not np.all(np.isfinite(reading.centre)):
         raise IdentificationError("the steps lead to no mode that rings", where="velocity steps")
     told = _weighed_damping(
-        _told(problem, solution, readings, chosen, others), problem, answers, readings
+        _rung_answer(problem, solution, readings, chosen, others), problem, answers, readings
     )
     estimates = {name: told.estimate(index) for index, (name, _) in enumerate(STATED)}
     direction = np.array([math.copysign(1.0, s.target) for s in steps])
@@ -107,7 +107,7 @@ def estimates_of(
     return estimates
 
 
-def _one_way(told: _Told, moved: Array, way: str) -> dict[str, Estimate]:
+def _one_way(told: _RungAnswer, moved: Array, way: str) -> dict[str, Estimate]:
     """The numbers of which one direction alone says something, where leaving out the other moves them so far."""
     # Left out to first order: that is in doubt by as much as it leads away.
     away = np.abs(moved)
@@ -175,13 +175,13 @@ def ran_away(reading: Reading, period: float) -> str:
     return ""
 
 
-def _told(
+def _rung_answer(
     problem: Problem,
     solution: Solution,
     readings: Mapping[str, Reading],
     chosen: str,
     others: Sequence[tuple[str, str]],
-) -> _Told:
+) -> _RungAnswer:
     """What the chosen rung says, with the other rungs as a line of the budget."""
     reading, model = readings[chosen], problem.model(solution.values)
     counts = reading.counts / math.sqrt(3.0)
@@ -200,17 +200,17 @@ def _told(
     if model.hysteresis[1] == 0.0:
         lines.append((NO_HYSTERESIS, "not part of this rung", _unfitted_hysteresis(model)))
     ringing = _ringing_left(problem, solution)
-    return _Told(
+    return _RungAnswer(
         reading.centre, reading.error, reading.freedom, tuple(lines), ringing, reading.left
     )
 
 
 def _weighed_damping(
-    told: _Told,
+    told: _RungAnswer,
     problem: Problem,
     answers: Mapping[str, Sequence[Solution]],
     readings: Mapping[str, Reading],
-) -> _Told:
+) -> _RungAnswer:
     """The same with the damping ratio of all rungs by their evidence; that of the chosen one where hysteresis is none
     of them, or where the best of them leaves more than the noise of counting: then they may all be wrong.
     """
@@ -264,7 +264,7 @@ def _reading(
 
 
 @dataclass(frozen=True)
-class _Told:
+class _RungAnswer:
     """What the steps say of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom,
     lines of type B, how many times the noise the fit leaves while the steps ring, and how many times the power near
     the mode that it leaves beside it.

@@ -32,7 +32,7 @@ KIND, PROOF_KIND = "kinematic-error", "compensated-error"
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Seen:
+class _RunOrders:
     """One run: what it is of, its fits, and how its index marks stand."""
 
     path: Path
@@ -60,7 +60,7 @@ class _Seen:
 
 def table_from(runs: Sequence[Path]) -> CompensationTable:
     """The table of kinematic-error runs of one gear as it is mounted. Raises `ConfigurationError` for none."""
-    seen = [_seen(run) for run in runs]
+    seen = [_orders_of_run(run) for run in runs]
     try:
         first = seen[0]
         for other in seen[1:]:
@@ -69,7 +69,7 @@ def table_from(runs: Sequence[Path]) -> CompensationTable:
         metadata = first.recording.metadata
         speeds = [one.speed for one in seen]
         ratio = first.fits[0].ratio
-        labels = _shown([fit for one in seen for fit in one.fits])
+        labels = _orders_shown([fit for one in seen for fit in one.fits])
         if not labels:
             raise ConfigurationError(
                 "show no order above their noise: there is nothing to take out",
@@ -98,7 +98,7 @@ def table_from(runs: Sequence[Path]) -> CompensationTable:
             close_recording(one.recording)
 
 
-def _seen(run: Path) -> _Seen:
+def _orders_of_run(run: Path) -> _RunOrders:
     from experiments.protocols.kinematic_error.traverses import fitted_traverses
 
     recording, evidence = evidence_for(run, KIND)
@@ -125,7 +125,7 @@ def _seen(run: Path) -> _Seen:
             remedy="Run `kinematic-error` over a whole output turn.",
         )
     speed = abs(recording.labelled("traverse")[0].setpoint)
-    return _Seen(
+    return _RunOrders(
         path=run,
         recording=recording,
         fits=fits,
@@ -135,7 +135,7 @@ def _seen(run: Path) -> _Seen:
     )
 
 
-def _refuse_other(first: _Seen, other: _Seen) -> None:
+def _refuse_other(first: _RunOrders, other: _RunOrders) -> None:
     for name, value in first.same.items():
         if other.same[name] != value:
             raise ConfigurationError(
@@ -154,7 +154,7 @@ def _refuse_other(first: _Seen, other: _Seen) -> None:
         )
 
 
-def _shown(fits: Sequence[KinematicErrorFit]) -> tuple[str, ...]:
+def _orders_shown(fits: Sequence[KinematicErrorFit]) -> tuple[str, ...]:
     """The orders that the gear shows, by the mean of both directions of every pair of traverses: lowest first."""
     ahead = [fit for fit in fits if fit.direction > 0.0]
     back = [fit for fit in fits if fit.direction < 0.0]

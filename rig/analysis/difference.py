@@ -248,8 +248,8 @@ def _results(a: _Facts, b: _Facts) -> Iterable[Change]:
             shown = Change(
                 group="results",
                 name=f"{kind}: {name}",
-                first=_shown(first.get(name), quantity),
-                second=_shown(second.get(name), quantity),
+                first=_value_text(first.get(name), quantity),
+                second=_value_text(second.get(name), quantity),
                 title=quantity.titled(name),
             )
             yield _compared(
@@ -337,7 +337,7 @@ def _away(quantity: Quantity, first: float, second: float) -> float:
     return 0.0 if abs(change) <= SAME_NUMBER * max(abs(first), abs(second)) else change
 
 
-def _shown(estimate: Estimate | None, quantity: Quantity) -> str:
+def _value_text(estimate: Estimate | None, quantity: Quantity) -> str:
     """A value ± U as the report prints it: in the unit of the laboratory, rounded to two digits of U."""
     if estimate is None or math.isnan(estimate.value):
         return "-"

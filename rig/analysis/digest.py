@@ -15,7 +15,7 @@ from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
 from model.gear_file import gear_from_mapping
-from rig.analysis.fit import LEFT_AWAY, Fit, fit_in_force, store
+from rig.analysis.fit import TARE_DECLINED, Fit, fit_in_force, store
 from rig.analysis.fit_run import TARE_AGE_SETTING, Choices, fit_run
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.tare import tare_kind
@@ -73,12 +73,16 @@ class Digest:
             "analysis": self.in_force.as_json(),
             "tare": {} if self.fit is None else told_tare(self.fit),
             "quantities": {
-                estimate.name: {"title": title, **_told(estimate), **_identified(estimate)}
+                estimate.name: {
+                    "title": title,
+                    **_estimate_digest(estimate),
+                    **_identified(estimate),
+                }
                 for title, estimate in self.key_values
             },
             # By title, as 0.2.0 had it, for one version more.
             "values": {
-                title: _told(estimate)
+                title: _estimate_digest(estimate)
                 for title, estimate in self.key_values
                 if estimate.identifiable != "no"
             },
@@ -87,7 +91,7 @@ class Digest:
         }
 
 
-def _told(estimate: Estimate) -> dict[str, Any]:
+def _estimate_digest(estimate: Estimate) -> dict[str, Any]:
     return {
         "value": estimate.value,
         "expanded_uncertainty": estimate.expanded_uncertainty,
@@ -172,7 +176,7 @@ def choices_of(path: Path, found: InForce) -> Choices:
     return Choices(
         gear=gear_from_mapping(content["gear"], found.analysis.name) if by_hand else None,
         tare=tare_file,
-        no_tare=content.get("no_tare") == [LEFT_AWAY],
+        no_tare=content.get("no_tare") == [TARE_DECLINED],
         settings=settings,
         largest_missed_share=share,
     )

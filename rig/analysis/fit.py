@@ -40,7 +40,7 @@ class OtherTare:
     named: Mapping[str, Any]
 
 
-LEFT_AWAY = "left away by hand"
+TARE_DECLINED = "left away by hand"
 """Why an analysis has no tare where nobody wanted one."""
 NOT_SEALED = "The run file is not sealed: nothing beside it says that it is what was recorded."
 _SHIPPED_SET = (
@@ -138,7 +138,7 @@ class Fit:
         """Whether a tare would have been subtracted, had there been one; one left away by hand is not missed."""
         if self.tare_as_json() or not takes_tare(self.result.kind):
             return False
-        return self.found_tare.because != (LEFT_AWAY,)
+        return self.found_tare.because != (TARE_DECLINED,)
 
     def tare_as_json(self) -> dict[str, Any]:
         """The tare that was subtracted, as the analysis store names it; empty without one."""

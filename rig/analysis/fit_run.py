@@ -16,7 +16,7 @@ from experiments.tares.same_rig import AGE_LIMIT
 from model.gear_file import shipped_gear
 from rig.analysis.adopt import adopt
 from rig.analysis.fit import (
-    LEFT_AWAY,
+    TARE_DECLINED,
     Fit,
     OtherTare,
     evidence_of,
@@ -110,7 +110,7 @@ class Surroundings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Footing:
+class FitInputs:
     """All that an analysis of one run file rests on, found and not yet analysed."""
 
     recording: Recording
@@ -149,12 +149,12 @@ class Footing:
         return replace(fit, gear_source=self.source, found_tare=self.tared.found)
 
 
-def footing_of(
+def inputs_of(
     path: Path,
     kind: str = "",
     choices: Choices | None = None,
     surroundings: Surroundings | None = None,
-) -> Footing:
+) -> FitInputs:
     """What an analysis of a run file rests on: the kind, the tare that belongs to it, the set of the gear.
 
     Raises the errors of the file, of the card and of a tare given by hand.
@@ -164,7 +164,7 @@ def footing_of(
     kind = kind_of(recording, kind)
     tared = _tare_for(recording, path, kind, choices, surroundings)
     gear, source = _gear_for(recording, path, kind, choices.gear, surroundings)
-    return Footing(
+    return FitInputs(
         recording=recording,
         learnt=_learnt(recording, path, kind, choices.settings, surroundings),
         path=path,
@@ -179,15 +179,15 @@ def footing_of(
 
 def fit_run(path: Path, kind: str = "", choices: Choices | None = None) -> Fit:
     """Analyse one run file. Raises the errors of the analysis, of the file, of the card and of a tare given by hand."""
-    return footing_of(path, kind, choices).fit()
+    return inputs_of(path, kind, choices).fit()
 
 
 def evidence_for(
     path: Path, kind: str, choices: Choices | None = None
 ) -> tuple[Recording, Evidence]:
     """A run file with all that an analysis of it would lean on: set, tare and settings as `fit_run` takes them."""
-    footing = footing_of(path, kind, choices)
-    return footing.recording, footing.evidence()
+    inputs = inputs_of(path, kind, choices)
+    return inputs.recording, inputs.evidence()
 
 
 def _gear_for(
@@ -300,7 +300,7 @@ def _tare_for(
     if not takes_tare(kind):
         return Tared()
     if choices.no_tare:
-        return Tared(found=FoundTare(None, (LEFT_AWAY,)))
+        return Tared(found=FoundTare(None, (TARE_DECLINED,)))
     days = tare_days_of(path.parent)
     found = find_tare(recording, surroundings.library(path.parent), tare_days=days)
     if found.path is None:

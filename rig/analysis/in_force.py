@@ -56,7 +56,7 @@ _KEPT_FORMAT_1 = "harmonic-rig-kept-1"
 
 
 @dataclass(frozen=True)
-class Kept:
+class ManualChoice:
     """A choice by hand: analysis `number` of a kind is in force (0: none is, the choice is taken back)."""
 
     kind: str
@@ -188,7 +188,7 @@ def _newest(
 
 
 def _strongest(
-    run: Path, kind: str, analyses: list[Analysis], kept: Kept | None, things: _Things
+    run: Path, kind: str, analyses: list[Analysis], kept: ManualChoice | None, things: _Things
 ) -> InForce:
     stale = {analysis.number: tuple(things.changed(analysis)) for analysis in analyses}
     by_hand = next((a for a in analyses if kept is not None and a.number == kept.number), None)
@@ -214,7 +214,7 @@ def _strongest(
 def _why(
     best: Analysis,
     analyses: list[Analysis],
-    kept: Kept | None,
+    kept: ManualChoice | None,
     stale: Mapping[int, tuple[str, ...]],
 ) -> str:
     if kept is not None:
@@ -429,7 +429,7 @@ def _metadata(run: Path) -> RunMetadata:
     return glance(run).metadata
 
 
-def kept_by_hand(run: str | Path) -> tuple[Kept, ...]:
+def kept_by_hand(run: str | Path) -> tuple[ManualChoice, ...]:
     """The choices by hand for a run, oldest first; the last of a kind counts. Raises `RunFileError`."""
     path = analysis_folder(run) / KEPT_NAME
     try:
@@ -442,7 +442,7 @@ def kept_by_hand(run: str | Path) -> tuple[Kept, ...]:
         if content["format"] == _KEPT_FORMAT and not (seal.is_whole or is_unsealed_allowed()):
             raise unsealed(path)
         return tuple(
-            Kept(str(c["kind"]), int(c["number"]), str(c["by"]), str(c["at"]))
+            ManualChoice(str(c["kind"]), int(c["number"]), str(c["by"]), str(c["at"]))
             for c in content["kept"]
         )
     except (ValueError, KeyError, TypeError) as error:
@@ -477,7 +477,7 @@ def keep(run: str | Path, number: int, by: str, at: str, kind: str = "") -> InFo
             remedy="Look with `rig show RUN`.",
         )
     kind = kind or next(a.kind for a in stored if a.number == number)
-    _write_kept(run, (*kept_by_hand(run), Kept(kind, number, by.strip(), at)))
+    _write_kept(run, (*kept_by_hand(run), ManualChoice(kind, number, by.strip(), at)))
     return in_force(run, kind)
 
 
@@ -485,7 +485,7 @@ def _listed(numbers: Iterable[int]) -> str:
     return ", ".join(str(number) for number in numbers) or "none: the run has no analysis"
 
 
-def _write_kept(run: Path, choices: tuple[Kept, ...]) -> None:
+def _write_kept(run: Path, choices: tuple[ManualChoice, ...]) -> None:
     folder = analysis_folder(run)
     content = {"format": _KEPT_FORMAT, "kept": [vars(choice) for choice in choices]}
     try:

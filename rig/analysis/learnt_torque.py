@@ -128,7 +128,7 @@ class LearntScale:
 
 def learn_torque(runs: Iterable[Path], bench: str = "") -> LearntScale:
     """The torque scale of a bench by these runs. Raises `ConfigurationError` where they do not tell it."""
-    seen = [_seen(run) for run in runs]
+    seen = [_torque_run(run) for run in runs]
     taught = tuple(one for one in seen if not one.skipped and bench in ("", one.bench[1]))
     origin, name, motor = _one_bench(taught, seen)
     temperature, apart = _temperature(taught)
@@ -195,7 +195,7 @@ def _refuse_unbelievable(channel: str, gain: Gain) -> None:
         )
 
 
-def _seen(run: Path) -> _TorqueRun:
+def _torque_run(run: Path) -> _TorqueRun:
     """What a run shows by its analysis in force."""
     found = in_force(run, SCALE_KIND)
     if found.analysis is None:

@@ -142,7 +142,7 @@ def advice(estimate: Estimate, quantity: Quantity, of: Of, wanted: float) -> Adv
     whole = sum(line.standard_uncertainty**2 for line in lines)
     largest = lines[0]
     scatter = sum(line.standard_uncertainty**2 for line in lines if line.kind == "A")
-    found = _found(lines, wanted)
+    found = _remedy_for(lines, wanted)
     times, needed = found.times, found.needed
     repeats = _repeats(of.kind, of.parameters)
     is_enough = found.becomes is not None and found.becomes <= wanted * _ENOUGH
@@ -180,7 +180,7 @@ def merged(estimate: Estimate) -> list[BudgetLine]:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _Remedy:
     """What helps: how many times, what u the line must become, and U of the whole after it."""
 
     helps: _Helps
@@ -189,11 +189,11 @@ class _Found:
     becomes: float | None = None
 
 
-def _found(lines: list[BudgetLine], wanted: float) -> _Found:
+def _remedy_for(lines: list[BudgetLine], wanted: float) -> _Remedy:
     """What brings U of these lines, the largest first, to `wanted`."""
     now = _expanded(lines)
     if wanted >= now:
-        return _Found("nothing needed", becomes=now)
+        return _Remedy("nothing needed", becomes=now)
     largest = lines[0]
     squares = [line.standard_uncertainty**2 for line in lines]
     scatter = sum(u2 for u2, line in zip(squares, lines, strict=True) if line.kind == "A")
@@ -204,10 +204,10 @@ def _found(lines: list[BudgetLine], wanted: float) -> _Found:
             "other days", [float(line is largest) for line in lines], lines, wanted
         )
     if _remedy_of(largest) is None:
-        return _Found("nothing")
+        return _Remedy("nothing")
     needed = _needed(lines, wanted)
     after = [replace(largest, standard_uncertainty=needed), *lines[1:]]
-    return _Found("calibration", needed=needed, becomes=_expanded(after))
+    return _Remedy("calibration", needed=needed, becomes=_expanded(after))
 
 
 def _expanded(lines: Sequence[BudgetLine]) -> float:
@@ -233,7 +233,7 @@ def _repeated(line: BudgetLine, share: float, times: int) -> BudgetLine:
 
 def _by_repeating(
     helps: _Helps, falling: Sequence[float], lines: Sequence[BudgetLine], wanted: float
-) -> _Found:
+) -> _Remedy:
     """The fewest times at which U is small enough; what is seen n times as often is known n times as well.
 
     `falling` is for each line the share of its u^2 that falls.
@@ -243,8 +243,8 @@ def _by_repeating(
         after = [_repeated(line, share, times) for line, share in zip(lines, falling, strict=True)]
         becomes = _expanded(after)
         if becomes <= wanted:
-            return _Found(helps, times=times, becomes=becomes)
-    return _Found(helps, times=_MOST_VISITS, becomes=becomes)
+            return _Remedy(helps, times=times, becomes=becomes)
+    return _Remedy(helps, times=_MOST_VISITS, becomes=becomes)
 
 
 def _needed(lines: Sequence[BudgetLine], wanted: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from rig.analysis.fit import LEFT_AWAY, Fit, fit_recording, kind_of
+from rig.analysis.fit import TARE_DECLINED, Fit, fit_recording, kind_of
 from rig.analysis.fit_run import Choices, fit_run
 from rig.analysis.tare import FoundTare, takes_tare, tare_kind
 from rig.api.reading import load
@@ -102,7 +102,7 @@ def _fit_one(
     )
     if made.tare is not None:
         return made
-    why_none = LEFT_AWAY if tare is None else _IN_MEMORY
+    why_none = TARE_DECLINED if tare is None else _IN_MEMORY
     return replace(made, found_tare=FoundTare(None, (why_none,)))
 
 

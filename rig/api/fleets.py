@@ -35,7 +35,7 @@ def fleet_fit(
     or the extra `fleet` is not installed. A run that cannot be analysed raises nothing: its row has `failure`.
     """
     from rig.fleet.dataset import DataSet
-    from rig.fleet.engine import Crew
+    from rig.fleet.engine import Workforce
     from rig.fleet.fit import FleetOrder, fit_fleet
     from rig.fleet.work import PathMap
     from rig.gears.card_places import places
@@ -46,7 +46,7 @@ def fleet_fit(
         settings=settings,
         no_tare=no_tare,
         acceptance=acceptance,
-        crew=Crew(workers=workers, scheduler=scheduler),
+        crew=Workforce(workers=workers, scheduler=scheduler),
         output=None if output is None else Path(output),
         mapped=PathMap.of(mapped) if mapped else PathMap(),
         stored=store,

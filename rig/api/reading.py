@@ -16,8 +16,8 @@ from rig.runfile.importing.channel_map import ImportOptions, RunMap, read_channe
 from rig.runfile.importing.channel_source import parse_channel
 from rig.runfile.importing.convert import import_tables
 from rig.runfile.importing.opening import open_tables
-from rig.runfile.importing.reach import is_of_tables
 from rig.runfile.importing.stated import with_stated
+from rig.runfile.importing.suitability import is_of_tables
 from rig.runfile.read import close_recording, open_run
 
 if TYPE_CHECKING:

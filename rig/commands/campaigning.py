@@ -18,7 +18,7 @@ from rig.commands.terminal import console, outliving_the_terminal, painted, prin
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Alarm
     from rig.bench.backends.order import Order
-    from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew
+    from rig.trial.campaign.conduct import CampaignCallbacks, CampaignOrder, CampaignReport
     from rig.trial.campaign.plan import CampaignPlan
     from rig.trial.campaign.walk import Walk
 
@@ -87,9 +87,9 @@ def campaign(
     if events or stdin_control:
         report = _conducted_for_a_program(order, pattern, events, stdin_control)
     else:
-        from rig.commands.campaign_crew import terminal_crew
+        from rig.commands.campaign_callbacks import terminal_callbacks
 
-        with terminal_crew(walked, quiet=json) as crew:
+        with terminal_callbacks(walked, quiet=json) as crew:
             report = _conducted(order, crew, pattern)
     if junit is not None:
         from rig.trial.campaign.junit import write_junit
@@ -180,7 +180,7 @@ def _warn_of_what_was_never_tried(pattern: Order) -> None:
         echo(text, errors=True)
 
 
-def _conducted(order: CampaignOrder, crew: Crew, pattern: Order) -> _Conducted:
+def _conducted(order: CampaignOrder, crew: CampaignCallbacks, pattern: Order) -> _Conducted:
     from rig.trial.campaign.conduct import conduct
 
     report = conduct(order, crew)
@@ -231,7 +231,7 @@ def _conducted_for_a_program(
     """A campaign whose operator is another program: words on standard input, lines of JSON on standard output."""
     from drivers.clock import WallClock
     from rig.analysis.store import json_ready
-    from rig.commands.campaign_crew import program_crew
+    from rig.commands.campaign_callbacks import program_callbacks
     from rig.run.remote import RemoteOperator
     from rig.run.stop import StopRequest
 
@@ -242,7 +242,7 @@ def _conducted_for_a_program(
 
     stop = StopRequest()
     remote = RemoteOperator(stop, write, WallClock())
-    with program_crew(order.walk, remote, stop, listens=stdin_control) as crew:
+    with program_callbacks(order.walk, remote, stop, listens=stdin_control) as crew:
         conducted = _conducted(order, crew, pattern)
     remote.report(json_ready(conducted.as_json()))
     return conducted

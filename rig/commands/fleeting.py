@@ -100,7 +100,7 @@ def fit(
     """
     from rig import exits
     from rig.commands.fleet_progress import telling
-    from rig.fleet.engine import Crew
+    from rig.fleet.engine import Workforce
     from rig.fleet.fit import FleetOrder, fit_fleet
     from rig.fleet.work import PathMap
 
@@ -110,7 +110,7 @@ def fit(
         settings=settings_of(setting),
         no_tare=no_tare,
         acceptance=acceptance,
-        crew=Crew(workers=workers, scheduler=scheduler),
+        crew=Workforce(workers=workers, scheduler=scheduler),
         output=output,
         mapped=PathMap.of(mapped) if mapped else PathMap(),
         stored=stored,
@@ -211,10 +211,10 @@ def simulate(
     from rig import exits
     from rig.commands.fleet_progress import telling
     from rig.extras import require
-    from rig.fleet.engine import Crew
+    from rig.fleet.engine import Workforce
     from rig.fleet.simulate import Production, simulate_fleet
 
-    crew = Crew(workers=workers, scheduler=scheduler)
+    crew = Workforce(workers=workers, scheduler=scheduler)
     require("a fleet of runs", "fleet", *crew.packages)
     asked: dict[str, Any] = dict(said)
     if (world := asked.pop("world", None)) is not None:

@@ -19,7 +19,7 @@ Ask = Callable[[str], str]
 _LAST = "Enter imports it so; NAME=COLUMN:UNIT says another channel first, such as position=4:rad; Ctrl-C leaves it."
 
 
-def told(proposal: Proposal) -> dict[str, Any]:
+def proposal_object(proposal: Proposal) -> dict[str, Any]:
     """The proposal as one object."""
     return {
         "columns": [asdict(one) for one in proposal.columns],

@@ -8,7 +8,7 @@ from rig.commands.terminal import console, echo, painted
 from rig.content.phrase import phrase
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.looking import Look, column_grid, known, look_grid
-from rig.runfile.importing.reach import reach_of
+from rig.runfile.importing.suitability import unsuited_for
 
 
 def print_columns(listed: list[dict[str, object]], notes: list[str]) -> None:
@@ -38,7 +38,7 @@ def print_look(name: str, look: Look, options: ImportOptions) -> None:
         echo(f"PROBLEM: {problem}")
     for note in look.notes:
         echo(f"  {note}")
-    for kind, why in reach_of(look, options).items():
+    for kind, why in unsuited_for(look, options).items():
         echo(f"{kind:16} {phrase('no: {}', why) or 'yes'}")
     if look.proposals and not (options.segments or options.segments_from):
         echo("Labels that the motion suggests; take over what is right into --map:")

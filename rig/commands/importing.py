@@ -29,7 +29,7 @@ def import_(words: flags.Words, said: flags.ImportFlags, json: Json = False) -> 
 
     With a file alone it proposes what the columns are, with the evidence, and asks what stays open.
     """
-    way = _Way(
+    way = _ImportTask(
         is_named=bool(said.channel) or said.map_file is not None,
         stated={
             "modulus": _pairs(said.modulus, "--modulus"),
@@ -49,7 +49,7 @@ def import_(words: flags.Words, said: flags.ImportFlags, json: Json = False) -> 
 def _options(said: flags.ImportFlags) -> dict[str, Any]:
     """What was said of the recording, by the names of the options of an import."""
     from rig.runfile.importing.channel_source import parse_channel
-    from rig.runfile.importing.reach import is_of_tables
+    from rig.runfile.importing.suitability import is_of_tables
 
     return {
         "channels": tuple(parse_channel(text) for text in said.channel or ()),
@@ -86,7 +86,7 @@ def _options(said: flags.ImportFlags) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Way:
+class _ImportTask:
     """How an import is carried out: channels named, only a look, proposals taken over and kept, where to, how told,
     and whether the page of it is opened; `stated` are range, lag and accuracy by channel.
     """
@@ -102,7 +102,7 @@ class _Way:
 
 
 def _carry_out(
-    kind: str, files: list[Path], runs: list[tuple[RunMap, ImportOptions]], way: _Way
+    kind: str, files: list[Path], runs: list[tuple[RunMap, ImportOptions]], way: _ImportTask
 ) -> None:
     """Look at the files, or make the runs; of what nobody named, what is proposed and accepted."""
     if way.is_named and (way.accept or way.save_map is not None):
@@ -188,7 +188,7 @@ def _proposed(
     kind: str,
     files: list[Path],
     run: tuple[RunMap, ImportOptions],
-    way: _Way,
+    way: _ImportTask,
 ) -> tuple[RunMap, ImportOptions]:
     """The run with the channels that were proposed and accepted. Raises `ConfigurationError` for what stays open."""
     from rig.commands import import_proposed as proposed
@@ -227,7 +227,7 @@ def _proposed(
 
 
 def _runs(
-    map_file: Path | None, said: Mapping[str, Any], way: _Way
+    map_file: Path | None, said: Mapping[str, Any], way: _ImportTask
 ) -> list[tuple[RunMap, ImportOptions]]:
     """The runs of the map, or the one that needs none, each with its options; what was said goes before the map.
 
@@ -328,7 +328,9 @@ def _check(
             listed = columns_of(tables)
             notes = [note for table in tables for note in table.notes]
             proposal = propose(tables)
-            told.append({"columns": listed, "notes": notes, "proposal": proposed.told(proposal)})
+            told.append(
+                {"columns": listed, "notes": notes, "proposal": proposed.proposal_object(proposal)}
+            )
             if not json:
                 print_columns(listed, notes)
                 proposed.show(proposal)
@@ -345,7 +347,7 @@ def _look_as_json(look: Look, options: ImportOptions) -> dict[str, Any]:
     """A look as one object; numbers that are not known are null."""
     from dataclasses import asdict
 
-    from rig.runfile.importing.reach import reach_of
+    from rig.runfile.importing.suitability import unsuited_for
 
     return {
         "rows": look.rows,
@@ -357,7 +359,7 @@ def _look_as_json(look: Look, options: ImportOptions) -> dict[str, Any]:
         "problems": look.problems,
         "notes": look.notes,
         "good_for": {
-            kind: {"ok": not why, "why": why} for kind, why in reach_of(look, options).items()
+            kind: {"ok": not why, "why": why} for kind, why in unsuited_for(look, options).items()
         },
         "segments": [asdict(segment) for segment in look.proposals],
     }

@@ -11,7 +11,7 @@ from rig import exits
 from rig.content.phrase import phrase
 from rig.errors import RigError
 from rig.library.folder import run_tree
-from rig.library.living import is_being_written
+from rig.library.writer_alive import is_being_written
 from rig.runfile.layout import PART_SUFFIX
 from rig.runfile.recover import Recovered, recover_run
 

@@ -270,11 +270,11 @@ def _show(reports: Sequence[Reports], *, json: bool) -> None:
 def _as_object(reports: Sequence[Reports], written: list[Path], lines: list[str]) -> dict[str, Any]:
     """What was written and what was judged; a report per run each with its own verdict."""
     files = {"files": [str(path) for path in written], "lines": lines}
-    told = [_told(one) for one in reports]
+    told = [_reports_object(one) for one in reports]
     return {**files, **told[0]} if len(told) == 1 else {**files, "reports": told}
 
 
-def _told(report: Reports) -> dict[str, Any]:
+def _reports_object(report: Reports) -> dict[str, Any]:
     outcomes = [{"run": fit.result.run, "outcome": fit.outcome} for fit in report.fits]
     return {"runs": outcomes, **report.verdict.as_json()}
 

@@ -77,7 +77,7 @@ def verify(
     if len(places) == 1 and not json:
         # A mistyped name; among several, and for a program, it is one of the findings.
         refuse_missing(*places)
-    found = _looked_at(places, recompute=recompute)
+    found = _examine(places, recompute=recompute)
     held = manifest and hold_against(manifest, places[0], gear)
     error = _first_error(found) or (held and held.error)
     if json:
@@ -97,7 +97,7 @@ def _refuse_no_manifest(manifest: Path | None, places: Sequence[Path]) -> None:
 
 
 @dataclass(frozen=True)
-class _Looked:
+class _Examined:
     """How the files were found: what each one says of itself, the links between them, what was made again."""
 
     checked: Mapping[str, Sequence[Finding]]
@@ -106,7 +106,7 @@ class _Looked:
     """None where nobody asked for it."""
 
 
-def _looked_at(places: Sequence[Path], *, recompute: bool) -> _Looked:
+def _examine(places: Sequence[Path], *, recompute: bool) -> _Examined:
     """Every run and every certificate that these places mean, and what they rest on."""
     from rig.present.certificate.verify import certificates_in, verify_certificate
     from rig.runfile.verify import verify_run
@@ -117,7 +117,7 @@ def _looked_at(places: Sequence[Path], *, recompute: bool) -> _Looked:
     checked = {str(run): verify_run(run) for run in runs}
     checked |= {str(one): verify_certificate(one) for one in certificates}
     links = [link for place in places for link in links_of(place)]
-    return _Looked(checked, links, _made_again(runs, certificates) if recompute else None)
+    return _Examined(checked, links, _made_again(runs, certificates) if recompute else None)
 
 
 def _made_again(runs: Sequence[Path], certificates: Sequence[Path]) -> list[Recomputed]:
@@ -149,7 +149,7 @@ def _again(run: Path) -> list[Recomputed]:
     return made
 
 
-def _first_error(found: _Looked) -> RigError | None:
+def _first_error(found: _Examined) -> RigError | None:
     """What is wrong first: of the chain, then of a run's content, then of what was made again."""
     from experiments.finding import first_blocking
     from rig.errors import ChangedRunError, RunFileError
@@ -165,7 +165,9 @@ def _first_error(found: _Looked) -> RigError | None:
     return wrong and ChangedRunError(wrong.found, where=wrong.where)
 
 
-def _as_object(found: _Looked, held: HeldManifest | None, error: RigError | None) -> dict[str, Any]:
+def _as_object(
+    found: _Examined, held: HeldManifest | None, error: RigError | None
+) -> dict[str, Any]:
     from rig import exits
     from rig.runfile.checks import LEVELS
 
@@ -192,7 +194,7 @@ def _as_object(found: _Looked, held: HeldManifest | None, error: RigError | None
     return told
 
 
-def _print(found: _Looked, held: HeldManifest | None) -> None:
+def _print(found: _Examined, held: HeldManifest | None) -> None:
     from rig.commands.findings import print_findings, print_links
 
     print_findings(found.checked)

@@ -111,7 +111,7 @@ def _rows(mujoco: Any, model: Any, identified: IdentifiedGear, joint: Joint) -> 
         mujoco.mj_setConst(model, mujoco.MjData(model))
     for speed in _speeds(identified):
         here = float(torque_at(identified, joint.side, speed / joint.factor))
-        there = _held(mujoco, model, speed / joint.factor, joint.inertia)
+        there = _holding_torque(mujoco, model, speed / joint.factor, joint.inertia)
         yield Row(f"friction at {speed / RPM:.4g} r/min", there, here, "N m")
     yield from _steady(mujoco, model, identified, joint)
     if holds_inertia:
@@ -123,7 +123,7 @@ def _speeds(identified: IdentifiedGear) -> list[float]:
     return [rpm * RPM for rpm in _AT_RPM if 0.999 * low <= rpm * RPM <= 1.001 * high]
 
 
-def _held(mujoco: Any, model: Any, speed: float, inertia: float) -> float:
+def _holding_torque(mujoco: Any, model: Any, speed: float, inertia: float) -> float:
     """Torque that a servo of the target needs to keep a speed [N m], once it is steady.
 
     Not the target's own list of forces at that speed: its dry friction is a constraint, which answers to a torque.

@@ -102,7 +102,7 @@ class DataSet:
                 known[run_file, kind] = Known(
                     number, key, surroundings, failure or "", failure_kind or ""
                 )
-        return _without_outlived(known)
+        return _without_superseded(known)
 
     def append(self, rows: bytes) -> None:
         """Keep the rows of some runs, given as the bytes of a Parquet file."""
@@ -131,7 +131,7 @@ class DataSet:
         parts = self.parts()
         if not parts:
             return arrow_schema().empty_table()
-        return sorted_table(pa.concat_tables([_owned(*part, owners) for part in parts]))
+        return sorted_table(pa.concat_tables([_counting_rows(*part, owners) for part in parts]))
 
     def has_renewed_rows(self) -> bool:
         """Whether rows of one run stand in two files, of which the older one no longer counts."""
@@ -189,7 +189,7 @@ class DataSet:
     ) -> pyarrow.Table:
         import pyarrow as pa
 
-        table = pa.concat_tables([_owned(number, path, owners) for number, path in group])
+        table = pa.concat_tables([_counting_rows(number, path, owners) for number, path in group])
         if not restamped:
             return table
         pairs = zip(table["run_file"].to_pylist(), table["kind"].to_pylist(), strict=True)
@@ -216,7 +216,7 @@ class DataSet:
             ) from None
 
 
-def _without_outlived(known: dict[Identity, Known]) -> dict[Identity, Known]:
+def _without_superseded(known: dict[Identity, Known]) -> dict[Identity, Known]:
     """Without what is said of a run whose kind could not be read, where its kind was read later."""
     newest: dict[str, int] = {}
     for (run_file, kind), one in known.items():
@@ -229,7 +229,7 @@ def _without_outlived(known: dict[Identity, Known]) -> dict[Identity, Known]:
     }
 
 
-def _owned(number: int, path: Path, owners: Mapping[Identity, int]) -> pyarrow.Table:
+def _counting_rows(number: int, path: Path, owners: Mapping[Identity, int]) -> pyarrow.Table:
     """The rows of a file that count."""
     import pyarrow as pa
 

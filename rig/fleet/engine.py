@@ -43,7 +43,7 @@ AHEAD = 2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crew:
+class Workforce:
     """Who works: `workers` processes of this computer, 0 for this one alone, or the cluster at the address `scheduler`.
 
     `batch_seconds` of work is one task. Raises `ConfigurationError` for both, and for fewer processes than none.
@@ -135,7 +135,7 @@ class Batches(Generic[_SomePiece]):
 
 
 @dataclass(frozen=True)
-class Errand(Generic[_SomePiece, _SomeOutcome]):
+class BatchTask(Generic[_SomePiece, _SomeOutcome]):
     """What is done with a batch, on whichever computer; and what is told of a piece that no worker survived."""
 
     work: Callable[[Sequence[_SomePiece]], _SomeOutcome]
@@ -145,12 +145,12 @@ class Errand(Generic[_SomePiece, _SomeOutcome]):
 class Hands:
     """A crew at work. Processes and connections are made when the first piece comes, and kept for the next errand."""
 
-    def __init__(self, crew: Crew, stack: ExitStack) -> None:
+    def __init__(self, crew: Workforce, stack: ExitStack) -> None:
         self._crew, self._stack = crew, stack
         self._client: Client | None = None
 
     def outcomes(
-        self, errand: Errand[_SomePiece, _SomeOutcome], pieces: Sequence[_SomePiece]
+        self, errand: BatchTask[_SomePiece, _SomeOutcome], pieces: Sequence[_SomePiece]
     ) -> Generator[tuple[list[_SomePiece], _SomeOutcome]]:
         """Batches with what came of them, as they come to their end."""
         batches = Batches(pieces, self._crew.batch_seconds)
@@ -166,14 +166,14 @@ class Hands:
 
 
 @contextmanager
-def at_work(crew: Crew) -> Iterator[Hands]:
+def at_work(crew: Workforce) -> Iterator[Hands]:
     """The crew, sent home at the end. Raises `RigError` where no scheduler answers when the first piece comes."""
     with ExitStack() as stack:
         yield Hands(crew, stack)
 
 
 def _work_here(
-    errand: Errand[_SomePiece, _SomeOutcome], batches: Batches[_SomePiece]
+    errand: BatchTask[_SomePiece, _SomeOutcome], batches: Batches[_SomePiece]
 ) -> Generator[tuple[list[_SomePiece], _SomeOutcome]]:
     while batch := batches.take():
         outcome = errand.work(batch)
@@ -182,7 +182,7 @@ def _work_here(
 
 
 def _work_on(
-    client: Client, errand: Errand[_SomePiece, _SomeOutcome], batches: Batches[_SomePiece]
+    client: Client, errand: BatchTask[_SomePiece, _SomeOutcome], batches: Batches[_SomePiece]
 ) -> Generator[tuple[list[_SomePiece], _SomeOutcome]]:
     from distributed import as_completed
 

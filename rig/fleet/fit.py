@@ -16,7 +16,7 @@ from experiments import catalogue
 from rig.analysis.tare import tare_kind
 from rig.extras import require
 from rig.fleet.dataset import FOLDER_NAME, DataSet, Identity
-from rig.fleet.engine import Crew, Errand, at_work
+from rig.fleet.engine import BatchTask, Workforce, at_work
 from rig.fleet.neighbours import forget_neighbours
 from rig.fleet.progress import Progress
 from rig.fleet.survey import survey
@@ -37,7 +37,7 @@ class FleetOrder:
     settings: Mapping[str, Any] = field(default_factory=dict)
     no_tare: bool = False
     acceptance: str = ""
-    crew: Crew = field(default_factory=Crew)
+    crew: Workforce = field(default_factory=Workforce)
     output: Path | None = None
     mapped: PathMap = field(default_factory=PathMap)
     stored: bool = False
@@ -136,8 +136,8 @@ def fit_fleet(
         work = work_for(runs, job, data.known(), base=output.parent, there=order.mapped)
         tally = _Tally(work, now)
         on_progress(tally.progress)
-        errand = Errand(partial(fit_runs, job), lost)
-        with _kept(data, tally):
+        errand = BatchTask(partial(fit_runs, job), lost)
+        with _merging(data, tally):
             for tasks in _waves(work.tasks, job):
                 for batch, done in hands.outcomes(errand, tasks):
                     if done.rows:
@@ -171,7 +171,7 @@ def _waves(tasks: Sequence[RunTask], job: Job) -> list[Sequence[RunTask]]:
 
 
 @contextmanager
-def _kept(data: DataSet, tally: _Tally) -> Iterator[None]:
+def _merging(data: DataSet, tally: _Tally) -> Iterator[None]:
     """Put the files together at the end, however it comes."""
     try:
         yield

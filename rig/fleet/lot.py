@@ -169,14 +169,14 @@ def _gears(
             rows_of[gear],
             titles,
             accepted,
-            _Told(_changed(data, gear, watching), unlike.get(gear, []), failures[gear]),
+            _GearRemarks(_changed(data, gear, watching), unlike.get(gear, []), failures[gear]),
         )
         for gear in data.gears
     ]
 
 
 @dataclass(frozen=True)
-class _Told:
+class _GearRemarks:
     """What is to be said of a gear beside its rows."""
 
     changed: tuple[str, ...]
@@ -202,7 +202,7 @@ def _gear(
     rows: Sequence[LotRow],
     quantities: Mapping[tuple[str, str], LotQuantity],
     accepted: Mapping[str, Acceptance | None],
-    told: _Told,
+    told: _GearRemarks,
 ) -> LotGear:
     lines: list[tuple[VerdictOutcome, str]] = []
     margins: list[tuple[float, str]] = []

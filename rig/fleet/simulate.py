@@ -31,7 +31,7 @@ from rig.analysis.tare import takes_tare, tare_kind
 from rig.bench.backends.order import Order, WorldChoice
 from rig.errors import ConfigurationError
 from rig.fleet.day_journal import DayJournal, DayRun, runs_made
-from rig.fleet.engine import Crew, Errand, at_work
+from rig.fleet.engine import BatchTask, Workforce, at_work
 from rig.fleet.neighbours import digest
 from rig.fleet.progress import Progress
 from rig.fleet.questions import TRUTH_NAME
@@ -179,7 +179,7 @@ def _measured_on(production: Production, bench: int) -> Iterator[_Mounted]:
 
 def simulate_fleet(
     production: Production,
-    crew: Crew = Crew(),
+    crew: Workforce = Workforce(),
     *,
     on_progress: Callable[[Progress], None] = lambda progress: None,
     now: Callable[[], float] = time.monotonic,
@@ -210,7 +210,7 @@ def simulate_fleet(
 
     production.folder.mkdir(parents=True, exist_ok=True)
     tell()
-    errand = Errand(partial(make_days, production), _lost)
+    errand = BatchTask(partial(make_days, production), _lost)
     with at_work(crew) as hands:
         for _, outcome in hands.outcomes(errand, wanted):
             made += outcome.runs
@@ -263,7 +263,7 @@ def _make_day(production: Production, day: _BenchDay) -> Made:
     # A worker of a client that is gone may still be at it.
     with FileLock(f"{making}.lock"):
         if final.is_dir():
-            return _made(day, before=runs_made(final), runs=())
+            return _day_result(day, before=runs_made(final), runs=())
         journal = DayJournal(making, _order_of(production, day))
         before = journal.resume()
         runs = list(before)
@@ -277,10 +277,10 @@ def _make_day(production: Production, day: _BenchDay) -> Made:
         keep_truth(making, day.name)
         final.parent.mkdir(parents=True, exist_ok=True)
         making.rename(final)
-    return _made(day, before=before, runs=runs[len(before) :])
+    return _day_result(day, before=before, runs=runs[len(before) :])
 
 
-def _made(day: _BenchDay, *, before: Sequence[DayRun], runs: Sequence[DayRun]) -> Made:
+def _day_result(day: _BenchDay, *, before: Sequence[DayRun], runs: Sequence[DayRun]) -> Made:
     """What came of a day, of which some runs were made before."""
     failed = [(f"{day.name}/{run.name}", run.reason) for run in (*before, *runs) if run.reason]
     kept, made = (sum(not run.reason for run in part) for part in (before, runs))

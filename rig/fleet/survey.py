@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rig.errors import RunFileError
-from rig.fleet.engine import Errand, Hands
+from rig.fleet.engine import BatchTask, Hands
 from rig.fleet.progress import Progress
 from rig.library.index import LibraryIndex
 
@@ -47,7 +47,7 @@ def survey(
     headers, done, began = sum(folder.headers for folder in late), 0, time.monotonic()
     if headers <= FEW:
         return
-    for _, outcome in hands.outcomes(Errand(_look_over, _lost), late):
+    for _, outcome in hands.outcomes(BatchTask(_look_over, _lost), late):
         done += outcome.headers
         seconds = time.monotonic() - began
         on_progress(

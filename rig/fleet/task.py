@@ -1,6 +1,6 @@
 """What a worker does: it takes the paths of some runs and gives back their rows; the data stay where they are.
 
-    path -> footing (kind, tare, gear) -> key -> known already?  else fit -> verdict -> rows
+    path -> inputs (kind, tare, gear) -> key -> known already?  else fit -> verdict -> rows
 
 A run that cannot be read or analysed gives one row with the reason. The key of a run is a hash of all that its rows
 rest on: the bytes of run and tare, what the analysed tare says, the gear's set, settings, version of the analysis,
@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from rig.analysis.fit_run import Choices, Footing, footing_of
+from rig.analysis.fit_run import Choices, FitInputs, inputs_of
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import judge_run
 from rig.errors import ChangedRunError
@@ -164,17 +164,17 @@ class _Analysis:
         job, path = self._job, Path(self._task.path)
         choices = Choices(no_tare=job.no_tare, settings=job.settings)
         began = self._now()
-        footing = footing_of(path, job.kind, choices, self._neighbours)
-        self._recording = footing.recording
+        inputs = inputs_of(path, job.kind, choices, self._neighbours)
+        self._recording = inputs.recording
         self.fit_seconds = self._now() - began
-        serial = footing.recording.metadata.gear_serial
+        serial = inputs.recording.metadata.gear_serial
         acceptance, accepted = self._neighbours.acceptance(job.acceptance, path.parent, serial)
-        self._shared |= {"kind": footing.kind, "key": self._key(footing, accepted)}
+        self._shared |= {"kind": inputs.kind, "key": self._key(inputs, accepted)}
         if self._shared["key"] == self._task.known_key:
             self.is_known = True
             return []
         began = self._now()
-        fit = footing.fit()
+        fit = inputs.fit()
         if job.stored:
             from rig.analysis.fit import store
 
@@ -182,28 +182,28 @@ class _Analysis:
         self.fit_seconds += self._now() - began
         return rows_of_fit(fit, judge_run(fit, acceptance), self._shared)
 
-    def _key(self, footing: Footing, accepted: str) -> str:
-        source = footing.source
+    def _key(self, inputs: FitInputs, accepted: str) -> str:
+        source = inputs.source
         tare = tare_run = ""
-        if footing.tared.fit is not None:
-            tare = self._neighbours.tare_digest(footing.tared.fit)
-            tare_run = footing.tared.fit.recording.metadata.sha256
+        if inputs.tared.fit is not None:
+            tare = self._neighbours.tare_digest(inputs.tared.fit)
+            tare_run = inputs.tared.fit.recording.metadata.sha256
         content = {
             "schema": SCHEMA_VERSION,
-            "run": footing.recording.metadata.sha256,
-            "kind": footing.kind,
-            "version": catalogue.load(footing.kind).version,
-            "settings": footing.settings,
+            "run": inputs.recording.metadata.sha256,
+            "kind": inputs.kind,
+            "version": catalogue.load(inputs.kind).version,
+            "settings": inputs.settings,
             "no_tare": self._job.no_tare,
             "gear": source.sha256 or source.source,
             "tare": tare,
             "tare_run": tare_run,
             "acceptance": accepted,
-            "output_encoder": _output_curve(footing.recording),
-            "other_tares": [dict(other.named) for other in footing.other_tares],
+            "output_encoder": _output_curve(inputs.recording),
+            "other_tares": [dict(other.named) for other in inputs.other_tares],
         }
-        if source.builds_on and footing.gear is not None:
-            content["built_on"] = set_sha256(footing.gear)
+        if source.builds_on and inputs.gear is not None:
+            content["built_on"] = set_sha256(inputs.gear)
         return digest(content)[:_KEY_LENGTH]
 
 

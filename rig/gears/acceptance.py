@@ -48,7 +48,7 @@ Subject = Literal["gear", "motor + gear"]
 
 _TOP = ("format", "name", "source", "use", "parts", "ratios", "limits")
 _WORDS: Mapping[str, tuple[str, ...]] = {"standing": get_args(Standing), "trust": get_args(_Trust)}
-_LEFT_AWAY: Mapping[str, str] = {"subject": "gear"}
+_IMPLIED: Mapping[str, str] = {"subject": "gear"}
 """What is meant where a line says nothing, and is not written into a file."""
 
 
@@ -269,7 +269,7 @@ def acceptance_text(acceptance: Acceptance) -> str:
             value = getattr(limit, f.name)
             if isinstance(value, float):
                 lines.append(f"{f.name} = {quantities.text_in(value, limit.unit, si)}")
-            elif value and value != _LEFT_AWAY.get(f.name):
+            elif value and value != _IMPLIED.get(f.name):
                 lines.append(f"{f.name} = {quote(value)}")
     return "\n".join(lines) + "\n"
 
@@ -353,7 +353,7 @@ def _limit(row: object, path: str, table: str, use: str) -> Limit:
         key: _text(row, key, path, table, needed=False) for key in ("condition", "confirmed_by")
     }
     words |= {key: _word(row, key, allowed, path, table) for key, allowed in _WORDS.items()}
-    words["subject"] = _word({**_LEFT_AWAY, **row}, "subject", get_args(Subject), path, table)
+    words["subject"] = _word({**_IMPLIED, **row}, "subject", get_args(Subject), path, table)
     limit = Limit(**words, confirmed_on=_day(row, path, table))
     try:
         si = limit.declared().unit

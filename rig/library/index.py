@@ -20,10 +20,10 @@ from typing import Any
 from rig.library.database import IndexDatabase, Row, Stored
 from rig.library.folder import GONE, fingerprint_of, run_level, run_number, run_tree
 from rig.library.listed import IndexedRun, State
-from rig.library.living import is_being_written
 from rig.library.place import index_path
 from rig.library.reading import read_many
 from rig.library.search import Day, bound_of, fits, within
+from rig.library.writer_alive import is_being_written
 
 WRITTEN_AT_ONCE = 250
 """Files that are read between two writes to the database: other processes find what is there already."""

@@ -122,7 +122,7 @@ def _grid(
     lines = []
     for row in rows:
         stated, computed = values.get(row.path), derived.get(row.derived)
-        estimate, quantity = _found(row.found, fits)
+        estimate, quantity = _estimate_of(row.found, fits)
         lines.append(
             (
                 row.title,
@@ -145,7 +145,7 @@ def _orders(card: HarmonicDrive, fits: Sequence[Fit]) -> Grid:
         if harmonic := stated.get(label):
             amplitude = _text(harmonic.amplitude, "rad", "arcsec")
             provenance = _provenance(card, harmonic.order)
-        estimate, quantity = _found(("kinematic-error", f"amplitude_{label}"), fits)
+        estimate, quantity = _estimate_of(("kinematic-error", f"amplitude_{label}"), fits)
         lines.append(
             (
                 f"kinematic error, amplitude of order {label}",
@@ -174,7 +174,9 @@ def _told_orders(fits: Sequence[Fit]) -> Iterator[str]:
                     yield name.removeprefix("amplitude_")
 
 
-def _found(found: tuple[str, str], fits: Sequence[Fit]) -> tuple[Estimate | None, Quantity | None]:
+def _estimate_of(
+    found: tuple[str, str], fits: Sequence[Fit]
+) -> tuple[Estimate | None, Quantity | None]:
     kind, name = found
     for fit in fits:
         if fit.result.kind == kind and name in fit.result.estimates:

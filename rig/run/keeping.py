@@ -28,13 +28,13 @@ def keep_files(files: Iterable[UsedFile], folder: Path) -> list[dict[str, str]]:
             "name": file.name,
             "kind": file.kind,
             "sha256": file.sha256,
-            "copy": _kept(file, folder) if file.kind == "calibration" else "",
+            "copy": _sealed_copy(file, folder) if file.kind == "calibration" else "",
         }
         for file in files
     ]
 
 
-def _kept(file: UsedFile, folder: Path) -> str:
+def _sealed_copy(file: UsedFile, folder: Path) -> str:
     """The sealed copy of a file, made where there is none yet, as seen from the folder of runs."""
     name = Path(file.name)
     path = folder / FOLDER / f"{name.stem}-{file.sha256[:12]}{name.suffix}"

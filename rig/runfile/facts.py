@@ -173,14 +173,14 @@ def _calibration_facts(recording: Recording) -> Iterator[Fact]:
             "scale": f"{plain(channel.gain)} {channel.unit}",
             "offset": f"{plain(channel.offset)} {channel.unit}",
             "certificate": ", ".join(one for one in (c.certificate, c.date, c.due) if one),
-            "relative uncertainty of the scale": _stated(c.scale_relative_uncertainty),
-            "uncertainty of the offset": _stated(c.offset_uncertainty, channel.unit),
-            "accuracy": _stated(c.accuracy, channel.unit),
+            "relative uncertainty of the scale": _value_text(c.scale_relative_uncertainty),
+            "uncertainty of the offset": _value_text(c.offset_uncertainty, channel.unit),
+            "accuracy": _value_text(c.accuracy, channel.unit),
         }
         yield from flat("calibrations", {f"{channel.name} {what}": t for what, t in facts.items()})
 
 
-def _stated(value: float | None, unit: str = "") -> str:
+def _value_text(value: float | None, unit: str = "") -> str:
     if value is None:
         return plain(value)
     return f"{plain(value)} {unit}".rstrip()

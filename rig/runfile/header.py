@@ -297,7 +297,9 @@ def _read_column(file: h5py.File, data: h5py.Group, name: str) -> Column:
     device = _group(file, f"{layout.INSTRUMENT}/{name}")
     stored = _group(file, f"{layout.INSTRUMENT}/{name}/calibration")
     calibration: dict[str, Any] = {key: layout.read_text(stored, key) for key in _TEXTS}
-    calibration |= _stated(stored, zero_is_said=_says_zero(file, calibration["certificate"]))
+    calibration |= _calibration_numbers(
+        stored, zero_is_said=_says_zero(file, calibration["certificate"])
+    )
     calibration["curve"] = _read_curve(stored)
     gain = layout.number_attribute(dataset, "scale_factor")
     offset = layout.number_attribute(dataset, "add_offset")
@@ -333,7 +335,7 @@ def _says_zero(file: h5py.File, certificate: str) -> bool:
     return [int(part) for part in version] >= [1, 2] or certificate.startswith("simulated")
 
 
-def _stated(stored: h5py.Group, *, zero_is_said: bool) -> dict[str, float]:
+def _calibration_numbers(stored: h5py.Group, *, zero_is_said: bool) -> dict[str, float]:
     """The numbers of a calibration that somebody stated."""
     numbers = {key: layout.read_number(stored, key, math.nan) for key in _NUMBERS}
     return {

@@ -24,7 +24,7 @@ from pathlib import Path
 import psutil
 
 from rig.fleet.dataset import DataSet
-from rig.fleet.engine import Crew, cluster
+from rig.fleet.engine import Workforce, cluster
 from rig.fleet.fit import FleetOrder, FleetReport, fit_fleet
 from rig.fleet.progress import Progress
 from rig.fleet.questions import QUESTIONS, ask
@@ -96,7 +96,7 @@ def _workers() -> list[psutil.Process]:
 def measured(runs: list[Path], workers: int, scratch: Path) -> tuple[FleetReport, Watch, float]:
     """One job; its report, what was seen, and the processor time of this process [s]."""
     watch, before = Watch(), time.process_time()
-    order = FleetOrder(names=runs, crew=Crew(workers=workers), output=scratch)
+    order = FleetOrder(names=runs, crew=Workforce(workers=workers), output=scratch)
     report = fit_fleet(order, watch.look)
     return report, watch, time.process_time() - before
 

@@ -19,12 +19,12 @@ import pytest
 import rig
 from experiments import catalogue
 from rig.analysis.fit import Fit
-from rig.analysis.fit_run import Footing, fit_run
+from rig.analysis.fit_run import FitInputs, fit_run
 from rig.analysis.store import read_analyses
 from rig.errors import ConfigurationError, RigError
 from rig.fleet import survey
 from rig.fleet.dataset import DataSet
-from rig.fleet.engine import Crew, at_work
+from rig.fleet.engine import Workforce, at_work
 from rig.fleet.fit import FleetOrder, FleetReport, fit_fleet
 from rig.fleet.progress import Progress
 from rig.fleet.work import PathMap
@@ -64,7 +64,7 @@ def fleet(
     kinds = ("workers", "scheduler", "batch_seconds")
     crew = {name: more.pop(name) for name in kinds if name in more}
     names = more.pop("names", [runs])
-    crew = Crew(**{"batch_seconds": BATCH_SECONDS, **crew})
+    crew = Workforce(**{"batch_seconds": BATCH_SECONDS, **crew})
     return fit_fleet(FleetOrder(names=names, output=output, crew=crew, **more), watch)
 
 
@@ -306,7 +306,7 @@ def test_headers_are_read_by_the_workers(
     for home in sorted(runs.rglob("*-home-*.h5"))[:3]:
         shutil.copyfile(home, tmp_path / home.name)
     told: list[Progress] = []
-    with at_work(Crew()) as hands:
+    with at_work(Workforce()) as hands:
         for _ in range(2):
             survey.survey(hands, [tmp_path], str, told.append)
     assert LibraryIndex(tmp_path).outdated() == 0
@@ -326,14 +326,14 @@ def test_a_defect_of_one_analysis_does_not_end_the_others_and_is_tried_again(
 ) -> None:
     homes = sorted(runs.rglob("*-home-*.h5"))[:2]
 
-    def fit(footing: Footing) -> Fit:
-        if footing.path == homes[0].resolve():
+    def fit(inputs: FitInputs) -> Fit:
+        if inputs.path == homes[0].resolve():
             raise AttributeError("no such thing")
-        return whole(footing)
+        return whole(inputs)
 
-    whole = Footing.fit
+    whole = FitInputs.fit
     with monkeypatch.context() as patched:
-        patched.setattr(Footing, "fit", fit)
+        patched.setattr(FitInputs, "fit", fit)
         report = fleet(runs, tmp_path, names=homes)
     assert (report.fitted, report.failed[0][1]) == (1, "no such thing")
     report = fleet(runs, tmp_path, names=homes)

@@ -16,7 +16,7 @@ from rig.errors import ConfigurationError, RigError, RunFileError
 from rig.extras import require
 from rig.fleet import engine
 from rig.fleet.dataset import DataSet
-from rig.fleet.engine import Batches, Crew, Errand, at_work
+from rig.fleet.engine import Batches, BatchTask, Workforce, at_work
 from rig.fleet.progress import Progress
 from rig.fleet.questions import QUESTIONS, ask, results_folder
 from rig.fleet.results import COLUMNS, NAMES, SCHEMA_VERSION, Row, arrow_schema
@@ -137,10 +137,10 @@ def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
     }
     with LocalCluster(n_workers=1, threads_per_worker=1, **options) as cluster:
         local: Any = cluster
-        crew = Crew(scheduler=local.scheduler_address)
+        crew = Workforce(scheduler=local.scheduler_address)
         with at_work(crew) as hands:
             toys = [Toy(k) for k in range(10)]
-            found = [outcome for _, outcome in hands.outcomes(Errand(play, lose), toys)]
+            found = [outcome for _, outcome in hands.outcomes(BatchTask(play, lose), toys)]
     assert sorted(name for outcome in found for name in outcome.names) == list(range(10))
     [lost] = [outcome for outcome in found if outcome.lost]
     assert lost.names == (3,)
@@ -148,10 +148,10 @@ def test_a_piece_that_no_worker_survives_is_told_and_the_others_are_done(
 
 
 def test_a_crew_is_processes_or_a_cluster() -> None:
-    assert Crew().is_this_process
+    assert Workforce().is_this_process
     for wrong in ({"workers": -1}, {"workers": 2, "scheduler": "tcp://host:8786"}):
         with pytest.raises(ConfigurationError, match="is no crew"):
-            Crew(**wrong)  # type: ignore[arg-type]
+            Workforce(**wrong)  # type: ignore[arg-type]
 
 
 def test_workers_keep_no_profile_by_which_they_would_grow(monkeypatch: pytest.MonkeyPatch) -> None:

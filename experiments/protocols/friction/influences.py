@@ -245,7 +245,7 @@ def _by_ripples(
             CommonError(
                 source=VIBRATION,
                 effect=_vibration(measured.ripple, speed),
-                **_said(
+                **_size_words(
                     None if is_stated(recording, gear) else OUTPUT_INERTIA,
                     "damping and first mode of the parameter set",
                 ),
@@ -291,19 +291,19 @@ def _never_seen(
             effect=relative * parts.whole,
             cause=Cause.TORQUE_SCALE,
             is_fitted=False,
-            **_said(assumed, stated_note(recording, measured.channel)),
+            **_size_words(assumed, stated_note(recording, measured.channel)),
         ),
         CommonError(
             source=ZERO,
             effect=direction * measured.zero.standard_uncertainty,
             is_fitted=False,
-            **_said(measured.zero.assumed, ""),
+            **_size_words(measured.zero.assumed, ""),
         ),
         CommonError(
             source=WARMTH,
             effect=heat.constant * parts.whole,
             is_fitted=False,
-            **_said(heat.assumed, heat.words),
+            **_size_words(heat.assumed, heat.words),
         ),
         CommonError(
             source=RUN_TO_RUN,
@@ -314,7 +314,7 @@ def _never_seen(
     ]
     errors += _of_the_tare(measured, parts.speed)
     for part, effect in output.effects(parts.speed, ratio).items():
-        said = _said(output.assumed, output.source)
+        said = _size_words(output.assumed, output.source)
         errors.append(CommonError(source=part, effect=effect, is_fitted=False, **said))
     return errors
 
@@ -338,23 +338,23 @@ def _of_the_tare(measured: MeasuredFriction, speed: FloatArray) -> list[CommonEr
         effect=measured.heat.tare * measured.tare.at(speed)[0],
         cause=Cause.TARE,
         is_fitted=False,
-        **_said(measured.heat.assumed, "the same motor, warmer or colder"),
+        **_size_words(measured.heat.assumed, "the same motor, warmer or colder"),
     )
     return [warmth, *errors]
 
 
-class _Said(TypedDict):
+class _SizeWords(TypedDict):
     """What a common error says of its size."""
 
     note: str
     assumed: str
 
 
-def _said(assumed: Assumed | None, note: str) -> _Said:
+def _size_words(assumed: Assumed | None, note: str) -> _SizeWords:
     """The words of an error whose size somebody stated, or those of the table's row."""
     if assumed is None:
-        return _Said(note=note, assumed="")
-    return _Said(note=assumed.note, assumed=assumed.kind)
+        return _SizeWords(note=note, assumed="")
+    return _SizeWords(note=assumed.note, assumed=assumed.kind)
 
 
 def spread_of(

@@ -91,7 +91,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         # The steepest tell a delay best: on a long ramp a little friction passes for one.
         steepest = [ramp.at for ramp in ramps if ramp.at.level == levels[-1]]
         lags = {name: _lag(recording, name, steepest) for name in channels}
-    shown = _shown(fits["torque"])
+    shown = _shown_inertia(fits["torque"])
     estimates = {shown.name: shown}
     if math.isfinite(lags["torque"][0]):
         estimates["torque_lag"] = _lag_estimate(*lags["torque"], 1.0 / metadata.sample_rate)
@@ -188,7 +188,7 @@ def _pairs(ramps: Sequence[_Ramp]) -> dict[float, list[tuple[RampMean, RampMean]
     return pairs
 
 
-def _shown(fit: LinearFit) -> Estimate:
+def _shown_inertia(fit: LinearFit) -> Estimate:
     low, high = fit.interval(0)
     scatter = BudgetLine(
         "scatter of the ramps", "A", float(fit.standard_error[0]), degrees_of_freedom=fit.freedom

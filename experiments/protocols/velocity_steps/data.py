@@ -95,7 +95,7 @@ def recorded_steps(
 
 
 def _usable(
-    recording: Recording, raw: list[_Stretch], ratio: float, series: tuple[Harmonic, ...]
+    recording: Recording, raw: list[_StepRecord], ratio: float, series: tuple[Harmonic, ...]
 ) -> tuple[list[RecordedStep], list[str]]:
     """The steps that can be used, their kinematic error being `series`, and words on those that cannot."""
     quanta = {
@@ -136,7 +136,7 @@ def carries(gear: HarmonicDrive, reference: PhaseReference) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Stretch:
+class _StepRecord:
     """The channels of one step with some standstill before it, as they were recorded."""
 
     segment: Segment
@@ -153,7 +153,7 @@ def _arrays(
     reference: float,
     zero: TorqueZero | None,
     certified: Mapping[str, CertifiedAngle],
-) -> _Stretch:
+) -> _StepRecord:
     rate = recording.metadata.sample_rate
     if not math.isfinite(rate):
         rate = 1000.0
@@ -168,7 +168,7 @@ def _arrays(
     torque = None
     if zero is not None:
         torque = recording.si("torque", rows)[good] - zero.at(stamp[good])
-    return _Stretch(
+    return _StepRecord(
         segment=segment,
         time=time,
         input_angle=angle_of(recording, "input_angle", rows, certified)[good] - reference,
@@ -203,7 +203,7 @@ def _risen(since: FloatArray) -> FloatArray:
     return RISE * rising + np.maximum(since - RISE, 0.0)
 
 
-def _own_series(raw: list[_Stretch], ratio: float, resonance: float) -> tuple[Harmonic, ...]:
+def _own_series(raw: list[_StepRecord], ratio: float, resonance: float) -> tuple[Harmonic, ...]:
     """Whole orders of theta_o - theta_i/N over the steady parts of the slow steps, one constant per
     step; () without any.
     """

@@ -168,7 +168,7 @@ def _estimate(
     half = math.hypot(
         *(coverage_factor(line.degrees_of_freedom) * line.standard_uncertainty for line in own)
     )
-    verdict, note = _told(value, half, ratio)
+    verdict, note = _identifiability(value, half, ratio)
     return Estimate(
         name=name,
         value=value,
@@ -185,7 +185,7 @@ def _share(line: BudgetLine, factor: float) -> BudgetLine:
     return dataclasses.replace(line, standard_uncertainty=line.standard_uncertainty * factor)
 
 
-def _told(value: float, half: float, ratio: Estimate) -> tuple[Identifiable, str]:
+def _identifiability(value: float, half: float, ratio: Estimate) -> tuple[Identifiable, str]:
     """Whether an inertia is told: by the torque, and by a mode that the steps tell."""
     if value <= 2.0 * half:
         return ("weakly" if value > half else "no"), "the torque of the ringing hardly shows it"

@@ -69,7 +69,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "amplitude": fit.amplitude,
             "torque_of_lost_motion": fit.torque,
         },
-        warnings=(*checked.warnings, *_said(recording, fit, level)),
+        warnings=(*checked.warnings, *_remarks(recording, fit, level)),
         plots=(_plot(fit, angle, moment),),
         tables=(_table(fit), budget_table(estimates.values())),
         options={"angle": angle_name, "torque": torque},
@@ -152,7 +152,7 @@ def _with_scale(fit: HysteresisFit, recording: Recording, torque: str) -> dict[s
     }
 
 
-def _said(recording: Recording, fit: HysteresisFit, level: float | None) -> list[str]:
+def _remarks(recording: Recording, fit: HysteresisFit, level: float | None) -> list[str]:
     said: list[str] = []
     if level is None:
         said.append(

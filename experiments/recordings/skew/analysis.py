@@ -76,12 +76,12 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
             "first": first,
             "second": second,
             "rows_averaged": fit.rows_averaged,
-            "stated_s": _stated(recording, first, second),
+            "stated_s": _stated_delay(recording, first, second),
         },
     )
 
 
-def _stated(recording: Recording, first: str, second: str) -> float | None:
+def _stated_delay(recording: Recording, first: str, second: str) -> float | None:
     """By how much the import states the second channel to be later [s]; None where it states nothing of either."""
     lags = stated_lag(recording, first), stated_lag(recording, second)
     return None if lags == (None, None) else (lags[1] or 0.0) - (lags[0] or 0.0)
@@ -89,7 +89,7 @@ def _stated(recording: Recording, first: str, second: str) -> float | None:
 
 def _against_stated(recording: Recording, first: str, second: str, fit: SkewFit) -> list[str]:
     """What is said where the delay is not the one that the import states."""
-    lag, skew = _stated(recording, first, second), fit.skew
+    lag, skew = _stated_delay(recording, first, second), fit.skew
     if lag is None or abs(skew.value - lag) <= skew.expanded_uncertainty:
         return []
     return [
@@ -144,10 +144,10 @@ def _pair(recording: Recording, first: str, second: str) -> tuple[Pair, list[str
         has_hysteresis=kind == ANGLE or is_force,
         has_friction=is_force,
     )
-    return pair, _said(recording, kinds, first, second)
+    return pair, _remarks(recording, kinds, first, second)
 
 
-def _said(recording: Recording, kinds: tuple[int, int], first: str, second: str) -> list[str]:
+def _remarks(recording: Recording, kinds: tuple[int, int], first: str, second: str) -> list[str]:
     across = {first, second} == {"input_angle", "output_angle"}
     if kinds == (ANGLE, ANGLE) and across and recording.metadata.gear_mounted:
         return [

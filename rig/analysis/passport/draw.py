@@ -241,7 +241,7 @@ def _spectrum(quantity: Quantity, one: AnalysedRun) -> dict[float, tuple[float, 
     ratio = one.analysis.result.options.get("ratio")
     spectrum: dict[float, tuple[float, float]] = {}
     for name, estimate in one.estimates.items():
-        if not quantity.matches(name) or not _shown(estimate):
+        if not quantity.matches(name) or not _is_drawn(estimate):
             continue
         order = order_of(quantity.member(name), ratio)
         if math.isfinite(order):
@@ -249,7 +249,7 @@ def _spectrum(quantity: Quantity, one: AnalysedRun) -> dict[float, tuple[float, 
     return spectrum
 
 
-def _shown(estimate: Estimate) -> bool:
+def _is_drawn(estimate: Estimate) -> bool:
     return estimate.value > 0.0 and estimate.identifiable != "no"
 
 
@@ -273,13 +273,13 @@ def point_table(series: PassportSeries) -> Table:
             point.value / factor,
             point.expanded_uncertainty / factor,
             "" if point.expected is None else point.expected / factor,
-            "; ".join((*_told(point), *point.remarks)),
+            "; ".join((*_point_words(point), *point.remarks)),
         )
         for point in series.points
     )
     return Table(f"passport-{series.quantity}", series.title, columns, rows, " ".join(series.notes))
 
 
-def _told(point: PassportPoint) -> Iterator[str]:
+def _point_words(point: PassportPoint) -> Iterator[str]:
     if point.is_alarm:
         yield "a change is told here"

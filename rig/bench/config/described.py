@@ -27,7 +27,7 @@ _NOT_SHOWN = frozenset({"calibration", "model", "title"})
 def description_hash(configuration: RigConfiguration) -> str:
     """The hash over the tables that a commissioning rests on, with the SYNC rate and the motor."""
     tables: dict[str, Any] = {
-        name: _shown(_dumped(getattr(configuration, name))) for name in _TABLES
+        name: _readable(_dumped(getattr(configuration, name))) for name in _TABLES
     }
     about = {"sample_rate": configuration.rig.sample_rate_hz, "motor": configuration.rig.motor}
     return hash_of({**tables, **about})
@@ -39,7 +39,7 @@ def _dumped(table: Any) -> Any:
     return None if table is None else table.model_dump(mode="json")
 
 
-def _shown(value: Any) -> Any:
+def _readable(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _shown(one) for key, one in value.items() if key not in _NOT_SHOWN}
-    return [_shown(one) for one in value] if isinstance(value, list) else value
+        return {key: _readable(one) for key, one in value.items() if key not in _NOT_SHOWN}
+    return [_readable(one) for one in value] if isinstance(value, list) else value

@@ -150,15 +150,15 @@ def _refused(error: Mapping[str, Any]) -> Finding:
     path = _path_text(place)
     kind, given = str(error["type"]), error.get("input")
     if kind == "extra_forbidden":
-        return _problem(path, _shown(given), "no such word here", _nearest(place))
+        return _problem(path, _quoted(given), "no such word here", _nearest(place))
     if kind == "missing":
         return _problem(path, "", "is missing")
     if path == "format":
         return _problem(
-            path, _shown(given), f'is not the format of a rig\'s description; expected "{FORMAT}"'
+            path, _quoted(given), f'is not the format of a rig\'s description; expected "{FORMAT}"'
         )
     reason = str(error["msg"]).removeprefix("Value error, ")
-    shown = "" if isinstance(given, Mapping | list) else _shown(given)
+    shown = "" if isinstance(given, Mapping | list) else _quoted(given)
     return _problem(path or "the whole file", shown, reason[:1].lower() + reason[1:])
 
 
@@ -173,7 +173,7 @@ def _path_text(place: Sequence[str | int]) -> str:
     return text.removeprefix(".")
 
 
-def _shown(value: object) -> str:
+def _quoted(value: object) -> str:
     text = repr(value)
     return text if len(text) <= 80 else text[:77] + "..."
 

@@ -209,7 +209,8 @@ def _numbers(found: _Certificate) -> Iterator[Finding]:
             said, kept = one["numbers"].get(name, {}), stored.get(name, {})
             if any(not _is_same(said.get(key), kept.get(key)) for key in STORED):
                 wrong += 1
-                text = f"{one['kind']} {name}: {_told(said)} in the record, {_told(kept)} in {one['file']}"
+                here, there = _number_text(said), _number_text(kept)
+                text = f"{one['kind']} {name}: {here} in the record, {there} in {one['file']}"
                 yield Finding("numbers", Severity.BLOCKS, text)
     if not wrong:
         yield Finding(
@@ -217,7 +218,7 @@ def _numbers(found: _Certificate) -> Iterator[Finding]:
         )
 
 
-def _told(number: Mapping[str, Any]) -> str:
+def _number_text(number: Mapping[str, Any]) -> str:
     if not number:
         return "nothing"
     return f"{number.get('value')} ± {number.get('expanded_uncertainty')} {number.get('unit', '')}"

@@ -26,7 +26,7 @@ from rig.runfile.importing.map_keys import (
 )
 from rig.runfile.importing.opening import open_tables
 from rig.runfile.importing.proposed import Proposal, Question
-from rig.runfile.importing.reach import reach_of
+from rig.runfile.importing.suitability import unsuited_for
 from rig.runfile.importing.units import TIME_CHANNEL, TRANSMISSION_ERROR
 
 _TABLE_KIND = "friction-curve"
@@ -161,7 +161,7 @@ def command_of(kind: str, files: Sequence[Path], options: ImportOptions) -> str:
         for flag, value, unit in stated:
             if value is not None:
                 words += [flag, f"{one.name}={_written(value)}{unit}"]
-    for key, value in _said(options, (*RECORDING_KEYS, *GEAR_KEYS)):
+    for key, value in _stated_options(options, (*RECORDING_KEYS, *GEAR_KEYS)):
         flag = FLAGS.get(key, f"--{key.replace('_', '-')}")
         words.append(flag)
         if not isinstance(value, bool):
@@ -181,8 +181,8 @@ def map_text(options: ImportOptions) -> str:
         entry = [(key.name, getattr(one, key.name)) for key in CHANNEL_KEYS]
         lines += _entries((key, value) for key, value in entry if value not in ("", None, 0.0))
     for table, said in (
-        ("recording", _said(options, RECORDING_KEYS)),
-        ("gear", _said(options, GEAR_KEYS)),
+        ("recording", _stated_options(options, RECORDING_KEYS)),
+        ("gear", _stated_options(options, GEAR_KEYS)),
         (CONDITIONS, options.conditions.items()),
     ):
         entries = _entries(said)
@@ -191,7 +191,7 @@ def map_text(options: ImportOptions) -> str:
     return "\n".join(lines)
 
 
-def _said(options: ImportOptions, keys: Sequence[Key]) -> Iterator[tuple[str, Any]]:
+def _stated_options(options: ImportOptions, keys: Sequence[Key]) -> Iterator[tuple[str, Any]]:
     """What was said beside the channels, by its key in a map: what is not as it is without."""
     for key in keys:
         value = getattr(options, key.field)
@@ -214,5 +214,5 @@ def _written(value: object) -> str:
 
 def good_for(kind: str, files: Sequence[Path], options: ImportOptions) -> list[str]:
     """The kinds of fit that the recording can bear, as far as its channels tell."""
-    reach = reach_of(look_at(open_tables(kind, files, options), options), options)
-    return [name for name, why in reach.items() if not why]
+    reasons = unsuited_for(look_at(open_tables(kind, files, options), options), options)
+    return [name for name, why in reasons.items() if not why]

@@ -134,12 +134,12 @@ def _process(
             }
             for s in (*options.channels, *options.reverse)
         ],
-        "stated": _stated(options, ratio),
+        "stated": _device_facts(options, ratio),
         **extension_records(one.brought_by for one in tables if isinstance(one, ArrayTable)),
     }
 
 
-def _stated(options: ImportOptions, ratio: float) -> dict[str, Any]:
+def _device_facts(options: ImportOptions, ratio: float) -> dict[str, Any]:
     """What a person said of the device; keys with false or nothing were left open."""
     stated: dict[str, Any] = {
         "output_sense": bool(options.output_sense),

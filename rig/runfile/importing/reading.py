@@ -94,13 +94,15 @@ class Reading:
                     zip(self._recorded, wiring.places, strict=True)
                 )
             ]
-            stored += self._made(times, stored)
+            stored += self._computed_columns(times, stored)
             self._watch(times, stored, piece)
             self.rows += len(times)
             self.last_ns = int(times[-1])
             yield Rows(times, piece.cycles, stored)
 
-    def _made(self, times: NDArray[np.int64], stored: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    def _computed_columns(
+        self, times: NDArray[np.int64], stored: list[NDArray[Any]]
+    ) -> list[NDArray[Any]]:
         """The numbers of the channels that no column holds."""
         if not self.derived:
             return []

@@ -73,7 +73,7 @@ class Words:
 
 
 @dataclass(frozen=True)
-class Stretch:
+class MotionInterval:
     """Rows [start, stop) with one value in the deciding column, seconds between first and last, turned angle."""
 
     value: float
@@ -90,7 +90,7 @@ class SteadyStretches:
         self._row = 0
         self._open: tuple[float, int, int, float] | None = None
         self._latest = (0, 0.0)
-        self.found: list[Stretch] = []
+        self.found: list[MotionInterval] = []
 
     def see(
         self,
@@ -115,7 +115,9 @@ class SteadyStretches:
         if self._open is not None:
             value, start, begin_ns, begin_angle = self._open
             seconds = (time_ns - begin_ns) * 1e-9
-            self.found.append(Stretch(value, start, stop, seconds, float(angle) - begin_angle))
+            self.found.append(
+                MotionInterval(value, start, stop, seconds, float(angle) - begin_angle)
+            )
 
     def segments(self, wanted: SegmentsFrom, words: Words) -> list[Segment]:
         """The stretches with labels: set-points other than 0 that last, or the labelled words of a column.
@@ -159,7 +161,7 @@ class SteadyStretches:
         return segments
 
     @staticmethod
-    def _label(stretch: Stretch, wanted: SegmentsFrom, words: Words) -> str:
+    def _label(stretch: MotionInterval, wanted: SegmentsFrom, words: Words) -> str:
         if wanted.setpoint:
             return wanted.label if stretch.value and stretch.seconds >= wanted.least_s else ""
         word = words.word(stretch.value)

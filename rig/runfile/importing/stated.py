@@ -38,7 +38,9 @@ def with_stated(
                     where=f"{flag} {name}",
                     limit=", ".join(names),
                 )
-            sources = [_stated(one, flag, value) if one.name == name else one for one in sources]
+            sources = [
+                _with_value(one, flag, value) if one.name == name else one for one in sources
+            ]
     return replace(options, channels=tuple(sources))
 
 
@@ -57,7 +59,7 @@ def stated_speed(options: ImportOptions) -> float | None:
     return speed
 
 
-def _stated(source: ChannelSource, flag: str, value: str | float) -> ChannelSource:
+def _with_value(source: ChannelSource, flag: str, value: str | float) -> ChannelSource:
     """The channel with one value stated."""
     if flag == "--modulus":
         return replace(source, modulus=_plain(f"{flag} {source.name}", value))

@@ -265,7 +265,7 @@ def _matched(streams: Sequence[Stream], left_out: LeftOut) -> Iterator[Piece]:
         for part in parts[1:]:
             common = np.intersect1d(common, part.stamps, assume_unique=True)
         for stream, part in zip(streams, parts, strict=True):
-            _refuse_lonely(stream, part, common, left_out)
+            _refuse_unmatched(stream, part, common, left_out)
         if len(common):
             chosen = [part.rows(np.isin(part.stamps, common)) for part in parts]
             values = np.column_stack([part.values for part in chosen])
@@ -285,7 +285,7 @@ def _beyond(piece: Piece | None, reach: int) -> Piece | None:
     return None if piece is None else piece.rows(piece.stamps > reach)
 
 
-def _refuse_lonely(
+def _refuse_unmatched(
     stream: Stream, part: Piece, common: NDArray[np.int64], left_out: LeftOut
 ) -> None:
     """Refuse the rows of a stream that the others don't have; one message for all of a batch."""

@@ -59,7 +59,7 @@ class CampaignOrder:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Crew:
+class CampaignCallbacks:
     """Who has a say while a campaign goes on: STOP, prompts, the arming of each run, and what is shown.
 
     `confirm` asks for what arms a run on hardware, once for each run and kept nowhere; `begun` hears of a stage that
@@ -138,7 +138,7 @@ class CampaignReport:
         }
 
 
-def conduct(order: CampaignOrder, crew: Crew) -> CampaignReport:
+def conduct(order: CampaignOrder, crew: CampaignCallbacks) -> CampaignReport:
     """Run what is not done yet, analyse it, and judge the gear. Raises only before anything moves."""
     journal, resumed = _opened(order)
     analysed: list[Analysed] = []
@@ -175,7 +175,7 @@ def _opened(order: CampaignOrder) -> tuple[Journal, tuple[str, ...]]:
 
 
 def _run_missing(
-    journal: Journal, order: CampaignOrder, crew: Crew, analyses: Analyst
+    journal: Journal, order: CampaignOrder, crew: CampaignCallbacks, analyses: Analyst
 ) -> tuple[Journal, RunReport | None]:
     """Run every stage that does not count yet, until one does not come to its end."""
     from rig.run.start import run_order
@@ -259,7 +259,7 @@ def _concluded(
     resumed: tuple[str, ...],
 ) -> CampaignReport:
     newest = {one.run: one for one in analysed}
-    found = list(_found(journal, order))
+    found = list(_analyses_in_force(journal, order))
     return CampaignReport(
         walk=order.walk,
         journal=journal,
@@ -271,7 +271,7 @@ def _concluded(
     )
 
 
-def _found(journal: Journal, order: CampaignOrder) -> Iterator[StoredResult]:
+def _analyses_in_force(journal: Journal, order: CampaignOrder) -> Iterator[StoredResult]:
     """The analyses in force of the runs that count."""
     from rig.analysis.in_force import in_force
     from rig.gears.acceptance import Part

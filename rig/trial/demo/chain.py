@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from rig.bench.backends.order import StartState, WorldChoice
 from rig.errors import RigError
 from rig.gears.acceptance import shipped_acceptance
-from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew, conduct
+from rig.trial.campaign.conduct import CampaignCallbacks, CampaignOrder, CampaignReport, conduct
 from rig.trial.campaign.plan import CampaignPlan, Stage, shipped_plan
 from rig.trial.campaign.walk import WalkedStage, walk
 
@@ -184,7 +184,7 @@ def demonstrate(
     watcher = _Watcher(show, order.folder)
     report = conduct(
         campaign_order(order, beside=beside),
-        Crew(
+        CampaignCallbacks(
             stop=stop or StopRequest(),
             ask=lambda prompt: "simulated",
             begun=watcher.begun,

@@ -173,7 +173,7 @@ class NewGearForm(QWidget):
     def make(self) -> None:
         """Write parameter set and card; what is refused is said at its field."""
         self.look_up()
-        stated = self._stated()
+        stated = self._nameplate()
         if stated is None:
             self.more_button.setChecked(True)
         if self.gear is None or stated is None or self._waits_for():
@@ -222,7 +222,7 @@ class NewGearForm(QWidget):
         self.more_button.setChecked(False)
         self.look_up()
 
-    def _stated(self) -> dict[str, float] | None:
+    def _nameplate(self) -> dict[str, float] | None:
         """What was read off the nameplate [SI]; None while a field is refused, which says why."""
         stated, refused = {}, False
         for path, field in self.nameplate.items():

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from model.errors import WordedError
-from rig.analysis.fit import LEFT_AWAY
+from rig.analysis.fit import TARE_DECLINED
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.judging import GearVerdict, not_judged
 from rig.analysis.passport.followed import watched_kinds
@@ -321,7 +321,7 @@ def _order_for(run: IndexedRun, found: InForce) -> FitOrder | None:
     if found.stale:
         return renewal_of(run.path, found)
     lacks_tare = takes_tare(run.protocol) and not found.analysis.tare
-    if not lacks_tare or found.analysis.content.get("no_tare") == [LEFT_AWAY]:
+    if not lacks_tare or found.analysis.content.get("no_tare") == [TARE_DECLINED]:
         return None
     recording = open_run(run.path, rows=False)
     try:

@@ -67,13 +67,13 @@ class Pacer:
         rows = self._rows
         if left > 0.0:
             rows = min(rows, int(elapsed / (elapsed + left) * rows) + 1)
-        return self._taken(max(rows, self._rows - MOST))
+        return self._next_blocks(max(rows, self._rows - MOST))
 
     def rest(self) -> list[Block]:
         """All that waits: the run is over."""
-        return self._taken(self._rows)
+        return self._next_blocks(self._rows)
 
-    def _taken(self, rows: int) -> list[Block]:
+    def _next_blocks(self, rows: int) -> list[Block]:
         """So many rows, few of them as one block: each block costs every view a turn."""
         taken: list[Block] = []
         while rows > 0 and self._waiting:

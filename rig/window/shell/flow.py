@@ -53,7 +53,7 @@ class FlowLayout(QLayout):
 
     def sizeHint(self) -> QSize:
         """All parts in one line."""
-        sizes = [item.sizeHint() for item in self._shown()]
+        sizes = [item.sizeHint() for item in self._visible_items()]
         between = self.spacing() * max(len(sizes) - 1, 0)
         return QSize(
             sum(one.width() for one in sizes) + between,
@@ -62,7 +62,7 @@ class FlowLayout(QLayout):
 
     def minimumSize(self) -> QSize:
         """As wide as the widest part, and as high as the lines that it has now: what is around it may scroll."""
-        sizes = [item.minimumSize() for item in self._shown()]
+        sizes = [item.minimumSize() for item in self._visible_items()]
         width = max((one.width() for one in sizes), default=0)
         height = max((one.height() for one in sizes), default=0)
         return QSize(width, max(height, self._height))
@@ -87,13 +87,13 @@ class FlowLayout(QLayout):
                 left += width + self.spacing()
             top += height + self.spacing()
 
-    def _shown(self) -> list[QLayoutItem]:
+    def _visible_items(self) -> list[QLayoutItem]:
         return [item for item in self._items if not item.isEmpty()]
 
     def _lines(self, width: int) -> list[Line]:
         lines: list[Line] = []
         room = 0
-        for item in self._shown():
+        for item in self._visible_items():
             size = item.sizeHint().expandedTo(item.minimumSize())
             size.setWidth(min(size.width(), max(width, item.minimumSize().width())))
             if not lines or size.width() > room:

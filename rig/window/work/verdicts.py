@@ -59,10 +59,10 @@ def verdict_reasons(listed: ListedVerdict | None) -> str:
 
 def listed_verdict(run: IndexedRun) -> ListedVerdict | None:
     """The verdict on what a run measured; None for one that is not sealed."""
-    return _shown(judge_listed([run]).get(run.path))
+    return _listed(judge_listed([run]).get(run.path))
 
 
-def _shown(judged: JudgedRun | None) -> ListedVerdict | None:
+def _listed(judged: JudgedRun | None) -> ListedVerdict | None:
     return judged and ListedVerdict(judged.verdict, judged.found.stale)
 
 
@@ -81,7 +81,7 @@ def read_run(path: Path) -> ReadRun:
         return ReadRun(None)
     judged = judge_listed([run]).get(path)
     analysis = judged.found.analysis if judged and judged.found.of_this_run else None
-    return ReadRun(_shown(judged), analysis and analysis.whole_result())
+    return ReadRun(_listed(judged), analysis and analysis.whole_result())
 
 
 class VerdictDesk(QObject):

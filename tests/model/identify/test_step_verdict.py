@@ -22,7 +22,7 @@ from model.identify.step_estimates import (
     WIDEST,
     Reading,
     _ringing_left,
-    _Told,
+    _RungAnswer,
     _weighed_damping,
     ran_away,
 )
@@ -61,8 +61,8 @@ def test_a_mode_that_leaves_a_ringing_is_weak_and_doubt_of_the_law_is_in_the_sta
     doubt = ("choice of the rung", "to the next richer rung", np.full(size, 0.02))
     ones = np.ones(size)
 
-    def told(ringing: float, *lines: tuple[str, str, np.ndarray]) -> _Told:
-        return _Told(ones, 0.01 * ones, 3.0 * ones, lines, ringing)
+    def told(ringing: float, *lines: tuple[str, str, np.ndarray]) -> _RungAnswer:
+        return _RungAnswer(ones, 0.01 * ones, 3.0 * ones, lines, ringing)
 
     assert told(1.0).estimate(0).identifiable == "yes"
     weak = told(1.01 * RINGS_ON).estimate(0)
@@ -80,7 +80,7 @@ def test_a_damping_ratio_is_told_within_its_own_target() -> None:
 
     def verdict(damping: float, error: float) -> str:
         centre = np.full(size, np.log(damping))
-        told = _Told(centre, np.full(size, error / damping), np.full(size, 50.0), (), 1.0)
+        told = _RungAnswer(centre, np.full(size, error / damping), np.full(size, 50.0), (), 1.0)
         return told.estimate(index).identifiable
 
     assert [verdict(0.02, e) for e in (0.004, 0.01, 0.04)] == ["yes", "weakly", "no"]
@@ -96,7 +96,7 @@ def test_what_is_left_near_the_mode_leaves_its_damping_open_before_its_frequency
     index = [[name for name, _ in STATED].index(name) for name in names]
 
     def called(left: float) -> list[str]:
-        told = _Told(centre, np.full(size, 0.01), np.full(size, 50.0), (), 1.0, left)
+        told = _RungAnswer(centre, np.full(size, 0.01), np.full(size, 50.0), (), 1.0, left)
         return [told.estimate(at).identifiable for at in index]
 
     assert called(1.1) == ["yes", "yes"]
@@ -118,7 +118,7 @@ def reading(damping: float = 0.02, frequency: float = 40.0, error: float = 0.01)
 
 def weighed(
     costs: tuple[float, ...], dampings: tuple[float, ...], samples: int = 1000
-) -> tuple[_Told, _Told]:
+) -> tuple[_RungAnswer, _RungAnswer]:
     """The chosen rung (the first) with the worst neighbour as its line, and the same with all rungs by their cost."""
     readings = {name: reading(z) for name, z in zip(RUNGS, dampings, strict=False)}
     answers: Any = {
@@ -129,7 +129,7 @@ def weighed(
     lines = tuple(
         (source, "of the chosen rung", np.ones(len(STATED))) for source in (BY_RUNG, NO_HYSTERESIS)
     )
-    told = _Told(first.centre, first.error, first.freedom, lines, 1.0)
+    told = _RungAnswer(first.centre, first.error, first.freedom, lines, 1.0)
     return told, _weighed_damping(told, cast(Problem, None), answers, readings)
 
 

@@ -12,7 +12,7 @@ from experiments.errors import AnalysisError
 from model.gear_file import gear_to_mapping, shipped_gear
 from rig.analysis import digest as digesting
 from rig.analysis.digest import Digest, choices_of, digest, read_or_digest, renew
-from rig.analysis.fit import LEFT_AWAY, Fit, fit_in_force
+from rig.analysis.fit import TARE_DECLINED, Fit, fit_in_force
 from rig.analysis.fit_run import TARE_AGE_SETTING, Choices
 from rig.analysis.gear_set import GearSource, card_set, set_sha256
 from rig.analysis.in_force import in_force, keep
@@ -123,7 +123,7 @@ def test_what_is_to_be_done_next_names_the_tare_that_is_missing(
         f"rig report --gear A1 --runs {run.parent}",
     )
     assert made.fit is not None
-    by_hand = replace(made.fit, found_tare=FoundTare(None, (LEFT_AWAY,)))
+    by_hand = replace(made.fit, found_tare=FoundTare(None, (TARE_DECLINED,)))
     assert Digest(path=run, fit=by_hand, in_force=made.in_force).next_steps == made.next_steps[1:]
 
 
@@ -151,7 +151,7 @@ def test_what_was_chosen_by_hand_is_chosen_again(run: Path) -> None:
     assert (again.tare, again.gear, again.settings) == (None, None, {"channel": "torque"})
     write(run.parent, 3)
     (other,) = run.parent.glob("00003-*.h5")
-    append_analysis(other, friction_result(), replace(basis, tare={}, no_tare=(LEFT_AWAY,)))
+    append_analysis(other, friction_result(), replace(basis, tare={}, no_tare=(TARE_DECLINED,)))
     assert choices_of(other, in_force(other)).no_tare
 
 

@@ -13,7 +13,7 @@ import pytest
 from drivers.channel import Channel
 from experiments.recording import ArraySource, Recording, RunMetadata
 from rig.analysis import fit_run as fitting
-from rig.analysis.fit import LEFT_AWAY
+from rig.analysis.fit import TARE_DECLINED
 from rig.analysis.fit_run import Choices
 from rig.analysis.tare import FoundTare, find_tare, tare_days_of, tares_beside, tares_wanted
 from rig.library.index import LibraryIndex
@@ -201,7 +201,7 @@ def test_by_hand_a_tare_is_taken_as_it_is_or_left_away(
     by_hand = fitting._tare_for(run_of(), run, "friction", Choices(tare=chosen))
     assert (by_hand.fit, by_hand.found.path, by_hand.found.by_hand) == (tare_fit, chosen, True)
     none = fitting._tare_for(run_of(), run, "friction", Choices(no_tare=True))
-    assert (none.fit, none.found.because) == (None, (LEFT_AWAY,))
+    assert (none.fit, none.found.because) == (None, (TARE_DECLINED,))
     by_itself = fitting._tare_for(run_of(), run, "friction", Choices())
     assert by_itself.found.path is not None
     assert by_itself.found.path.name == "00002-motor-tare-bare.h5"
@@ -270,5 +270,5 @@ def test_a_fit_without_a_tare_says_why_and_what_is_lost() -> None:
         "without a motor-tare the torque is that of motor and gear together",
     )
     assert without.lacks_tare
-    by_hand = dataclasses.replace(without, found_tare=FoundTare(None, (LEFT_AWAY,)))
+    by_hand = dataclasses.replace(without, found_tare=FoundTare(None, (TARE_DECLINED,)))
     assert not by_hand.lacks_tare

@@ -9,8 +9,8 @@ import pytest
 
 from rig.errors import RunFileError
 from rig.library.index import LibraryIndex
-from rig.library.living import is_being_written
 from rig.library.place import index_path
+from rig.library.writer_alive import is_being_written
 from rig.runfile.opening import open_for_reading
 from rig.runfile.read import close_recording, follow, open_run
 from rig.runfile.recover import recover_run

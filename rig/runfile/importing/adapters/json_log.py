@@ -59,7 +59,7 @@ def json_table(path: Path) -> ArrayTable:
 
 
 @dataclass(frozen=True)
-class _Found:
+class _ColumnTable:
     """The columns of one table, and the lists beside them that are shorter, with their lengths."""
 
     columns: dict[str, list[Any]]
@@ -71,14 +71,14 @@ class _Found:
         return max(map(len, self.columns.values()), default=0)
 
 
-def _columns(content: Any) -> _Found:
+def _columns(content: Any) -> _ColumnTable:
     """The table with most rows; empty where there is none."""
     places = [content, *content.values()] if isinstance(content, dict) else [content]
     tables = [table for place in places for table in _tables(place)]
-    return max(tables, key=lambda one: one.rows, default=_Found({}))
+    return max(tables, key=lambda one: one.rows, default=_ColumnTable({}))
 
 
-def _tables(place: Any) -> Iterator[_Found]:
+def _tables(place: Any) -> Iterator[_ColumnTable]:
     """What one part of a file is as a table, by each form that it has."""
     if isinstance(place, list):
         yield from _of_list(place)
@@ -88,23 +88,23 @@ def _tables(place: Any) -> Iterator[_Found]:
         yield from _of_columns(place)
 
 
-def _of_list(rows: list[Any]) -> Iterator[_Found]:
+def _of_list(rows: list[Any]) -> Iterator[_ColumnTable]:
     """Rows that all are objects, or all lists."""
     kinds = set(map(type, rows))
     if kinds == {dict}:
         names = dict.fromkeys(key for row in rows for key in row)
-        yield _Found({name: [row.get(name) for row in rows] for name in names})
+        yield _ColumnTable({name: [row.get(name) for row in rows] for name in names})
     elif kinds == {list}:
-        yield _Found(_of_rows(rows))
+        yield _ColumnTable(_of_rows(rows))
 
 
-def _of_split(names: Any, rows: Any) -> Iterator[_Found]:
+def _of_split(names: Any, rows: Any) -> Iterator[_ColumnTable]:
     """Rows as lists, with their names beside them."""
     if isinstance(names, list) and isinstance(rows, list):
-        yield _Found(_of_rows([[str(name) for name in names], *rows]))
+        yield _ColumnTable(_of_rows([[str(name) for name in names], *rows]))
 
 
-def _of_columns(place: dict[str, Any]) -> Iterator[_Found]:
+def _of_columns(place: dict[str, Any]) -> Iterator[_ColumnTable]:
     """Columns as lists, and columns as objects by row number: each kind a table of its own."""
     lists = {k: v for k, v in place.items() if isinstance(v, list) and not _holds(v)}
     by_row = {k: v for k, v in place.items() if isinstance(v, dict) and v}
@@ -114,7 +114,7 @@ def _of_columns(place: dict[str, Any]) -> Iterator[_Found]:
     if numbers:
         # A row that one column lacks is a hole there, not the next row's number.
         keys = dict.fromkeys(key for column in numbers.values() for key in column)
-        yield _Found({name: [c.get(key) for key in keys] for name, c in numbers.items()})
+        yield _ColumnTable({name: [c.get(key) for key in keys] for name, c in numbers.items()})
 
 
 def _holds(values: Iterable[Any]) -> bool:
@@ -122,10 +122,10 @@ def _holds(values: Iterable[Any]) -> bool:
     return any(isinstance(value, (list, dict)) for value in values)
 
 
-def _of_longest(columns: dict[str, list[Any]]) -> _Found:
+def _of_longest(columns: dict[str, list[Any]]) -> _ColumnTable:
     """The columns that have as many rows as the longest; of the shorter ones nobody knows which rows they are of."""
     longest = max(map(len, columns.values()))
-    return _Found(
+    return _ColumnTable(
         {name: values for name, values in columns.items() if len(values) == longest},
         {name: len(values) for name, values in columns.items() if len(values) < longest},
     )

@@ -55,7 +55,7 @@ class LabviewTable(TextRows):
                 value=f"{len(ends)} lines {_END}",
                 limit="2 in the first 400 lines, a line of headings, rows",
             )
-        separator = _stated(lines[: ends[0]], "Separator").lower()
+        separator = _header_value(lines[: ends[0]], "Separator").lower()
         self.delimiter = _DELIMITERS.get(separator, separator)
         block = {
             cells[0]: cells[1:]
@@ -66,9 +66,9 @@ class LabviewTable(TextRows):
         self._comments = [*headings, "Comment"].index("Comment")
         self.headings = tuple(headings)
         self.first_row = ends[1] + 2
-        comma = _stated(lines[: ends[0]], "Decimal_Separator") == ","
+        comma = _header_value(lines[: ends[0]], "Decimal_Separator") == ","
         self.decimal_commas = (comma,) * len(headings)
-        kind = _stated(lines[: ends[0]], "X_Columns") or "One"
+        kind = _header_value(lines[: ends[0]], "X_Columns") or "One"
         self._refuse_second_block()
         is_time = all(cell in ("Time", "") for cell in block.get("X_Dimension", ["Time"]))
         self._find_times(block.get("Y_Unit_Label", []), kind, is_time=is_time)
@@ -78,7 +78,7 @@ class LabviewTable(TextRows):
             f"LabVIEW measurement, {len(self.headings)} columns, X_Columns {kind}, "
             f"decimal {MARK_WORDS[comma]}",
             *self._recorded(block),
-            *self._said(block),
+            *self._row_comments(block),
         )
 
     def _find_times(self, labels: list[str], kind: str, *, is_time: bool) -> None:
@@ -131,7 +131,7 @@ class LabviewTable(TextRows):
         if said.strip():
             yield f"recorded {said.strip()}, local time: give it with --start"
 
-    def _said(self, block: dict[str, list[str]]) -> list[str]:
+    def _row_comments(self, block: dict[str, list[str]]) -> list[str]:
         """Comments beside the rows, and a number of samples that is not the one of the rows."""
         rows, comments, first = 0, 0, []
         with open_text(self.path, self.encoding) as stream:
@@ -156,7 +156,7 @@ class LabviewTable(TextRows):
         return said
 
 
-def _stated(header: list[str], name: str) -> str:
+def _header_value(header: list[str], name: str) -> str:
     """A value of the first header; "" where it is not there."""
     for line in header:
         if line.startswith(name):

@@ -56,7 +56,7 @@ class MdfTable(BlockTable):
         found: list[tuple[str, str, str, _Place]] = []
         with self._open(path) as file:
             start_ns = calendar_ns(file.header.start_time)
-            said = _said(file)
+            said = _comments(file)
             for number, group in enumerate(file.groups):
                 found += _channels_of(file, number, group)
         headings = headings_of([(group, name) for group, name, _, _ in found])
@@ -131,7 +131,7 @@ class MdfTable(BlockTable):
         return values
 
 
-def _said(file: Any) -> Mapping[str, object]:
+def _comments(file: Any) -> Mapping[str, object]:
     """The comment of the file, who made it and of what, and the comment of each channel."""
     own = {"comment": file.header.description}
     own |= {name: getattr(file.header, name, "") for name in _WHOSE}

@@ -58,7 +58,7 @@ class TdmsTable(BlockTable):
                 if len(channel) and (channel.dtype.kind in NUMERIC or _is_moment(channel))
             ]
             is_cut = bool(file.file_status.incomplete_final_segment)
-            said = _said(file, channels)
+            said = _comments(file, channels)
             start_ns = min((found for c in channels if (found := _start(c))), default=0)
         names = headings_of([(channel.group_name, channel.name) for channel in channels])
         self._places: dict[str, tuple[str, str]] = {
@@ -153,7 +153,7 @@ class TdmsTable(BlockTable):
         return as_numbers(values, self.path, name)
 
 
-def _said(file: Any, channels: Sequence[Any]) -> dict[str, object]:
+def _comments(file: Any, channels: Sequence[Any]) -> dict[str, object]:
     """What stands in the properties of the file in words, and the description of each channel."""
     own = {name: text for name, text in file.properties.items() if isinstance(text, str)}
     of_channels = {c.name: c.properties.get("description") for c in channels}

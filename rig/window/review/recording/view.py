@@ -50,7 +50,7 @@ _OPEN = "Answer what stays open: nothing is guessed."
 
 
 @dataclass(frozen=True)
-class _Made:
+class _ImportResult:
     run: Imported
     kinds: list[str]
 
@@ -200,9 +200,9 @@ class RecordingView(QWidget):
         folder = self._session.folder
         self.make.setEnabled(False)
         self._say("Importing …")
-        self._making.start(lambda: _made(looked, options, folder))
+        self._making.start(lambda: _import_run(looked, options, folder))
 
-    def _take_run(self, made: _Made) -> None:
+    def _take_run(self, made: _ImportResult) -> None:
         run = made.run.path
         self._session.runs_changed.emit()
         notes = (note for note in made.run.brief_notes if note.startswith(("WARNING", "not said")))
@@ -227,13 +227,13 @@ class RecordingView(QWidget):
         restyled(self.says, part)
 
 
-def _made(looked: Looked, options: ImportOptions, folder: Path) -> _Made:
+def _import_run(looked: Looked, options: ImportOptions, folder: Path) -> _ImportResult:
     """Make the run, and find out what it is good for."""
     name = options.gear_serial or looked.files[0].stem
     tables = open_tables(looked.kind, looked.files)
     place = options.experiment or "import"
     run = import_tables(tables, options, lambda: claim_run(folder, place, name).path)
-    return _Made(run, good_for(looked.kind, looked.files, options))
+    return _ImportResult(run, good_for(looked.kind, looked.files, options))
 
 
 def _number(text: str) -> float | None:

@@ -13,7 +13,7 @@ from rig.content.grid import Grid, columns
 from rig.content.wording import fixed, number
 from rig.window.plot.plots import LabPlot
 from rig.window.review.grid import GridTable
-from rig.window.review.signals.stretch import Stretch
+from rig.window.review.signals.stretch import IntervalStatistics
 from rig.window.shell.flow import in_flow, labelled
 from rig.window.shell.palette import Palette
 from rig.window.shell.session import WindowSession
@@ -133,7 +133,7 @@ class Cursors(QWidget):
         self._restyle(self._session.palette)
         self._follow()
 
-    def show_stretches(self, stretches: Sequence[Stretch]) -> None:
+    def show_stretches(self, stretches: Sequence[IntervalStatistics]) -> None:
         """What lies between them."""
         a, b = self.moments
         rows = [stretch_row(one, crossed=b < a) for one in stretches]
@@ -169,7 +169,7 @@ class Cursors(QWidget):
             line.label.setColor(palette.text)
 
 
-def between_words(a: float, b: float, stretches: Sequence[Stretch]) -> str:
+def between_words(a: float, b: float, stretches: Sequence[IntervalStatistics]) -> str:
     """How long it is from A to B [s], what frequency has that period, and how many rows lie in between."""
     words = [f"B − A {fixed(b - a, _DECIMALS)} s"]
     if a != b:
@@ -182,7 +182,7 @@ def between_words(a: float, b: float, stretches: Sequence[Stretch]) -> str:
     return "   ·   ".join(words)
 
 
-def stretch_row(one: Stretch, *, crossed: bool = False) -> tuple[str, ...]:
+def stretch_row(one: IntervalStatistics, *, crossed: bool = False) -> tuple[str, ...]:
     """A channel between the cursors, under `COLUMNS`; `crossed`: B is the earlier one."""
     way = -1 if crossed else 1
     ends = (one.first, one.last)[::way]

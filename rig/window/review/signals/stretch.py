@@ -31,7 +31,7 @@ _CLOCK_STEP = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class IntervalStatistics:
     """One channel between two times, in `unit`; nothing (NaN) where no complete row lies between them.
 
     `first` and `last` are of the first and the last complete row. `std` is the standard deviation of a
@@ -63,7 +63,7 @@ def stretches_of(
     begin: float,
     end: float,
     units: str = LABORATORY,
-) -> list[Stretch]:
+) -> list[IntervalStatistics]:
     """These channels between two times since the first row [s], both included."""
     channels = channels_of(recording, units)
     start, stop = rows_between(recording, begin, end)
@@ -121,12 +121,12 @@ class _Sums:
         self.smallest = min(self.smallest, float(values.min()))
         self.largest = max(self.largest, float(values.max()))
 
-    def stretch(self, name: str, unit: str, incomplete: int) -> Stretch:
+    def stretch(self, name: str, unit: str, incomplete: int) -> IntervalStatistics:
         """What they come to; a single row has neither scatter nor slope."""
         if not self.rows:
-            return Stretch(name=name, unit=unit, incomplete=incomplete)
+            return IntervalStatistics(name=name, unit=unit, incomplete=incomplete)
         spread = math.nan if self.rows == 1 else self.value_squares / (self.rows - 1)
-        return Stretch(
+        return IntervalStatistics(
             name=name,
             unit=unit,
             rows=self.rows,

@@ -28,7 +28,7 @@ from rig.run.start import bench_for
 from rig.run.stop import StopRequest
 from rig.trial.campaign import journal as journals
 from rig.trial.campaign.analyst import Analysed, Analysing, Analyst
-from rig.trial.campaign.conduct import CampaignOrder, CampaignReport, Crew, conduct
+from rig.trial.campaign.conduct import CampaignCallbacks, CampaignOrder, CampaignReport, conduct
 from rig.trial.campaign.junit import write_junit
 from rig.trial.campaign.plan import CampaignPlan, Stage
 from rig.trial.campaign.walk import walk
@@ -72,7 +72,7 @@ class Ran:
     stop: StopRequest = field(default_factory=StopRequest)
     analysing: list[Analysing] = field(default_factory=list)
 
-    def crew(self) -> Crew:
+    def crew(self) -> CampaignCallbacks:
         def begun(index: int, stage: object) -> None:
             name = PLAN.stages[index].protocol
             self.protocols.append(name)
@@ -83,7 +83,7 @@ class Ran:
             self.confirmed.append(order.protocol)
             return TYPED
 
-        return Crew(
+        return CampaignCallbacks(
             stop=self.stop,
             ask=lambda prompt: prompt.consent or "done",
             confirm=confirm,

@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from rig.run.remote import RemoteOperator
     from rig.run.stop import StopRequest
     from rig.trial.campaign.analyst import Analysing
-    from rig.trial.campaign.conduct import Crew
+    from rig.trial.campaign.conduct import CampaignCallbacks
     from rig.trial.campaign.journal import DoneStage
     from rig.trial.campaign.walk import Walk, WalkedStage
 
 
 @contextmanager
-def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
+def terminal_callbacks(walked: Walk, quiet: bool) -> Iterator[CampaignCallbacks]:
     """STOP by signals, prompts at the terminal, each run armed by whoever sits there, and progress."""
     from rig.commands.ordering import confirmed
     from rig.commands.progress import progress_line
     from rig.commands.prompting import terminal_ask
     from rig.run.stop import StopRequest, pressed_by_signals
-    from rig.trial.campaign.conduct import Crew
+    from rig.trial.campaign.conduct import CampaignCallbacks
 
     stop = StopRequest()
     number = len(walked.stages)
@@ -55,7 +55,7 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
         pressed_by_signals(stop),
         progress_line(f"campaign {walked.plan.name}", walked.nominal, quiet) as (progress, _),
     ):
-        yield Crew(
+        yield CampaignCallbacks(
             stop=stop,
             ask=terminal_ask(stop),
             confirm=confirm,
@@ -67,14 +67,14 @@ def terminal_crew(walked: Walk, quiet: bool) -> Iterator[Crew]:
 
 
 @contextmanager
-def program_crew(
+def program_callbacks(
     walked: Walk, remote: RemoteOperator, stop: StopRequest, *, listens: bool
-) -> Iterator[Crew]:
+) -> Iterator[CampaignCallbacks]:
     """Words on standard input where it `listens`, lines of JSON on standard output, STOP by signals as well."""
     from rig.commands.prompting import program_ask
     from rig.run.remote import lines_of
     from rig.run.stop import pressed_by_signals
-    from rig.trial.campaign.conduct import Crew
+    from rig.trial.campaign.conduct import CampaignCallbacks
 
     def confirm(order: Order, planned: PlannedRun) -> str:
         return typed_by(remote, stop, order, planned) if listens else ""
@@ -83,10 +83,10 @@ def program_crew(
         remote.tell("stage", {"index": index, "protocol": one.order.protocol, "state": "begun"})
 
     def ended(done: DoneStage, report: RunReport) -> None:
-        remote.tell("stage", {**_told(done), "state": "ended", "report": report.as_json()})
+        remote.tell("stage", {**_stage_object(done), "state": "ended", "report": report.as_json()})
 
     def standing(done: DoneStage) -> None:
-        remote.tell("stage", {**_told(done), "state": "counts"})
+        remote.tell("stage", {**_stage_object(done), "state": "counts"})
 
     def analysing(one: Analysing) -> None:
         left = one.left if math.isfinite(one.left) else None
@@ -97,7 +97,7 @@ def program_crew(
     if listens:
         remote.listen_in_background(lines_of(sys.stdin.fileno()))
     with pressed_by_signals(stop):
-        yield Crew(
+        yield CampaignCallbacks(
             stop=stop,
             ask=program_ask(remote, stop, listens=listens),
             confirm=confirm,
@@ -151,7 +151,7 @@ def typed_by(remote: RemoteOperator, stop: StopRequest, order: Order, planned: P
     return answer or ""
 
 
-def _told(done: DoneStage) -> dict[str, object]:
+def _stage_object(done: DoneStage) -> dict[str, object]:
     return {
         "index": done.index,
         "protocol": done.protocol,

@@ -10,7 +10,7 @@ from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.looking import Look
 
 
-def reach_of(look: Look, options: ImportOptions) -> dict[str, str]:
+def unsuited_for(look: Look, options: ImportOptions) -> dict[str, str]:
     """Each kind of analysis with "" where the recording may be good for it, else why not; none without a channel."""
     if not look.channels:
         return {}

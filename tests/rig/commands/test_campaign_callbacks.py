@@ -13,7 +13,7 @@ from drivers.clock import VirtualClock
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from rig.bench.backends.order import Order
-from rig.commands.campaign_crew import program_crew, typed_by
+from rig.commands.campaign_callbacks import program_callbacks, typed_by
 from rig.run.remote import RemoteOperator
 from rig.run.stop import StopRequest
 from rig.trial.campaign.journal import DoneStage
@@ -49,7 +49,7 @@ def remote() -> tuple[RemoteOperator, StopRequest, list[dict[str, Any]]]:
 def test_the_stages_are_told_as_they_come_and_go(walked: Walk) -> None:
     operator, stop, lines = remote()
     report: Any = type("Report", (), {"as_json": lambda self: {"run": "00001-home-SN"}})()
-    with program_crew(walked, operator, stop, listens=False) as crew:
+    with program_callbacks(walked, operator, stop, listens=False) as crew:
         crew.begun(0, walked.stages[0])
         crew.ended(DONE, report)
         crew.standing(DONE)
