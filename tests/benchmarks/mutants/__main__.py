@@ -95,7 +95,8 @@ def main() -> int:
         return 0
     begun = time.monotonic()
     where = chosen.map or chosen.to.with_suffix(".map.json")
-    reach = reached(root, modules, chosen.tests, where, chosen.processes)
+    changed = sorted({mutant.module for mutant in mutants})
+    reach = reached(root, changed, chosen.tests, where, chosen.processes)
     rows = read_rows(chosen.to)
     keys = {mutant.key(sources[mutant.module]): mutant for mutant in mutants}
     waiting = {key: mutant for key, mutant in keys.items() if key not in rows}
