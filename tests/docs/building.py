@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+from experiments import catalogue
+
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -28,12 +30,19 @@ def commands_of(page: Path) -> list[str]:
     return _PRINTED.commands_of(page)
 
 
+def versions() -> str:
+    """The analyses and their versions, a line each."""
+    rows = ((name, catalogue.load(name).version) for name in catalogue.kinds())
+    return "".join(f"{name} {version}\n" for name, version in rows)
+
+
 def hold_against_kept(page: Path, printed: list[tuple[str, str]], folder: Path) -> None:
     """What the site shows under each command or cell of a page is what it printed; or it is written anew."""
     name = page.relative_to(DOCS).with_suffix("").as_posix()
     lines = [(what, _PRINTED.kept_lines(text, folder)) for what, text in printed]
     if os.environ.get("RENEW_PRINTED"):
         _PRINTED.write_printed(name, lines)
+        _PRINTED.VERSIONS.write_text(versions(), encoding="utf-8")
     kept = _PRINTED.read_printed(name)
     assert list(dict.fromkeys(what for what, _ in lines)) == list(kept)
     # Of a command that stands on a page twice the first counts.

@@ -17,7 +17,7 @@ import pytest
 import typer
 
 from rig import main
-from tests.docs.building import building, commands_of, hold_against_kept
+from tests.docs.building import building, commands_of, hold_against_kept, versions
 from tests.docs.given_files import lay_out
 from tests.outside_package import found_in, installed_into
 from tests.rig.slow_computer import says_too_slow
@@ -181,6 +181,12 @@ def test_every_page_shows_something_on_its_first_screen(page: Path) -> None:
     """A picture, or what a command prints: it is kept under each command by `hold_against_kept`."""
     first = page.read_text(encoding="utf-8").splitlines()[:FIRST_SCREEN]
     assert _SHOWN.search("\n".join(first))
+
+
+def test_what_pages_print_is_of_the_analyses_as_they_are() -> None:
+    """Their numbers are held by nothing else: each processor has its own last digits."""
+    kept = building("printed_output").VERSIONS.read_text(encoding="utf-8")
+    assert kept == versions(), "RENEW_PRINTED=1 pytest tests/docs writes it anew"
 
 
 def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:
