@@ -195,8 +195,8 @@ def _look_at(lot: Lot) -> Section:
         "The gears to look at first",
         columns("gear", "bench", ("verdict", "word"), "why"),
         rows,
-        "In this order: what fails, what is marginal, what is unlike the others (more than 3.5 robust standard "
-        "deviations from the median), what is nearest to a limit.",
+        "In this order: what fails, what is marginal, what has changed over its runs or is unlike the others (more "
+        "than 3.5 robust standard deviations from the median), what is nearest to a limit.",
     )
     return Section(title="Gears to look at", anchor="part-1", grids=shown(grid))
 
