@@ -75,7 +75,7 @@ class Lot:
 
     @property
     def to_look_at(self) -> tuple[LotGear, ...]:
-        """The gears to look at first: what fails, is marginal, has changed or is unlike others, is nearest to a limit."""
+        """The gears to look at first: failed, marginal, changed or unlike the others, nearest to a limit."""
         return tuple(sorted(filter(why_of, self.gears), key=_urgency)[:_SHOWN_GEARS])
 
     @property

@@ -139,8 +139,8 @@ def until_stopping(hand: Hand) -> None:
 
 
 def until_analysing(hand: Hand) -> None:
-    """A campaign between its last row and its result."""
-    hand.start_campaign("home", "friction")
+    """A campaign between its last row and its result, which is not there at once for velocity steps."""
+    hand.start_campaign("home", "velocity-steps")
     hand.wait(lambda: hand.word == "analysing", "an analysis")
 
 
