@@ -30,8 +30,7 @@ _EDGE_DENSITY = 0.25
 class CountedMotion:
     """A counted angle, smoothed and differentiated on its own time stamps: arrays of shape (n,), SI.
 
-    window: width of the polynomials [s]; speed_noise: standard deviation of the speed from counting
-    [rad/s]; from_edges: whether only the instants at which the count changed were used.
+    window: width of the polynomials [s]; from_edges: whether only the instants at which the count changed were used.
     """
 
     time: Array
@@ -39,7 +38,6 @@ class CountedMotion:
     speed: Array
     acceleration: Array
     window: float
-    speed_noise: float
     from_edges: bool
 
 
@@ -94,16 +92,12 @@ def speed_from_counts(
         for order in (0, 1, 2)
     ]
     back = [np.interp(clock, even, part) for part in smooth]
-    half = (width - 1) // 2
-    steps = np.arange(-half, half + 1, dtype=np.float64)
-    gain = np.linalg.pinv(np.vander(steps, DEGREE + 1, increasing=True))[1] / period
     return CountedMotion(
         time=clock,
         angle=back[0],
         speed=back[1],
         acceleration=back[2],
         window=width * period,
-        speed_noise=sigma * float(np.linalg.norm(gain)),
         from_edges=from_edges,
     )
 

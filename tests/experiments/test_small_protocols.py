@@ -354,6 +354,31 @@ def test_a_warm_up_takes_off_what_warm_magnets_make_the_port_read_too_much(
     assert line.standard_uncertainty == pytest.approx(7.65e-3 * torque.value, rel=1e-2)
 
 
+def test_what_ripples_change_is_taken_off_and_put_back_with_its_sign(
+    bench: Bench, gear: HarmonicDrive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the shaken output takes is no friction; what the port's lag takes off the mean is."""
+    parameters = warm_up_declaration.Parameters(speed_rpm=1500.0, window=1.0, at_most=60.0)
+    steps = warm_up_plan.plan(parameters, gear)
+    run = record(steps, bench, "warm-up", parameters=dataclasses.asdict(parameters))
+    plain, ripple_of = warm_up.analyse(run, Evidence(gear)), warm_up.ripple_of
+
+    def rippled(**more: float) -> float:
+        def of(*given: Any) -> Any:
+            ripple = ripple_of(*given)
+            return dataclasses.replace(
+                ripple, **{name: getattr(ripple, name) + by for name, by in more.items()}
+            )
+
+        monkeypatch.setattr(warm_up, "ripple_of", of)
+        return warm_up.analyse(run, Evidence(gear)).estimates["running_torque"].value
+
+    before = plain.estimates["running_torque"].value
+    assert rippled(loss=1e-3) == pytest.approx(before - 1e-3, abs=1e-6)
+    assert rippled(lag=1e-3) == pytest.approx(before + 1e-3, abs=1e-6)
+    assert rippled(between=1e-3) == pytest.approx(before + 1e-3, abs=1e-6)
+
+
 def test_warm_up_that_ended_too_early_says_so(bench: Bench, gear: HarmonicDrive) -> None:
     parameters = warm_up_declaration.Parameters(speed_rpm=1500.0, window=5.0, at_most=600.0)
     run = record(

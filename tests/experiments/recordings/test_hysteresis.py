@@ -13,6 +13,7 @@ from experiments.errors import AnalysisError
 from experiments.recording import Recording
 from experiments.result import Result
 from model.gear_file import shipped_gear
+from model.identify.hysteresis import _angle_at
 from tests.experiments.test_analyses_without_plan import foreign, stating
 
 STIFFNESS = 20_000.0
@@ -129,3 +130,15 @@ def test_a_lag_that_the_import_states_is_taken_off() -> None:
     )
     assert abs(late / true - 1.0) > 0.1
     assert corrected == pytest.approx(true, rel=1e-3)
+
+
+def test_six_loops_are_drawn_of_many() -> None:
+    result = analysed(recorded(*loops(9)))
+    (drawn,) = (plot for plot in result.plots if plot.name == "hysteresis")
+    assert result.metrics["loops"] > 6
+    assert [one.label for one in drawn.series] == [f"loop {number}" for number in range(1, 7)]
+
+
+def test_a_branch_with_nothing_near_a_torque_is_read_from_its_nearest_points() -> None:
+    torque = np.array([-3.0, -1.5, 1.2, 2.7, 4.0])
+    assert _angle_at(2e-3 * torque, torque, 0.0, 1.0) == pytest.approx(0.0, abs=1e-12)

@@ -73,6 +73,7 @@ def test_what_each_channel_is(rig: Rig, tmp_path: Path) -> None:
     assert angle["step"] == pytest.approx(0.02)
     assert angle["standstill"] == pytest.approx(0.4, abs=0.02)
     assert (torque["unit"], torque["factor"]) == ("N m", 1e-3)
+    assert speed["standstill"] == pytest.approx(0.4, abs=0.02)
     assert speed["lag_s"] == pytest.approx(0.06, abs=0.003)
     assert speed["lag_against"] == "input_angle"
     assert found["output_per_input"] == pytest.approx(-1.0 / 50.0)

@@ -433,3 +433,9 @@ def test_what_is_stated_without_sense_is_refused(
     path = text_file(tmp_path, "t [s],M [N m]\n0,1\n1,2\n2,3\n")
     with pytest.raises(ConfigurationError, match=words):
         rig.read_csv(path, channels={"time": "t", "torque": "M"}, **stated)
+
+
+@pytest.mark.parametrize("runs", ["runs = 5", "[runs]\nJ1 = 5"])
+def test_runs_of_a_map_that_are_no_maps_are_refused(tmp_path: Path, runs: str) -> None:
+    with pytest.raises(ConfigurationError, match="is no table of maps"):
+        read_channel_map(text_file(tmp_path, f"{runs}\n", "map.toml"))
