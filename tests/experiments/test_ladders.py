@@ -108,6 +108,30 @@ def test_orders_are_found_and_carried_to_another_run(gear: HarmonicDrive) -> Non
     assert np.std(kinematic_error.LADDER.left(stated, None, seen)) < 1e-9
 
 
+def test_a_rung_of_orders_has_as_many_parameters_as_it_says(gear: HarmonicDrive) -> None:
+    """What a model may fit is what its score is charged for."""
+    angle = np.linspace(0.0, 3000.0, 20_000)
+    sample = sample_of(gear, angle, series_value((Harmonic(2.0, 1e-5, 0.0),), angle))
+    fitted = {rung.name: rung.fit([sample]) for rung in kinematic_error.LADDER.rungs}
+    for rung in kinematic_error.LADDER.rungs:
+        values = fitted[rung.name]
+        assert rung.parameters == (0 if values is None else len(values)), rung.name
+
+
+@pytest.mark.parametrize(
+    "place", [1.0 - 1.0 / 120.0, 2.0 - 2.0 / 120.0, 1.0 / 120.0, 4.0 + 1.0 / 120.0]
+)
+def test_a_sideband_is_found_by_the_rung_of_sidebands_alone(
+    gear: HarmonicDrive, place: float
+) -> None:
+    angles = (np.linspace(0.0, 3000.0, 20_000), np.linspace(-900.0, 2000.0, 20_000))
+    series = (Harmonic(2.0, 15.0 * ARCSEC, 0.0), Harmonic(place, 5.0 * ARCSEC, 2.0 * ARCSEC))
+    first, second = (sample_of(gear, a, series_value(series, a)) for a in angles)
+    found = left(kinematic_error.LADDER, [first], second)
+    assert found["and sidebands"] < 1e-3 * ARCSEC
+    assert found["orders 1 to 12"] > ARCSEC
+
+
 def test_a_run_shows_its_kinematic_error_from_the_index_marks(
     kinematic_error_run: Recording, gear: HarmonicDrive
 ) -> None:

@@ -23,6 +23,7 @@ from model.units import REVOLUTION
 CELLS = 128
 """Stretches of an input revolution whose means are one value each; order 12 loses 1.4 % by that."""
 _WHOLE_ORDERS = 12
+_WITH_SIDEBANDS = (1, 2, 4)
 
 
 def sample(recording: Recording, evidence: Evidence) -> Sample:
@@ -90,10 +91,10 @@ def _whole(highest: int) -> Orders:
 
 
 def _with_sidebands(sample: Sample) -> Sequence[float]:
-    """Whole orders of the input, the first two of the output, and the sidebands of orders 1, 2 and 4."""
+    """Whole orders of the input, the first two of the output, and two sidebands to each side of orders 1, 2 and 4."""
     turn = 1.0 / sample.gear.ratio
-    beside = [n + k * turn for n in (0, 1, 2, 4) for k in (-2, -1, 1, 2) if n + k > 0]
-    return [*_whole(_WHOLE_ORDERS)(sample), *beside]
+    beside = [n + k * turn for n in _WITH_SIDEBANDS for k in (-2, -1, 1, 2)]
+    return [*_whole(_WHOLE_ORDERS)(sample), turn, 2.0 * turn, *beside]
 
 
 def _as_stated(_: None, sample: Sample) -> FloatArray:
@@ -104,7 +105,7 @@ def _none(_: None, sample: Sample) -> FloatArray:
     return np.zeros_like(sample.at)
 
 
-SIDEBANDS = 2 + 3 * 4 - 1
+SIDEBANDS = 2 + 4 * len(_WITH_SIDEBANDS)
 """Orders beside the whole ones: see `_with_sidebands`."""
 
 LADDER = Ladder(
