@@ -45,6 +45,13 @@ def test_orders_are_recovered_within_their_intervals(result: Result, harmonic: H
     assert amplitude.high - amplitude.low < 0.5 * ARCSEC
 
 
+def test_what_figure_12_leaves_of_raw_samples_is_what_the_fit_leaves(result: Result) -> None:
+    (plot,) = (one for one in result.plots if one.name == "kinematic-error")
+    *_, left = plot.series
+    note = float(plot.note.rpartition("it is ")[2].split()[0])
+    assert np.std(left.y) * 60.0 == pytest.approx(note, rel=0.1)
+
+
 def test_phases_count_from_the_index_marks(result: Result) -> None:
     assert result.options["phases_count_from"] == "index marks"
 

@@ -147,6 +147,20 @@ def test_noise_that_is_not_white_widens_the_orders_it_is_near() -> None:
     assert 0.6 < np.std(errors) / np.mean(claimed) < 1.6
 
 
+def test_an_order_that_changes_from_stretch_to_stretch_is_as_well_known_as_they_agree() -> None:
+    random = np.random.default_rng(5)
+    time = np.arange(0.0, 400.0, 2e-3)
+    angle = 30.0 * np.sin(REVOLUTION * time / 20.0)
+    stretch = np.floor((time + 5.0) / 10.0).astype(int)
+    size = 8.0 + random.standard_normal(stretch.max() + 1)
+    value = size[stretch] * np.cos(2.0 * angle) + noise(angle, 0.05)
+    found = fitted(angle, value, 16.0).order(2.0)
+    assert found is not None
+    wave = found.waves[1]
+    assert np.sqrt(wave.covariance[0, 0]) == pytest.approx(1.0 / np.sqrt(20.0), rel=0.5)
+    assert wave.freedom < 50.0
+
+
 def test_noise_alone_has_no_orders() -> None:
     angle = constant_speed(200.0, 1.7)
     found = [fitted(angle, noise(angle, 1.0, seed)).orders for seed in range(12)]
