@@ -53,7 +53,8 @@ CHANGES: Mapping[State, frozenset[State]] = {
     State.WAITING: frozenset({State.ARMED, State.RUNNING, State.STOPPING, State.ANALYSING})
     | _ENDINGS
     | {State.REFUSED},
-    State.STOPPING: frozenset({State.ARMED}) | _ENDINGS | {State.REFUSED},
+    # Each run is brought to standstill at its end: one of a campaign is analysed then.
+    State.STOPPING: frozenset({State.ARMED, State.ANALYSING}) | _ENDINGS | {State.REFUSED},
     State.ANALYSING: frozenset({State.ARMED, State.WAITING, State.STOPPING}) | _ENDINGS,
     State.TRIPPED: frozenset({State.ARMED, State.FINISHED, State.LOST}),
     State.FINISHED: frozenset({State.ARMED, State.LOST}),

@@ -90,6 +90,23 @@ def test_after_the_report_nothing_that_is_pressed_or_told_changes_what_is_shown(
             assert (became.state, became.safe) == (state.state, state.safe), f"{state} {name}"
 
 
+def test_what_is_called_finished_and_completed_was_told_as_a_whole() -> None:
+    """A run of a campaign that was completed is being analysed, and nothing has finished; none that tripped is."""
+    for state, name, became in STEPS:
+        if state.state is State.TRIPPED:
+            continue
+        if became.state is State.FINISHED and became.outcome == "COMPLETED":
+            assert became.told, f"{state} {name} {became}"
+
+
+@pytest.mark.parametrize("before", [("turning",), ("turning", "making safe"), ("making safe",)])
+def test_a_run_of_a_campaign_that_was_completed_is_analysed(before: tuple[str, ...]) -> None:
+    state = RunState()
+    for name in ("begun", *before, "stands", "stage done"):
+        state = THINGS[name](state)
+    assert (state.state, state.outcome) == (State.ANALYSING, "")
+
+
 def test_a_process_that_is_gone_leaves_a_word_that_says_so() -> None:
     for state, name, became in STEPS:
         if became.ended:
