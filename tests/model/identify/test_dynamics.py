@@ -107,6 +107,14 @@ def test_stiffness_over_inertia_is_the_secant_and_not_the_square_of_the_mode(
     assert {"stiffness_over_inertia_forward", "stiffness_over_inertia_reverse"} <= set(estimates)
 
 
+def test_steps_of_one_direction_say_nothing_of_directions(run) -> None:
+    found = fit_ladder(
+        [data for data, _, _ in run[:4]], EXPECTED, richest="linear", error_given=True
+    )
+    assert "stiffness_over_inertia" in found.estimates
+    assert not [name for name in found.estimates if name.endswith(("_forward", "_reverse"))]
+
+
 def test_a_linear_gear_needs_no_richer_rung(ladder: LadderFit) -> None:
     assert [r.name for r in ladder.rungs] == ["rigid", "linear", "hardening"]
     assert ladder.chosen == "linear"
