@@ -37,3 +37,17 @@ def test_an_output_encoder_that_stands_is_found_beside_an_input_that_turns() -> 
     excess, what = _angle(frozen, np.ones(999, dtype=np.int64), 20.0, counts)
     assert excess > 1.0
     assert "stands still for 20" in what
+
+
+@pytest.mark.parametrize(("standing", "is_too_long"), [(13, False), (14, True)])
+def test_an_angle_may_stand_for_a_tenth_of_a_radian_and_five_counts(
+    standing: int, is_too_long: bool
+) -> None:
+    """At 20 counts a row and 2350 a radian that is the way of twelve rows, and the first of equal ones has moved."""
+    steps = np.full(400, 20.0)
+    steps[200 : 200 + standing - 1] = 0.0
+    stored = np.concatenate([[0.0], np.cumsum(steps)])
+    stored *= 20.0 * 400 / stored[-1]
+    apart = np.ones(400, dtype=np.int64)
+    excess, _ = _angle(stored, apart, 20.0 * 400 / 2350.0, None)
+    assert (excess > 1.0) is is_too_long

@@ -369,3 +369,11 @@ def test_a_lag_that_the_import_states_is_taken_off(gear: HarmonicDrive) -> None:
     assert result.options["lag_is"] == "stated"
     assert result.metrics["effort_lag"] == 0.03
     assert value(result, "inertia") == pytest.approx(INERTIA, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("load", "orders"),
+    [("none", ()), ("gravity", (1,)), ("harmonics:1", (1,)), ("harmonics:3", (1, 2, 3))],
+)
+def test_a_load_is_of_the_orders_that_it_names(load: str, orders: tuple[int, ...]) -> None:
+    assert motion._load_orders({"load": load}) == orders

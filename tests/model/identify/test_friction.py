@@ -261,6 +261,8 @@ def test_the_bracket_tells_a_drift() -> None:
     assert bracket_drift(steady)[1] is None
     drift, sentence = bracket_drift(hot)
     assert drift == pytest.approx(0.06, abs=0.01)
+    back = [dataclasses.replace(h, speed=-h.speed, torque=-h.torque) for h in hot]
+    assert bracket_drift([*steady, *back])[0] == pytest.approx(drift)
     assert sentence is not None
     fit = fit_friction(sweep(GEAR, 5, SPEEDS[::2]), GEAR, bracket=hot)
     with pytest.raises(IdentificationError, match="drifted"):
