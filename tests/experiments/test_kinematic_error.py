@@ -19,7 +19,7 @@ from experiments.recording import ArraySource, Recording
 from experiments.result import Result
 from model.channel import Calibration
 from model.gear import Harmonic, HarmonicDrive, Origin
-from model.identify.estimate import Estimate
+from model.identify.estimate import BudgetLine, Estimate
 from model.kinematic_error import peak_to_peak
 from model.units import ARCSEC, DEGREE
 from tests.experiments.conftest import SERIES
@@ -323,3 +323,16 @@ def test_the_mean_of_repeats_keeps_what_its_statistical_part_is_of() -> None:
     mean = kinematic_error._mean_of("transmission_accuracy_forward", repeats)
     assert mean.value == pytest.approx(10.05)
     assert 0.5 * (mean.low + mean.high) == pytest.approx(12.05)
+
+
+def test_what_repeats_share_is_no_smaller_by_their_number() -> None:
+    """Scatter falls with the root of the repeats; an encoder's error is the same in each of them."""
+    budget = (BudgetLine("scatter", "A", 3e-6), BudgetLine("output encoder", "B", 2e-6))
+    one = Estimate(
+        name="amplitude_2", value=8e-5, unit="rad", low=7.4e-5, high=8.6e-5, budget=budget
+    )
+    mean = kinematic_error._mean_of("amplitude_2", [one, one, one, one])
+    lines = {line.source: line.standard_uncertainty for line in mean.budget}
+    assert lines == pytest.approx(
+        {"scatter": 1.5e-6, "output encoder": 2e-6, "between repeats": 0.0}
+    )

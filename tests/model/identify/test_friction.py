@@ -261,6 +261,7 @@ def test_the_bracket_tells_a_drift() -> None:
     assert bracket_drift(steady)[1] is None
     drift, sentence = bracket_drift(hot)
     assert drift == pytest.approx(0.06, abs=0.01)
+    assert bracket_drift([hot[0], hot[3]])[0] == pytest.approx(drift, abs=0.002)
     back = [dataclasses.replace(h, speed=-h.speed, torque=-h.torque) for h in hot]
     assert bracket_drift([*steady, *back])[0] == pytest.approx(drift)
     assert sentence is not None
