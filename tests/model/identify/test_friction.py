@@ -259,6 +259,9 @@ def test_the_bracket_tells_a_drift() -> None:
     hot = [hold(GEAR, 500.0, 60 + k, noise=2e-4, gain=1.0 - 0.02 * k, zero=0.0) for k in range(4)]
     hot = [dataclasses.replace(h, time=100.0 * k) for k, h in enumerate(hot)]
     assert bracket_drift(steady)[1] is None
+    unknown, why = bracket_drift(steady[:1])
+    assert np.isnan(unknown)
+    assert "not bracketed" in str(why)
     drift, sentence = bracket_drift(hot)
     assert drift == pytest.approx(0.06, abs=0.01)
     assert bracket_drift([hot[0], hot[3]])[0] == pytest.approx(drift, abs=0.002)
