@@ -1,8 +1,9 @@
 """What the commands and cells of a page print: kept in a text file per page, shown under each of them.
 
 `RENEW_PRINTED=1 pytest tests/docs` runs every command and cell and writes the files anew; without it the same tests
-hold what is printed against what is kept: word by word. Numbers are those of the processor that wrote them, since what
-the data hardly tell is another one on the next; a page is too old where an analysis has another version by now.
+hold what is printed against what is kept: word by word, and a value within its uncertainty. Digits are those of the
+processor that wrote them, since what the data hardly tell is another number on the next; a page is too old where an
+analysis has another version by now.
 """
 
 from __future__ import annotations
@@ -28,8 +29,12 @@ _PASSING = re.compile(
     r"|\b[0-9a-fA-F]{7,64}\b(\+changed)?|^ *[0-9a-f]{1,64}$|\b\d+(\.\d+)? ?[kMG]?B\b|\b\d+ (s|min|h)\b|\d+\.\d+\.\d+\S*"
 )
 """What is another with every run: day and time, hash, size of a file, duration, version."""
-_NUMBER = re.compile(r"[-−+]?\d+(?:[.  ]?\d+)*(?:e[-+]?\d+)?")
-_POWER = re.compile(r" *× 10[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
+_NUMBER = re.compile(r"[-−+]?\d+(?:[.\u00a0\u2009\u202f ]?\d+)*(?:e[-+]?\d+)?")
+_POWER = re.compile(r" *× 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
+_EXPONENT = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_DIGITS = r"[-−+]?\d+(?:\u202f\d{3})*(?:\.\d+)?(?:e[-+]?\d+)?"
+_WITH_U = re.compile(rf"({_DIGITS}) *± *({_DIGITS})")
+"""A value and its U; thousands stand apart by a narrow blank."""
 
 
 def commands_in(block: str) -> list[str]:
@@ -79,9 +84,26 @@ def read_printed(name: str) -> dict[str, list[str]]:
 
 
 def differing(kept: list[str], printed: list[str]) -> list[tuple[str, str]]:
-    """Lines that say something else: other words, or a number more or less."""
+    """Lines that say something else: other words, a number more or less, a value beyond what both call uncertain."""
     pairs = zip_longest(kept, printed, fillvalue="")
-    return [pair for pair in pairs if _words(pair[0]) != _words(pair[1])]
+    return [pair for pair in pairs if _words(pair[0]) != _words(pair[1]) or not _agree(*pair)]
+
+
+def _agree(one: str, other: str) -> bool:
+    """Whether values with U lie within the larger U of both."""
+    pairs = zip(_with_uncertainty(one), _with_uncertainty(other), strict=False)
+    return all(abs(a - b) <= max(u, v) for (a, u), (b, v) in pairs)
+
+
+def _with_uncertainty(line: str) -> list[tuple[float, float]]:
+    """Every value ± U of a line, in the unit without its power of ten."""
+    power = _POWER.search(line)
+    factor = 10.0 ** int(power[1].translate(_EXPONENT)) if power else 1.0
+    return [(factor * _value(a), factor * _value(u)) for a, u in _WITH_U.findall(line)]
+
+
+def _value(text: str) -> float:
+    return float(text.replace("\u202f", "").replace("−", "-"))
 
 
 def _words(line: str) -> str:
