@@ -31,6 +31,7 @@ from model.arrays import FloatArray
 from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive, Mounting
 from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.kinematic_error import series_slope, series_value
 from model.linear import DynamicParameters, dynamic_parameters
 from model.motor import ServoMotor
@@ -38,7 +39,7 @@ from model.motor import ServoMotor
 CREEP = 4.0
 """Stribeck velocities below which a speed creeps: friction is steep there."""
 
-OFF, SPEED, TORQUE, QUICK_STOP = kernel.OFF, kernel.SPEED, kernel.TORQUE, kernel.QUICK_STOP
+OFF, SPEED, TORQUE, QUICK_STOP = at.OFF, at.SPEED, at.TORQUE, at.QUICK_STOP
 """What the servo is told: power stage off, speed set-points [rad/s], torque set-points [N m], ramp down and hold."""
 
 
@@ -191,7 +192,7 @@ class ClosedLoop:
         self._step = np.concatenate(
             [
                 loop_tables.step_matrix(system, length)
-                for length in (self.time_step, self.time_step / kernel.FINE)
+                for length in (self.time_step, self.time_step / at.FINE)
             ]
         )
         self._error, self._period = loop_tables.error_table(
@@ -206,21 +207,21 @@ class ClosedLoop:
         worse = self.deviations.acts_in_each_step
         self._cogging = loop_tables.cogging_table(self.deviations.cogging) if worse else None
         self._physics = self._make_physics()
-        self._servo = np.zeros(kernel.SERVO_SIZE)
+        self._servo = np.zeros(at.SERVO_SIZE)
         self.set_limits(ServoLimits(motor.peak_torque, motor.maximum_speed))
 
     def rest(self, angle: float = 0.0) -> FloatArray:
         """The state of standstill at an input angle [rad], unwound, servo off, cold."""
-        state = np.zeros(kernel.STATE_SIZE)
-        state[kernel.THETA] = angle
+        state = np.zeros(at.STATE_SIZE)
+        state[at.THETA] = angle
         if self.settings.gear_mounted:
             lever, tangent = self.parameters.radial_lever, math.tan(self.parameters.tooth_angle)
             error = lever * float(series_value(self.series, angle))
-            state[kernel.ERROR] = state[kernel.R2] = error
-            state[kernel.SLOPE] = lever * float(series_slope(self.series, angle))
-            state[kernel.R1] = state[kernel.RO] = tangent * error
+            state[at.ERROR] = state[at.R2] = error
+            state[at.SLOPE] = lever * float(series_slope(self.series, angle))
+            state[at.R1] = state[at.RO] = tangent * error
         thermal = self.deviations.thermal or Thermal()
-        state[kernel.HOUSING], state[kernel.MOTOR] = thermal.housing_start, thermal.motor_start
+        state[at.HOUSING], state[at.MOTOR] = thermal.housing_start, thermal.motor_start
         return state
 
     def set_limits(self, limits: ServoLimits) -> None:
@@ -230,15 +231,15 @@ class ClosedLoop:
         period = steps * self.time_step
         # Tuned once, on the bare rotor or with its gear: nobody tunes it anew for a disc.
         tuned = self.inertia - self.settings.disc_inertia
-        values[kernel.GAIN] = tuned * 2.0 * math.pi * servo.speed_gain
-        values[kernel.INTEGRAL_STEP] = period / servo.integral_time
-        values[kernel.FILTER_STEP] = _followed(period, servo.torque_filter_time)
-        values[kernel.PERIOD_STEPS] = steps
-        values[kernel.TORQUE_LIMIT], values[kernel.SPEED_LIMIT] = limits.torque, limits.speed
-        values[kernel.RATE_UP] = limits.acceleration * period
-        values[kernel.RATE_DOWN] = limits.deceleration * period
-        values[kernel.RATE_QUICK_STOP] = limits.quick_stop_deceleration * period
-        values[kernel.GUARD_GAIN] = values[kernel.GAIN]
+        values[at.GAIN] = tuned * 2.0 * math.pi * servo.speed_gain
+        values[at.INTEGRAL_STEP] = period / servo.integral_time
+        values[at.FILTER_STEP] = _followed(period, servo.torque_filter_time)
+        values[at.PERIOD_STEPS] = steps
+        values[at.TORQUE_LIMIT], values[at.SPEED_LIMIT] = limits.torque, limits.speed
+        values[at.RATE_UP] = limits.acceleration * period
+        values[at.RATE_DOWN] = limits.deceleration * period
+        values[at.RATE_QUICK_STOP] = limits.quick_stop_deceleration * period
+        values[at.GUARD_GAIN] = values[at.GAIN]
 
     def advance(
         self, state: FloatArray, mode: int, targets: FloatArray, rows: FloatArray | None = None
@@ -248,7 +249,7 @@ class ClosedLoop:
         `rows` (n, ROW_SIZE) is filled and returned; its columns are the ROW_ names of `model.kernels.closed_loop`.
         """
         if rows is None:
-            rows = np.empty((len(targets), kernel.ROW_SIZE))
+            rows = np.empty((len(targets), at.ROW_SIZE))
         kernel.advance(
             state,
             self._physics,
@@ -274,31 +275,31 @@ class ClosedLoop:
 
     def _make_physics(self) -> FloatArray:
         """The scalar constants of the kernel."""
-        p = np.zeros(kernel.PHYSICS_SIZE)
+        p = np.zeros(at.PHYSICS_SIZE)
         motor, extra, parameters = self.motor, self.deviations, self.parameters
-        p[kernel.H], p[kernel.RADIUS] = self.time_step, parameters.neutral_radius
-        p[kernel.TANGENT] = math.tan(parameters.tooth_angle)
-        p[kernel.K_B], p[kernel.C_B] = parameters.bearing_stiffness, parameters.bearing_damping
-        p[kernel.CUP] = parameters.cup_stiffness
-        p[kernel.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
-        p[kernel.ERROR_POINTS] = len(self._error) - 1
+        p[at.H], p[at.RADIUS] = self.time_step, parameters.neutral_radius
+        p[at.TANGENT] = math.tan(parameters.tooth_angle)
+        p[at.K_B], p[at.C_B] = parameters.bearing_stiffness, parameters.bearing_damping
+        p[at.CUP] = parameters.cup_stiffness
+        p[at.ERROR_TURNS] = 1.0 / (2.0 * math.pi * self._period)
+        p[at.ERROR_POINTS] = len(self._error) - 1
         if self.settings.gear_mounted:
-            p[kernel.INVERSE_RATIO] = 1.0 / self.ratio
-            p[kernel.LAMBDA] = parameters.radial_lever / self.ratio
+            p[at.INVERSE_RATIO] = 1.0 / self.ratio
+            p[at.LAMBDA] = parameters.radial_lever / self.ratio
             still = loop_tables.bearing_drag(self.gear, np.zeros(1))
-            p[kernel.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
-            p[kernel.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
-            p[kernel.OUTPUT_COULOMB] = extra.output_coulomb
-            p[kernel.OUTPUT_VISCOUS] = extra.output_viscous / parameters.neutral_radius
-            p[kernel.OUTPUT_PER_KELVIN] = extra.output_per_kelvin
-            p[kernel.CREEP] = CREEP * self.gear.mesh_friction.stribeck_velocity
+            p[at.BEARING_LOW] = friction.bearing_lever(self.gear) * float(still[0])
+            p[at.DEPTH] = extra.mesh_depth / max(self._largest_error(), 1e-12)
+            p[at.OUTPUT_COULOMB] = extra.output_coulomb
+            p[at.OUTPUT_VISCOUS] = extra.output_viscous / parameters.neutral_radius
+            p[at.OUTPUT_PER_KELVIN] = extra.output_per_kelvin
+            p[at.CREEP] = CREEP * self.gear.mesh_friction.stribeck_velocity
             self._fill_elastic(p)
         if extra.motor_friction:
-            p[kernel.MOTOR_COULOMB] = motor.coulomb_friction
-            p[kernel.MOTOR_VISCOUS] = motor.viscous_friction
+            p[at.MOTOR_COULOMB] = motor.coulomb_friction
+            p[at.MOTOR_VISCOUS] = motor.viscous_friction
         for place, step in (
-            (kernel.PORT_STEP, self.time_step),
-            (kernel.PORT_STEP_FINE, self.time_step / kernel.FINE),
+            (at.PORT_STEP, self.time_step),
+            (at.PORT_STEP_FINE, self.time_step / at.FINE),
         ):
             p[place] = _followed(step, extra.port_lag)
         if not 0.0 <= extra.output_latch < self.settings.cycle:
@@ -309,11 +310,11 @@ class ClosedLoop:
                 limit=f"< {self.settings.cycle * 1e3:g} ms",
                 remedy="Take a lower sampling rate, or a bench with less skew.",
             )
-        p[kernel.LATCH] = extra.output_latch
-        p[kernel.TORQUE_FACTOR] = 1.0 + extra.torque_constant_error
-        p[kernel.FRICTION_SCALE] = loop_tables.FRICTION_POINTS / math.sqrt(self._highest_speed)
-        p[kernel.FRICTION_LAST] = loop_tables.FRICTION_POINTS - 1
-        p[kernel.COGGING_POINTS] = loop_tables.COGGING_POINTS if extra.cogging else 0
+        p[at.LATCH] = extra.output_latch
+        p[at.TORQUE_FACTOR] = 1.0 + extra.torque_constant_error
+        p[at.FRICTION_SCALE] = loop_tables.FRICTION_POINTS / math.sqrt(self._highest_speed)
+        p[at.FRICTION_LAST] = loop_tables.FRICTION_POINTS - 1
+        p[at.COGGING_POINTS] = loop_tables.COGGING_POINTS if extra.cogging else 0
         self._fill_thermal(p)
         return p
 
@@ -321,35 +322,35 @@ class ClosedLoop:
         """Hardening, hysteresis and play, parallel to the gear between rotor and output."""
         ratings, extra = self.gear.ratings, self.deviations
         stiffness = self.parameters.combined_stiffness
-        p[kernel.KINK_1] = p[kernel.KINK_2] = math.inf
+        p[at.KINK_1] = p[at.KINK_2] = math.inf
         if extra.hardening:
             second = stiffness * ratings.stiffness_2 / ratings.stiffness_1
             third = stiffness * ratings.stiffness_3 / ratings.stiffness_1
-            p[kernel.KINK_1] = ratings.torque_1 / stiffness
-            p[kernel.KINK_2] = p[kernel.KINK_1] + (ratings.torque_2 - ratings.torque_1) / second
-            p[kernel.EXTRA_2], p[kernel.EXTRA_3] = second - stiffness, third - second
-        p[kernel.HYSTERESIS_LIMIT] = extra.hysteresis_torque
-        p[kernel.HYSTERESIS_STIFFNESS] = extra.hysteresis_stiffness * stiffness
-        p[kernel.PLAY], p[kernel.SPRING] = 0.5 * extra.backlash, stiffness
+            p[at.KINK_1] = ratings.torque_1 / stiffness
+            p[at.KINK_2] = p[at.KINK_1] + (ratings.torque_2 - ratings.torque_1) / second
+            p[at.EXTRA_2], p[at.EXTRA_3] = second - stiffness, third - second
+        p[at.HYSTERESIS_LIMIT] = extra.hysteresis_torque
+        p[at.HYSTERESIS_STIFFNESS] = extra.hysteresis_stiffness * stiffness
+        p[at.PLAY], p[at.SPRING] = 0.5 * extra.backlash, stiffness
         parallel = extra.hardening or extra.hysteresis_torque > 0.0 or extra.backlash > 0.0
-        p[kernel.ELASTIC] = float(parallel)
+        p[at.ELASTIC] = float(parallel)
 
     def _fill_thermal(self, p: FloatArray) -> None:
         """Heat stores and sensitivities; without `thermal` the stores are infinite."""
         heat = self.deviations.thermal
         if heat is None:
             return
-        p[kernel.TORQUE_PER_KELVIN] = heat.torque_constant_per_kelvin
-        p[kernel.COULOMB_PER_KELVIN] = heat.coulomb_per_kelvin
-        p[kernel.VISCOUS_PER_KELVIN] = heat.viscous_per_kelvin
-        p[kernel.MOTOR_PER_KELVIN] = heat.motor_friction_per_kelvin
-        p[kernel.AMBIENT] = heat.ambient
-        p[kernel.HOUSING_REFERENCE] = p[kernel.MOTOR_REFERENCE] = heat.reference
-        p[kernel.HOUSING_STEP] = 1.0 / heat.housing_capacity
-        p[kernel.MOTOR_STEP] = 1.0 / heat.motor_capacity
-        p[kernel.HOUSING_LOSS] = heat.housing_conductance
-        p[kernel.MOTOR_LOSS] = heat.motor_conductance
-        p[kernel.COUPLING], p[kernel.COPPER] = heat.coupling, heat.copper_loss
+        p[at.TORQUE_PER_KELVIN] = heat.torque_constant_per_kelvin
+        p[at.COULOMB_PER_KELVIN] = heat.coulomb_per_kelvin
+        p[at.VISCOUS_PER_KELVIN] = heat.viscous_per_kelvin
+        p[at.MOTOR_PER_KELVIN] = heat.motor_friction_per_kelvin
+        p[at.AMBIENT] = heat.ambient
+        p[at.HOUSING_REFERENCE] = p[at.MOTOR_REFERENCE] = heat.reference
+        p[at.HOUSING_STEP] = 1.0 / heat.housing_capacity
+        p[at.MOTOR_STEP] = 1.0 / heat.motor_capacity
+        p[at.HOUSING_LOSS] = heat.housing_conductance
+        p[at.MOTOR_LOSS] = heat.motor_conductance
+        p[at.COUPLING], p[at.COPPER] = heat.coupling, heat.copper_loss
 
     def _largest_error(self) -> float:
         """Largest |e| of the acting series [m]."""

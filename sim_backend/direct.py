@@ -28,7 +28,7 @@ from drivers.port import Abilities, Command, DriveLimits, Guard, GuardWatch, Mod
 from drivers.samples import CycleFlag, SampleBlock
 from model import closed_loop
 from model.gear import HarmonicDrive, Mounting
-from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.motor import ServoMotor
 from model.units import REVOLUTION
 from sim_backend.assembly import assemble
@@ -356,7 +356,7 @@ class SimulatedRig:
         """Advance the plant over the targets [SI], cut where device faults begin and end: truth
         rows and statuswords.
         """
-        rows = np.empty((len(targets), kernel.ROW_SIZE))
+        rows = np.empty((len(targets), at.ROW_SIZE))
         statuswords = np.empty(len(targets), dtype=np.int64)
         edges = self._edges(len(targets))
         for start, stop in itertools.pairwise(edges):

@@ -10,7 +10,7 @@ from drivers.port import DriveLimits
 from model.arrays import FloatArray
 from model.closed_loop import ClosedLoop, LoopSettings, ServoLimits
 from model.gear import HarmonicDrive, Mounting
-from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.motor import ServoMotor
 from sim_backend.condition import Condition
 from sim_backend.world import ThermalState
@@ -56,11 +56,11 @@ class Plant:
     @property
     def load(self) -> float:
         """External torque on the output [N m]."""
-        return float(self._state[kernel.LOAD])
+        return float(self._state[at.LOAD])
 
     @load.setter
     def load(self, torque: float) -> None:
-        self._state[kernel.LOAD] = torque
+        self._state[at.LOAD] = torque
 
     @property
     def output_angle(self) -> float:
@@ -68,31 +68,29 @@ class Plant:
         state = self._state
         inverse_ratio = 1.0 / self.loop.ratio if self.loop.settings.gear_mounted else 0.0
         radius = self.loop.gear.geometry.neutral_radius
-        return float(
-            state[kernel.THETA] * inverse_ratio + state[kernel.RO] / radius - state[kernel.WINDUP]
-        )
+        return float(state[at.THETA] * inverse_ratio + state[at.RO] / radius - state[at.WINDUP])
 
     @property
     def input_speed(self) -> float:
         """Input speed now [rad/s]."""
-        return float(self._state[kernel.W])
+        return float(self._state[at.W])
 
     @property
     def thermal_state(self) -> ThermalState:
         """How warm housing and motor are now."""
         state = self._state
-        return ThermalState(housing=float(state[kernel.HOUSING]), motor=float(state[kernel.MOTOR]))
+        return ThermalState(housing=float(state[at.HOUSING]), motor=float(state[at.MOTOR]))
 
     @property
     def mean_temperatures(self) -> ThermalState:
         """How warm housing and motor were on average since the start."""
         state = self._state
-        cycles = float(state[kernel.CYCLES])
+        cycles = float(state[at.CYCLES])
         if not cycles:
             return self.thermal_state
         return ThermalState(
-            housing=float(state[kernel.HOUSING_SUM]) / cycles,
-            motor=float(state[kernel.MOTOR_SUM]) / cycles,
+            housing=float(state[at.HOUSING_SUM]) / cycles,
+            motor=float(state[at.MOTOR_SUM]) / cycles,
         )
 
     def snapshot(self) -> FloatArray:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from drivers import channel as names
 from drivers.channel import Calibration, Channel, encoder_channel
 from drivers.samples import CycleFlag
-from model.kernels import closed_loop as row
 from model.kernels import encoder as kernel
+from model.kernels import loop_layout as at
 from model.loop_tables import error_table
 from model.motor import ServoMotor
 from model.units import REVOLUTION
@@ -125,14 +125,14 @@ class Instruments:
         self.input = Encoder(
             by_name[names.INPUT_ANGLE],
             condition.input_encoder,
-            row.ROW_INPUT_ANGLE,
+            at.ROW_INPUT_ANGLE,
             1,
             (condition.start_angle, condition.input_count),
         )
         self.output = Encoder(
             by_name[names.OUTPUT_ANGLE],
             condition.output_encoder,
-            row.ROW_OUTPUT_ANGLE,
+            at.ROW_OUTPUT_ANGLE,
             output_sense,
             (start_output, condition.output_count),
         )
@@ -169,14 +169,14 @@ class Instruments:
         counts[:, put[names.INDEX_SEEN]] = inputs[2] + 2 * outputs[2]
         torque, saturated = self._port_counts(rows, first_cycle)
         counts[:, put[names.TORQUE]] = torque
-        reference = rows[:, row.ROW_TORQUE_REFERENCE]
+        reference = rows[:, at.ROW_TORQUE_REFERENCE]
         counts[:, put[names.DRIVE_TORQUE]] = np.rint(reference / self._drive_torque.scale).astype(
             np.int64
         )
         counts[:, put[names.TARGET_SPEED]], counts[:, put[names.TARGET_TORQUE]] = targets
         counts[:, put[names.STATUSWORD]] = statuswords
         counts[:, put[names.HOUSING_TEMPERATURE]] = self._temperature(
-            rows[:, row.ROW_HOUSING] + self._condition.housing_offset,
+            rows[:, at.ROW_HOUSING] + self._condition.housing_offset,
             self._housing_noise,
             first_cycle,
         )
@@ -203,9 +203,9 @@ class Instruments:
     def _port_counts(self, rows: Array, first_cycle: int) -> tuple[Counts, NDArray[np.bool_]]:
         """Counts of the torque port, and where the converter is at its end."""
         port = self._condition.torque_port
-        reading = rows[:, row.ROW_PORT_TORQUE] * (1.0 + port.gain_error) + port.offset
+        reading = rows[:, at.ROW_PORT_TORQUE] * (1.0 + port.gain_error) + port.offset
         if port.drift_per_kelvin:
-            reading += port.drift_per_kelvin * (rows[:, row.ROW_MOTOR] - self._reference)
+            reading += port.drift_per_kelvin * (rows[:, at.ROW_MOTOR] - self._reference)
         if port.noise:
             reading += port.noise * self._torque_noise.at(first_cycle, len(rows))
         step = self._adc_step

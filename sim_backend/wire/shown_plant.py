@@ -19,7 +19,7 @@ from drivers.channel import Channel
 from drivers.port import Mode
 from drivers.samples import CycleFlag
 from model import closed_loop
-from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.motor import ServoMotor
 from model.units import REVOLUTION, RPM
 from sim_backend.assembly import Assembly
@@ -162,7 +162,7 @@ class ShownPlant:
         if self._faults:
             self._corrupt(counts, flags)
         self._previous = self._counts = counts[0]
-        self._take(counts[0].tolist(), float(rows[0, kernel.ROW_INPUT_SPEED]))
+        self._take(counts[0].tolist(), float(rows[0, at.ROW_INPUT_SPEED]))
 
     def _corrupt(self, counts: Counts, flags: NDArray[np.uint16]) -> None:
         sensed = Sensed(self._cycle, counts, flags, self._column, self._previous)

@@ -36,7 +36,7 @@ from experiments.protocols.compensated_error.turns import (
 from experiments.recording import Recording
 from model.compensation import CompensationTable, DirectionTable
 from model.compensation_file import compensation_text
-from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.units import ARCSEC, DEGREE, RPM
 from rig.analysis.compensation import table_from
 from rig.analysis.fit_run import fit_run
@@ -77,7 +77,7 @@ def recorded_truth() -> Iterator[Truth]:
 
     def advancing(self: Plant, mode: int, targets: Any) -> Any:
         rows = advance(self, mode, targets)
-        truth.rows.append(rows[:, [kernel.ROW_INPUT_ANGLE, kernel.ROW_OUTPUT_ANGLE]].copy())
+        truth.rows.append(rows[:, [at.ROW_INPUT_ANGLE, at.ROW_OUTPUT_ANGLE]].copy())
         return rows
 
     def keeping(self: Plant) -> Any:
@@ -193,8 +193,8 @@ def first_row(recording: Recording, true_input: np.ndarray) -> int:
     seen = recording.si("input_angle", slice(0, recording.rows))[rows]
     beside = len(true_input) - recording.rows
     apart = []
-    for at in range(max(beside, 0) + 1):
-        off = seen - true_input[at : at + recording.rows][rows]
+    for first in range(max(beside, 0) + 1):
+        off = seen - true_input[first : first + recording.rows][rows]
         apart.append(float(np.ptp(off)))
     best = int(np.argmin(apart))
     assert apart[best] < 0.02, f"the plant turned otherwise than the run: {apart[best]} rad"

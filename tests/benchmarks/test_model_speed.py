@@ -72,7 +72,7 @@ def test_closed_loop(benchmark: Any, gear: HarmonicDrive, motor: ServoMotor, not
     loop = ClosedLoop(gear, motor, settings=LoopSettings(cycle=1.0 / RATE, step=1.0 / RATE))
     seconds = 2.0
     targets = np.full(int(seconds * RATE), TARGET)
-    rows = np.empty((len(targets), closed_loop.kernel.ROW_SIZE))
+    rows = np.empty((len(targets), closed_loop.at.ROW_SIZE))
     loop.advance(loop.rest(), closed_loop.SPEED, targets[:10])
     benchmark.pedantic(
         lambda: loop.advance(loop.rest(), closed_loop.SPEED, targets, rows),

@@ -26,15 +26,15 @@ from pathlib import Path
 REPOSITORY = Path(__file__).resolve().parents[2]
 LOOP = """
 import numpy as np
-from model import closed_loop
-from model.closed_loop import ClosedLoop, LoopSettings
+from model.closed_loop import SPEED, ClosedLoop, LoopSettings
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 loop = ClosedLoop(shipped_gear(), shipped_motor(), settings=LoopSettings(cycle=1.25e-4, step=1.25e-4))
 targets = np.full(8000 * 60, 104.72)
-rows = np.empty((len(targets), closed_loop.kernel.ROW_SIZE))
+columns = loop.advance(loop.rest(), SPEED, targets[:1]).shape[1]
+rows = np.empty((len(targets), columns))
 for _ in range({rounds}):
-    loop.advance(loop.rest(), closed_loop.SPEED, targets, rows)
+    loop.advance(loop.rest(), SPEED, targets, rows)
 """
 """A minute of the closed loop at 8 kHz, so many times. Once and many times: the difference is the loop alone."""
 ROUNDS = 40

@@ -23,7 +23,7 @@ from model.dynamics import simulate_prescribed
 from model.errors import ModelError
 from model.gear import Harmonic, HarmonicDrive
 from model.gear_file import shipped_gear
-from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.kinematic_error import series_value
 from model.loop_tables import common_period
 from model.motor import shipped_motor
@@ -63,9 +63,9 @@ def test_hold_is_exactly_zero_speed(output_inertia: float) -> None:
     state, _ = turning(loop, 300.0 * RPM, 500)
     loop.advance(state, SPEED, np.zeros(500))
     held = loop.advance(state, SPEED, np.zeros(500))
-    assert np.all(held[:, kernel.ROW_INPUT_SPEED] == 0.0)
-    assert np.ptp(held[:, kernel.ROW_INPUT_ANGLE]) == 0.0
-    assert np.ptp(held[:, kernel.ROW_TORQUE_REFERENCE]) < 1e-12
+    assert np.all(held[:, at.ROW_INPUT_SPEED] == 0.0)
+    assert np.ptp(held[:, at.ROW_INPUT_ANGLE]) == 0.0
+    assert np.ptp(held[:, at.ROW_TORQUE_REFERENCE]) < 1e-12
 
 
 @pytest.mark.parametrize("speed_rpm", [0.3, 1.0, 3.0, 10.0])
@@ -76,7 +76,7 @@ def test_no_chatter_at_creeping_speed(speed_rpm: float, sign: float) -> None:
     target = sign * speed_rpm * RPM
     loop.advance(state, SPEED, np.full(4000, target))
     fine = ClosedLoop(GEAR, MOTOR, settings=LoopSettings(cycle=125e-6))
-    speed = fine.advance(state, SPEED, np.full(16000, target))[:, kernel.ROW_INPUT_SPEED]
+    speed = fine.advance(state, SPEED, np.full(16000, target))[:, at.ROW_INPUT_SPEED]
     assert np.all(speed * sign > 0.0)
     assert np.max(np.abs(np.diff(speed))) < 1e-4 * abs(target)
     # Friction changes by 1.6 mN m over the revolution; a PI loop follows such a slope with a small speed error.
@@ -91,7 +91,7 @@ def energy(loop: ClosedLoop, state: np.ndarray) -> float:
     flexspline, output = p.flexspline_inertia / radius**2, p.output_inertia / radius**2
     moving = loop.rotor_inertia * w**2 + flexspline * (v2**2 + u1**2) + output * uo**2
     wound = (
-        p.bearing_stiffness * (state[kernel.ERROR] - r2) ** 2
+        p.bearing_stiffness * (state[at.ERROR] - r2) ** 2
         + p.mesh_stiffness * (r2 * s - r1 * c) ** 2
     )
     return 0.5 * float(moving + wound + p.cup_stiffness / radius**2 * (r1 - ro) ** 2)
@@ -101,9 +101,9 @@ def spinning(loop: ClosedLoop, speed: float) -> np.ndarray:
     """A state that turns freely, every mass at the speed that the wedge asks of it."""
     state = loop.rest(0.2)
     p = loop.parameters
-    wedge = (p.radial_lever / p.ratio + state[kernel.SLOPE]) * speed
-    state[kernel.W], state[kernel.V2] = speed, wedge
-    state[kernel.U1] = state[kernel.UO] = wedge * math.tan(p.tooth_angle)
+    wedge = (p.radial_lever / p.ratio + state[at.SLOPE]) * speed
+    state[at.W], state[at.V2] = speed, wedge
+    state[at.U1] = state[at.UO] = wedge * math.tan(p.tooth_angle)
     return state
 
 
@@ -131,10 +131,10 @@ def test_friction_takes_exactly_what_the_motion_gives() -> None:
     )
     state = loop.rest()
     rows = loop.advance(state, SPEED, np.full(8000, 500.0 * RPM))
-    moved = np.diff(rows[:, kernel.ROW_INPUT_ANGLE])
+    moved = np.diff(rows[:, at.ROW_INPUT_ANGLE])
     # Reference and friction of a step stand in the next row, because a row is written before its step.
-    motor = np.sum(rows[1:, kernel.ROW_TORQUE_REFERENCE] * moved)
-    lost = np.sum(rows[1:, kernel.ROW_FRICTION] * moved)
+    motor = np.sum(rows[1:, at.ROW_TORQUE_REFERENCE] * moved)
+    lost = np.sum(rows[1:, at.ROW_FRICTION] * moved)
     kinetic = 0.5 * (
         loop.rotor_inertia * rows[-1, 1] ** 2 + loop.gear.inertia.output * rows[-1, 4] ** 2
     )
@@ -157,7 +157,7 @@ def test_mean_torque_is_the_friction_law(speed_rpm: float, balance: str) -> None
         + MOTOR.coulomb_friction
         + MOTOR.viscous_friction * speed
     )
-    assert -np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE]) == pytest.approx(law, rel=2e-5)
+    assert -np.mean(rows[:, at.ROW_TORQUE_REFERENCE]) == pytest.approx(law, rel=2e-5)
 
 
 @pytest.mark.parametrize("speed_rpm", [60.0, 1000.0, 3000.0])
@@ -166,14 +166,14 @@ def test_output_agrees_with_equation_2_under_the_same_input(speed_rpm: float) ->
     rows = loop.advance(loop.rest(0.3), SPEED, np.full(6000, speed_rpm * RPM))
     answer = simulate_prescribed(
         FRICTIONLESS,
-        rows[:, kernel.ROW_INPUT_ANGLE],
+        rows[:, at.ROW_INPUT_ANGLE],
         125e-6,
-        input_speed=rows[:, kernel.ROW_INPUT_SPEED],
+        input_speed=rows[:, at.ROW_INPUT_SPEED],
     )
-    difference = rows[:, kernel.ROW_OUTPUT_ANGLE] - answer.output_angle
+    difference = rows[:, at.ROW_OUTPUT_ANGLE] - answer.output_angle
     assert np.max(np.abs(difference)) < 0.1 * ARCSEC
     assert (
-        np.max(np.abs(rows[:, kernel.ROW_OUTPUT_SPEED] - answer.output_speed))
+        np.max(np.abs(rows[:, at.ROW_OUTPUT_SPEED] - answer.output_speed))
         < 1e-3 * speed_rpm * RPM / 120.0
     )
 
@@ -183,12 +183,12 @@ def test_windup_by_friction_is_that_of_equation_2() -> None:
     loop = ClosedLoop(GEAR, MOTOR, Deviations(friction_windup=True), LoopSettings(cycle=125e-6))
     rows = loop.advance(loop.rest(0.3), SPEED, np.full(16000, 60.0 * RPM))
     answer = simulate_prescribed(
-        GEAR, rows[:, kernel.ROW_INPUT_ANGLE], 125e-6, input_speed=rows[:, kernel.ROW_INPUT_SPEED]
+        GEAR, rows[:, at.ROW_INPUT_ANGLE], 125e-6, input_speed=rows[:, at.ROW_INPUT_SPEED]
     )
     late = slice(12000, None)
-    difference = rows[late, kernel.ROW_OUTPUT_ANGLE] - answer.output_angle[late]
-    lag = np.mean(rows[late, kernel.ROW_OUTPUT_ANGLE] - rows[late, kernel.ROW_INPUT_ANGLE] / 120.0)
-    ideal = np.mean(series_value(GEAR.kinematic_error, rows[late, kernel.ROW_INPUT_ANGLE]))
+    difference = rows[late, at.ROW_OUTPUT_ANGLE] - answer.output_angle[late]
+    lag = np.mean(rows[late, at.ROW_OUTPUT_ANGLE] - rows[late, at.ROW_INPUT_ANGLE] / 120.0)
+    ideal = np.mean(series_value(GEAR.kinematic_error, rows[late, at.ROW_INPUT_ANGLE]))
     assert lag - ideal < -2.0 * ARCSEC
     assert abs(np.mean(difference)) < 0.02 * ARCSEC
 
@@ -225,20 +225,18 @@ def test_torque_limit_and_acceleration_limit() -> None:
     loop.set_limits(ServoLimits(0.9, 500.0, acceleration=2000.0, deceleration=1000.0))
     state = loop.rest()
     up = loop.advance(state, SPEED, np.full(300, 3000.0 * RPM))
-    assert np.max(np.abs(up[:, kernel.ROW_TORQUE_REFERENCE])) <= 0.9
-    assert np.max(np.diff(up[:, kernel.ROW_SPEED_REFERENCE])) == pytest.approx(2.0)
+    assert np.max(np.abs(up[:, at.ROW_TORQUE_REFERENCE])) <= 0.9
+    assert np.max(np.diff(up[:, at.ROW_SPEED_REFERENCE])) == pytest.approx(2.0)
     down = loop.advance(state, SPEED, np.zeros(300))
-    assert np.min(np.diff(down[:, kernel.ROW_SPEED_REFERENCE])) == pytest.approx(-1.0)
+    assert np.min(np.diff(down[:, at.ROW_SPEED_REFERENCE])) == pytest.approx(-1.0)
 
 
 def test_full_step_saturates_and_does_not_wind_up() -> None:
     rows = ClosedLoop(GEAR, MOTOR).advance(
         ClosedLoop(GEAR, MOTOR).rest(), SPEED, np.full(500, 3000.0 * RPM)
     )
-    speed = rows[:, kernel.ROW_INPUT_SPEED] / RPM
-    assert np.max(rows[:, kernel.ROW_TORQUE_REFERENCE]) == pytest.approx(
-        MOTOR.peak_torque, rel=1e-2
-    )
+    speed = rows[:, at.ROW_INPUT_SPEED] / RPM
+    assert np.max(rows[:, at.ROW_TORQUE_REFERENCE]) == pytest.approx(MOTOR.peak_torque, rel=1e-2)
     assert np.max(speed) < 1.08 * 3000.0
     assert abs(np.mean(speed[-100:]) - 3000.0) < 10.0
 
@@ -248,7 +246,7 @@ def test_speed_limit_in_torque_mode(sign: float) -> None:
     loop = ClosedLoop(GEAR, MOTOR)
     loop.set_limits(ServoLimits(MOTOR.peak_torque, 100.0))
     rows = loop.advance(loop.rest(), TORQUE, np.full(2000, sign * 0.6))
-    speed = sign * rows[:, kernel.ROW_INPUT_SPEED]
+    speed = sign * rows[:, at.ROW_INPUT_SPEED]
     assert 90.0 < np.mean(speed[-500:]) < 100.0
     assert np.max(speed) < 110.0
 
@@ -261,10 +259,10 @@ def test_torque_below_stiction_does_not_move_and_above_does() -> None:
     )
     static += MOTOR.coulomb_friction
     still = loop.advance(loop.rest(), TORQUE, np.full(500, 0.99 * static))
-    assert np.all(still[:, kernel.ROW_INPUT_SPEED] == 0.0)
-    assert np.all(still[:, kernel.ROW_INPUT_ANGLE] == 0.0)
+    assert np.all(still[:, at.ROW_INPUT_SPEED] == 0.0)
+    assert np.all(still[:, at.ROW_INPUT_ANGLE] == 0.0)
     moved = loop.advance(loop.rest(), TORQUE, np.full(500, 1.02 * static))
-    assert moved[-1, kernel.ROW_INPUT_SPEED] > 0.0
+    assert moved[-1, at.ROW_INPUT_SPEED] > 0.0
 
 
 def test_quick_stop_follows_its_own_ramp_and_holds() -> None:
@@ -272,17 +270,17 @@ def test_quick_stop_follows_its_own_ramp_and_holds() -> None:
     loop.set_limits(ServoLimits(MOTOR.peak_torque, 600.0, quick_stop_deceleration=500.0))
     state, _ = turning(loop, 1000.0 * RPM, 500)
     rows = loop.advance(state, QUICK_STOP, np.zeros(600))
-    slope = np.polyfit(np.arange(100) * 1e-3, rows[50:150, kernel.ROW_INPUT_SPEED], 1)[0]
+    slope = np.polyfit(np.arange(100) * 1e-3, rows[50:150, at.ROW_INPUT_SPEED], 1)[0]
     assert slope == pytest.approx(-500.0, rel=0.02)
-    assert np.all(rows[-100:, kernel.ROW_INPUT_SPEED] == 0.0)
+    assert np.all(rows[-100:, at.ROW_INPUT_SPEED] == 0.0)
 
 
 def test_servo_off_makes_no_torque_and_coasts() -> None:
     loop = ClosedLoop(GEAR, MOTOR)
     state, _ = turning(loop, 600.0 * RPM, 500)
     rows = loop.advance(state, OFF, np.zeros(400))
-    assert np.all(rows[1:, kernel.ROW_TORQUE_REFERENCE] == 0.0)
-    assert rows[-1, kernel.ROW_INPUT_SPEED] == 0.0
+    assert np.all(rows[1:, at.ROW_TORQUE_REFERENCE] == 0.0)
+    assert rows[-1, at.ROW_INPUT_SPEED] == 0.0
 
 
 @pytest.mark.parametrize("output_inertia", [0.02, 0.1, 0.5, 1.0])
@@ -290,16 +288,16 @@ def test_servo_off_makes_no_torque_and_coasts() -> None:
 def test_stable_for_other_loads(output_inertia: float, speed_rpm: float) -> None:
     loop = ClosedLoop(GEAR.with_values({"inertia.output": output_inertia}), MOTOR)
     _, rows = turning(loop, speed_rpm * RPM, 3000)
-    speed = rows[:, kernel.ROW_INPUT_SPEED]
+    speed = rows[:, at.ROW_INPUT_SPEED]
     # Whole revolutions do not fit into the record, and friction varies with the angle.
     assert np.mean(speed[-1000:]) == pytest.approx(speed_rpm * RPM, rel=1e-2)
-    assert np.max(np.abs(rows[:, kernel.ROW_WINDUP_TORQUE])) < GEAR.ratings.repeated_peak_torque
+    assert np.max(np.abs(rows[:, at.ROW_WINDUP_TORQUE])) < GEAR.ratings.repeated_peak_torque
 
 
 def test_lightly_damped_gear_stays_bounded() -> None:
     gear = GEAR.with_values({"bearing.damping": 1100.0})
     _, rows = turning(ClosedLoop(gear, MOTOR), 3000.0 * RPM, 5000)
-    assert np.max(np.abs(rows[:, kernel.ROW_INPUT_SPEED])) < 3300.0 * RPM
+    assert np.max(np.abs(rows[:, at.ROW_INPUT_SPEED])) < 3300.0 * RPM
 
 
 def test_hardening_raises_the_stiffness_beyond_the_knees() -> None:
@@ -309,11 +307,11 @@ def test_hardening_raises_the_stiffness_beyond_the_knees() -> None:
     angles = []
     for load in (10.0, 30.0, 40.0, 60.0, 70.0):
         state = loop.rest()
-        state[kernel.LOAD] = load
+        state[at.LOAD] = load
         # The rotor is held by friction and the servo; the last rows are at rest.
         rows = loop.advance(state, SPEED, np.zeros(6000))[-1]
-        angles.append(rows[kernel.ROW_INPUT_ANGLE] / 120.0 - rows[kernel.ROW_OUTPUT_ANGLE])
-        assert rows[kernel.ROW_WINDUP_TORQUE] == pytest.approx(load, rel=1e-3)
+        angles.append(rows[at.ROW_INPUT_ANGLE] / 120.0 - rows[at.ROW_OUTPUT_ANGLE])
+        assert rows[at.ROW_WINDUP_TORQUE] == pytest.approx(load, rel=1e-3)
     assert 10.0 / angles[0] == pytest.approx(stiffness, rel=1e-3)
     second, third = 10.0 / (angles[2] - angles[1]), 10.0 / (angles[4] - angles[3])
     assert second == pytest.approx(stiffness * ratings.stiffness_2 / ratings.stiffness_1, rel=5e-3)
@@ -327,9 +325,9 @@ def test_hysteresis_opens_a_loop_and_only_it_does() -> None:
         down, up = np.linspace(20.0, -20.0, 1000), np.linspace(-20.0, 20.0, 1000)
         wound = []
         for load in np.concatenate([np.linspace(0.0, 20.0, 500), down, up]):
-            state[kernel.LOAD] = load
+            state[at.LOAD] = load
             rows = loop.advance(state, SPEED, np.zeros(1))
-            wound.append(rows[0, kernel.ROW_INPUT_ANGLE] / 120.0 - rows[0, kernel.ROW_OUTPUT_ANGLE])
+            wound.append(rows[0, at.ROW_INPUT_ANGLE] / 120.0 - rows[0, at.ROW_OUTPUT_ANGLE])
         return float(np.interp(0.0, -down, wound[500:1500]) - np.interp(0.0, up, wound[1500:]))
 
     opened = width(Deviations(hysteresis_torque=0.3, hysteresis_stiffness=0.05))
@@ -341,22 +339,20 @@ def test_output_bearing_adds_its_torque_over_the_ratio_and_sticks() -> None:
     gear = without_error(GEAR)
     plain = turning(ClosedLoop(gear, MOTOR), 60.0 * RPM)[1]
     state, rows = turning(ClosedLoop(gear, MOTOR, Deviations(output_coulomb=1.2)), 60.0 * RPM)
-    added = np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE]) - np.mean(
-        plain[:, kernel.ROW_TORQUE_REFERENCE]
-    )
+    added = np.mean(rows[:, at.ROW_TORQUE_REFERENCE]) - np.mean(plain[:, at.ROW_TORQUE_REFERENCE])
     assert added == pytest.approx(1.2 / 120.0, rel=1e-3)
     loop = ClosedLoop(gear, MOTOR, Deviations(output_coulomb=1.2))
     loop.advance(state, SPEED, np.zeros(800))
-    assert np.all(loop.advance(state, SPEED, np.zeros(100))[:, kernel.ROW_OUTPUT_SPEED] == 0.0)
+    assert np.all(loop.advance(state, SPEED, np.zeros(100))[:, at.ROW_OUTPUT_SPEED] == 0.0)
 
 
 def order_two(rows: np.ndarray, ratio_curve: np.ndarray) -> tuple[complex, complex]:
     """Complex amplitude of order 2 of the torque and of the kinematic error over whole revolutions."""
-    angle = rows[:, kernel.ROW_INPUT_ANGLE]
+    angle = rows[:, at.ROW_INPUT_ANGLE]
     turns = math.floor((angle[-1] - angle[0]) / (2.0 * math.pi))
     kept = angle < angle[0] + 2.0 * math.pi * turns
     wave = np.exp(-2j * angle[kept]) * np.diff(angle, append=angle[-1])[kept]
-    torque = rows[kept, kernel.ROW_TORQUE_REFERENCE]
+    torque = rows[kept, at.ROW_TORQUE_REFERENCE]
     return complex(np.sum(torque * wave)), complex(np.sum(ratio_curve[kept] * wave))
 
 
@@ -367,9 +363,7 @@ def test_torque_is_in_phase_with_the_error_only_if_friction_varies_with_depth(
     """Figure 16: the wedge's own reaction is 90 degrees from the error, friction that follows the depth is in phase."""
     loop = ClosedLoop(GEAR, MOTOR, Deviations(mesh_depth=depth))
     _, rows = turning(loop, 60.0 * RPM, 6000)
-    torque, error = order_two(
-        rows, series_value(GEAR.kinematic_error, rows[:, kernel.ROW_INPUT_ANGLE])
-    )
+    torque, error = order_two(rows, series_value(GEAR.kinematic_error, rows[:, at.ROW_INPUT_ANGLE]))
     phase = abs(math.degrees(math.atan2((torque / error).imag, (torque / error).real)))
     assert phase == pytest.approx(expected, abs=25.0)
 
@@ -388,7 +382,7 @@ def test_warming_lowers_friction_and_the_torque_of_a_given_reference() -> None:
     found = [
         np.mean(
             turning(ClosedLoop(gear, MOTOR, Deviations(thermal=t)), speed)[1][
-                :, kernel.ROW_TORQUE_REFERENCE
+                :, at.ROW_TORQUE_REFERENCE
             ]
         )
         for t in (cold, warm)
@@ -412,10 +406,10 @@ def test_heat_of_the_housing_is_the_work_of_friction() -> None:
     )
     loop = ClosedLoop(without_error(GEAR), MOTOR, Deviations(motor_friction=False, thermal=heat))
     state, _ = turning(loop, 1000.0 * RPM)
-    before = state[kernel.HOUSING]
+    before = state[at.HOUSING]
     rows = loop.advance(state, SPEED, np.full(500, 1000.0 * RPM))
-    work = np.mean(rows[:, kernel.ROW_FRICTION]) * 1000.0 * RPM * 0.5
-    assert (state[kernel.HOUSING] - before) * 10.0 == pytest.approx(work, rel=1e-3)
+    work = np.mean(rows[:, at.ROW_FRICTION]) * 1000.0 * RPM * 0.5
+    assert (state[at.HOUSING] - before) * 10.0 == pytest.approx(work, rel=1e-3)
 
 
 def test_bare_motor_shows_its_own_friction_and_cogging_only() -> None:
@@ -425,15 +419,15 @@ def test_bare_motor_shows_its_own_friction_and_cogging_only() -> None:
     assert loop.inertia == MOTOR.rotor_inertia + 1e-4
     _, rows = turning(loop, 30.3 * RPM, 4000)
     law = MOTOR.coulomb_friction + MOTOR.viscous_friction * 30.3 * RPM
-    assert np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE]) == pytest.approx(law, rel=2e-2)
-    assert np.ptp(rows[:, kernel.ROW_TORQUE_REFERENCE]) > 0.004
-    assert np.ptp(rows[:, kernel.ROW_OUTPUT_ANGLE]) == 0.0
+    assert np.mean(rows[:, at.ROW_TORQUE_REFERENCE]) == pytest.approx(law, rel=2e-2)
+    assert np.ptp(rows[:, at.ROW_TORQUE_REFERENCE]) > 0.004
+    assert np.ptp(rows[:, at.ROW_OUTPUT_ANGLE]) == 0.0
 
 
 def test_flexspline_fixed_turns_by_one_more() -> None:
     loop = ClosedLoop(GEAR, MOTOR, settings=LoopSettings(mounting="flexspline-fixed"))
     _, rows = turning(loop, 600.0 * RPM)
-    slope = np.polyfit(rows[:, kernel.ROW_INPUT_ANGLE], rows[:, kernel.ROW_OUTPUT_ANGLE], 1)[0]
+    slope = np.polyfit(rows[:, at.ROW_INPUT_ANGLE], rows[:, at.ROW_OUTPUT_ANGLE], 1)[0]
     assert 1.0 / slope == pytest.approx(121.0, rel=1e-4)
 
 
@@ -484,12 +478,12 @@ def switches(friction_set: str, step: float, case: str) -> np.ndarray:
         "speed": (SPEED, 20.0 * np.sin(2.0 * np.pi * 10.0 * time)),
         "load": (OFF, np.zeros(1000)),
     }[case]
-    state[kernel.LOAD] = 25.0 if case == "load" else 0.0
+    state[at.LOAD] = 25.0 if case == "load" else 0.0
     for k, target in enumerate(targets):
-        before = state[kernel.SWITCHED]
+        before = state[at.SWITCHED]
         loop.advance(state, mode, np.array([target]))
-        if state[kernel.SWITCHED] < before + 0.5 * cycle:
-            found.append((k + 1) * cycle - state[kernel.SWITCHED])
+        if state[at.SWITCHED] < before + 0.5 * cycle:
+            found.append((k + 1) * cycle - state[at.SWITCHED])
     return np.array(found)
 
 
@@ -510,10 +504,10 @@ def test_friction_that_rises_from_rest_holds_with_less_than_it_brakes() -> None:
     held = friction.friction_torque(loop.gear, 1e-9) + MOTOR.coulomb_friction
     state = loop.rest()
     still = loop.advance(state, TORQUE, np.full(300, 0.98 * float(held)))
-    assert np.all(still[:, kernel.ROW_INPUT_SPEED] == 0.0)
+    assert np.all(still[:, at.ROW_INPUT_SPEED] == 0.0)
     turning_rows = loop.advance(state, TORQUE, np.full(300, 1.05 * float(held)))
-    assert turning_rows[-1, kernel.ROW_INPUT_SPEED] > 0.0
-    assert turning_rows[-1, kernel.ROW_FRICTION] > 1.03 * float(held)
+    assert turning_rows[-1, at.ROW_INPUT_SPEED] > 0.0
+    assert turning_rows[-1, at.ROW_FRICTION] > 1.03 * float(held)
 
 
 def test_output_bearing_follows_its_own_temperature_law_and_leaves_the_gear_alone() -> None:
@@ -527,6 +521,6 @@ def test_output_bearing_follows_its_own_temperature_law_and_leaves_the_gear_alon
         )
         extra = Deviations(output_coulomb=1.2, output_per_kelvin=law, thermal=heat)
         rows = turning(ClosedLoop(gear, MOTOR, extra), 60.0 * RPM)[1]
-        torques.append(float(np.mean(rows[:, kernel.ROW_TORQUE_REFERENCE])))
+        torques.append(float(np.mean(rows[:, at.ROW_TORQUE_REFERENCE])))
     assert torques[0] - torques[1] == pytest.approx(0.1 * 1.2 / 120.0, rel=0.02)
     assert torques[2] == pytest.approx(torques[0], rel=1e-4)

@@ -15,7 +15,7 @@ from drivers.port import Command, Mode
 from model.closed_loop import OFF, ClosedLoop, LoopSettings
 from model.friction import friction_torque
 from model.gear import HarmonicDrive
-from model.kernels import closed_loop as kernel
+from model.kernels import loop_layout as at
 from model.stiffness import drive_stiffness
 from model.units import ARCSEC, RPM
 from sim_backend.direct import SimulatedRig
@@ -240,9 +240,9 @@ def test_the_truths_mode_is_what_the_plant_rings_with(seed: int) -> None:
     loop = ClosedLoop(gear, brake, have, LoopSettings(cycle=125e-6))
     state = loop.rest()
     push = 1.15 * dynamics["torsion_amplitude"] * 2.0 * math.pi * dynamics["resonance"]
-    state[kernel.UO] = push * gear.geometry.neutral_radius
+    state[at.UO] = push * gear.geometry.neutral_radius
     rows = loop.advance(state, OFF, np.zeros(round(15.0 / dynamics["resonance"] / 125e-6)))
-    speed, angle = rows[:, kernel.ROW_OUTPUT_SPEED], rows[:, kernel.ROW_OUTPUT_ANGLE]
+    speed, angle = rows[:, at.ROW_OUTPUT_SPEED], rows[:, at.ROW_OUTPUT_ANGLE]
     turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
     times = 125e-6 * (turns + speed[turns] / (speed[turns] - speed[turns + 1]))
     swings = 0.5 * np.abs(np.diff(angle[turns]))
