@@ -12,7 +12,16 @@ from __future__ import annotations
 import math
 
 from model.arrays import FloatArray
-from model.kernels import loop_layout as at
+
+# isort: off
+# By name: an index that is a module's attribute may be negative for all that numba knows, and a step takes 5 % longer.
+from model.kernels.loop_layout import (
+    FILTER, FILTER_STEP, FINE, FORCE, GAIN, GUARD_GAIN, H, INTEGRAL, INTEGRAL_STEP, LATCH, LOAD, OFF, PERIOD_STEPS,
+    PORT, PORT_STEP, PORT_STEP_FINE, RAMP, RATE_DOWN, RATE_QUICK_STOP, RATE_UP, SPEED, SPEED_LIMIT,
+    STEP_MATRIX_SIZE, SWITCHED, TICK, TORQUE, TORQUE_FACTOR, TORQUE_LIMIT, W,
+)  # fmt: skip
+
+# isort: on
 from model.kernels.loop_step import (
     Heat,
     Pace,
@@ -35,42 +44,42 @@ from model.kernels.loop_tables import compiled
 @compiled
 def _servo_reference(state: FloatArray, servo: FloatArray, mode: int, target: float) -> None:
     """One servo period: the filtered torque reference of the drive from its set-point; carries ramp and integral."""
-    limit = servo[at.TORQUE_LIMIT]
-    speed = state[at.W]
-    if mode == at.OFF:
-        state[at.FILTER], state[at.INTEGRAL], state[at.RAMP] = 0.0, 0.0, speed
+    limit = servo[TORQUE_LIMIT]
+    speed = state[W]
+    if mode == OFF:
+        state[FILTER], state[INTEGRAL], state[RAMP] = 0.0, 0.0, speed
         return
-    if mode == at.TORQUE:
+    if mode == TORQUE:
         # The drive's own speed limit: a stiff proportional controller that can only take torque away.
-        room = servo[at.GUARD_GAIN]
-        upper = min(limit, max(room * (servo[at.SPEED_LIMIT] - speed), -limit))
-        lower = max(-limit, min(room * (-servo[at.SPEED_LIMIT] - speed), limit))
+        room = servo[GUARD_GAIN]
+        upper = min(limit, max(room * (servo[SPEED_LIMIT] - speed), -limit))
+        lower = max(-limit, min(room * (-servo[SPEED_LIMIT] - speed), limit))
         wanted = min(max(target, lower), upper)
-        state[at.RAMP] = speed
-        state[at.INTEGRAL] = wanted / servo[at.GAIN]
+        state[RAMP] = speed
+        state[INTEGRAL] = wanted / servo[GAIN]
     else:
-        goal, slower = 0.0, servo[at.RATE_QUICK_STOP]
-        if mode == at.SPEED:
-            goal = min(max(target, -servo[at.SPEED_LIMIT]), servo[at.SPEED_LIMIT])
-            slower = servo[at.RATE_DOWN]
-        ramp = state[at.RAMP]
+        goal, slower = 0.0, servo[RATE_QUICK_STOP]
+        if mode == SPEED:
+            goal = min(max(target, -servo[SPEED_LIMIT]), servo[SPEED_LIMIT])
+            slower = servo[RATE_DOWN]
+        ramp = state[RAMP]
         if goal >= ramp:
-            reached = ramp + servo[at.RATE_UP] if ramp >= 0.0 else min(0.0, ramp + slower)
+            reached = ramp + servo[RATE_UP] if ramp >= 0.0 else min(0.0, ramp + slower)
             ramp = min(goal, reached)
         else:
-            reached = ramp - servo[at.RATE_UP] if ramp <= 0.0 else max(0.0, ramp - slower)
+            reached = ramp - servo[RATE_UP] if ramp <= 0.0 else max(0.0, ramp - slower)
             ramp = max(goal, reached)
-        state[at.RAMP] = ramp
+        state[RAMP] = ramp
         difference = ramp - speed
-        summed = state[at.INTEGRAL] + servo[at.INTEGRAL_STEP] * difference
-        wanted = servo[at.GAIN] * (difference + summed)
+        summed = state[INTEGRAL] + servo[INTEGRAL_STEP] * difference
+        wanted = servo[GAIN] * (difference + summed)
         if abs(wanted) > limit:
             wanted = math.copysign(limit, wanted)
             if wanted * difference < 0.0:
-                state[at.INTEGRAL] = summed
+                state[INTEGRAL] = summed
         else:
-            state[at.INTEGRAL] = summed
-    state[at.FILTER] += servo[at.FILTER_STEP] * (wanted - state[at.FILTER])
+            state[INTEGRAL] = summed
+    state[FILTER] += servo[FILTER_STEP] * (wanted - state[FILTER])
 
 
 @compiled
@@ -87,10 +96,10 @@ def run(
     substeps, whole = pace.substeps, pace.whole
     c = constants(physics, matrix, pace, tables.cogging)
     motion, mesh, spring, drag, heat = taken_from(state)
-    warmth = Warmth(1.0, 1.0, 1.0, 1.0, 1.0, physics[at.TORQUE_FACTOR])
+    warmth = Warmth(1.0, 1.0, 1.0, 1.0, 1.0, physics[TORQUE_FACTOR])
     next_state = state[:8].copy()
-    latch_step = int(physics[at.LATCH] / c.length) if whole else -1
-    port, since, tick = state[at.PORT], state[at.SWITCHED], int(state[at.TICK])
+    latch_step = int(physics[LATCH] / c.length) if whole else -1
+    port, since, tick = state[PORT], state[SWITCHED], int(state[TICK])
     k, n, again = begun.row, begun.substep, False
     while k < rows.shape[0] and not again:
         if whole and n == 0:
@@ -101,19 +110,19 @@ def run(
         target = targets[k]
         while n < substeps:
             if n == latch_step:
-                latch(rows, k, c, motion, mesh, physics[at.LATCH] - latch_step * c.length)
+                latch(rows, k, c, motion, mesh, physics[LATCH] - latch_step * c.length)
             if tick == 0:
-                state[at.W] = motion.w
+                state[W] = motion.w
                 _servo_reference(state, servo, mode, target)
-                tick = int(servo[at.PERIOD_STEPS])
+                tick = int(servo[PERIOD_STEPS])
             tick -= 1
-            w, reference = motion.w, state[at.FILTER]
+            w, reference = motion.w, state[FILTER]
             if whole and creeps(c, motion):
                 again = True
                 break
             stepped = step(
                 c, physics, tables, matrix, next_state, warmth, motion, mesh, spring, drag, heat, reference,
-                state[at.LOAD],
+                state[LOAD],
             )  # fmt: skip
             turned, again = stepped[5], whole and stepped[6]
             if again:
@@ -128,10 +137,10 @@ def run(
             n += 1
         if not again:
             if c.warming and whole:
-                heat = warmed(physics, heat, state[at.FILTER], substeps * c.length)
+                heat = warmed(physics, heat, state[FILTER], substeps * c.length)
             k, n = k + 1, 0
     put_into(state, motion, mesh, spring, drag, heat)
-    state[at.PORT], state[at.SWITCHED], state[at.TICK] = port, since, tick
+    state[PORT], state[SWITCHED], state[TICK] = port, since, tick
     return Place(k, n)
 
 
@@ -156,14 +165,14 @@ def advance(
     the cogging torque, or None where nothing but the published model acts. `matrices` holds that of a step and that of
     one of its `FINE` parts.
     """
-    whole, part, lag = physics[at.H], physics[at.H] / at.FINE, physics[at.PORT_STEP_FINE]
+    whole, part, lag = physics[H], physics[H] / FINE, physics[PORT_STEP_FINE]
     tables = Tables(error_table, friction_table, cogging_table)
-    matrix = matrices[: at.STEP_MATRIX_SIZE].copy()
-    part_matrix = matrices[at.STEP_MATRIX_SIZE :].copy()
-    pace = Pace(whole, 0.25, physics[at.PORT_STEP], substeps, True)
+    matrix = matrices[:STEP_MATRIX_SIZE].copy()
+    part_matrix = matrices[STEP_MATRIX_SIZE:].copy()
+    pace = Pace(whole, 0.25, physics[PORT_STEP], substeps, True)
     # The force of the whole step before leads the first part.
-    first_pace = Pace(part, 0.25 / at.FINE, lag, 1, False)
-    part_pace = Pace(part, 0.25, lag, at.FINE - 1, False)
+    first_pace = Pace(part, 0.25 / FINE, lag, 1, False)
+    part_pace = Pace(part, 0.25, lag, FINE - 1, False)
     start = Place(0, 0)
     place = start
     while True:
@@ -171,10 +180,10 @@ def advance(
         if place.row == rows.shape[0]:
             return
         # In parts, so that what happens within the step happens where it belongs; the servo waits.
-        tick = state[at.TICK]
-        state[at.TICK] = 2.0 * at.FINE
+        tick = state[TICK]
+        state[TICK] = 2.0 * FINE
         run(state, physics, servo, part_matrix, first_pace, tables, mode, targets, rows[:1], start)
-        force = state[at.FORCE]
+        force = state[FORCE]
         run(state, physics, servo, part_matrix, part_pace, tables, mode, targets, rows[:1], start)
-        state[at.FORCE], state[at.TICK] = force, tick
+        state[FORCE], state[TICK] = force, tick
         place = Place(place.row, place.substep + 1)

@@ -1,6 +1,4 @@
-"""The parts of a step of the closed loop. Each becomes part of the loop that calls it; what they hand to each other are
-tuples, which stay in registers.
-"""
+"""The parts of a step: each becomes part of the loop, and what they hand to each other are tuples, in registers."""
 
 from __future__ import annotations
 
@@ -8,7 +6,23 @@ import math
 from typing import NamedTuple
 
 from model.arrays import FloatArray
-from model.kernels import loop_layout as at
+
+# isort: off
+# By name: an index that is a module's attribute may be negative for all that numba knows, and a step takes 5 % longer.
+from model.kernels.loop_layout import (
+    ACCELERATION, AMBIENT, BEARING_LOW, COGGING_POINTS, COPPER, COULOMB_PER_KELVIN, COUPLING, CREEP, CUP, CYCLES,
+    C_B, DEPTH, ELASTIC, ERROR, ERROR_POINTS, ERROR_TURNS, EXTRA, EXTRA_2, EXTRA_3, FILTER, FORCE, FRICTION,
+    FRICTION_LAST, FRICTION_SCALE, GEAR_HEAT, HOUSING, HOUSING_LOSS, HOUSING_REFERENCE, HOUSING_STEP, HOUSING_SUM,
+    HYSTERESIS, HYSTERESIS_LIMIT, HYSTERESIS_STIFFNESS, INVERSE_RATIO, KINK_1, KINK_2, K_B, LAMBDA, MOTOR,
+    MOTOR_COULOMB, MOTOR_HEAT, MOTOR_LOSS, MOTOR_PER_KELVIN, MOTOR_REFERENCE, MOTOR_STEP, MOTOR_SUM, MOTOR_VISCOUS,
+    OUTPUT_ACCELERATION, OUTPUT_COULOMB, OUTPUT_FRICTION, OUTPUT_PER_KELVIN, OUTPUT_VISCOUS, PLAY, R1, R2, RADIUS,
+    RAMP, RO, ROW_FRICTION, ROW_HOUSING, ROW_INPUT_ACCELERATION, ROW_INPUT_ANGLE, ROW_INPUT_SPEED, ROW_MOTOR,
+    ROW_OUTPUT_ACCELERATION, ROW_OUTPUT_ANGLE, ROW_OUTPUT_SPEED, ROW_PORT_TORQUE, ROW_SPEED_REFERENCE,
+    ROW_TORQUE_REFERENCE, ROW_WEDGE_TORQUE, ROW_WINDUP_TORQUE, SLOPE, SPRING, STEADY, STEP_OUTPUT, STEP_TORQUE,
+    TANGENT, THETA, TORQUE_FACTOR, TORQUE_PER_KELVIN, TORSION, U1, UO, V2, VISCOUS_PER_KELVIN, W, WEDGE, WINDUP,
+)  # fmt: skip
+
+# isort: on
 from model.kernels.loop_tables import cogging_at, compiled, error_at, friction_at, inlined
 
 
@@ -140,22 +154,22 @@ class Warmth(NamedTuple):
 def _hardened(physics: FloatArray, torsion: float) -> float:
     """Torque beyond the linear stiffness at a torsion of the gear: none within the play, K2 above T1, K3 above T2."""
     size, extra = abs(torsion), 0.0
-    if physics[at.PLAY] > 0.0:
-        extra = -physics[at.SPRING] * min(size, physics[at.PLAY])
-        size -= physics[at.PLAY]
-    if size > physics[at.KINK_1]:
-        extra += physics[at.EXTRA_2] * (size - physics[at.KINK_1])
-        if size > physics[at.KINK_2]:
-            extra += physics[at.EXTRA_3] * (size - physics[at.KINK_2])
+    if physics[PLAY] > 0.0:
+        extra = -physics[SPRING] * min(size, physics[PLAY])
+        size -= physics[PLAY]
+    if size > physics[KINK_1]:
+        extra += physics[EXTRA_2] * (size - physics[KINK_1])
+        if size > physics[KINK_2]:
+            extra += physics[EXTRA_3] * (size - physics[KINK_2])
     return extra if torsion > 0.0 else -extra
 
 
 @compiled
-def dahl(physics: FloatArray, torque: float, moved: float) -> float:
+def _dahl(physics: FloatArray, torque: float, moved: float) -> float:
     """The torque of the hysteresis element after a movement: dT = sigma (1 - T sgn(d)/T_h) d (Dahl 1968)."""
-    limit = physics[at.HYSTERESIS_LIMIT]
+    limit = physics[HYSTERESIS_LIMIT]
     pull = 1.0 - math.copysign(torque / limit, torque * moved)
-    return min(max(torque + physics[at.HYSTERESIS_STIFFNESS] * moved * pull, -limit), limit)
+    return min(max(torque + physics[HYSTERESIS_STIFFNESS] * moved * pull, -limit), limit)
 
 
 @inlined
@@ -163,14 +177,14 @@ def constants(
     physics: FloatArray, matrix: FloatArray, pace: Pace, cogging_table: FloatArray | None
 ) -> _Constants:
     """The constants of a call of `run`."""
-    lift, radius = physics[at.LAMBDA], physics[at.RADIUS]
-    rotor = matrix[8 * at.STEP_TORQUE]
+    lift, radius = physics[LAMBDA], physics[RADIUS]
+    rotor = matrix[8 * STEP_TORQUE]
     cogging, elastic, hysteretic, output_friction, warming = 0.0, False, False, False, False
     if cogging_table is not None:
-        cogging = physics[at.COGGING_POINTS]
-        elastic, hysteretic = physics[at.ELASTIC] > 0.0, physics[at.HYSTERESIS_LIMIT] > 0.0
-        output_friction = physics[at.OUTPUT_COULOMB] > 0.0 or physics[at.OUTPUT_VISCOUS] > 0.0
-        warming = physics[at.HOUSING_STEP] > 0.0
+        cogging = physics[COGGING_POINTS]
+        elastic, hysteretic = physics[ELASTIC] > 0.0, physics[HYSTERESIS_LIMIT] > 0.0
+        output_friction = physics[OUTPUT_COULOMB] > 0.0 or physics[OUTPUT_VISCOUS] > 0.0
+        warming = physics[HOUSING_STEP] > 0.0
     return _Constants(
         pace.length,
         pace.lead,
@@ -178,24 +192,24 @@ def constants(
         1.0 / pace.length,
         lift,
         1.0 / lift if lift > 0.0 else 0.0,
-        physics[at.INVERSE_RATIO],
+        physics[INVERSE_RATIO],
         radius,
         1.0 / radius,
-        physics[at.TANGENT],
-        physics[at.K_B],
-        physics[at.C_B],
-        physics[at.ERROR_TURNS],
-        physics[at.ERROR_POINTS],
-        physics[at.FRICTION_SCALE],
-        int(physics[at.FRICTION_LAST]),
-        physics[at.BEARING_LOW],
-        physics[at.DEPTH],
-        physics[at.CREEP],
-        physics[at.MOTOR_COULOMB],
-        physics[at.MOTOR_VISCOUS],
+        physics[TANGENT],
+        physics[K_B],
+        physics[C_B],
+        physics[ERROR_TURNS],
+        physics[ERROR_POINTS],
+        physics[FRICTION_SCALE],
+        int(physics[FRICTION_LAST]),
+        physics[BEARING_LOW],
+        physics[DEPTH],
+        physics[CREEP],
+        physics[MOTOR_COULOMB],
+        physics[MOTOR_VISCOUS],
         rotor,
         1.0 / rotor,
-        1.0 / matrix[8 * at.STEP_OUTPUT + at.UO],
+        1.0 / matrix[8 * STEP_OUTPUT + UO],
         cogging,
         elastic,
         hysteretic,
@@ -207,17 +221,17 @@ def constants(
 @inlined
 def warmth_of(physics: FloatArray, heat: Heat) -> Warmth:
     """What the temperatures at a SYNC do until the next one."""
-    warmer = heat.housing_temperature - physics[at.HOUSING_REFERENCE]
-    motor_warmer = heat.motor_temperature - physics[at.MOTOR_REFERENCE]
-    thinner = math.exp(-physics[at.VISCOUS_PER_KELVIN] * warmer * (1.0 / 3.0))
+    warmer = heat.housing_temperature - physics[HOUSING_REFERENCE]
+    motor_warmer = heat.motor_temperature - physics[MOTOR_REFERENCE]
+    thinner = math.exp(-physics[VISCOUS_PER_KELVIN] * warmer * (1.0 / 3.0))
     bearing = thinner * thinner
     return Warmth(
-        1.0 - physics[at.COULOMB_PER_KELVIN] * warmer,
+        1.0 - physics[COULOMB_PER_KELVIN] * warmer,
         bearing * thinner,
         bearing,
-        1.0 - physics[at.OUTPUT_PER_KELVIN] * warmer,
-        1.0 - physics[at.MOTOR_PER_KELVIN] * motor_warmer,
-        physics[at.TORQUE_FACTOR] * (1.0 - physics[at.TORQUE_PER_KELVIN] * motor_warmer),
+        1.0 - physics[OUTPUT_PER_KELVIN] * warmer,
+        1.0 - physics[MOTOR_PER_KELVIN] * motor_warmer,
+        physics[TORQUE_FACTOR] * (1.0 - physics[TORQUE_PER_KELVIN] * motor_warmer),
     )
 
 
@@ -225,21 +239,19 @@ def warmth_of(physics: FloatArray, heat: Heat) -> Warmth:
 def warmed(physics: FloatArray, heat: Heat, reference: float, duration: float) -> Heat:
     """Both stores a cycle later: friction and copper loss in, what goes to the room and from one to the other out."""
     housing, motor = heat.housing_temperature, heat.motor_temperature
-    copper = physics[at.COPPER] * reference * reference * duration
-    exchanged = physics[at.COUPLING] * (motor - housing) * duration
+    copper = physics[COPPER] * reference * reference * duration
+    exchanged = physics[COUPLING] * (motor - housing) * duration
     housing_heat = (
-        heat.gear
-        + exchanged
-        - physics[at.HOUSING_LOSS] * (housing - physics[at.AMBIENT]) * duration
+        heat.gear + exchanged - physics[HOUSING_LOSS] * (housing - physics[AMBIENT]) * duration
     )
     motor_heat = heat.motor + (
-        copper - exchanged - physics[at.MOTOR_LOSS] * (motor - physics[at.AMBIENT]) * duration
+        copper - exchanged - physics[MOTOR_LOSS] * (motor - physics[AMBIENT]) * duration
     )
     return Heat(
         heat.gear,
         motor_heat,
-        housing + physics[at.HOUSING_STEP] * housing_heat,
-        motor + physics[at.MOTOR_STEP] * motor_heat,
+        housing + physics[HOUSING_STEP] * housing_heat,
+        motor + physics[MOTOR_STEP] * motor_heat,
     )
 
 
@@ -249,22 +261,20 @@ def write_row(
     heat: Heat, port: float, per_radius: float,
 ) -> None:  # fmt: skip
     """What is true at a SYNC; the output's columns follow when it is latched."""
-    rows[k, at.ROW_INPUT_ANGLE] = motion.theta
-    rows[k, at.ROW_INPUT_SPEED] = motion.w
-    rows[k, at.ROW_INPUT_ACCELERATION] = motion.acceleration
-    rows[k, at.ROW_TORQUE_REFERENCE] = state[at.FILTER]
-    rows[k, at.ROW_PORT_TORQUE] = port
-    rows[k, at.ROW_FRICTION] = mesh.friction
-    rows[k, at.ROW_WEDGE_TORQUE] = mesh.torque
-    rows[k, at.ROW_WINDUP_TORQUE] = (
-        physics[at.CUP] * (motion.r1 - motion.ro) * per_radius + spring.torque
-    )
-    rows[k, at.ROW_SPEED_REFERENCE] = state[at.RAMP]
-    rows[k, at.ROW_HOUSING] = heat.housing_temperature
-    rows[k, at.ROW_MOTOR] = heat.motor_temperature
-    state[at.CYCLES] += 1.0
-    state[at.HOUSING_SUM] += heat.housing_temperature
-    state[at.MOTOR_SUM] += heat.motor_temperature
+    rows[k, ROW_INPUT_ANGLE] = motion.theta
+    rows[k, ROW_INPUT_SPEED] = motion.w
+    rows[k, ROW_INPUT_ACCELERATION] = motion.acceleration
+    rows[k, ROW_TORQUE_REFERENCE] = state[FILTER]
+    rows[k, ROW_PORT_TORQUE] = port
+    rows[k, ROW_FRICTION] = mesh.friction
+    rows[k, ROW_WEDGE_TORQUE] = mesh.torque
+    rows[k, ROW_WINDUP_TORQUE] = physics[CUP] * (motion.r1 - motion.ro) * per_radius + spring.torque
+    rows[k, ROW_SPEED_REFERENCE] = state[RAMP]
+    rows[k, ROW_HOUSING] = heat.housing_temperature
+    rows[k, ROW_MOTOR] = heat.motor_temperature
+    state[CYCLES] += 1.0
+    state[HOUSING_SUM] += heat.housing_temperature
+    state[MOTOR_SUM] += heat.motor_temperature
 
 
 @inlined
@@ -272,18 +282,18 @@ def latch(rows: FloatArray, k: int, c: _Constants, motion: Motion, mesh: Mesh, r
     """The output's columns of a row, `rest` [s] into the step that begins."""
     rate = motion.uo * c.per_radius
     turn = rest * (rate + 0.5 * rest * motion.output_acceleration)
-    rows[k, at.ROW_OUTPUT_ANGLE] = (
+    rows[k, ROW_OUTPUT_ANGLE] = (
         motion.theta * c.inverse_ratio + motion.ro * c.per_radius - mesh.windup + turn
     )
-    rows[k, at.ROW_OUTPUT_SPEED] = rate + rest * motion.output_acceleration
-    rows[k, at.ROW_OUTPUT_ACCELERATION] = motion.output_acceleration
+    rows[k, ROW_OUTPUT_SPEED] = rate + rest * motion.output_acceleration
+    rows[k, ROW_OUTPUT_ACCELERATION] = motion.output_acceleration
 
 
 @inlined
 def creeps(c: _Constants, motion: Motion) -> bool:
     """Whether the rotor speeds through the steep part of the Stribeck curve."""
     creeping = 0.0 < abs(motion.w) < c.creep
-    return creeping and c.length * abs(motion.acceleration) > at.STEADY * abs(motion.w)
+    return creeping and c.length * abs(motion.acceleration) > STEADY * abs(motion.w)
 
 
 @inlined
@@ -295,7 +305,7 @@ def _stretched(
     now = (mesh.error * c.tangent - motion.ro + 0.5 * c.length * rate) * c.per_radius
     extra, pulled = _hardened(physics, now), spring.hysteresis
     if c.hysteretic:
-        pulled = dahl(physics, spring.hysteresis, now - spring.torsion)
+        pulled = _dahl(physics, spring.hysteresis, now - spring.torsion)
         extra += pulled
     return Spring(extra, pulled, now)
 
@@ -328,9 +338,9 @@ def _friction_limits(
 @inlined
 def _propagate(
     next_state: FloatArray, matrix: FloatArray, motion: Motion, errors: tuple[float, float],
-    torque: float, output_torque: float,
+    output_torque: float,
 ) -> None:  # fmt: skip
-    """The linear part a step later, without friction: one row of the matrix for each of what drives it."""
+    """The linear part a step later, as if no torque were on the rotor: it is there before that torque is known."""
     w, r2, v2, r1 = motion.w, motion.r2, motion.v2, motion.r1
     u1, ro, uo = motion.u1, motion.ro, motion.uo
     e0, e1 = errors
@@ -339,26 +349,26 @@ def _propagate(
         next_state[i] = (
             ((w * matrix[i] + r2 * matrix[8 + i]) + (v2 * matrix[16 + i] + r1 * matrix[24 + i]))
             + ((u1 * matrix[32 + i] + ro * matrix[40 + i]) + (uo * matrix[48 + i] + e0 * matrix[64 + i]))
-        ) + ((torque * matrix[56 + i] + output_torque * matrix[80 + i]) + e1 * matrix[72 + i])  # fmt: skip
+        ) + (output_torque * matrix[80 + i] + e1 * matrix[72 + i])  # fmt: skip
 
 
 @inlined
-def _take_off(next_state: FloatArray, matrix: FloatArray, row: int, torque: float) -> None:
-    """The same with a torque of friction against it."""
+def _add_torque(next_state: FloatArray, matrix: FloatArray, row: int, torque: float) -> None:
+    """The same with a constant torque in the step."""
     for i in range(next_state.size):
-        next_state[i] -= torque * matrix[8 * row + i]
+        next_state[i] += torque * matrix[8 * row + i]
 
 
 @inlined
 def _dragged(c: _Constants, next_state: FloatArray, matrix: FloatArray, most: float) -> Drag:
     """The output bearing's friction, at most so much: an exact prox as on the rotor."""
-    torque = next_state[at.UO] * c.per_output
+    torque = next_state[UO] * c.per_output
     held = abs(torque) <= most
     if not held:
         torque = math.copysign(most, torque)
-    _take_off(next_state, matrix, at.STEP_OUTPUT, torque)
+    _add_torque(next_state, matrix, STEP_OUTPUT, -torque)
     if held:
-        next_state[at.UO] = 0.0
+        next_state[UO] = 0.0
     return Drag(torque, held)
 
 
@@ -367,13 +377,13 @@ def taken_from(state: FloatArray) -> tuple[Motion, Mesh, Spring, Drag, Heat]:
     """What a step changes, out of the state."""
     return (
         Motion(
-            state[at.W], state[at.R2], state[at.V2], state[at.R1], state[at.U1], state[at.RO], state[at.UO],
-            state[at.THETA], state[at.ACCELERATION], state[at.OUTPUT_ACCELERATION],
+            state[W], state[R2], state[V2], state[R1], state[U1], state[RO], state[UO],
+            state[THETA], state[ACCELERATION], state[OUTPUT_ACCELERATION],
         ),
-        Mesh(state[at.ERROR], state[at.SLOPE], state[at.FORCE], state[at.WEDGE], state[at.FRICTION], state[at.WINDUP]),
-        Spring(state[at.EXTRA], state[at.HYSTERESIS], state[at.TORSION]),
-        Drag(state[at.OUTPUT_FRICTION], state[at.UO] == 0.0),
-        Heat(state[at.GEAR_HEAT], state[at.MOTOR_HEAT], state[at.HOUSING], state[at.MOTOR]),
+        Mesh(state[ERROR], state[SLOPE], state[FORCE], state[WEDGE], state[FRICTION], state[WINDUP]),
+        Spring(state[EXTRA], state[HYSTERESIS], state[TORSION]),
+        Drag(state[OUTPUT_FRICTION], state[UO] == 0.0),
+        Heat(state[GEAR_HEAT], state[MOTOR_HEAT], state[HOUSING], state[MOTOR]),
     )  # fmt: skip
 
 
@@ -382,30 +392,30 @@ def put_into(
     state: FloatArray, motion: Motion, mesh: Mesh, spring: Spring, drag: Drag, heat: Heat
 ) -> None:
     """The same back into the state."""
-    state[at.W], state[at.R2], state[at.V2], state[at.R1] = (
+    state[W], state[R2], state[V2], state[R1] = (
         motion.w,
         motion.r2,
         motion.v2,
         motion.r1,
     )
-    state[at.U1], state[at.RO], state[at.UO], state[at.THETA] = (
+    state[U1], state[RO], state[UO], state[THETA] = (
         motion.u1,
         motion.ro,
         motion.uo,
         motion.theta,
     )
-    state[at.ACCELERATION] = motion.acceleration
-    state[at.OUTPUT_ACCELERATION] = motion.output_acceleration
-    state[at.ERROR], state[at.SLOPE], state[at.FORCE] = mesh.error, mesh.slope, mesh.force
-    state[at.WEDGE], state[at.FRICTION], state[at.WINDUP] = mesh.torque, mesh.friction, mesh.windup
-    state[at.EXTRA], state[at.HYSTERESIS], state[at.TORSION] = (
+    state[ACCELERATION] = motion.acceleration
+    state[OUTPUT_ACCELERATION] = motion.output_acceleration
+    state[ERROR], state[SLOPE], state[FORCE] = mesh.error, mesh.slope, mesh.force
+    state[WEDGE], state[FRICTION], state[WINDUP] = mesh.torque, mesh.friction, mesh.windup
+    state[EXTRA], state[HYSTERESIS], state[TORSION] = (
         spring.torque,
         spring.hysteresis,
         spring.torsion,
     )
-    state[at.OUTPUT_FRICTION] = drag.torque
-    state[at.GEAR_HEAT], state[at.MOTOR_HEAT] = heat.gear, heat.motor
-    state[at.HOUSING], state[at.MOTOR] = heat.housing_temperature, heat.motor_temperature
+    state[OUTPUT_FRICTION] = drag.torque
+    state[GEAR_HEAT], state[MOTOR_HEAT] = heat.gear, heat.motor
+    state[HOUSING], state[MOTOR] = heat.housing_temperature, heat.motor_temperature
 
 
 @inlined
@@ -456,14 +466,14 @@ def step(
     )
     gear_limit, motor_limit, wound = _friction_limits(c, tables.friction, warmth, motion, mesh)
     bound = gear_limit + motor_limit
-    _propagate(next_state, matrix, motion, (mesh.error, after.error), torque, output_torque)
-    free = next_state[0]
+    _propagate(next_state, matrix, motion, (mesh.error, after.error), output_torque)
+    free = next_state[0] + c.rotor * torque
     stuck = abs(free) <= c.rotor * bound
     friction = free * c.per_rotor if stuck else math.copysign(bound, free)
-    _take_off(next_state, matrix, at.STEP_TORQUE, friction)
+    _add_torque(next_state, matrix, STEP_TORQUE, torque - friction)
     was_held = drag.held
     if c.output_friction:
-        most = physics[at.OUTPUT_COULOMB] + physics[at.OUTPUT_VISCOUS] * abs(motion.uo)
+        most = physics[OUTPUT_COULOMB] + physics[OUTPUT_VISCOUS] * abs(motion.uo)
         drag = _dragged(c, next_state, matrix, warmth.output * most)
     speed = 0.0 if stuck else next_state[0]
     turned = w * speed <= 0.0 and (w != 0.0 or speed != 0.0)
@@ -475,14 +485,15 @@ def step(
         speed, next_state[1], next_state[2], next_state[3], next_state[4], next_state[5], next_state[6],
         motion.theta + moved,
         0.0 if speed == 0.0 else (speed - w) * c.per_step,
-        (next_state[at.UO] - motion.uo) * c.per_step * c.per_radius,
+        (next_state[UO] - motion.uo) * c.per_step * c.per_radius,
     )  # fmt: skip
     mesh = Mesh(after.error, after.slope, after.force, after.torque, friction, wound * share)
-    heat = Heat(
-        heat.gear + share * gear_limit * moved,
-        heat.motor + share * motor_limit * moved,
-        heat.housing_temperature,
-        heat.motor_temperature,
-    )
+    if c.warming:
+        heat = Heat(
+            heat.gear + share * gear_limit * moved,
+            heat.motor + share * motor_limit * moved,
+            heat.housing_temperature,
+            heat.motor_temperature,
+        )
     parts = turned or yields or (c.output_friction and drag.held != was_held)
     return motion, mesh, spring, drag, heat, turned, parts
