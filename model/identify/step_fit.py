@@ -242,6 +242,8 @@ class _Goal:
             raise IdentificationError("the fit of the steps diverged", where="velocity steps")
         values = {**here.values, **dict(zip(names, vector[:size].tolist(), strict=True))}
         values["skew"] = min(max(values["skew"], -LARGEST_SKEW), LARGEST_SKEW)
+        # The prior pulls at the numbers that are looked at, not at those beyond the bound.
+        vector[:size] = [values[name] for name in names]
         # A spring that is nothing, or everything, is no answer: the step was too long.
         if not all(abs(values[name]) < _RUNAWAY for name in names if name != "skew"):
             return _Place(vector, values, math.inf)

@@ -13,12 +13,12 @@ from datetime import date
 from pathlib import Path
 
 from experiments.assumed import DISC, TIME_BASE
-from experiments.protocols.friction.vibration import LAG
 from experiments.protocols.torque_scale.analysis import EDGE, LEVELS
 from experiments.protocols.torque_scale.disc import Disc, disc_of
 from experiments.recording import RunMetadata
 from experiments.result import Result
 from experiments.tares.motor_heat import MAGNETS, WARMER, WARMTH
+from experiments.torque.ripple import LAG
 from model.channel import Channel
 from model.errors import IdentificationError
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate

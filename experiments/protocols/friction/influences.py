@@ -29,9 +29,10 @@ from experiments.budget import stated_note, torque_scale_uncertainty
 from experiments.load import is_stated
 from experiments.protocols.friction.points import MeasuredFriction
 from experiments.protocols.friction.temperature import DRY, THERMOMETRY, VISCOUS, TemperatureLaw
-from experiments.protocols.friction.vibration import Ripple, port_lag
+from experiments.protocols.friction.vibration import Ripple
 from experiments.recording import Recording
 from experiments.tares.motor_heat import WARMTH
+from experiments.torque.ripple import PORT_LAG, port_lag
 from experiments.torque.running_torque import Hold
 from model.arrays import FloatArray
 from model.friction import TorqueBalance, bearing_lever, bearing_magnitude, mesh_lever
@@ -70,8 +71,6 @@ RUN_TO_RUN = "from run to run"
 RUN_TO_RUN_RELATIVE = 0.01
 """Relative standard uncertainty of dry friction from one run of a gear to the next, assumed of greased gears: a run
 does not show how the next one will be."""
-PORT_LAG = "lag of the torque port"
-"""Relative standard uncertainty of the lag: 0 to twice as much."""
 SCALE, ZERO = "torque scale", "torque zero"
 
 

@@ -13,10 +13,7 @@ their sidebands n +- k/N beat over the output turn, so that y is taken from shor
 Damping is known within a factor of about three, w_1 (in the fourth power) by the card's stiffness and inertia. Where
 nobody stated the inertia, w_1 is the lowest that is assumed, and the loss lies between none and what follows from it.
 
-The input ripples too, and the port lags behind the torque by an unknown part of `LAG`: the mean over angle holds the
-product of both ripples, half the sum of Re(T_n conj(w_n)/w); a first-order lag t hides i n w t T_n of T_n. The sum of
-trapezoids over angle holds only a share sin(b)/b of that product, b = n w times the sampling period: at a quarter of
-the rate a third is missing. A speed loop takes power from ripples (T_n opposes w_n): the mean came out too large.
+The input ripples too, and the torque port is late: `experiments.torque.ripple`.
 """
 
 from __future__ import annotations
@@ -27,13 +24,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.assumed import LOWEST_MODE
-from experiments.evidence import usable
 from experiments.evidence.sampling import HIGHEST_SHARE
 from experiments.load import is_stated
 from experiments.planning.speeds import first_resonances
 from experiments.recording import Recording
+from experiments.torque.ripple import port_lag, waves_of
 from experiments.torque.running_torque import Hold
-from model.arrays import ComplexArray, FloatArray
+from model.arrays import FloatArray
 from model.gear import HarmonicDrive
 from model.stiffness import drive_stiffness
 from model.units import ARCMIN, REVOLUTION
@@ -50,24 +47,10 @@ _FOLDED = (0.05, 0.45)
 """Turns per sample between which an alias shows the amplitude of what folds there."""
 _SPLIT = 2.0
 """Two orders that fold to one place share what stands there."""
-LAG = 1e-3
-"""s by which a torque port lags where its bench has not measured it, assumed; 0 to twice as much."""
-LAG_RELATIVE = 1.0 / math.sqrt(3.0)
-"""Relative standard uncertainty of that."""
+ENOUGH = 16
+"""Slow holds, in many places on the output, that tell the error."""
 _TURNED = 0.02
 """Radians by which the lag or a period must turn the highest order to be looked at."""
-ROWS = 20_000
-"""Rows of a hold that are looked at, its last ones."""
-_TREND = 2
-"""Degree of the polynomial over time that stands for the turning of the output and its own slow orders in a block."""
-SEEN = 4.0
-"""Mean square of an order over that of the noise from which on it is a motion."""
-BLOCK_ROWS, BLOCK_REVOLUTIONS = 80, 5.0
-"""A block has at least so many rows and covers so many input revolutions, all of a shorter hold, but one at least."""
-LEAST_REVOLUTIONS, ENOUGH = 0.95, 16
-"""Input revolutions that a hold needs, and slow holds, in many places on the output, that tell the error."""
-_REVOLUTION_ROWS = 200
-"""Rows per input revolution that are enough."""
 
 
 @dataclass(frozen=True)
@@ -87,14 +70,6 @@ class Ripple:
     unseen: FloatArray
 
 
-def port_lag(recording: Recording, channel: str) -> tuple[float, float, str]:
-    """How late a torque is shown [s], the standard uncertainty of that, and where both are from."""
-    known = recording.signals[channel].calibration
-    if known.lag is None or known.lag_uncertainty is None:
-        return LAG, LAG_RELATIVE * LAG, f"{1e3 * LAG:g} ms, 0 to twice as much"
-    return known.lag, known.lag_uncertainty, f"{1e3 * known.lag:.3g} ms, learnt on this bench"
-
-
 def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, channel: str) -> Ripple:
     """The ripples of all holds at constant speed."""
     ripple = Ripple(*np.zeros((5, len(holds))))
@@ -110,17 +85,13 @@ def ripple_of(recording: Recording, holds: list[Hold], gear: HarmonicDrive, chan
         speed = abs(hold.torque.speed)
         if orders[-1] * speed * max(abs(lag), period) < _TURNED:
             continue
-        waves = _waves(
-            recording, hold, ["input_angle", channel] + ["output_angle"] * int(shaken[k])
-        )
+        names = ["input_angle", channel] + ["output_angle"] * int(shaken[k])
+        waves = waves_of(recording, hold, names, orders)
         if waves is None:
             continue
-        swing = 0.5j * orders * waves.mean_product(0, 1)
-        per_second = float((1j * swing * orders * speed).real.sum())
-        ripple.lag[k], ripple.lag_uncertainty[k] = lag * per_second, u * per_second
-        # np.sinc has pi in it; what a sum of trapezoids is short of.
-        missing = 1.0 - np.sinc(orders * speed * period / math.pi)
-        ripple.between[k] = float((swing * missing).real.sum())
+        late = waves.late(orders, speed, (lag, u), period)
+        ripple.lag[k], ripple.lag_uncertainty[k] = late.lag, late.lag_uncertainty
+        ripple.between[k] = late.between
         if shaken[k]:
             turns = orders * speed * period / REVOLUTION
             torsion = _sampled(turns, orders * speed / mode, np.sqrt(waves.squares(2)), error)
@@ -179,7 +150,9 @@ def _at_rest(
     """
     still = [h for h in holds if ORDERS[-1] * abs(h.torque.speed) < STILL * mode]
     few = still[:: 1 + len(still) // ENOUGH]
-    seen = (_waves(recording, hold, ["input_angle", "output_angle"]) for hold in few)
+    seen = (
+        waves_of(recording, hold, ["input_angle", "output_angle"], np.array(ORDERS)) for hold in few
+    )
     squares = [waves.squares(1) for waves in seen if waves is not None]
     if not squares:
         return np.full(len(ORDERS), 0.5 * gear.ratings.transmission_accuracy / len(ORDERS))
@@ -203,58 +176,3 @@ def _damping(gear: HarmonicDrive) -> float:
     lever = gear.geometry.neutral_radius / math.tan(gear.geometry.tooth_angle)
     share = stiffness.combined_output / stiffness.bearing_at_output
     return gear.bearing.damping * (lever * share) ** 2 + gear.damping.structural
-
-
-@dataclass(frozen=True)
-class _Waves:
-    """Complex amplitudes c (signals, blocks, orders) of Re(c exp(i n theta)) in each block, theta growing, and mean
-    squares of the noise of an amplitude (signals,)."""
-
-    amplitude: ComplexArray
-    noise: FloatArray
-
-    def squares(self, which: int) -> FloatArray:
-        """Mean squares of the amplitudes of a signal over the blocks (orders,), 0 where they are noise."""
-        mean = np.mean(np.abs(self.amplitude[which]) ** 2, axis=0)
-        noise = self.noise[which]
-        return np.where(mean > SEEN * noise, mean - noise, 0.0)
-
-    def mean_product(self, angle: int, torque: int) -> ComplexArray:
-        """-conj(a) T, in the mean over blocks (orders,).
-
-        i n of it is the torque times the ripple of the speed over its mean (amplitude i n a).
-        """
-        return -np.mean(np.conj(self.amplitude[angle]) * self.amplitude[torque], axis=0)
-
-
-def _waves(recording: Recording, hold: Hold, names: list[str]) -> _Waves | None:
-    """The orders of some signals of a hold by blocks; None where it is too short."""
-    rows = slice(max(hold.segment.start, hold.segment.stop - ROWS), hold.segment.stop)
-    per_turn = REVOLUTION * recording.metadata.sample_rate / abs(hold.torque.speed)
-    good = np.flatnonzero(usable(recording, rows))[:: max(1, int(per_turn / _REVOLUTION_ROWS))]
-    angle = recording.si("input_angle", rows)[good]
-    turns = abs(angle[-1] - angle[0]) / REVOLUTION if len(angle) else 0.0
-    if turns < LEAST_REVOLUTIONS:
-        return None
-    size = max(BLOCK_ROWS, math.ceil(min(BLOCK_REVOLUTIONS / turns, 1.0) * len(angle)))
-    blocks = len(angle) // size
-    if blocks == 0:
-        return None
-    signals = [
-        recording.output_angle(rows)[good] if n == "output_angle" else recording.si(n, rows)[good]
-        for n in names
-    ]
-    moved = np.array([s[: blocks * size].reshape(blocks, size) for s in signals])
-    turned = hold.torque.direction * moved[0]
-    moved = moved - moved.mean(axis=2, keepdims=True)
-    place = np.broadcast_to(np.linspace(-1.0, 1.0, size), turned.shape)
-    waves = [f(n * turned) for n in ORDERS for f in (np.cos, np.sin)]
-    design = np.stack([*(place**k for k in range(_TREND + 1)), *waves], axis=2)
-    # Normal equations: columns are of unit size, and what aliases away is cut off.
-    right = np.moveaxis(moved, 0, 2)
-    inverse = np.linalg.pinv(design.mT @ design, rcond=1e-6, hermitian=True)
-    solution = inverse @ (design.mT @ right)
-    residual = right - design @ solution
-    noise = 4.0 * np.mean(residual**2, axis=(0, 1)) / size
-    parts = np.moveaxis(solution[:, _TREND + 1 :, :], 2, 0)
-    return _Waves(parts[:, :, 0::2] - 1j * parts[:, :, 1::2], noise)

@@ -29,7 +29,8 @@ from experiments.tares.motor_heat import FRICTION, MotorHeat, motor_heat
 from experiments.tares.tare import tare_table
 from experiments.tares.tare_chart import tare_chart
 from experiments.tares.tare_witness import remarks_of
-from experiments.torque.pattern import TorquePattern, direction_patterns
+from experiments.torque.pattern import PatternPair, TorquePattern, direction_patterns
+from experiments.torque.ripple import LateTorque, port_lag, waves_of
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
@@ -54,6 +55,11 @@ _UNSEEN_LOSSES = 2.0
 
 _COGGING_BELOW = 100.0 * RPM
 """Input speed up to which the torque over angle shows cogging and not the inertia of a rippling speed."""
+_LOWEST_ORDERS, _MOST_ORDERS, _STANDS_OUT = range(1, 7), 8, 4.0
+"""Orders of the input that are always looked at; how many of the cogging are, and how far each stands out of its
+standard error."""
+_SHOWN = 0.5 * math.pi
+"""Radians that an order turns between two samples, up to which it is looked at."""
 
 
 def analyse(recording: Recording, evidence: Evidence) -> Result:
@@ -74,10 +80,11 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         points = pair_directions(averages)
         tare = tare_from(averages)
     warnings += points.warnings
-    estimates, covariance = _straight_line(recording, averages, points, heat)
-    estimates |= _offset(points, zero)
     slow = [s for s in segments if abs(s.setpoint) <= _COGGING_BELOW]
     patterns = direction_patterns(recording, slow, zero)
+    late = _late(recording, holds, _rippling_orders(patterns))
+    estimates, covariance = _straight_line(recording, averages, points, late, heat)
+    estimates |= _offset(points, zero)
     plots = [_plot(holds, estimates)]
     metrics = {"speeds": float(len(tare.speed)), "torque_zero_drift": zero.drift}
     if math.isfinite(housing):
@@ -117,17 +124,21 @@ def _straight_line(
     recording: Recording,
     averages: Sequence[RunningTorque],
     points: FrictionPoints,
+    late: Sequence[LateTorque],
     heat: MotorHeat,
 ) -> tuple[dict[str, Estimate], Covariance | None]:
     """Coulomb and viscous friction of the bare motor from the half-differences: T = T_c + c omega.
 
     Weighed by the errors of the points, widened where they miss the line. An error estimated from the residuals alone
     would be too small: the fastest points carry the slope, and a line passes by a point that carries it. The motor
-    warms by its own losses while it is run from slow to fast: an error that all points share.
+    warms by its own losses while it is run from slow to fast, and what the port's lag makes of its cogging is taken
+    off: two errors that all points share.
     """
-    speed, torque = points.speed, points.friction
+    speed = points.speed
+    torque = points.friction + points.mean_of(np.array([one.lag + one.between for one in late]))
     warming = abs(FRICTION) * points.mean_of(_warming(averages)) * torque
-    whitening = whitening_of(pooled_errors(points), warming[:, None])
+    lagging = points.mean_of(np.array([one.lag_uncertainty for one in late]))
+    whitening = whitening_of(pooled_errors(points), np.column_stack([warming, lagging]))
     design = np.column_stack([np.ones_like(speed), speed])
     white = whitening @ design
     values = np.linalg.lstsq(white, whitening @ torque, rcond=None)[0]
@@ -161,6 +172,31 @@ def _straight_line(
             others.append(BudgetLine("temperature of the motor", "B", cold * abs(warm * value)))
             estimates[found] = _tare_estimate(found, warm * value, unit, moved, others, freedom)
     return estimates, covariance
+
+
+def _rippling_orders(patterns: PatternPair | None) -> FloatArray:
+    """Orders of the input at which torque and speed may ripple together: the lowest, and those of the cogging."""
+    orders = set(_LOWEST_ORDERS)
+    if patterns is not None:
+        seen = np.abs(patterns.cogging.amplitude) / patterns.cogging.standard_error
+        strongest = np.argsort(np.abs(patterns.cogging.amplitude))[::-1][:_MOST_ORDERS]
+        orders |= {int(place) + 1 for place in strongest if seen[place] > _STANDS_OUT}
+    return np.array(sorted(orders), dtype=np.float64)
+
+
+def _late(recording: Recording, holds: Sequence[Hold], orders: FloatArray) -> list[LateTorque]:
+    """What the port's lag does to the torque of each hold. The table of the tare keeps it: a gear's torque, of which
+    that is taken off, has it too.
+    """
+    lag, u, _ = port_lag(recording, "torque")
+    period = 1.0 / recording.metadata.sample_rate
+    found: list[LateTorque] = []
+    for hold in holds:
+        speed = abs(hold.torque.speed)
+        shown = orders[orders * speed * period < _SHOWN]
+        waves = waves_of(recording, hold, ("input_angle", "torque"), shown) if len(shown) else None
+        found.append(waves.late(shown, speed, (lag, u), period) if waves else LateTorque())
+    return found
 
 
 def _offset(points: FrictionPoints, zero: TorqueZero) -> dict[str, Estimate]:

@@ -14,15 +14,15 @@ from experiments.evidence import check_settings, quality_remarks, usable
 from experiments.protocols.friction.influences import (
     LOSS_RELATIVE,
     OWN_RELATIVE,
-    PORT_LAG,
     PRODUCT_RELATIVE,
     VIBRATION,
 )
-from experiments.protocols.friction.vibration import port_lag, ripple_of
+from experiments.protocols.friction.vibration import ripple_of
 from experiments.protocols.warm_up.declaration import NAME, QUANTITIES, Parameters
 from experiments.recording import Recording, Segment
 from experiments.result import Plot, Result, Series
 from experiments.tares.motor_heat import MotorHeat, motor_heat
+from experiments.torque.ripple import PORT_LAG, port_lag
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
