@@ -33,7 +33,7 @@ _CHECK_OUTCOMES = {
 WORST_FIRST: tuple[VerdictOutcome, ...] = ("FAIL", "NOT JUDGED", "MARGINAL", "PASS")
 DECISION_RULE = (
     "PASS: the whole of value ± U keeps the limit. FAIL: the whole of it breaks the limit. "
-    "MARGINAL: the limit lies inside (JCGM 106, guard band U)."
+    "MARGINAL: the limit lies inside (JCGM 106, guard band U), or it is a lower one of a number that may be zero."
 )
 
 
@@ -195,7 +195,9 @@ def outcome_against(estimate: Estimate, limit: float, *, is_upper: bool = True) 
     if lacks_number(estimate) or not math.isfinite(limit):
         return "NOT JUDGED"
     if beyond + u <= 0.0:
-        return "PASS"
+        # The length of a vector of noise is above zero: its interval is not symmetrical, and says so at its low end.
+        may_be_less = not is_upper and estimate.low <= 0.0 < limit
+        return "MARGINAL" if may_be_less else "PASS"
     return "FAIL" if beyond - u > 0.0 else "MARGINAL"
 
 

@@ -102,7 +102,8 @@ def judged(lines: Iterable[Line]) -> Iterator[Line]:
             "kind": n["kind"],
             "quantity": n["quantity"],
             "upper": outcome(run, n, n["true"], is_upper=True),
-            "lower": outcome(run, n, n["true"], is_upper=False),
+            # Whatever cannot be negative keeps a limit of 0: what is held against it is the least above.
+            "lower": outcome(run, n, n["true"] or math.ulp(0.0), is_upper=False),
             "drawn": 2 * DRAWN,
             "passed": sum(word != "" for words in beyond.values() for word in words),
             "wrong": sum(word == "wrong" for words in beyond.values() for word in words),

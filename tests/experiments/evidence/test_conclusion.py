@@ -25,6 +25,7 @@ from experiments.result import (
 )
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Cause, Estimate
+from model.identify.polar import polar
 from tests.experiments.test_analyses_without_plan import foreign
 
 QUANTITIES = (
@@ -167,6 +168,16 @@ def test_a_number_that_the_data_do_not_determine_is_held_against_nothing() -> No
     wide = estimate("size", 0.1, 0.1)
     assert (outcome_against(wide, 1.0), lacks_number(wide)) == ("PASS", "")
     assert outcome_against(wide, math.nan) == "NOT JUDGED"
+
+
+def test_the_length_of_a_vector_that_may_be_noise_keeps_no_lower_limit() -> None:
+    noise = polar("4", np.array([2.3e-6, 0.0]), 1e-12 * np.eye(2), 1e4, "rad").amplitude
+    assert noise.value - noise.expanded_uncertainty > 1e-7
+    assert outcome_against(noise, 1e-7, is_upper=False) == "MARGINAL"
+    assert outcome_against(noise, 0.0, is_upper=False) == "PASS"
+    assert outcome_against(noise, 1e-5) == "PASS"
+    clear = polar("4", np.array([9e-6, 0.0]), 1e-12 * np.eye(2), 1e4, "rad").amplitude
+    assert outcome_against(clear, 1e-7, is_upper=False) == "PASS"
 
 
 def test_what_widens_is_said() -> None:

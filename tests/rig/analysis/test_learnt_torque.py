@@ -141,7 +141,8 @@ def test_a_later_analysis_takes_the_scale_and_an_earlier_one_is_stale(
         before.analysis.result.estimates["motor_coulomb"],
         fit.result.estimates["motor_coulomb"],
     )
-    assert new.value == pytest.approx(old.value / gain, rel=1e-6)
+    # The lag is learnt with it, and what that makes of the cogging is taken off.
+    assert new.value == pytest.approx(old.value / gain, rel=1e-5)
     scale = {line.source: line.standard_uncertainty for line in new.budget}["torque scale"]
     assert (
         scale
