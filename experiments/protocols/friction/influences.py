@@ -376,7 +376,8 @@ def spread_of(
     tare = measured.motor_torque(points.speed)
     whole = curve.whole(points.speed)
     speed = np.array([abs(h.torque.speed) for h in every])
-    waves = _place_columns(every, PLACE_ORDERS[: freedom // _REPETITIONS_PER_ORDER])
+    orders = PLACE_ORDERS[: freedom // _REPETITIONS_PER_ORDER]
+    waves = _place_columns(every, orders)
     waves = points.mean_of(waves * curve.dry(speed)[:, None]) / whole[:, None]
     if measured.tare is not None:
         others = [*others, tare_scatter(measured.tare, speed)]
@@ -392,6 +393,8 @@ def spread_of(
         np.column_stack([known, place * waves]),
         waves[:, :0],
     )
+    # The fit gives it to all orders: together they vary as much as those by which it was sized.
+    place *= math.sqrt(len(orders) / len(PLACE_ORDERS))
     return Spread(point=point, place=place, freedom=freedom)
 
 
