@@ -45,6 +45,19 @@ def test_orders_are_recovered_within_their_intervals(result: Result, harmonic: H
     assert amplitude.high - amplitude.low < 0.5 * ARCSEC
 
 
+def test_every_order_is_a_row_of_the_table(result: Result) -> None:
+    (table,) = (one for one in result.tables if one.name == "orders")
+    rows = {row[0]: row for row in table.rows}
+    assert set(NAMES.values()) <= set(rows)
+    for harmonic in SERIES:
+        label, order, a, b, size, *_ = rows[NAMES[harmonic.order]]
+        assert order == pytest.approx(harmonic.order)
+        assert (a, b) == pytest.approx(
+            (harmonic.cosine / ARCSEC, harmonic.sine / ARCSEC), abs=0.5
+        ), label
+        assert size == pytest.approx(math.hypot(float(a), float(b)))
+
+
 def test_what_figure_12_leaves_of_raw_samples_is_what_the_fit_leaves(result: Result) -> None:
     (plot,) = (one for one in result.plots if one.name == "kinematic-error")
     *_, left = plot.series

@@ -87,6 +87,11 @@ def test_above_the_mode_the_torsion_is_the_error_and_below_what_the_motion_asks_
     assert (high >= exact * 0.999).all()
     # Far above the mode it is known all the same.
     assert high[4] / low[4] < 1.01
+    # Far below it follows the stiffness: m/(1 - m) of the error, m the square of the ratio over the stiffness.
+    soft, stiff = ((ratio[0] / 1.1) ** 2 / (1.0 + way * vibration.STIFFNESS) for way in (-1.0, 1.0))
+    assert (low[0], high[0]) == pytest.approx(
+        (error[0] * stiff / (1.0 - stiff), error[0] * soft / (1.0 - soft))
+    )
 
 
 def test_what_sampling_hides_is_no_more_than_its_alias_shows() -> None:

@@ -161,6 +161,10 @@ def test_few_points_carry_a_line_only() -> None:
     assert law(result) in ("coulomb", "coulomb-viscous")
     with pytest.raises(AnalysisError, match="too few points for the law stribeck"):
         fitted(table(speed, friction(speed)), law="stribeck")
+    # Eight points are enough for five parameters, five speeds are not.
+    often = np.concatenate([speed, -speed[:3]])
+    with pytest.raises(AnalysisError, match="too few points for the law stribeck"):
+        fitted(table(often, friction(often)), law="stribeck")
 
 
 def test_the_plot_holds_points_curve_and_residuals() -> None:

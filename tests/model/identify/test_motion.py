@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
 
 from model.errors import IdentificationError
+from model.identify import motion
 from model.identify.motion import MotionFilter, fit_motion, score_motion
+from model.identify.motion_lag import LagEstimate
 
 DATA = (
     Path(
@@ -98,3 +103,19 @@ def test_bad_motion_is_refused() -> None:
         fit_motion(time, position, force, recipe=MotionFilter(cutoff_hz=600.0))
     with pytest.raises(IdentificationError, match="evenly"):
         fit_motion(time + 4e-4 * np.sin(time * 1e3), position, force)
+
+
+@pytest.mark.parametrize(("lag", "beyond"), [(0.05, 0.03), (0.001, 0.002)])
+def test_what_is_seen_of_a_lag_beyond_its_doubt_counts_whole(
+    monkeypatch: pytest.MonkeyPatch, lag: float, beyond: float
+) -> None:
+    """0.05 ± 0.02 s lies 0.03 s beyond what could be chance; of 0.001 s no more than two periods are believed."""
+    monkeypatch.setattr(motion, "lag_sensitivity", lambda moments, names: np.array([1.0]))
+    fitted: Any = SimpleNamespace(
+        transform=(("inertia",), np.eye(1)),
+        moments=None,
+        fit=SimpleNamespace(names=("inertia",)),
+        basis=SimpleNamespace(lag=0.0),
+    )
+    _, doubt = motion._lag_effect(fitted, LagEstimate(lag, 0.01), 1e-3)
+    assert doubt == pytest.approx([beyond / math.sqrt(3.0)])

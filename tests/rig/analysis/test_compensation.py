@@ -107,6 +107,10 @@ def test_it_is_proved_and_takes_out_what_it_says(made: Made) -> None:
     assert result.metrics["predicted_true"] > result.metrics["predicted_seen"]
     names = {plot.name for plot in result.plots}
     assert names == {"compensated-error", "compensated-orders", "compensated-by-speed"}
+    (orders,) = (plot for plot in result.plots if plot.name == "compensated-orders")
+    without, beside = orders.series
+    assert "without" in without.label
+    assert np.hypot.reduce(without.y) > 2.0 * np.hypot.reduce(beside.y)
     table = proved_table(made.proof)
     assert table.proof is not None
     assert table.proof.verdict == "PASS"
