@@ -35,7 +35,7 @@ from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
 from model.identify.common_errors import whitening_of
-from model.identify.estimate import BudgetLine, Estimate
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate
 from model.identify.friction import HALF_SUMS
 from model.identify.least_squares import student_quantile
 from model.identify.running_torque import (
@@ -169,7 +169,8 @@ def _straight_line(
                 [replace(b, standard_uncertainty=warm * b.standard_uncertainty) for b in part]
                 for part in (lines, outside)
             )
-            others.append(BudgetLine("temperature of the motor", "B", cold * abs(warm * value)))
+            # As of friction: what brings a number to 20 degC is in its interval too.
+            moved.append(BudgetLine("temperature of the motor", "B", cold * abs(warm * value)))
             estimates[found] = _tare_estimate(found, warm * value, unit, moved, others, freedom)
     return estimates, covariance
 
@@ -237,7 +238,13 @@ def _tare_estimate(
     freedom: int,
 ) -> Estimate:
     """A number of the line, its statistical interval from the lines `inside`."""
-    half = student_quantile(freedom) * math.hypot(*(b.standard_uncertainty for b in inside))
+    half = math.hypot(
+        *(
+            (student_quantile(freedom) if b.kind == "A" else NORMAL_COVERAGE_FACTOR)
+            * b.standard_uncertainty
+            for b in inside
+        )
+    )
     return Estimate(
         name=name,
         value=value,

@@ -1,8 +1,9 @@
-"""The torque of a bare motor whose cogging shakes its speed, behind a port that is late."""
+"""The torque of a bare motor whose cogging shakes its speed, behind a port that is late; and what it is at 20 °C."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -11,7 +12,9 @@ from experiments.contract import Evidence
 from experiments.protocols.motor_tare import analysis as motor_tare
 from experiments.recording import ArraySource, Recording
 from model.gear import HarmonicDrive
+from model.identify.estimate import NORMAL_COVERAGE_FACTOR
 from model.units import RPM
+from tests.experiments.test_starting_torque import warm
 
 SLOTS, COGGING, RIPPLE = 24, 2e-2, 0.2
 """Order and amplitude [N m] of the cogging, and by how much the servo lets it shake the speed [rad/s]."""
@@ -73,3 +76,15 @@ def test_a_lag_that_nobody_measured_is_in_the_interval(
         for run in (shaken(tare_run, LAG), unsaid)
     )
     assert unstated.high - unstated.low > 1.02 * (stated.high - stated.low)
+
+
+def test_what_brings_a_tare_to_20_degrees_is_in_its_interval(
+    tare_run: Recording, gear: HarmonicDrive
+) -> None:
+    tare = motor_tare.analyse(warm(tare_run, 30.0), Evidence(gear))
+    own, cold = (tare.estimates[f"motor_coulomb{end}"] for end in ("", "_at_20_degrees"))
+    (line,) = (one for one in cold.budget if one.source == "temperature of the motor")
+    brought = cold.value / own.value * 0.5 * (own.high - own.low)
+    converted = NORMAL_COVERAGE_FACTOR * line.standard_uncertainty
+    assert converted > 0.0
+    assert 0.5 * (cold.high - cold.low) == pytest.approx(math.hypot(brought, converted))
