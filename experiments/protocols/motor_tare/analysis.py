@@ -30,7 +30,7 @@ from experiments.tares.tare import tare_table
 from experiments.tares.tare_chart import tare_chart
 from experiments.tares.tare_witness import remarks_of
 from experiments.torque.pattern import PatternPair, TorquePattern, direction_patterns
-from experiments.torque.ripple import LateTorque, port_lag, waves_of
+from experiments.torque.ripple import PORT_LAG, LateTorque, port_lag, waves_of
 from experiments.torque.running_torque import Hold, measured_holds
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
@@ -154,11 +154,16 @@ def _straight_line(
         )
         error = np.sqrt(np.diag(covariance.matrix))
     warm, cold = heat.friction_factor()
+    said = port_lag(recording, "torque")[2]
     for k, (name, unit) in enumerate(zip(NAMES, ("N m", "N m s/rad"), strict=True)):
         value = float(values[k])
         lines = [
             BudgetLine(
-                "scatter about the line", "A", float(error[k]), degrees_of_freedom=float(freedom)
+                "scatter about the line",
+                "A",
+                float(error[k]),
+                f"with the motor's warming and the {PORT_LAG}, {said}",
+                degrees_of_freedom=float(freedom),
             )
         ]
         outside = (heat.line(value), scale_line(recording, value))
@@ -179,9 +184,9 @@ def _rippling_orders(patterns: PatternPair | None) -> FloatArray:
     """Orders of the input at which torque and speed may ripple together: the lowest, and those of the cogging."""
     orders = set(_LOWEST_ORDERS)
     if patterns is not None:
-        seen = np.abs(patterns.cogging.amplitude) / patterns.cogging.standard_error
-        strongest = np.argsort(np.abs(patterns.cogging.amplitude))[::-1][:_MOST_ORDERS]
-        orders |= {int(place) + 1 for place in strongest if seen[place] > _STANDS_OUT}
+        size = np.abs(patterns.cogging.amplitude)
+        seen = size > _STANDS_OUT * patterns.cogging.standard_error
+        orders |= {int(k) + 1 for k in np.argsort(-size)[:_MOST_ORDERS] if seen[k]}
     return np.array(sorted(orders), dtype=np.float64)
 
 
