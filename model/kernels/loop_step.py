@@ -392,18 +392,8 @@ def put_into(
     state: FloatArray, motion: Motion, mesh: Mesh, spring: Spring, drag: Drag, heat: Heat
 ) -> None:
     """The same back into the state."""
-    state[W], state[R2], state[V2], state[R1] = (
-        motion.w,
-        motion.r2,
-        motion.v2,
-        motion.r1,
-    )
-    state[U1], state[RO], state[UO], state[THETA] = (
-        motion.u1,
-        motion.ro,
-        motion.uo,
-        motion.theta,
-    )
+    state[W], state[R2], state[V2], state[R1] = motion.w, motion.r2, motion.v2, motion.r1
+    state[U1], state[RO], state[UO], state[THETA] = motion.u1, motion.ro, motion.uo, motion.theta
     state[ACCELERATION] = motion.acceleration
     state[OUTPUT_ACCELERATION] = motion.output_acceleration
     state[ERROR], state[SLOPE], state[FORCE] = mesh.error, mesh.slope, mesh.force
@@ -455,14 +445,7 @@ def step(
     """
     w, before = motion.w, mesh.friction
     torque, output_torque, after, spring = _torques(
-        c,
-        physics,
-        tables,
-        motion,
-        mesh,
-        spring,
-        warmth.torque * reference,
-        load,
+        c, physics, tables, motion, mesh, spring, warmth.torque * reference, load
     )
     gear_limit, motor_limit, wound = _friction_limits(c, tables.friction, warmth, motion, mesh)
     bound = gear_limit + motor_limit
