@@ -16,7 +16,7 @@ from experiments.errors import AnalysisError
 from experiments.finding import Finding, Severity
 from experiments.quantity import Quantity, quantity_of
 from model.arrays import FloatArray, quotient
-from model.identify.estimate import Cause, Estimate
+from model.identify.estimate import NOT_FROM_ZERO, Cause, Estimate
 
 _SeriesStyle = Literal["line", "points", "band", "steps", "bars"]
 SeriesRole = Literal["data", "null", "limit"]
@@ -196,8 +196,8 @@ def outcome_against(estimate: Estimate, limit: float, *, is_upper: bool = True) 
         return "NOT JUDGED"
     if beyond + u <= 0.0:
         # The length of a vector of noise is above zero: its interval is not symmetrical, and says so at its low end.
-        may_be_less = not is_upper and estimate.low <= 0.0 < limit
-        return "MARGINAL" if may_be_less else "PASS"
+        may_be_none = estimate.low <= 0.0 or estimate.note.startswith(NOT_FROM_ZERO)
+        return "MARGINAL" if may_be_none and not is_upper and limit > 0.0 else "PASS"
     return "FAIL" if beyond - u > 0.0 else "MARGINAL"
 
 

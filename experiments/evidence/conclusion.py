@@ -27,6 +27,7 @@ from experiments.load import carrying
 from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Result, Table, checks_to_mapping
+from experiments.setting import EVERY_KIND, check_values
 from model.arrays import quotient
 from model.identify.estimate import NOT_FROM_ZERO, Estimate
 from model.identify.orders.aliases import SamplingWindow
@@ -74,7 +75,11 @@ def checked_sample(
 
 
 def _recorded(experiment: Experiment, recording: Recording, evidence: Evidence) -> Recorded:
-    """What is to be analysed; its gear carries what was stated with the recording."""
+    """What is to be analysed; its gear carries what was stated with the recording.
+
+    Raises `SettingError` for a value that its setting can't have.
+    """
+    check_values(evidence.settings, (*experiment.settings, *EVERY_KIND), experiment.name)
     gear = carrying(recording, evidence.gear)
     return Recorded(recording, experiment, replace(evidence, gear=gear))
 

@@ -34,6 +34,9 @@ _MOST_VISITS = 50
 """Times as many visits from which on more of them are no advice."""
 _ENOUGH = 1.0001
 """By how much U may miss what is wanted and still be it: rounding."""
+_TOLD_FROM_ZERO = 0.45
+"""U over a number from which on it is told from zero: 4.3 standard uncertainties, which noise exceeds once in ten
+thousand orders."""
 _REPEATS = "repeats"
 FALLING: Mapping[str, float] = {
     "scatter between revolutions and points": 0.86,
@@ -54,6 +57,11 @@ _BY_CAUSE: dict[Cause, str] = {
     Cause.MOTOR_ENCODER: "have the motor encoder certified (its curve in [motor_encoder.calibration])",
     Cause.BOTH_ENCODERS: "have both encoders certified (their curves in rig.toml)",
 }
+NOT_REPEATED = "tare, not repeated"
+_BY_SOURCE: Mapping[str, str] = {
+    NOT_REPEATED: "take two more motor tares of this bench (rig run motor-tare), and fit again"
+}
+"""Of a line that one thing alone lowers, whatever its cause."""
 _BY_WORD: tuple[tuple[str, str], ...] = (
     ("torque scale", _BY_CAUSE[Cause.TORQUE_SCALE]),
     ("output encoder", _BY_CAUSE[Cause.OUTPUT_ENCODER]),
@@ -110,11 +118,16 @@ class Advice:
 
 
 def wanted_by(verdict: Verdict) -> float | None:
-    """U below which a limit would be decided: the distance to it; None where it is decided or not judged."""
+    """U below which a limit would be decided: the distance to it, or where that is large enough, what tells the number
+    from zero; None where it is decided or not judged.
+    """
     estimate = verdict.estimate
     if verdict.outcome != "MARGINAL" or not math.isfinite(estimate.expanded_uncertainty):
         return None
-    return finite(abs(estimate.value - verdict.limit))
+    away = abs(estimate.value - verdict.limit)
+    if away >= estimate.expanded_uncertainty:
+        away = min(away, _TOLD_FROM_ZERO * abs(estimate.value))
+    return finite(away)
 
 
 def next_step_of(verdict: Verdict) -> str:
@@ -268,6 +281,8 @@ def _remedy_of(line: BudgetLine) -> str | None:
     if line.assumed:
         # What nobody gave has its remedy where it is assumed.
         return f"state what is assumed ({line.note.partition('Give it: ')[2]})"
+    if line.source in _BY_SOURCE:
+        return _BY_SOURCE[line.source]
     if line.cause is not None:
         return _BY_CAUSE[line.cause]
     return next((remedy for word, remedy in _BY_WORD if word in line.source), None)
@@ -305,12 +320,13 @@ def _sentence(one: Advice, largest: BudgetLine, shown: tuple[float, str]) -> str
     if one.helps == "nothing":
         return f"{now}. {named}, which belongs to the method: no run helps, and no calibration."
     remedy = _remedy_of(largest)
+    none = "no run with the gear on" if largest.source in _BY_SOURCE else "no run"
     assert one.becomes is not None
     if not one.needed:
         best = f"which alone makes U {text(one.becomes)} at best, and is not enough"
-        return f"{now}. {named}: no run helps; {remedy}, {best}."
+        return f"{now}. {named}: {none} helps; {remedy}, {best}."
     now_u, then = largest.standard_uncertainty, one.needed
     return (
-        f"{now}. {named}: no run helps; {remedy}. Its u must fall to {100.0 * then / now_u:.0f} % of what it is; "
+        f"{now}. {named}: {none} helps; {remedy}. Its u must fall to {100.0 * then / now_u:.0f} % of what it is; "
         f"then U is {text(one.becomes)}."
     )

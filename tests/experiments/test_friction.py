@@ -127,6 +127,13 @@ def test_a_tare_with_the_gear_mounted_is_refused(bench: Bench, gear: HarmonicDri
         motor_tare.analyse(record(plan, bench, "motor-tare"), Evidence(gear))
 
 
+def test_the_friction_of_a_run_without_a_gear_is_refused(
+    tare_run: Recording, gear: HarmonicDrive
+) -> None:
+    with pytest.raises(AnalysisError, match=r"without a gear.*motor-tare"):
+        friction.analyse(tare_run, Evidence(gear))
+
+
 def test_a_tare_of_two_speeds_has_no_interval(tare_run: Recording, gear: HarmonicDrive) -> None:
     """A line through two points leaves nothing to tell its error from."""
     holds = tare_run.labelled("hold")

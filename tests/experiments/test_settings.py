@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from importlib import import_module
 
 import pytest
 
 from experiments import catalogue
-from experiments.contract import Deferred
+from experiments.contract import Deferred, Evidence
+from experiments.errors import SettingError
 from experiments.evidence.table import SETTINGS as OF_THE_CHECKS
-from experiments.setting import EVERY_KIND, names_of
+from experiments.recording import Recording
+from experiments.setting import EVERY_KIND, Setting, names_of
 from experiments.tares.same_rig import AGE_LIMIT
+from model.gear import HarmonicDrive
 from rig import main
 
 
@@ -49,3 +53,38 @@ def test_the_help_of_a_kind_lists_its_settings(
     for one in (*catalogue.load(kind).settings, *EVERY_KIND):
         assert one.name in shown
     assert "--tare" not in shown
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("balance", "publishd"),
+        ("bracket_limit", "3%"),
+        ("bracket_limit", -1),
+        ("bracket_refusal", math.nan),
+        ("chi_square_limit", ""),
+        ("chi_square_limit", -1),
+        ("seed", 1.5),
+        ("seed", True),
+        ("genetic", "yes"),
+        ("output_bearing_date", "yesterday"),
+        ("tare_age_limit", "long"),
+    ],
+)
+def test_a_value_that_a_setting_cannot_have_is_refused_by_name(
+    name: str, value: object, friction_run: Recording, gear: HarmonicDrive
+) -> None:
+    evidence = Evidence(gear, settings={name: value})
+    words = "no such balance" if name == "balance" else "it can't have this value"
+    with pytest.raises(SettingError, match=f"friction.{name}: {words}"):
+        catalogue.load("friction").analyse(friction_run, evidence)
+
+
+@pytest.mark.parametrize(
+    ("takes", "good"),
+    [("whole number", 4.0), ("number", -2), ("a, b", "b"), ("channel, none", "torque_2")],
+)
+def test_what_it_takes_it_takes(takes: str, good: object) -> None:
+    one = Setting("it", takes, "")
+    assert one.is_taken(good)
+    assert one.is_taken(None), "a setting that is None is not given"

@@ -97,7 +97,7 @@ SETTINGS = (
     ),
     Setting(
         "chi_square_limit",
-        "number",
+        "number above zero",
         "4",
         "",
         "points scatter by more than their noise, and that is known",

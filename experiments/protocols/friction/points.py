@@ -75,9 +75,15 @@ class MeasuredFriction:
 
 
 def measure_friction(recording: Recording, evidence: Evidence) -> MeasuredFriction:
-    """Holds, reference speed, zero and tare of a run; raises `AnalysisError` for what cannot be
-    averaged over revolutions.
+    """Holds, reference speed, zero and tare of a run; raises `AnalysisError` for a run without a gear, and for
+    what cannot be averaged over revolutions.
     """
+    if not recording.metadata.gear_mounted:
+        raise AnalysisError(
+            "the run was made without a gear, and tells no friction of one",
+            where=recording.metadata.run_id,
+            remedy="Mount the gear and run friction; the motor alone is fitted as motor-tare.",
+        )
     channel = _channel_of(recording, evidence)
     warnings = quality_remarks(recording, "running torque", evidence)
     warnings += time_base_remark(recording)

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from experiments.errors import AnalysisError
+from experiments.errors import AnalysisError, SettingError
 from model.identify.estimate import Distribution
 
 REFERENCE = 20.0
@@ -123,12 +123,12 @@ def value_and_u(name: str, given: Any) -> tuple[float, float]:
     parts = cast("tuple[Any, ...]", given if isinstance(given, tuple) else ())
     numbers = [float(p) for p in parts if isinstance(p, (int, float)) and math.isfinite(p)]
     if len(numbers) != 2 or len(parts) != 2 or numbers[1] < 0.0:
-        raise AnalysisError(
+        raise SettingError(
             "needs a value and its expanded uncertainty",
             where=f"--set {name}",
             value=str(cast("object", given)),
             limit="two numbers, the second not negative",
-            remedy=f"For instance --set {name}=0.48,0.02.",
+            remedy=f"For instance --set {name}={'-0.004,0.002' if 'kelvin' in name else '0.48,0.02'}.",
         )
     return numbers[0], numbers[1]
 

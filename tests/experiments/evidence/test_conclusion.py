@@ -176,6 +176,10 @@ def test_the_length_of_a_vector_that_may_be_noise_keeps_no_lower_limit() -> None
     assert outcome_against(noise, 1e-7, is_upper=False) == "MARGINAL"
     assert outcome_against(noise, 0.0, is_upper=False) == "PASS"
     assert outcome_against(noise, 1e-5) == "PASS"
+    # Its interval leaves zero before noise is ruled out: the same page says that it may be zero.
+    doubtful = polar("4", np.array([3.5e-6, 0.0]), 1e-12 * np.eye(2), 1e4, "rad").amplitude
+    assert doubtful.low > 1e-7
+    assert outcome_against(doubtful, 1e-7, is_upper=False) == "MARGINAL"
     clear = polar("4", np.array([9e-6, 0.0]), 1e-12 * np.eye(2), 1e4, "rad").amplitude
     assert outcome_against(clear, 1e-7, is_upper=False) == "PASS"
 

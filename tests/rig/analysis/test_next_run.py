@@ -10,15 +10,18 @@ import pytest
 from experiments import catalogue
 from experiments.protocols.friction.influences import VIBRATION
 from experiments.quantity import quantity_of
+from experiments.result import Verdict
+from experiments.tares.tare_witness import repeatability
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.identify.friction_result import SCATTER
 from rig.analysis.advised import advised
 from rig.analysis.in_force import newest_analysed
 from rig.analysis.judging import judge_newest
-from rig.analysis.next_run import FALLING, Advice, Of, advice
+from rig.analysis.next_run import FALLING, Advice, Of, advice, wanted_by
 from rig.analysis.passport.gather import runs_of
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.acceptance import Acceptance, Limit
+from tests.experiments.test_tare_witness import tare
 from tests.rig.library.stored import RUNNING, analyse, estimate, start, write
 
 K = 1.959963984540054
@@ -93,6 +96,34 @@ def test_a_calibration_that_is_not_enough_says_what_it_gives_at_best() -> None:
     assert (found.helps, found.needed) == ("calibration", 0.0)
     assert found.becomes == pytest.approx(K * 0.4e-3)
     assert "at best, and is not enough" in found.sentence
+
+
+def test_a_tare_that_was_not_repeated_is_repeated() -> None:
+    """Two more of the bench tell its scatter: a longer one tells none."""
+    doubt = repeatability(tare(), ())
+    assert doubt is not None
+    line = BudgetLine(doubt.source, "B", 1e-3, doubt.note, Cause.TARE)
+    sentence = advised_by(1.5e-3, line, scatter(1e-4)).sentence
+    assert "no run with the gear on helps; take two more motor tares of this bench" in sentence
+
+
+@pytest.mark.parametrize(("u", "wanted"), [(0.08, 0.045), (0.2, 0.095)])
+def test_what_decides_a_lower_limit_tells_the_number_from_zero_too(u: float, wanted: float) -> None:
+    """0.1 ± 0.08 lies above 0.005 and may be zero all the same; of 0.1 ± 0.2 the distance is wanted."""
+    line = BudgetLine("residual", "A", u / K)
+    found = Estimate(name=RUNNING, value=0.1, unit="N m", low=0.0, high=0.2, budget=(line,))
+    quantity = quantity_of(catalogue.load("friction").quantities, RUNNING)
+    assert quantity is not None
+    marginal = Verdict(
+        quantity=quantity,
+        estimate=found,
+        limit=0.005,
+        limit_source="a drawing",
+        limit_standing="customer",
+        outcome="MARGINAL",
+        is_upper=False,
+    )
+    assert wanted_by(marginal) == pytest.approx(wanted)
 
 
 def test_what_belongs_to_the_method_is_lowered_by_nothing() -> None:
