@@ -25,7 +25,7 @@ COMMON = (
         "Uncertainty",
         "Value ± U holds the true value with 95 %. U = k u, u from the budget: type A from the scatter of the data, "
         "type B from elsewhere (scales, zeros, encoders, tare); k from Student's t by the effective degrees of "
-        "freedom. The statistical part is the 95 % interval of these data alone.",
+        "freedom. The statistical part is the 95 % interval of these data alone, at 20 °C with what brought it there.",
     ),
     Term(
         "Verdict",
