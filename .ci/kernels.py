@@ -17,4 +17,4 @@ SHORT = {
 }
 
 if __name__ == "__main__":
-    demonstrate(DemoOrder(Path(sys.argv[1]), 3, now_text(), SHORT))
+    demonstrate(DemoOrder(Path(sys.argv[1]), 3, now_text, SHORT))

@@ -175,9 +175,8 @@ def _check(f: ParameterField, value: Any, where: str) -> None:
     path = path_of(where, f.name)
     unit = f" {f.unit}" if f.unit else ""
     if isinstance(value, float) and not math.isfinite(value):
-        raise PlanError(
-            "is not a finite number", where=path, value=value, limit=f.limit or "finite"
-        )
+        limit = f"{f.limit}{unit}" if f.limit else "finite"
+        raise PlanError("is not a finite number", where=path, value=value, limit=limit)
     for c in f.checks:
         if not _COMPARE[type(c)][0](value, c):
             raise PlanError(

@@ -208,7 +208,7 @@ class Quantity:
     @property
     def family_title(self) -> str:
         """The title without the word that differs within the family."""
-        return _PLACEHOLDER.sub("", self.title).strip(" ,")
+        return re.sub(r"\s+(?=,|\s)", "", _PLACEHOLDER.sub("", self.title)).strip(" ,")
 
 
 def _filled(text: str, member: str) -> str:

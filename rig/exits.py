@@ -6,7 +6,7 @@
 | 0 | done; of a gear: PASS, or NOT JUDGED |
 | 1 | FAIL: a quantity breaks its limit by more than its expanded uncertainty |
 | 2 | usage: an argument, a parameter, a plan or a configuration that cannot be accepted; nothing has moved |
-| 3 | MARGINAL: a limit lies inside the expanded uncertainty |
+| 3 | MARGINAL: whether a limit is kept is uncertain |
 | 4 | ABORTED by the operator |
 | 5 | TRIPPED by the supervisor |
 | 6 | ERROR or INTERRUPTED: a file, a device, or the program |

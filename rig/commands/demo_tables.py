@@ -37,11 +37,15 @@ EVERY = 5.0
 """s between two lines of progress where there is no terminal."""
 
 
+_WRITING = "writing report and certificate"
+
+
 class Lines:
     """Progress as lines: one for each protocol that ended, and where it stands whenever it is asked."""
 
     def __init__(self) -> None:
         self._stands = "starting: the first start compiles what is computed"
+        self._said = ""
 
     def show(self, message: Step | Finished) -> None:
         """Take up what a demonstration tells."""
@@ -49,14 +53,17 @@ class Lines:
             done = f"{message.protocol}: {message.outcome} in {message.seconds:.1f} s"
             sys.stderr.write(f"{done}\n")
             last = message.protocol == ORDER[-1]
-            self._stands = "writing report and certificate" if last else f"after {message.protocol}"
+            self._stands = _WRITING if last else f"after {message.protocol}"
         else:
             self._stands = (
                 f"{message.protocol}: {message.what}, {message.left:.0f} s of the rig left"
             )
 
     def beat(self) -> None:
-        """Say where it stands."""
+        """Say where it stands; that the pages are written, which is the last of it, once."""
+        if self._said == self._stands == _WRITING:
+            return
+        self._said = self._stands
         sys.stderr.write(f"{self._stands}\n")
         sys.stderr.flush()
 

@@ -7,18 +7,25 @@ import sys
 from collections.abc import Mapping
 from typing import Any, cast
 
+from rig.content.phrase import phrase
+
 _ALLOWED: Mapping[str, str] = {
     "int_parsing": "allowed a whole number",
     "int_from_float": "allowed a whole number",
     "float_parsing": "allowed a number",
     "finite_number": "allowed a finite number",
     "bool_parsing": "allowed yes or no",
-    "greater_than_equal": "allowed {ge:g} and more",
-    "greater_than": "allowed more than {gt:g}",
-    "less_than_equal": "allowed {le:g} and less",
-    "less_than": "allowed less than {lt:g}",
 }
 """What is allowed, by the kind of a refusal of the library that checks values."""
+_BOUNDS: Mapping[str, str] = {
+    "greater_than_equal": "allowed {ge:g}{unit} and more",
+    "greater_than": "allowed more than {gt:g}{unit}",
+    "less_than_equal": "allowed {le:g}{unit} and less",
+    "less_than": "allowed less than {lt:g}{unit}",
+}
+"""The same of a number beyond one end of what is allowed."""
+_UNITS: Mapping[str, str] = {"HZ": "Hz", "SECONDS": "s"}
+"""Units of the options that name theirs in place of a value."""
 _CHOICES = re.compile(r"'([^']*)' is not one of (.*)\.")
 _UNKNOWN = re.compile(r"No such command '([^']*)'\.\Z")
 
@@ -28,7 +35,8 @@ def reword(error: BaseException) -> None:
     refusal, message = cast("Any", error), getattr(error, "message", "")
     cause = cast("Any", error.__cause__)
     if type(cause).__name__ == "ValidationError":
-        refusal.message = "; ".join(map(_reason, cause.errors()))
+        option = getattr(refusal, "param", None)
+        refusal.message = "; ".join(_reason(one, option) for one in cause.errors())
     elif (unknown := _UNKNOWN.search(message)) and getattr(refusal, "ctx", None) is not None:
         # Where a name is near, the library says it.
         context = refusal.ctx
@@ -39,11 +47,18 @@ def reword(error: BaseException) -> None:
             refusal.message = f"{message} All there are: {context.command_path} help."
 
 
-def _reason(found: Mapping[str, Any]) -> str:
-    """One refused value and what is allowed in its place."""
-    allowed = _ALLOWED.get(found["type"])
+def _reason(found: Mapping[str, Any], option: Any) -> str:
+    """One refused value of an option, and what is allowed in its place."""
+    kind, given = found["type"], f"value {found['input']!s}"
+    if kind in _BOUNDS:
+        low, high = getattr(option, "min", None), getattr(option, "max", None)
+        unit = phrase(" {}", _UNITS.get(getattr(option, "metavar", None) or "", ""))
+        if low is not None and high is not None:
+            return f"{given}, allowed {low:g} to {high:g}{unit}"
+        return f"{given}, {_BOUNDS[kind].format(**found['ctx'], unit=unit)}"
+    allowed = _ALLOWED.get(kind)
     if allowed is not None:
-        return f"value {found['input']!s}, {allowed.format(**found.get('ctx', {}))}"
+        return f"{given}, {allowed}"
     reason = str(found["msg"]).removeprefix("Value error, ")
     if choices := _CHOICES.fullmatch(reason):
         return f"value {choices[1]}, allowed {choices[2].replace(chr(39), '')}"

@@ -317,8 +317,10 @@ def demo(
     from rig.run.stop import StopRequest, pressed_by_signals
     from rig.trial.demo.chain import DemoOrder, demonstrate
 
-    created = datetime.now().astimezone().isoformat(timespec="seconds")
-    order = DemoOrder(**{"folder": _DEMONSTRATION, "seed": 0, **said}, created=created)
+    order = DemoOrder(
+        **{"folder": _DEMONSTRATION, "seed": 0, **said},
+        now=lambda: datetime.now().astimezone().isoformat(timespec="seconds"),
+    )
     try:
         stop = StopRequest()
         with pressed_by_signals(stop), progress(quiet=json) as show:

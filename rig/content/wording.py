@@ -72,11 +72,17 @@ def unit_text(unit: str) -> str:
 
 
 def show(estimate: Estimate, quantity: Quantity) -> Shown:
-    """An estimate as text in the unit that its quantity is shown in, rounded to two digits of U."""
-    expanded = estimate.expanded_uncertainty
+    """An estimate as text in the unit that its quantity is shown in, rounded to two digits of U.
+
+    On a circle nothing is further away than half a turn.
+    """
+    expanded, low, high = estimate.expanded_uncertainty, estimate.low, estimate.high
+    if quantity.is_circular and estimate.unit == "rad":
+        expanded = min(math.pi, expanded)
+        low, high = max(low, estimate.value - math.pi), min(high, estimate.value + math.pi)
     size = max((abs(v) for v in (estimate.value, expanded) if math.isfinite(v)), default=0.0)
     factor, unit = laboratory_unit(estimate.unit, size, quantity.shown)
-    value, low, high = (v / factor for v in (estimate.value, estimate.low, estimate.high))
+    value, low, high = (v / factor for v in (estimate.value, low, high))
     expanded /= factor
     size /= factor
     if size and (size >= 1e6 or size < 1e-3):

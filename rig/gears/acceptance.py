@@ -374,12 +374,12 @@ def _limit(row: object, path: str, table: str, use: str) -> Limit:
         raise misstated(error, f"{path}: {table}.{error.where}") from error
     source = limit.source if remark in limit.source else f"{limit.source}; {remark}"
     limit = dataclasses.replace(limit, source=source, **bounds)
-    _check_sense(limit, path, table, use)
+    _check_sense(limit, row, path, table, use)
     return limit
 
 
-def _check_sense(limit: Limit, path: str, table: str, use: str) -> None:
-    """Refuse a limit whose parts do not go together."""
+def _check_sense(limit: Limit, row: Mapping[str, Any], path: str, table: str, use: str) -> None:
+    """Refuse a limit whose parts do not go together, in the numbers of its row."""
 
     def refuse(key: str, what: str, value: object, allowed: str, remedy: str) -> None:
         raise ConfigurationError(
@@ -389,7 +389,9 @@ def _check_sense(limit: Limit, path: str, table: str, use: str) -> None:
     if limit.upper is None and limit.lower is None:
         refuse("upper", "limits nothing", None, "upper, lower or both", "Give the limit's value.")
     if limit.upper is not None and limit.lower is not None and limit.upper < limit.lower:
-        refuse("upper", "is below lower", limit.upper, f">= {limit.lower:g}", "Exchange the two.")
+        unit = "" if limit.unit == "1" else limit.unit
+        upper, lower = (f"{row[key]} {unit}".rstrip() for key in ("upper", "lower"))
+        refuse("upper", "is below lower", upper, f">= {lower}", "Exchange the two.")
     if (limit.standing == "catalogue") != bool(limit.trust):
         refuse(
             "trust",

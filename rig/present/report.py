@@ -126,15 +126,22 @@ def report_page(
         warnings=tuple((part.title, part.anchor, text) for part in parts for text in part.warnings),
         summary=shown(key_grid(_key_results(fits)), _paper_grid(plots, whole=len(fits) > 1)),
         sections=sections,
-        annexes=annexes_of(sections, "parameter set with its sources", parameter_grids(fits)),
+        annexes=annexes_of(
+            sections, "parameter set with its sources", parameter_grids(_mounted(fits))
+        ),
         signature=signature_of(fits),
         run_line=run_line([m.run_id for m in runs]),
     )
 
 
+def _mounted(fits: Sequence[Fit]) -> list[Fit]:
+    """The fits of runs with a gear."""
+    return [fit for fit in fits if fit.recording.metadata.gear_mounted]
+
+
 def _tested(fits: Sequence[Fit]) -> tuple[list[HarmonicDrive], list[str]]:
-    """The gears that were tested and their serial numbers, each once; of runs without a gear what they name."""
-    mounted = [f for f in fits if f.recording.metadata.gear_mounted] or fits
+    """The gears that were tested and their serial numbers, each once."""
+    mounted = _mounted(fits)
     serials = [s for s in dict.fromkeys(f.recording.metadata.gear_serial for f in mounted) if s]
     return list({f.gear.name: f.gear for f in mounted if f.gear_known}.values()), serials
 
@@ -148,6 +155,8 @@ def _facts(
     gears: Sequence[str], serials: Sequence[str], runs: Sequence[RunMetadata]
 ) -> tuple[tuple[str, str], ...]:
     operators = [m.operator or "not stated" for m in runs]
+    if not any(m.gear_mounted for m in runs):
+        gears, serials = ["none mounted"], ["none"]
     return page_facts(gears, ", ".join(serials), operators, days_text(m.start_time for m in runs))
 
 
@@ -188,8 +197,8 @@ def overall(verdict: GearVerdict, fits: Sequence[Fit] = ()) -> State:
     limits = len(verdict.lines)
     sentence = {
         "PASS": f"{'One limit' if limits == 1 else f'{limits} limits'} kept with the whole expanded uncertainty.",
-        "MARGINAL": "At least one limit lies inside the expanded uncertainty of the value: "
-        "neither kept nor broken for certain.",
+        "MARGINAL": "At least one limit is neither kept nor broken for certain: it lies inside the expanded "
+        "uncertainty of the value, or it is a lower one of a number that may be zero.",
         "FAIL": "At least one quantity breaks its limit by more than its expanded uncertainty.",
         "NOT JUDGED": "Nothing is claimed of the gear; the values stand for themselves.",
     }[verdict.verdict]
@@ -434,12 +443,13 @@ def _figure_numbers(text: str) -> set[str]:
 
 
 def _heading(gears: Sequence[HarmonicDrive], serials: Sequence[str], fits: Sequence[Fit]) -> str:
-    """What was tested: the gear, or the recordings where nobody said which gear it is."""
+    """What was tested: the gear, the motor alone, or the recordings where nobody said which gear it is."""
     if gears:
         names = ", ".join(gear.name for gear in gears)
         return f"Harmonic drive {names}, serial {', '.join(serials) or 'not stated'}"
     runs = dict.fromkeys(f.recording.metadata.title or f.recording.metadata.run_id for f in fits)
-    return ", ".join(runs)
+    named = ", ".join(runs)
+    return named if _mounted(fits) else f"Bare motor, {named}"
 
 
 _NOT_SIGNED = {

@@ -90,7 +90,8 @@ def flat(
         words = [named(part) for part in ([name] if " " in name else name.split("."))]
         unit = words[-1][1] if units is None else units.get(name, "")
         unit = "" if unit == "1" else printed(unit)
-        yield Fact(", ".join(part for part, _ in words), _text(name, value), unit, group, name)
+        text = _text(name, value) if isinstance(value, Mapping) or not unit else plain(value)
+        yield Fact(", ".join(part for part, _ in words), text, unit, group, name)
 
 
 def parameter_facts(protocol: str, values: Mapping[str, Any]) -> Iterator[Fact]:

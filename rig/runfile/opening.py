@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
+import shlex
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -139,7 +140,8 @@ def _examine(file: h5py.File, *, grows: bool, leave_out: str = "") -> None:
 def require_hdf5(path: Path) -> None:
     """Raise `RunFileError` for a folder, and for a file that does not begin as HDF5 does."""
     if path.is_dir():
-        raise RunFileError("is a folder, not a run file", where=str(path))
+        remedy = f"Name a run in it: rig runs {shlex.quote(str(path))} lists them."
+        raise RunFileError("is a folder, not a run file", where=str(path), remedy=remedy)
     with path.open("rb") as stream:
         head = stream.read(8)
     if head != b"\x89HDF\r\n\x1a\n":

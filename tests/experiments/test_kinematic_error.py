@@ -21,7 +21,7 @@ from model.channel import Calibration
 from model.gear import Harmonic, HarmonicDrive, Origin
 from model.identify.estimate import BudgetLine, Estimate
 from model.kinematic_error import peak_to_peak
-from model.units import ARCSEC, DEGREE
+from model.units import ARCMIN, ARCSEC, DEGREE
 from tests.experiments.conftest import SERIES
 from tests.experiments.synthetic import Bench, record
 
@@ -115,6 +115,19 @@ def test_the_papers_figures_are_there(result: Result) -> None:
             assert len(series.x) == len(series.y) > 0
             assert np.isfinite(series.x).all()
             assert np.isfinite(series.y).all()
+
+
+def test_the_curve_of_one_turn_holds_what_is_taken_off_the_transmission_accuracy(
+    result: Result,
+) -> None:
+    (plot,) = (one for one in result.plots if one.name == "transmission-accuracy")
+    drawn = {series.label: float(np.ptp(series.y)) * ARCMIN for series in plot.series}
+    for way, height in drawn.items():
+        taken_off = result.metrics[f"raised_by_bench_{way}"]
+        value = result.estimates[f"transmission_accuracy_{way}"].value
+        assert taken_off > 0.0
+        assert height == pytest.approx(value + taken_off, rel=1e-3)
+    assert "peak-to-peak less what these add" in plot.note
 
 
 def test_every_type_b_of_the_encoders_is_in_the_budget(

@@ -41,6 +41,11 @@ def test_a_target_is_a_number_or_a_share_of_the_value() -> None:
     )
 
 
+def test_the_title_of_a_family_has_no_gap_where_its_word_was() -> None:
+    quantity = Quantity(name="a_{way}", title="MSE {way}, left out", unit="1")
+    assert quantity.family_title == "MSE, left out"
+
+
 def test_a_target_of_another_unit_is_a_share_or_none() -> None:
     viscous = Quantity(
         name="viscous", title="", unit="N s/rad", target_uncertainty=0.05, target_elsewhere=0.3

@@ -222,7 +222,7 @@ def _spectrum(fits: list[KinematicErrorFit], combined: CombinedKinematicError | 
 
 
 def _over_output(fits: list[KinematicErrorFit]) -> Plot:
-    """The fitted curve over one output revolution, whose peak-to-peak is the transmission accuracy."""
+    """The fitted curve over one output revolution, with what encoders and mounting add to it."""
     series: list[Series] = []
     ways = _one_each_way(fits)
     for k, fit in enumerate(ways):
@@ -243,8 +243,9 @@ def _over_output(fits: list[KinematicErrorFit]) -> Plot:
         x_label="output angle [deg]",
         y_label=_way_label(ways[0]),
         series=tuple(series),
-        note="The gear's error over one turn of its output. Its peak-to-peak is the transmission accuracy; good where "
-        "it stays within the bracket of the limit, if there is one.",
+        note="What was fitted over one turn of the output: the gear's error, and what encoders and mounting add to it. "
+        "The transmission accuracy is its peak-to-peak less what these add; good where it keeps the limit, if there "
+        "is one.",
         panels=_further_ways(ways),
     )
 

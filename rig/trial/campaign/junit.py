@@ -67,7 +67,7 @@ def _limits(root: xml.Element, report: CampaignReport, *, require_verdict: bool)
 _REASON = {
     "PASS": "",
     "FAIL": "breaks its limit",
-    "MARGINAL": "the limit lies inside the expanded uncertainty",
+    "MARGINAL": "the limit is neither kept nor broken for certain",
     "NOT JUDGED": "nothing is known of it",
 }
 """Why a line has its outcome, where it does not say so itself."""

@@ -40,12 +40,12 @@ ORDER = tuple(stage.protocol for stage in shipped_plan(CAMPAIGN).stages)
 @dataclass(frozen=True)
 class DemoOrder:
     """What is asked for: folder, seed, values of protocol parameters that differ from their
-    defaults (for short tests), and the simulated world.
+    defaults (for short tests), and the simulated world. `now` gives the calendar time, ISO 8601.
     """
 
     folder: Path
     seed: int
-    created: str
+    now: Callable[[], str]
     values: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     world: WorldChoice = field(default_factory=WorldChoice)
 
@@ -193,7 +193,7 @@ def demonstrate(
         ),
     )
     _refuse_unfinished(order, report)
-    report.journal.with_end(report.verdict.verdict, ", ".join(_CERTIFICATE), order.created)
+    report.journal.with_end(report.verdict.verdict, ", ".join(_CERTIFICATE), order.now())
     return _conclude(order, report, tuple(watcher.finished), started)
 
 
@@ -222,7 +222,7 @@ def campaign_order(order: DemoOrder, *, beside: bool) -> CampaignOrder:
     return CampaignOrder(
         walk=replace(walked, stages=stages),
         bench=bench_for(pattern).id,
-        now=lambda: order.created,
+        now=order.now,
         acceptance=shipped_acceptance(ACCEPTANCE),
         beside=beside,
         anew=True,
@@ -236,7 +236,7 @@ def _name_acceptance(order: DemoOrder) -> None:
     facts = {"serial": order.serial, "acceptance": ACCEPTANCE}
     before = card_for(order.folder, order.serial)
     if before is None or before.facts.acceptance != ACCEPTANCE:
-        save_card(order.folder, with_changes(before, facts, "rig demo", order.created))
+        save_card(order.folder, with_changes(before, facts, "rig demo", order.now()))
 
 
 def _world(order: DemoOrder, number: int) -> WorldChoice:
@@ -272,11 +272,11 @@ def _conclude(
     parameters = order.folder / PARAMETERS
     save_gear(adopted.gear, parameters)
     note = "Made by rig demo: the whole chain, from plan to report, on the simulated rig."
-    created = order.created.replace("T", " ", 1)
+    created = order.now()
     report = write_report(
         fits,
         order.folder / REPORT,
-        created=created,
+        created=created.replace("T", " ", 1),
         verdict=campaign.verdict,
         truth=truth,
         note=note,
@@ -287,7 +287,7 @@ def _conclude(
         [order.folder / name for name in _CERTIFICATE],
         acceptance=shipped_acceptance(ACCEPTANCE),
         protocols=ORDER,
-        created=order.created,
+        created=created,
     )
     return Demonstration(
         order=order,

@@ -75,6 +75,9 @@ def test_it_is_refused_in_words_and_leaves_nothing_behind(
         ("run friction --lowest-rmp 3", "Did you mean --lowest-rpm?"),
         ("runs --last x", "value x, allowed a whole number"),
         ("runs --last -1", "value -1, allowed 0 and more"),
+        ("sim serve --sample-rate 10", "value 10, allowed 50 to 20000 Hz"),
+        ("sim serve --lifetime -1", "value -1, allowed 0 s and more"),
+        ("plan friction --measure-time inf", "and <= 600 s"),
         ("report x.h5 --format docx", "value docx, allowed html, pdf, both"),
     ],
 )

@@ -112,6 +112,15 @@ def test_no_unit_is_guessed_from_a_name() -> None:
     assert bare_quantity("static", "rad").title == "static"
 
 
+def test_on_a_circle_nothing_is_further_away_than_half_a_turn() -> None:
+    phase = Quantity(name="p", title="", unit="rad", shown="°", is_circular=True)
+    wide = show(estimate("p", -67.0 * DEGREE, "rad", 102.0 * DEGREE), phase)
+    assert wide.with_uncertainty == "−67 ± 180 °"
+    assert (wide.low, wide.high) == ("−247", "113")
+    narrow = show(estimate("p", -67.0 * DEGREE, "rad", 6.0 * DEGREE), phase)
+    assert narrow.with_uncertainty == "−67 ± 12 °"
+
+
 def test_a_unit_of_something_else_is_refused_when_it_is_declared() -> None:
     with pytest.raises(AnalysisError, match=r"cannot be shown.*'arcmin'"):
         Quantity(name="x", title="x", unit="N m", shown="arcmin")

@@ -118,7 +118,7 @@ def test_every_limit_is_read_back_to_the_last_digits(
         ('trust = "B"', "", "limits[1].trust", "derived"),
         ("2026-11-20", '"20 Nov 2026"', "limits[0].confirmed_on", "YYYY-MM-DD"),
         ("confirmed_on = 2026-11-20\n", "", "limits[0].confirmed_on", "confirmed_by"),
-        ("lower = 20", "lower = 200", "limits[1].upper", "0.2"),
+        ("lower = 20", "lower = 200", "limits[1].upper", "value 120 mN m, allowed >= 200 mN m"),
         (
             "friction.running_torque_2000_rpm",
             "kinematic-error.transmission_accuracy",

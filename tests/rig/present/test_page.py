@@ -28,7 +28,7 @@ from rig.content.page import SECTIONS, word_of
 from rig.errors import RigError
 from rig.main import app
 from rig.present.page import css_text, render_page
-from rig.present.report import report_page, run_line, write_report
+from rig.present.report import overall, report_page, run_line, write_report
 from rig.runfile.layout import Column
 from rig.runfile.prevailing import conditions_of
 from tests.rig import handmade
@@ -330,6 +330,26 @@ def test_the_set_points_of_a_starting_torque_are_places_and_not_speeds() -> None
 def test_a_gear_that_is_not_known_has_no_catalogue() -> None:
     fit = replace(bare(result=handmade.kinematic_result()), gear_known=False)
     assert report_page([fit], created=CREATED, verdict=handmade.verdict([])).judged == ()
+
+
+def test_a_run_without_a_gear_is_titled_as_a_bare_motor_and_has_no_parameters_of_one() -> None:
+    alone = bare(gear_mounted=False)
+    page = report_page([alone], created=CREATED, verdict=handmade.verdict([]))
+    assert page.heading == "Bare motor, R-000042"
+    assert dict(page.facts)["Gear"] == "none mounted"
+    assert dict(page.facts)["Serial number"] == "none"
+    assert not any("parameter set" in annex.title for annex in page.annexes)
+    # Beside a run with the gear it is that gear's report.
+    both = report_page([alone, bare()], created=CREATED, verdict=handmade.verdict([]))
+    assert both.heading.startswith("Harmonic drive CSF-25-120-2UH, serial SN-0815")
+    assert any("parameter set" in annex.title for annex in both.annexes)
+
+
+def test_a_limit_in_doubt_is_said_for_both_of_its_reasons() -> None:
+    said = overall(replace(handmade.verdict([]), verdict="MARGINAL")).sentence
+    assert "neither kept nor broken for certain" in said
+    assert "inside the expanded uncertainty" in said
+    assert "lower one of a number that may be zero" in said
 
 
 def test_an_expired_calibration_is_said_at_the_top_and_a_missing_one_of_hardware_too() -> None:

@@ -135,7 +135,9 @@ def test_recovery_of_damaged_parts_never_crashes(
 def test_missing_empty_foreign_and_folders(tmp_path: Path) -> None:
     with pytest.raises(RunFileError, match="no such file"):
         open_run(tmp_path / "none.h5")
-    with pytest.raises(RunFileError, match="is a folder"):
+    with pytest.raises(
+        RunFileError, match=r"is a folder.*Name a run in it: rig runs .* lists them"
+    ):
         open_run(tmp_path)
     (tmp_path / "empty.h5").touch()
     with pytest.raises(RunFileError, match="is empty"):

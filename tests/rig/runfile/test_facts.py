@@ -36,6 +36,8 @@ def test_a_fact_has_its_title_and_the_unit_of_its_name(name: str, title: str, un
 def test_a_parameter_has_the_unit_of_its_protocol() -> None:
     (fact,) = parameter_facts("friction", {"acceleration": 20.0})
     assert fact.text == "20 rad/s²"
+    (duration,) = parameter_facts("velocity-steps", {"duration": 1.5})
+    assert duration.text == "1.5 s"
     (unknown,) = parameter_facts("of another rig", {"speed_rpm": (60.0, 1.25)})
     assert unknown.text == "60, 1.25 r/min"
 

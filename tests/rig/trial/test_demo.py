@@ -50,7 +50,11 @@ CREATED = "2024-03-02T09:00:00+01:00"
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
     seen: list[Step | Finished] = []
-    order = DemoOrder(tmp_path_factory.mktemp("demo"), 3, CREATED, SHORT)
+
+    def now() -> str:
+        return f"2024-03-02T09:0{sum(isinstance(m, Finished) for m in seen)}:00+01:00"
+
+    order = DemoOrder(tmp_path_factory.mktemp("demo"), 3, now, SHORT)
     found = demonstrate(order, beside=False, show=seen.append)
     assert [m.protocol for m in seen if isinstance(m, Finished)] == list(demo.ORDER)
     assert {m.protocol for m in seen if isinstance(m, Step)} == set(demo.ORDER)
@@ -75,6 +79,12 @@ def test_every_figure_of_every_protocol_can_be_read(made: Demonstration) -> None
     for plot in plots:
         assert re.fullmatch(r"[A-Z0-9].*\.", plot.note), (plot.name, plot.note)
         assert len(plot.note.split()) >= 12, plot.note
+
+
+def test_report_and_certificate_are_dated_after_the_last_run(made: Demonstration) -> None:
+    assert "2024-03-02 09:07:00+01:00" in made.report.read_text(encoding="utf-8")
+    record = json.loads((made.order.folder / "certificate.json").read_text(encoding="utf-8"))
+    assert record["created"] == "2024-03-02T09:07:00+01:00"
 
 
 def test_every_protocol_is_run_in_order_and_fitted(made: Demonstration) -> None:
@@ -224,6 +234,7 @@ def test_progress_says_where_it_stands_when_nothing_happens(
         )
     )
     lines.beat()
+    lines.beat()
     said = capsys.readouterr().err.splitlines()
     assert said[1:] == [
         "friction: running, 41 s of the rig left",
@@ -267,7 +278,7 @@ def test_a_campaign_that_did_not_reach_its_end_ends_the_demonstration(
     error: type[BaseException],
     words: str,
 ) -> None:
-    order = DemoOrder(tmp_path, 1, CREATED, SHORT)
+    order = DemoOrder(tmp_path, 1, lambda: CREATED, SHORT)
     monkeypatch.setattr(demo, "conduct", lambda wanted, crew: report_of(order, outcome, crashed))
     with pytest.raises(error, match=words):
         demonstrate(order, beside=False)
@@ -283,7 +294,9 @@ def test_a_stop_while_running_seals_the_run(tmp_path: Path) -> None:
             stop.stop()
 
     with pytest.raises(KeyboardInterrupt):
-        demonstrate(DemoOrder(tmp_path, 1, CREATED, SHORT), stop=stop, beside=False, show=show)
+        demonstrate(
+            DemoOrder(tmp_path, 1, lambda: CREATED, SHORT), stop=stop, beside=False, show=show
+        )
     (done,) = [message for message in seen if isinstance(message, Finished)]
     assert done.outcome == "ABORTED"
     assert done.path.is_file()
@@ -291,5 +304,5 @@ def test_a_stop_while_running_seals_the_run(tmp_path: Path) -> None:
 
 def test_a_wrong_parameter_is_refused_before_anything_runs(tmp_path: Path) -> None:
     with pytest.raises(PlanError, match="out of range"):
-        demonstrate(DemoOrder(tmp_path, 1, CREATED, {"velocity-steps": {"repeats": -1}}))
+        demonstrate(DemoOrder(tmp_path, 1, lambda: CREATED, {"velocity-steps": {"repeats": -1}}))
     assert not list(tmp_path.glob("*.h5"))

@@ -275,9 +275,13 @@ def test_junit_tells_runs_and_limits(whole: tuple[Path, CampaignReport], tmp_pat
         (
             "MARGINAL",
             False,
-            ("skipped", "MARGINAL: the limit lies inside the expanded uncertainty"),
+            ("skipped", "MARGINAL: the limit is neither kept nor broken for certain"),
         ),
-        ("MARGINAL", True, ("skipped", "MARGINAL: the limit lies inside the expanded uncertainty")),
+        (
+            "MARGINAL",
+            True,
+            ("skipped", "MARGINAL: the limit is neither kept nor broken for certain"),
+        ),
         ("NOT JUDGED", False, ("skipped", "NOT JUDGED: nobody confirmed it")),
         ("NOT JUDGED", True, ("failure", "NOT JUDGED: nobody confirmed it")),
     ],
