@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from experiments.contract import Evidence
 from experiments.errors import AnalysisError
 from experiments.protocols.friction import analysis as friction
 from experiments.protocols.friction import declaration as friction_declaration
+from experiments.protocols.friction import influences
 from experiments.protocols.friction import plan as friction_plan
 from experiments.protocols.friction.estimates import at_20_degrees, coefficients_of
 from experiments.protocols.friction.influences import FittedCurve
@@ -30,7 +32,7 @@ from experiments.tares.tare import read_tare
 from experiments.torque.zero import torque_zero
 from model.friction import friction_torque, mesh_lever
 from model.gear import HarmonicDrive, Origin
-from model.identify.common_errors import CommonError
+from model.identify.common_errors import CommonError, Spread
 from model.identify.estimate import Cause
 from model.identify.friction import fit_friction
 from model.identify.stribeck import NAMES
@@ -539,3 +541,23 @@ def test_the_law_of_temperature_brings_to_20_degrees() -> None:
     assert law.viscous_factor({VISCOUS: 1.0}) == pytest.approx(math.exp(-0.28))
     assert law.viscous.source == "runs 12 to 19"
     assert not temperature_law({}, math.nan).is_known
+
+
+def test_waves_over_the_output_vary_together_as_much_as_was_seen_of_fewer(
+    friction_run: Recording, gear: HarmonicDrive, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The repetitions size some of the orders; the fit gives that size to all of them."""
+    seen, found = 0.004, list[Spread]()
+    spread_of = influences.spread_of
+
+    def noted(*given: Any) -> Spread:
+        found.append(spread_of(*given))
+        return found[-1]
+
+    monkeypatch.setattr(influences, "spread_beyond", lambda *given: (0.001, seen))
+    monkeypatch.setattr(friction, "spread_of", noted)
+    friction.analyse(friction_run, Evidence(gear))
+    sized = min(found[-1].freedom // 3, len(influences.PLACE_ORDERS))
+    assert 0 < sized < len(influences.PLACE_ORDERS)
+    together = len(influences.PLACE_ORDERS) * found[-1].place ** 2
+    assert together == pytest.approx(sized * seen**2)
