@@ -10,6 +10,7 @@ import math
 import numpy as np
 import pytest
 
+from experiments.catalogue import load
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, PlanError
 from experiments.protocols.velocity_steps import analysis as velocity_steps
@@ -267,8 +268,8 @@ def test_a_recording_without_steps_is_refused(run: Recording, gear: HarmonicDriv
 
 
 def test_an_unknown_choice_of_error_is_refused(run: Recording, gear: HarmonicDrive) -> None:
-    with pytest.raises(AnalysisError, match="no such choice"):
-        velocity_steps.analyse(run, Evidence(gear, settings={"kinematic_error": "guess"}))
+    with pytest.raises(AnalysisError, match="no such kinematic_error"):
+        load("velocity-steps").analyse(run, Evidence(gear, settings={"kinematic_error": "guess"}))
 
 
 def test_the_plan_says_which_rate_the_resonance_needs(gear: HarmonicDrive) -> None:
@@ -297,5 +298,5 @@ def test_the_ladder_shows_per_speed_what_each_rung_gains(result: Result) -> None
 
 
 def test_an_unknown_rung_is_refused(run: Recording, gear: HarmonicDrive) -> None:
-    with pytest.raises(AnalysisError, match="no such choice"):
-        velocity_steps.analyse(run, Evidence(gear, settings={"ladder": "cubic"}))
+    with pytest.raises(AnalysisError, match="no such ladder"):
+        load("velocity-steps").analyse(run, Evidence(gear, settings={"ladder": "cubic"}))

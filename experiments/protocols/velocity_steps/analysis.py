@@ -74,7 +74,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     damping ratio, as it is entered (settings as of friction) or as the bench's card has it.
     """
     gear = evidence.gear
-    richest = _choice(evidence, "ladder", "full", tuple(_LADDERS))
+    richest = evidence.settings.get("ladder", "full")
     steps, named, warnings = _steps_of(recording, gear, evidence)
     given = "parameter set" in named["kinematic_error"]
     if not given:
@@ -167,15 +167,6 @@ def expected_of(gear: HarmonicDrive, *, is_known: bool = True) -> Expected:
     )
 
 
-def _choice(evidence: Evidence, name: str, default: str, allowed: tuple[str, ...]) -> str:
-    wanted = evidence.settings.get(name, default)
-    if wanted not in allowed:
-        raise AnalysisError(
-            "no such choice", where=f"{NAME}.{name}", value=repr(wanted), limit=", ".join(allowed)
-        )
-    return wanted
-
-
 def _without_error(step: RecordedStep) -> RecordedStep:
     return dataclasses.replace(step, data=dataclasses.replace(step.data, kinematic_error=()))
 
@@ -219,7 +210,7 @@ def _steps_of(
             where=recording.metadata.run_id,
             remedy='Give segments labelled "step" when importing.',
         )
-    wanted = _choice(evidence, "kinematic_error", "auto", ("auto", "set", "run"))
+    wanted = evidence.settings.get("kinematic_error", "auto")
     reference = phase_reference(recording)
     use_set = wanted == "set" or (wanted == "auto" and carries(gear, reference))
     zero = recorded_zero(recording)

@@ -38,7 +38,6 @@ from model.identify.least_squares import student_quantile
 
 _SPEED_UNITS = ("rad/s", "m/s")
 
-_DIRECTIONS = ("both", "forward", "reverse", "each")
 
 CHANCE = 0.05
 """Of points on a straight line to look as bent, above which they do not bend."""
@@ -62,7 +61,7 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
     check_settings(settings, names_of(SETTINGS), NAME)
     table = _Table.of(recording, settings)
     fits: dict[str, CurveFit] = {}
-    for suffix, rows in _parts(table, _choice(settings, "direction", _DIRECTIONS)).items():
+    for suffix, rows in _parts(table, str(settings.get("direction", "both"))).items():
         with analysing(recording.metadata.run_id):
             fits[suffix] = _fit(table, rows, settings)
     estimates: dict[str, Estimate] = {}
@@ -178,16 +177,6 @@ class _Table:
         )
 
 
-def _choice(settings: Mapping[str, Any], name: str, allowed: tuple[str, ...]) -> str:
-    """A setting that is one of a few words, the first of them where nothing is said."""
-    value = str(settings.get(name, allowed[0]))
-    if value not in allowed:
-        raise AnalysisError(
-            f"no such {name}", where=f"{NAME}.{name}", value=repr(value), limit=", ".join(allowed)
-        )
-    return value
-
-
 def _parts(table: _Table, direction: str) -> dict[str, BoolArray]:
     """Rows by the ending of the names of their parameters."""
     forward, reverse = table.speed > 0.0, table.speed < 0.0
@@ -198,7 +187,7 @@ def _parts(table: _Table, direction: str) -> dict[str, BoolArray]:
 
 
 def _fit(table: _Table, rows: BoolArray, settings: Mapping[str, Any]) -> CurveFit:
-    word = _choice(settings, "law", LAWS)
+    word = settings.get("law", LAWS[0])
     law: Law = next(law for law in LAWS if law == word)
     least = number(settings, "least_speed", NAME, 0.0)
     error = None if table.error is None else table.error[rows]

@@ -5,8 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -22,14 +20,7 @@ from model.identify.sensitivity import step_identifiability
 from model.identify.step_data import score_step, step_data
 from model.identify.step_fit import BAD_STEP, bounded
 from model.identify.step_inertia import InertiaFit, fit_inertia
-from model.identify.step_problem import (
-    BASIS,
-    LARGEST_SKEW,
-    Problem,
-    Shape,
-    StepArrays,
-    step_arrays,
-)
+from model.identify.step_problem import BASIS, Problem, Shape, StepArrays, step_arrays
 from model.identify.step_rungs import Expected
 from model.identify.torsional_mode import TorsionModel
 from model.kernels.steps import respond
@@ -294,22 +285,6 @@ def test_a_step_of_the_search_to_a_spring_that_is_none_is_not_taken(
     found = step_fit.fit_all(problem, Shape(names=("stiffness", "skew")), start, error, noise=1e-5)
     assert not wild
     assert abs(found.values["stiffness"] - start["stiffness"]) < 1.0
-
-
-def test_a_skew_at_its_bound_is_pulled_by_what_is_looked_at() -> None:
-    blind: Any = SimpleNamespace(normals=lambda *where, **how: ())
-    goal = step_fit._Goal(
-        problem=blind,
-        shape=Shape(names=("stiffness", "skew")),
-        noise=1.0,
-        weights=np.empty(0),
-        centre=np.zeros(2),
-        penalty=np.array([0.0, 1.0]),
-    )
-    here = step_fit._Place(np.zeros(2), {"stiffness": 0.0, "skew": 0.0}, 0.0)
-    there = goal._place(here, np.array([1.0, 4.0 * LARGEST_SKEW]))
-    assert there.values["skew"] == there.vector[1] == LARGEST_SKEW
-    assert there.cost == pytest.approx(LARGEST_SKEW**2)
 
 
 def test_friction_of_the_bearing_ends_at_nothing_and_takes_no_other_number_with_it(run) -> None:
