@@ -3,11 +3,10 @@
     python -m tests.benchmarks.suite_study --load 8        # beside four busy processes a core, on two cores
     python -m tests.benchmarks.suite_study --nohup
     python -m tests.benchmarks.suite_study --background    # `... &` of a script
-    python -m tests.benchmarks.suite_study -- tests/rig/run   # what follows is for pytest
-    python -m tests.benchmarks.suite_study --whole          # as the gate does: with all that pytest says
+    python -m tests.benchmarks.suite_study tests/rig/run    # some rooms, as of `python -m tests`
 
-It makes the load itself. Prints what pytest says of what failed, and at its end; processor time (user and system, with all processes that the tests
-start), the largest resident memory of one worker, the wall time, and the load average before. Its exit code is that of pytest.
+It makes the load itself. Prints what that command prints; processor time (user and system, with all processes that the tests
+start), the largest resident memory of one of its processes, the wall time, and the load average before. Its exit code is that of the command.
 Linux: memory is read from /proc.
 """  # noqa: E501
 
@@ -15,11 +14,9 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -28,13 +25,11 @@ from pathlib import Path
 
 from tests.benchmarks.long_run import load_average
 
-COMMAND = (sys.executable, "-m", "pytest", "-n", "auto", "--dist", "loadfile", "-q")
+COMMAND = (sys.executable, "-m", "tests")
 INTERVAL = 1.0
-"""s between two looks at the memory of the workers."""
+"""s between two looks at the memory of the rooms' processes."""
 BUDGET_SECONDS, BUDGET_MEGABYTES = 800.0, 600.0
-"""Processor time of the whole suite on quiet cores, and what one worker may hold."""
-_TELLS = re.compile(r"=+ (ERRORS|FAILURES) =+")
-"""Where pytest begins to tell what failed, and why."""
+"""Processor time of the whole suite on quiet cores, and what one process may hold."""
 IGNORED = {"nohup": (signal.SIGHUP,), "background": (signal.SIGINT, signal.SIGQUIT), "terminal": ()}
 """What a process is started to ignore: by `nohup`, by a shell that starts it with `&`."""
 
@@ -62,14 +57,16 @@ def busy(count: int) -> Iterator[None]:
 
 
 def children_of(parent: int) -> list[int]:
-    """The processes that a process has started: those of pytest are its workers."""
-    return [int(word) for word in _read(parent, f"task/{parent}/children").split()]
+    """The processes that any thread of a process has started: those of the suite are its rooms'."""
+    threads = Path(f"/proc/{parent}/task").glob("*")
+    return [int(word) for t in threads for word in _read(parent, f"task/{t.name}/children").split()]
 
 
-def resident(process: int) -> int:
-    """Bytes of a process that lie in memory, 0 once it has ended."""
+def resident(process: int) -> tuple[int, str]:
+    """Bytes of a process that lie in memory, 0 once it has ended, and the last word of its command."""
     words = _read(process, "statm").split()
-    return int(words[1]) * os.sysconf("SC_PAGE_SIZE") if words else 0
+    last = _read(process, "cmdline").rstrip("\0").rpartition("\0")[2]
+    return int(words[1]) * os.sysconf("SC_PAGE_SIZE") if words else 0, last
 
 
 def _read(process: int, name: str) -> str:
@@ -79,36 +76,30 @@ def _read(process: int, name: str) -> str:
         return ""
 
 
-def watch_memory(parent: int, over: threading.Event, most: list[int]) -> None:
-    """Keep the largest resident memory of a worker until it is over."""
+def watch_memory(parent: int, over: threading.Event, most: dict[str, int]) -> None:
+    """Keep the largest resident memory of each process until all is over, by the last file that it was given."""
     while not over.wait(INTERVAL):
-        most.append(max(map(resident, children_of(parent)), default=0))
-        del most[:-2]
-        most[:] = [max(most)]
+        for held, last in map(resident, children_of(parent)):
+            most[last] = max(held, most.get(last, 0))
 
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument(
-        "--whole", action="store_true", help="let pytest say all that it says, when it says it"
-    )
     parser.add_argument("--load", type=int, default=0, help="busy processes beside the suite")
     how = parser.add_mutually_exclusive_group()
     how.add_argument("--nohup", dest="how", action="store_const", const="nohup")
     how.add_argument("--background", dest="how", action="store_const", const="background")
-    parser.add_argument("more", nargs="*", help="for pytest, after --")
+    parser.add_argument("places", nargs="*", help="folders or files of tests (all)")
     order = parser.parse_args()
     how_started = order.how or "terminal"
     before = (
         f"load average before: {load_average()}; busy beside: {order.load}; as by: {how_started}"
     )
     print(before, flush=True)
-    began, over, most = time.monotonic(), threading.Event(), [0]
-    with busy(order.load), tempfile.TemporaryFile("w+") as said:
+    began, over, most = time.monotonic(), threading.Event(), {"": 0}
+    with busy(order.load):
         suite = subprocess.Popen(
-            [*COMMAND, *order.more],
-            stdout=None if order.whole else said,
-            stderr=None if order.whole else subprocess.STDOUT,
+            [*COMMAND, *order.places],
             preexec_fn=ignoring(IGNORED[how_started]),
         )
         watcher = threading.Thread(target=watch_memory, args=(suite.pid, over, most))
@@ -116,19 +107,17 @@ def main() -> int:
         _, status, used = os.wait4(suite.pid, 0)
         over.set()
         watcher.join()
-        said.seek(0)
-        lines = said.read().splitlines()
     code = os.waitstatus_to_exitcode(status)
     suite.returncode = code
-    if not order.whole:
-        began_to_tell = next((k for k, line in enumerate(lines) if _TELLS.match(line)), -1)
-        print("\n".join(lines[began_to_tell:]))
-    processor, memory = used.ru_utime + used.ru_stime, most[0] / 1e6
+    processor = used.ru_utime + used.ru_stime
     print(
         f"processor time: {used.ru_utime:.0f} s user + {used.ru_stime:.0f} s system, "
         + beside(processor, BUDGET_SECONDS, "s")
     )
-    print(f"largest worker: {memory:.0f} MB, " + beside(memory, BUDGET_MEGABYTES, "MB"))
+    last = max(most, key=lambda one: most[one])
+    memory = most[last] / 1e6
+    print(f"largest process: {memory:.0f} MB, " + beside(memory, BUDGET_MEGABYTES, "MB"))
+    print(f"its last file: {last}")
     print(f"wall time: {time.monotonic() - began:.0f} s")
     return code
 

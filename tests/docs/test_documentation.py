@@ -1,129 +1,18 @@
-"""The documentation is true: every command in it is run as it stands, and every page can be found."""
+"""The documentation is short and whole: every command in it exists, every page shows something and can be found."""
 
 from __future__ import annotations
 
-import os
 import re
-import shlex
-import subprocess
-import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 import typer
 
 from rig import main
-from tests.docs.building import building, commands_of, hold_against_kept, versions
-from tests.docs.given_files import lay_out
-from tests.outside_package import found_in, installed_into
-from tests.rig.slow_computer import says_too_slow
+from tests.docs.building import DOCS, building, versions
+from tests.docs.page_commands import PAGES, ROOT
 
-ROOT = Path(__file__).parents[2]
-DOCS = ROOT / "docs"
-PAGES = sorted(
-    path
-    for path in (*DOCS.glob("*.md"), *DOCS.glob("[!_]*/*.md"), ROOT / "README.md")
-    if "generated" not in path.parts
-)
 _INLINE = re.compile(r"`(rig [a-z][^`\n]*)`")
-STARTING_TIME = 600.0
-"""s that a process in the background may take until it has written the file that others wait for."""
-
-
-def run_here(
-    command: str, capsys: pytest.CaptureFixture[str], *, real_time: bool = False
-) -> tuple[int, str]:
-    """A command in this process, as the shell would give it; its exit code and what it prints. In real time the page is
-    right as well where the command says that this computer was too slow.
-    """
-    words = [
-        str(match)
-        for word in shlex.split(command)[1:]
-        for match in (sorted(Path().glob(word)) if "*" in word else [word])
-    ]
-    with pytest.raises(SystemExit) as ended:
-        main.run(words)
-    code = ended.value.code
-    told = capsys.readouterr()
-    if code not in (0, None):
-        print(f"{command}: {code}\n{told.out[-2000:]}\n{told.err[-2000:]}")
-        if real_time and says_too_slow(told.out + told.err):
-            return 0, told.out
-    return int(code or 0), told.out
-
-
-@contextmanager
-def in_background(command: str) -> Iterator[None]:
-    """A command that goes on until the page is done, once it has written the file that it names."""
-    words = shlex.split(command)
-    expected = Path(words[words.index("--config-out") + 1])
-    with subprocess.Popen([sys.executable, "-m", *words], stdout=subprocess.DEVNULL) as process:
-        until = time.monotonic() + STARTING_TIME
-        while not expected.exists() and process.poll() is None and time.monotonic() < until:
-            pass
-        yield
-        process.terminate()
-        assert process.wait(STARTING_TIME) == 0
-
-
-EXTRAS = {
-    "fit-a-thousand-runs": ("pyarrow", "distributed", "duckdb"),
-    "export-to-mujoco": ("mujoco",),
-    "export-to-ros": ("mujoco",),
-}
-"""Pages whose commands need packages of an extra; where one is missing the gate is the one that runs them."""
-
-
-PACKAGED = {"add-a-protocol", "add-a-fit"}
-"""Pages whose commands are those of the package that the page prints."""
-
-
-def lacks_extra(page: Path) -> bool:
-    """Whether the commands of a page cannot be run here."""
-    return (
-        not all(map(find_spec, EXTRAS.get(page.stem, ())))
-        and os.environ.get("HARMONIC_RIG_EXTRAS") != "all"
-    )
-
-
-def marks_of(page: Path) -> list[pytest.MarkDecorator]:
-    """A page that serves a rig on a bus, and turns it, does so in wall time."""
-    return [pytest.mark.realtime] if commands_of(page)[0].endswith("&") else []
-
-
-@pytest.mark.parametrize(
-    "page",
-    [
-        pytest.param(page, marks=marks_of(page), id=str(page.relative_to(ROOT)))
-        for page in PAGES
-        if commands_of(page)
-    ],
-)
-def test_every_command_of_a_page_works(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    if lacks_extra(page):
-        pytest.skip("its extra is not installed")
-    monkeypatch.chdir(tmp_path)
-    lay_out(page, tmp_path)
-    commands = commands_of(page)
-    if commands[0].endswith("&"):
-        with in_background(commands[0].rstrip("& ")):
-            ended = [(one, *run_here(one, capsys, real_time=True)) for one in commands[1:]]
-    elif page.stem in PACKAGED:
-        with found_in(installed_into(tmp_path / "site")):
-            ended = [(one, *run_here(one, capsys)) for one in commands]
-    else:
-        ended = [(one, *run_here(one, capsys)) for one in commands]
-    # 3 is MARGINAL and 1 FAIL: verdicts of a gear, as a reader of the page would get them.
-    wrong = {command: code for command, code, _ in ended if code not in (0, 3)}
-    assert not wrong
-    if DOCS in page.parents and not commands[0].endswith("&"):
-        hold_against_kept(page, [(one, text) for one, _, text in ended], tmp_path)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -203,7 +92,7 @@ def test_another_processor_may_print_another_value_within_its_uncertainty(
 def test_what_pages_print_is_of_the_analyses_as_they_are() -> None:
     """A value is held within its U alone: each processor has its own last digits."""
     kept = building("printed_output").VERSIONS.read_text(encoding="utf-8")
-    assert kept == versions(), "RENEW_PRINTED=1 pytest tests/docs writes it anew"
+    assert kept == versions(), "RENEW_PRINTED=1 pytest tests/docs tests/extras writes it anew"
 
 
 def test_the_picture_of_the_house_is_that_of_the_contracts() -> None:

@@ -20,6 +20,7 @@ NEEDS = {
     "test_measurement_files.py": ("pyarrow", "nptdms", "asammdf"),
     "test_export_to_mujoco.py": ("mujoco",),
     "test_viewers.py": ("xarray", "h5netcdf", "silx"),
+    "test_page_commands.py": ("pyarrow", "distributed", "duckdb", "mujoco"),
     "test_documentation_build.py": ("sphinx", "myst_parser", "furo"),
 }
 """Test file: the modules that it cannot do without."""
