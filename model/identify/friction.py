@@ -352,8 +352,9 @@ def _judge(
     ]
     stuck = sorted({round(abs(h.speed) / RPM, 2) for h in holds if h.sticks})
     if stuck:
+        named = ", ".join(f"{s:g}" for s in stuck)
         remarks.append(
-            f"The input stuck at {', '.join(f'{s:g}' for s in stuck)} r/min: the mean there is not a running torque."
+            f"The input stopped and went at {named} r/min: the mean torque there is not that of one speed."
         )
     remarks += _dip(fit)
     return remarks

@@ -39,6 +39,10 @@ BENT = 0.2
 REST_LIMIT = 0.1 * DEGREE
 """Standstill, in angle that a steady speed would have turned, above which a hold counts as stick: below a steep
 Stribeck curve a speed loop stops and goes by tenths of a degree, and the mean torque is several per cent low."""
+SWING_LIMIT = 0.5
+"""Swing of the speed about its mean, relative rms, above which a hold counts as stick too: below a steep Stribeck curve
+drive and gear can swing between rest and twice the mean in a few samples, so fast that no rest is seen, and the mean
+torque is by per cents not that of the mean speed. Cogging makes 0.3 of it."""
 _RESTING_STEPS = 3.0
 """Counts, or samples where each brings some, whose time is no standstill: cogging lets a slow speed ripple."""
 
@@ -49,7 +53,7 @@ class RunningTorque:
 
     revolutions: whole input revolutions averaged; time: middle of the hold [s]; speed_ripple: rms
     of the speed between tenths of a revolution, relative; rest_angle: longest standstill as the
-    angle that the mean speed would have turned [rad].
+    angle that the mean speed would have turned [rad]; swing: rms of the speed from sample to sample, relative.
     """
 
     speed: float
@@ -60,6 +64,7 @@ class RunningTorque:
     time: float
     speed_ripple: float = 0.0
     rest_angle: float = 0.0
+    swing: float = 0.0
     temperature: float = math.nan
 
     @property
@@ -68,8 +73,8 @@ class RunningTorque:
 
     @property
     def sticks(self) -> bool:
-        """Whether the input stood still for longer than a steady speed explains."""
-        return self.rest_angle > REST_LIMIT
+        """Whether the input stopped and went: it stood still for longer than a steady speed explains, or swung."""
+        return self.rest_angle > REST_LIMIT or self.swing > SWING_LIMIT
 
 
 def average_torque(
@@ -117,6 +122,7 @@ def average_torque(
         time=0.5 * (times[0] + times[-1]),
         speed_ripple=float(np.std(local) / abs(speed)),
         rest_angle=_rest_angle(rests, turned[rising], speed),
+        swing=_swing(turned),
         temperature=temperature,
     )
 
@@ -127,6 +133,17 @@ def _rest_angle(rests: Array, turned: Array, speed: float) -> float:
         return 0.0
     step = max(float(np.min(np.diff(turned))), float(np.min(rests)) * abs(speed))
     return max(float(rests.max()) * abs(speed) - _RESTING_STEPS * step, 0.0)
+
+
+def _swing(turned: Array) -> float:
+    """Rms of the speed about its mean, relative: its autocovariance at one and at two samples, carried on to none by a
+    parabola. Counts, noise of the angle and rows that came late raise one sample and lower its neighbour, and are no
+    swing.
+    """
+    steps = np.diff(turned)
+    off = steps / steps.mean() - 1.0
+    one, two = (float(np.mean(off[lag:] * off[:-lag])) for lag in (1, 2))
+    return math.sqrt(max((4.0 * one - two) / 3.0, 0.0))
 
 
 def _mean_error(means: Array, turned: Array, effort: Array, whole: int) -> tuple[float, float]:

@@ -28,7 +28,7 @@ from experiments.torque.running_torque import (
 )
 from experiments.torque.zero import TorqueZero, torque_zero
 from model.arrays import FloatArray
-from model.identify.running_torque import REST_LIMIT, Tare, pair_directions
+from model.identify.running_torque import REST_LIMIT, SWING_LIMIT, Tare, pair_directions
 from model.units import DEGREE, RPM
 
 SAME_SPEED = 0.03
@@ -167,9 +167,9 @@ def _reached(holds: list[Hold], tare: Tare) -> list[Hold]:
 
 
 def _sliding(holds: list[Hold]) -> tuple[list[Hold], list[str]]:
-    """The holds at speeds at which the input never stuck, and words that name the other speeds.
+    """The holds at speeds at which the input never stopped and went, and words that name the other speeds.
 
-    Raises `AnalysisError` where it stuck at all of them.
+    Raises `AnalysisError` where it did at all of them.
     """
     speed = _speeds(holds)
     stuck = speed[[h.torque.sticks for h in holds]]
@@ -180,15 +180,16 @@ def _sliding(holds: list[Hold]) -> tuple[list[Hold], list[str]]:
     sliding = [h for h, away in zip(holds, beside, strict=True) if away > SAME_SPEED]
     if not sliding:
         raise AnalysisError(
-            "the input stood still at every speed, and a torque at standstill is no running torque",
+            "the input stopped and went at every speed, and its mean torque is no running torque",
             where="holds",
             value=f"{named} r/min",
-            limit=f"<= {REST_LIMIT / DEGREE:g} degrees of standstill at the mean speed",
+            limit=f"<= {REST_LIMIT / DEGREE:g} degrees of standstill at the mean speed, "
+            f"a swing of the speed <= {100.0 * SWING_LIMIT:g} %",
             remedy="Run faster, or stiffen the speed loop.",
         )
     return sliding, [
-        f"The input stopped and went at {named} r/min: these speeds are left out, standstill is no "
-        "sliding friction. Run faster, or stiffen the speed loop."
+        f"The input stopped and went at {named} r/min: these speeds are left out, the mean torque there is not "
+        "that of one speed. Run faster, or stiffen the speed loop."
     ]
 
 

@@ -15,6 +15,7 @@ from model.identify.common_errors import CommonError
 from model.identify.estimate import Cause
 from model.identify.friction import TARE_SCATTER, check_identifiable, fit_friction
 from model.identify.running_torque import (
+    RunningTorque,
     Tare,
     average_torque,
     bracket_drift,
@@ -344,6 +345,23 @@ def test_stopping_and_going_by_a_degree_is_stick(rate: float) -> None:
     torque = np.full_like(time, 0.06)
     assert average_torque(time, counted(stepped, INPUT_QUANTUM), torque).sticks
     assert not average_torque(time, counted(rippled, INPUT_QUANTUM), torque).sticks
+
+
+def test_a_speed_that_swings_fast_between_rest_and_twice_its_mean_is_stick() -> None:
+    """Each rest is a sample or two; noise of the angle by counts, and rows that come late, swing no shaft."""
+    time = np.arange(0.0, 9.0, 1e-3)
+    speed, beat = 7.4 * RPM, REVOLUTION * 155.0
+    random = np.random.default_rng(5)
+    late = time + random.uniform(-4e-4, 4e-4, len(time))
+    noise = 2.0 * INPUT_QUANTUM * random.standard_normal(len(time))
+
+    def found(clock: np.ndarray, angle: np.ndarray) -> RunningTorque:
+        return average_torque(clock, counted(angle, INPUT_QUANTUM), np.full_like(clock, 0.06))
+
+    assert found(time, speed * (time + 0.95 / beat * np.sin(beat * time))).sticks
+    assert not found(time, speed * time).sticks
+    assert not found(time, speed * time + noise).sticks
+    assert not found(late, speed * late).sticks
 
 
 def test_half_difference_and_half_sum() -> None:
