@@ -156,18 +156,26 @@ def _solved(matrix: Array, pull: Array) -> Array:
 def _shared(parts: Sequence[tuple[Array, Array]], found: Array, whole: Array, memory: int) -> Array:
     """Variances of `COLUMNS` from what the steps leave together, at the same time after their onsets.
 
-    What one sample pulls the numbers by is summed over the steps; the sums are one series, whose neighbours within
-    `memory` samples hang together (weights of Bartlett, which leave no variance negative).
+    What one sample pulls the numbers by is summed over the steps; what the sums vary by beyond the steps each for
+    itself, which the scatter between them holds already, is shared (clusters in two ways: Cameron, Gelbach and Miller
+    2011).
     """
-    sums = np.zeros((max(len(right) for _, right in parts), len(found)))
-    for design, right in parts:
-        sums[: len(right)] += design * (right - design @ found)[:, np.newaxis]
-    pulls = _solved(whole, sums.T).T[:, : len(COLUMNS)]
+    scores = np.zeros((len(parts), max(len(right) for _, right in parts), len(found)))
+    for score, (design, right) in zip(scores, parts, strict=True):
+        score[: len(right)] = design * (right - design @ found)[:, np.newaxis]
+    pulls = np.array([_solved(whole, score.T).T[:, : len(COLUMNS)] for score in scores])
+    together = _varied(pulls.sum(axis=0), memory)
+    return np.maximum(together - sum(_varied(pull, memory) for pull in pulls), 0.0)
+
+
+def _varied(pulls: Array, memory: int) -> Array:
+    """Variances of the sum of a series (n, p) whose neighbours within `memory` samples hang together, by weights of
+    Bartlett, which leave no variance negative.
+    """
     variance = (pulls**2).sum(axis=0)
     for lag in range(1, min(memory, len(pulls) - 1) + 1):
-        together = (pulls[lag:] * pulls[:-lag]).sum(axis=0)
-        variance = variance + 2.0 * (1.0 - lag / (memory + 1.0)) * together
-    return np.maximum(variance, 0.0)
+        variance += 2.0 * (1.0 - lag / (memory + 1.0)) * (pulls[lag:] * pulls[:-lag]).sum(axis=0)
+    return variance
 
 
 def _least(parts: Sequence[tuple[Array, Array]]) -> tuple[Array, float]:

@@ -383,6 +383,24 @@ def test_what_all_steps_share_is_in_the_error_of_an_inertia(run, ladder: LadderF
     assert away < shaken.errors["output_inertia"]
 
 
+def test_noise_that_steps_do_not_share_is_counted_once(run, ladder: LadderFit) -> None:
+    """The scatter between the steps holds it already."""
+    random = np.random.default_rng(3)
+    data = [data for data, _, _ in run]
+    found = [
+        fit_inertia(
+            data,
+            [torque + 0.05 * random.standard_normal(len(torque)) for _, torque, _ in run],
+            ladder.acceleration,
+            GEAR.kinematic_error,
+        )
+        for _ in range(30)
+    ]
+    scatter = np.std([f.values["output_inertia"] for f in found], ddof=1)
+    errors = np.sqrt(np.mean([f.errors["output_inertia"] ** 2 for f in found]))
+    assert 0.8 < errors / scatter < 1.3
+
+
 def test_a_step_that_no_model_explains_does_not_choose_the_answer() -> None:
     good = np.array([1.0, 1.0, 1.2, 1.0])
     assert bounded(good) == pytest.approx(good)
