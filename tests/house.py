@@ -34,6 +34,9 @@ LONG, VERY_LONG = 50, 80
 LONG_FILE = 500
 """Lines of a file."""
 COMPLEX = 20
+MOST_NODES = 1_014_000
+"""A ceiling: what is added takes something away. It may only sink."""
+MOST_CONDITIONALS = 0.28
 KERNELS = "model/kernels/"
 """Compiled: one function there is one loop, and counts for no bar of complexity."""
 
@@ -223,25 +226,30 @@ def report(house: House, names: bool = False) -> str:
         f"{nodes:8d}  {room}"
         for room, nodes in sorted(house.nodes.items(), key=lambda one: -one[1])
     ]
-    lines.append(f"{house.total:8d}  nodes in all")
+    lines.append(f"{house.total:8d}  nodes in all (at most {MOST_NODES})")
     lines.append(
-        f"{house.conditionals_per_function:8.2f}  conditional expressions per function, of {house.functions}"
+        f"{house.conditionals_per_function:8.2f}  conditional expressions per function, of {house.functions} "
+        f"(at most {MOST_CONDITIONALS})"
     )
-    lists = {
-        f"functions above {VERY_LONG} lines": house.very_long_functions,
-        f"functions above {LONG} lines": house.long_functions,
-        f"files above {LONG_FILE} lines": house.long_files,
-        f"functions above complexity {COMPLEX}, kernels apart": house.complex_functions,
-        "nested conditional expressions": house.nested_conditionals,
-        "conditional expressions over more than two lines": house.tall_conditionals,
-        "files with less than strict types": house.only_standard_types,
-        "public names that nothing else uses": house.unused_names,
-    }
-    for title, places in lists.items():
-        lines.append(f"{len(places):8d}  {title}")
+    for title, (places, most) in places_of(house).items():
+        lines.append(f"{len(places):8d}  {title} (at most {most})")
         if names or places is not house.unused_names:
             lines.extend(f"            {place}" for place in places)
     return "\n".join(lines)
+
+
+def places_of(house: House) -> dict[str, tuple[list[str], int]]:
+    """The places that were counted by what is wrong with them, and how many of them there may be."""
+    return {
+        f"functions above {VERY_LONG} lines": (house.very_long_functions, 0),
+        f"functions above {LONG} lines": (house.long_functions, 20),
+        f"files above {LONG_FILE} lines": (house.long_files, 0),
+        f"functions above complexity {COMPLEX}, kernels apart": (house.complex_functions, 0),
+        "nested conditional expressions": (house.nested_conditionals, 0),
+        "conditional expressions over more than two lines": (house.tall_conditionals, 0),
+        "files with less than strict types": (house.only_standard_types, 0),
+        "public names that nothing else uses": (house.unused_names, 200),
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
