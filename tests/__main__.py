@@ -5,8 +5,8 @@
     python -m tests --processes 1 -- -x         # what follows is for pytest
 
 A room is a folder of tests. A process imports what its files need, and gives all of it back at its end: one that went
-through all rooms would hold 1.3 GB. The longest files come first, each alone, so that nothing is waited for at the
-end. Of a process that failed all is shown that pytest said. The exit code is 1 then, and 5 where no test was found.
+through all rooms would hold 1.3 GB. The longest files come first, so that nothing is waited for at the end. Of a
+process that failed all is shown that pytest said. The exit code is 1 then, and 5 where no test was found.
 """
 
 from __future__ import annotations
@@ -26,15 +26,16 @@ from pathlib import Path
 TESTS = Path(__file__).parent
 NOT_COLLECTED = TESTS / "benchmarks"
 """Run by hand: they need packages of their own."""
-LONGEST_FIRST = (
+ALONE = (
     "rig/trial/test_drill.py",
     "rig/trial/test_drill_proofs.py",
     "rig/trial/test_demo.py",
+    "rig/window/test_fleet.py",
 )
-"""Files that take long for what they are."""
+"""Files with a process of their own, those that take longest first: what they load, no other file of the room does."""
 MOST_FILES = 11
 """Of one process. With twice as many some would hold more than 600 MB; each more takes two seconds of imports."""
-FEWER_FILES = {"rig/window": 8, "extras": 6}
+FEWER_FILES = {"rig/window": 6, "extras": 6}
 """Of rooms that import more than the others."""
 PASSED, FAILED, NOTHING_FOUND = 0, 1, 5
 """What pytest's exit codes say; the last also where `-k` or `-m` left no test."""
@@ -57,6 +58,12 @@ class Outcome:
         return Counter({word: int(n) for n, word in next(filter(None, lines), [])})
 
     @property
+    def failures(self) -> list[str]:
+        """What failed, a line each, as pytest names it; the process where it did not come to that."""
+        named = [line for line in self.said.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+        return named or [f"FAILED {self.name}: ended by {self.code}"]
+
+    @property
     def is_failed(self) -> bool:
         """Whether a test failed, or pytest did not come to its end."""
         return self.code not in (PASSED, NOTHING_FOUND)
@@ -69,11 +76,11 @@ def files_below(places: Iterable[Path]) -> list[Path]:
 
 
 def processes_of(files: Sequence[Path]) -> list[list[Path]]:
-    """What each process takes: the longest files one by one; large rooms in equal parts; small ones together."""
-    longest = [TESTS / name for name in LONGEST_FIRST if TESTS / name in files]
+    """What each process takes: some files alone; large rooms in equal parts; small ones together."""
+    alone = [TESTS / name for name in ALONE if TESTS / name in files]
     rooms: dict[Path, list[Path]] = {}
     for file in files:
-        if file not in longest:
+        if file not in alone:
             rooms.setdefault(file.parent, []).append(file)
     parts: list[list[Path]] = [[]]
     for room in sorted(rooms.values(), key=len):
@@ -81,7 +88,7 @@ def processes_of(files: Sequence[Path]) -> list[list[Path]]:
             parts[-1] += room
         else:
             parts += _parts(room)
-    return [[file] for file in longest] + [part for part in reversed(parts) if part]
+    return [[file] for file in alone] + [part for part in reversed(parts) if part]
 
 
 def _parts(room: Sequence[Path]) -> Iterator[list[Path]]:
@@ -120,11 +127,11 @@ def run_all(parts: Sequence[Sequence[Path]], processes: int, more: Sequence[str]
             outcomes.append(done.result())
             _show(outcomes[-1], f"{len(outcomes)}/{len(parts)}")
     counts = sum((o.counts for o in outcomes), Counter[str]())
-    failed = [o.name for o in outcomes if o.is_failed]
+    failed = [words for o in outcomes if o.is_failed for words in o.failures]
     words = ", ".join(f"{n} {word}" for word, n in counts.items()) or "no test found"
     print(f"{words} in {time.monotonic() - began:.0f} s, {len(parts)} processes")
     if failed:
-        print(f"FAILED: {', '.join(failed)}")
+        print("\n".join(failed))
         return FAILED
     return PASSED if counts["passed"] else NOTHING_FOUND
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.__main__ import (
+    ALONE,
     FAILED,
-    LONGEST_FIRST,
     MOST_FILES,
     NOTHING_FOUND,
     PASSED,
@@ -25,9 +25,9 @@ PASSES = "def test_it(): pass\n"
 FAILS = "def test_it(): assert not 'what is wrong'\n"
 
 
-def test_the_long_files_are_there_and_named_once() -> None:
-    assert len(set(LONGEST_FIRST)) == len(LONGEST_FIRST)
-    assert [name for name in LONGEST_FIRST if not (TESTS / name).is_file()] == []
+def test_the_files_that_stand_alone_are_there_and_named_once() -> None:
+    assert len(set(ALONE)) == len(ALONE)
+    assert [name for name in ALONE if not (TESTS / name).is_file()] == []
 
 
 def test_each_file_is_in_one_process_and_none_is_crowded() -> None:
@@ -35,9 +35,17 @@ def test_each_file_is_in_one_process_and_none_is_crowded() -> None:
     parts = processes_of(files)
     assert Path(__file__) in files
     assert Counter(f for part in parts for f in part) == Counter(files)
-    assert [part for part in parts if len({f.parent for f in part}) != 1] == []
     assert max(map(len, parts)) <= MOST_FILES
-    assert [part[0] for part in parts[: len(LONGEST_FIRST)]] == [TESTS / n for n in LONGEST_FIRST]
+    assert max(len(part) for part in parts if part[0].parent.name == "extras") <= 6
+    assert [part[0] for part in parts[: len(ALONE)]] == [TESTS / n for n in ALONE]
+
+
+def test_a_small_room_is_whole_and_shares_its_process() -> None:
+    parts = processes_of(files_below([TESTS / "fuzzing", TESTS / "model" / "kernels"]))
+    assert [len(part) for part in parts] == [2]
+    window = files_below([TESTS / "rig" / "window"])
+    assert len(window) > MOST_FILES
+    assert {f.parent for part in processes_of(window) for f in part} == {window[0].parent}
 
 
 def test_what_is_run_by_hand_is_no_part_of_it() -> None:
@@ -71,8 +79,8 @@ def test_a_room_that_fails_is_named_and_shown(
     assert "what is wrong" in said
     assert "2 passed" in said
     assert "1 failed" in said
-    assert said.splitlines()[-1].startswith("FAILED: ")
-    assert said.splitlines()[-1].endswith("b/test_3.py")
+    assert said.splitlines()[-1].startswith("FAILED ")
+    assert "b/test_3.py::test_it" in said.splitlines()[-1]
 
 
 def test_what_follows_two_dashes_is_for_pytest(
@@ -91,7 +99,9 @@ def test_a_place_without_tests_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("code", "is_failed"), [(0, False), (5, False), (1, True), (-11, True)])
 def test_a_process_that_was_killed_has_failed(code: int, is_failed: bool) -> None:
-    assert Outcome("room", code, "", 1.0).is_failed is is_failed
+    ended = Outcome("room", code, "", 1.0)
+    assert ended.is_failed is is_failed
+    assert ended.failures == [f"FAILED room: ended by {code}"]
 
 
 def test_an_example_may_take_as_long_as_it_takes() -> None:

@@ -211,8 +211,8 @@ def _rung_answer(
         reading.freedom,
         tuple(lines),
         _ringing_left(problem, solution),
-        reading.left,
-        _kept_ringing(problem, solution, reading.centre),
+        left=reading.left,
+        kept=_kept_ringing(problem, solution, reading.centre),
     )
 
 
