@@ -17,8 +17,8 @@ from experiments.result import Plot, Series
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import ARCSEC, DEGREE, REVOLUTION
-from rig.analysis.fit import Fit, store
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import Fit, store
+from rig.analysis.fit.run import fit_run
 from rig.analysis.learnt_encoder import learn
 from rig.bench.backends.order import Order, Setup
 from rig.bench.backends.simulated import parts_of

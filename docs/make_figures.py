@@ -23,7 +23,7 @@ from experiments.result import Plot, Series
 from model.friction import friction_torque
 from model.gear_file import shipped_gear
 from model.units import REVOLUTION, RPM
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.passport.build import passport
 from rig.bench.backends.order import WorldChoice
 from rig.gears.acceptance import shipped_acceptance

@@ -437,8 +437,8 @@ def _some_runs() -> Path:
     from experiments.parameters import parameter_fields
     from model.gear_file import shipped_gear
     from model.motor import shipped_motor
-    from rig.analysis.fit import store
-    from rig.analysis.fit_run import Choices, fit_run
+    from rig.analysis.fit.recorded import store
+    from rig.analysis.fit.run import Choices, fit_run
     from rig.bench.backends.order import Order
     from rig.commands.running import read_flags
     from rig.gears.card import save_card, with_changes

@@ -1,9 +1,9 @@
 """What the commands and cells of a page print: kept in a text file per page, shown under each of them.
 
-`RENEW_PRINTED=1 pytest tests/docs tests/extras` runs every command and cell and writes the files anew; without it the same tests
-hold what is printed against what is kept: word by word, and a value within its uncertainty. Digits are those of the
-processor that wrote them, since what the data hardly tell is another number on the next; a page is too old where an
-analysis has another version by now.
+`RENEW_PRINTED=1 pytest tests/docs tests/extras` runs every command and cell and writes the files anew; without it the
+same tests hold what is printed against what is kept: word by word, and a value within its uncertainty. Digits are
+those of the processor that wrote them, since what the data hardly tell is another number on the next; a page is too old
+where an analysis has another version by now.
 """
 
 from __future__ import annotations

@@ -140,8 +140,8 @@ def _swing(turned: Array) -> float:
     parabola. Counts, noise of the angle and rows that came late raise one sample and lower its neighbour, and are no
     swing.
     """
-    steps = np.diff(turned)
-    off = steps / steps.mean() - 1.0
+    steps: Array = np.diff(turned)
+    off: Array = steps / steps.mean() - 1.0
     one, two = (float(np.mean(off[lag:] * off[:-lag])) for lag in (1, 2))
     return math.sqrt(max((4.0 * one - two) / 3.0, 0.0))
 

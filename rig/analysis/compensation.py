@@ -20,7 +20,7 @@ from model.compensation_file import compensation_from
 from model.identify.directions import combine
 from model.identify.encoders import Encoders
 from model.identify.kinematic_error import KinematicErrorFit
-from rig.analysis.fit_run import evidence_for
+from rig.analysis.fit.run import evidence_for
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import bench_of
 from rig.errors import ConfigurationError

@@ -39,7 +39,7 @@ from rig.library.listed import IndexedRun
 
 if TYPE_CHECKING:
     from experiments.recording import RunMetadata
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
 
 NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
 NO_GEAR = "the recording names no gear, so there is no limit to hold it against"

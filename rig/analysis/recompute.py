@@ -17,7 +17,7 @@ from experiments import catalogue
 from experiments.finding import Finding, Severity
 from experiments.result import checks_to_mapping
 from model.gear_file import gear_from_mapping
-from rig.analysis.fit import Fit, OtherTare, fit_recording, stored_fit
+from rig.analysis.fit.recorded import Fit, OtherTare, fit_recording, stored_fit
 from rig.analysis.learnt import as_analysed, with_learnt_scale
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_ready, read_analyses

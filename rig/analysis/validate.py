@@ -22,8 +22,8 @@ from experiments import catalogue
 from experiments.errors import analysing
 from experiments.result import Plot, Series, Table
 from model.unit_text import scale_in
-from rig.analysis.fit import kind_of
-from rig.analysis.fit_run import Choices, evidence_for
+from rig.analysis.fit.recorded import kind_of
+from rig.analysis.fit.run import Choices, evidence_for
 from rig.analysis.store import read_analyses
 from rig.errors import RigError
 from rig.runfile import read

@@ -7,8 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
-from rig.analysis.fit import TARE_DECLINED, Fit, fit_recording, kind_of
-from rig.analysis.fit_run import Choices, fit_run
+from rig.analysis.fit.recorded import TARE_DECLINED, Fit, fit_recording, kind_of
+from rig.analysis.fit.run import Choices, fit_run
 from rig.analysis.tare import FoundTare, takes_tare, tare_kind
 from rig.api.reading import load
 from rig.api.results import Result, Results

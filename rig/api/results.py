@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from model.gear import HarmonicDrive
     from model.identify.estimate import BudgetLine, Estimate, Identifiable
     from rig.analysis.adopt import Comparison as Compared
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Result(Tabular, Mapping[str, Value]):
 
     def __init__(self, fit: Fit) -> None:
         self.fit = fit
-        """Recording, parameter set, tare and result, as the rest of the program has them (`rig.analysis.fit`)."""
+        """Recording, parameter set, tare and result, as all of the program has them (`rig.analysis.fit.recorded`)."""
 
     @property
     def kind(self) -> str:
@@ -178,14 +178,14 @@ class Result(Tabular, Mapping[str, Value]):
     def compare(self, gear: HarmonicDrive | None = None) -> Comparison:
         """A parameter set held against the run, nothing fitted; without one that of the fit."""
         from rig.analysis.adopt import compare_with
-        from rig.analysis.fit import score, with_gear
+        from rig.analysis.fit.recorded import score, with_gear
 
         fit = self.fit if gear is None else with_gear(self.fit, gear)
         return Comparison(fit.gear, compare_with(fit.gear, fit.result), score(fit), self.fit.origin)
 
     def store(self) -> str:
         """Append it to the analyses beside its run file, as `rig fit` does; the name under which it lies there."""
-        from rig.analysis.fit import store
+        from rig.analysis.fit.recorded import store
 
         if self.fit.path is None:
             raise RigError(

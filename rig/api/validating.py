@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rig.analysis.fit_run import Choices
+from rig.analysis.fit.run import Choices
 from rig.analysis.validate import validate_runs
 from rig.api.runs import Run, file_of
 from rig.api.tables import Tabular

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from experiments.result import Result
     from model.gear import HarmonicDrive
     from rig.analysis.adopt import Comparison
-    from rig.analysis.fit import Fit
-    from rig.analysis.fit_run import Choices
+    from rig.analysis.fit.recorded import Fit
+    from rig.analysis.fit.run import Choices
     from rig.analysis.judging import GearVerdict
 
 Parameters = Annotated[
@@ -148,7 +148,7 @@ def fit(
         return
     if not words:
         raise typer.BadParameter("which run? For instance: rig fit RUN.h5", param_hint="RUN")
-    from rig.analysis.fit_run import fit_run
+    from rig.analysis.fit.run import fit_run
     from rig.exits import code_of_verdicts
 
     kind, typed = split_kind(words)
@@ -215,9 +215,9 @@ def compare(
 def hold_against(run: Path, parameters: Path, kind: str, choices: Choices, *, json: bool) -> None:
     """Print what a parameter set, which the choices hold, predicts of a run, beside what was measured."""
     from rig.analysis.adopt import compare_with
-    from rig.analysis.digest import told_tare
-    from rig.analysis.fit import score
-    from rig.analysis.fit_run import fit_run
+    from rig.analysis.fit.digest import told_tare
+    from rig.analysis.fit.recorded import score
+    from rig.analysis.fit.run import fit_run
 
     gear = choices.gear
     assert gear is not None
@@ -269,7 +269,7 @@ def choices_of_flags(
     largest_missed_share: float | None,
 ) -> Choices:
     """What was chosen by hand. Raises `BadParameter` for a tare that is both named and left away."""
-    from rig.analysis.fit_run import Choices
+    from rig.analysis.fit.run import Choices
 
     if tare is not None and no_tare:
         raise typer.BadParameter("a tare is named, and left away", param_hint="--tare, --no-tare")
@@ -337,7 +337,7 @@ def _store(fits: tuple[Fit, ...]) -> tuple[tuple[Fit, ...], list[str]]:
     """Append every fit to the store beside its run; a folder that cannot be written is said, not fatal."""
     from datetime import datetime
 
-    from rig.analysis.fit import store
+    from rig.analysis.fit.recorded import store
     from rig.errors import ChangedRunError, RunFileError
 
     kept, notes = [], []
@@ -381,7 +381,7 @@ def _as_object(
 
 
 def _with_drawings(fit: Fit, *, wanted: bool) -> dict[str, Any]:
-    from rig.analysis.digest import told_tare
+    from rig.analysis.fit.digest import told_tare
 
     result = fit.result
     told = {**result.as_json(), "tare": told_tare(fit)}

@@ -15,7 +15,7 @@ from rig.commands.visible import Text
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from rig.analysis.digest import Digest
+    from rig.analysis.fit.digest import Digest
     from rig.analysis.judging import GearVerdict
     from rig.bench.backends.order import Order
     from rig.run.parts import RunReport
@@ -51,7 +51,7 @@ def ending_of(report: RunReport, order: Order) -> Ending:
 
     Whatever goes wrong with the analysis costs neither the run nor its outcome: it is told.
     """
-    from rig.analysis.digest import digest
+    from rig.analysis.fit.digest import digest
     from rig.analysis.judging import judge_run, not_judged
 
     if report.outcome != "COMPLETED":

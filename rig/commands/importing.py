@@ -143,8 +143,8 @@ def _open_page(good: Sequence[str], run: Path) -> None:
     import webbrowser
 
     from experiments.errors import AnalysisError
-    from rig.analysis.fit import store
-    from rig.analysis.fit_run import fit_run
+    from rig.analysis.fit.recorded import store
+    from rig.analysis.fit.run import fit_run
     from rig.gears.card import now_text
     from rig.present.build import report_on_files
 

@@ -23,7 +23,7 @@ from model.gear import HarmonicDrive, Mounting, Origin
 from model.gear_file import harmonic_path, load_gear, shipped_gear
 from model.units import RPM
 from rig.analysis.adopt import adopt
-from rig.analysis.fit import Fit, fit_in_force
+from rig.analysis.fit.recorded import Fit, fit_in_force
 from rig.analysis.in_force import InForce, in_force, newest_analysed
 from rig.analysis.passport.followed import order_of
 from rig.analysis.passport.gather import runs_of

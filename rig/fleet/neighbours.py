@@ -11,8 +11,8 @@ from collections import OrderedDict
 from datetime import datetime
 from pathlib import Path
 
-from rig.analysis.fit import Fit
-from rig.analysis.fit_run import Choices, Surroundings
+from rig.analysis.fit.recorded import Fit
+from rig.analysis.fit.run import Choices, Surroundings
 from rig.analysis.result_data import table_to_mapping
 from rig.analysis.store import Analysis, json_text
 from rig.gears.acceptance import Acceptance, acceptance_for, acceptance_text

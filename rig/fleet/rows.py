@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from experiments.recording import Recording
     from experiments.result import Verdict
     from model.identify.estimate import Estimate
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
 
 EMPTY: Row = dict.fromkeys(NAMES)
 _TIGHTEST: Mapping[Side, Callable[[Iterable[float]], float]] = {"upper": min, "lower": max}

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments import catalogue
-from rig.analysis.fit_run import Choices, FitInputs, inputs_of
+from rig.analysis.fit.run import Choices, FitInputs, inputs_of
 from rig.analysis.gear_set import set_sha256
 from rig.analysis.judging import judge_run
 from rig.errors import ChangedRunError
@@ -176,7 +176,7 @@ class _Analysis:
         began = self._now()
         fit = inputs.fit()
         if job.stored:
-            from rig.analysis.fit import store
+            from rig.analysis.fit.recorded import store
 
             fit = replace(store(fit, job.created), not_in_force="")
         self.fit_seconds += self._now() - began

@@ -14,8 +14,8 @@ from rig.errors import RigError
 from rig.gears.acceptance import acceptance_for
 
 if TYPE_CHECKING:
-    from rig.analysis.fit import Fit
-    from rig.analysis.fit_run import Choices
+    from rig.analysis.fit.recorded import Fit
+    from rig.analysis.fit.run import Choices
     from rig.analysis.judging import GearVerdict
     from rig.analysis.validate import Validation
     from rig.content.page import Page
@@ -60,7 +60,7 @@ def report_on_files(
     report; now, if not given. Raises `RigError` for a run that does not bear its analysis.
     """
     from model.gear_file import load_gear
-    from rig.analysis.fit_run import Choices
+    from rig.analysis.fit.run import Choices
     from rig.analysis.judging import judge_runs
     from rig.present.report import report_page
     from rig.runfile.seal import forget_hashes
@@ -157,7 +157,7 @@ def _written(page: Page, outputs: Sequence[Path], what: str) -> list[str]:
 
 def _in_order(runs: Sequence[Path]) -> list[Path]:
     """The runs in the order of their analyses: tares first, and last what builds on others."""
-    from rig.analysis.digest import protocol_of
+    from rig.analysis.fit.digest import protocol_of
     from rig.analysis.tare import tare_kind
 
     def place(path: Path) -> tuple[bool, bool]:
@@ -170,7 +170,7 @@ def _in_order(runs: Sequence[Path]) -> list[Path]:
 
 def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fit, list[str]]:
     """What is reported of a run, and what is to be said of it; with choices it is made anew."""
-    from rig.analysis.digest import digest, protocol_of, read_or_digest
+    from rig.analysis.fit.digest import digest, protocol_of, read_or_digest
     from rig.analysis.in_force import in_force
     from rig.analysis.judging import doubts_of
 

@@ -16,7 +16,7 @@ from rig.present.provenance import tare_of
 if TYPE_CHECKING:
     from experiments.quantity import Quantity
     from model.gear import HarmonicDrive, Value
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
 
 
 _OUT_OF_REACH = (

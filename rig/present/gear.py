@@ -32,7 +32,7 @@ from rig.present.report import (
 )
 
 if TYPE_CHECKING:
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
     from rig.gears.acceptance import Acceptance
 
 _WORST = ("changed", "no change seen", "learning", "not watched")

@@ -7,7 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-from rig.analysis.fit import Fit, fit_in_force
+from rig.analysis.fit.recorded import Fit, fit_in_force
 from rig.analysis.in_force import newest_analysed
 from rig.analysis.passport.content import Passport
 from rig.content.grid import Grid

@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Series, Verdict
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.present.paper_figures import paper_figures
 
 _MARK = 0.06

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from experiments.quantity import Quantity, bare_quantity
 from model.identify.estimate import Estimate
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.content.grid import Grid, columns
 from rig.content.wording import laboratory_unit, number, order_label, printed_symbol, show
 

@@ -11,7 +11,7 @@ from rig.content.wording import laboratory_unit, number, order_label, printed_sy
 
 if TYPE_CHECKING:
     from model.gear import Harmonic, HarmonicDrive, Value
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
 
 
 def _parameter_grid(gear: HarmonicDrive) -> Grid:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rig.analysis.fit import NOT_SEALED
+from rig.analysis.fit.recorded import NOT_SEALED
 from rig.content.grid import Fact, Grid, columns
 from rig.content.page import Section
 from rig.program import EXTENSIONS, brought_by
@@ -16,7 +16,7 @@ from rig.runfile.prevailing import alarms_of, certificates_of, conditions_of, wo
 
 if TYPE_CHECKING:
     from experiments.recording import Recording
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
 
 LONG = 200
 """Letters of a fact above which it is no line of a table."""

@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from experiments.recording import RunMetadata
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
     from rig.analysis.validate import Validation
 
 UNFINISHED = {"ABORTED", "TRIPPED", "ERROR", "INTERRUPTED"}

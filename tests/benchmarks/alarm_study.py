@@ -171,7 +171,7 @@ def _place(alarm: Alarm, protocols: int) -> int:
 
 def _life(seed: int, hours: float, runs: int, protocols: Sequence[str]) -> tuple[Alarm, ...]:
     """The alarms of one gear after all its runs."""
-    from rig.analysis.digest import digest
+    from rig.analysis.fit.digest import digest
     from rig.analysis.passport.build import passport
     from rig.api.executing import execute
 

@@ -39,7 +39,7 @@ from model.compensation_file import compensation_text
 from model.kernels import loop_layout as at
 from model.units import ARCSEC, DEGREE, RPM
 from rig.analysis.compensation import table_from
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.run import fit_run
 from rig.analysis.learnt import PREFIX
 from rig.analysis.learnt_encoder import learn, write_learnt
 from rig.bench.backends.order import Order

@@ -30,8 +30,8 @@ from model.identify.encoder_contradiction import contradiction
 from model.identify.encoder_curve import LearntCurve, Mounted, learnt_curve
 from model.motor import shipped_motor
 from model.units import ARCMIN, ARCSEC, DEGREE, REVOLUTION
-from rig.analysis.fit import store
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import store
+from rig.analysis.fit.run import fit_run
 from rig.analysis.learnt import PREFIX
 from rig.analysis.learnt_encoder import assumed_seat, learn, observed, write_learnt
 from rig.bench.backends.order import Order, Setup, WorldChoice

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from model.angle_certificate import curve_of
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.run import fit_run
 from rig.analysis.learnt import PREFIX
 from rig.analysis.learnt_encoder import Learnt, learn, write_learnt
 from rig.bench.config.certificate_file import CertificateFile, certificate_from, certificate_text

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 
-from rig.analysis.fit_run import Choices, fit_run
+from rig.analysis.fit.run import Choices, fit_run
 from rig.commands.import_proposed import said_beside, settled
 from rig.errors import ConfigurationError, RunFileError
 from rig.runfile.importing.accepting import accepted, is_useless

@@ -37,7 +37,7 @@ QUANTITIES = ("stribeck_velocity", "running_torque_1000_rpm", "coulomb")
 
 def fitted(seed: int, number: int, repeats: int) -> Result:
     """A short friction run of a simulated gear."""
-    from rig.analysis.digest import digest
+    from rig.analysis.fit.digest import digest
     from rig.api.executing import execute
 
     with tempfile.TemporaryDirectory() as folder:

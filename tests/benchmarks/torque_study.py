@@ -22,8 +22,8 @@ from experiments.errors import AnalysisError
 from experiments.truth import truth_of, truth_rows
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import store
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import store
+from rig.analysis.fit.run import fit_run
 from rig.analysis.learnt import SCALE_PREFIX
 from rig.analysis.learnt_torque import LearntScale, learn_torque, write_scale
 from rig.bench.backends.order import Order, WorldChoice

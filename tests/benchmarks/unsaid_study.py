@@ -68,7 +68,7 @@ def imported(foreign: Foreign, folder: Path) -> Path:
 
 def case_of(seed: int, commit: str) -> Line:
     """One recording analysed: its numbers beside the truth, and which of them rest on what was not said."""
-    from rig.analysis.fit_run import Choices, fit_run
+    from rig.analysis.fit.run import Choices, fit_run
 
     began = time.process_time()
     foreign, pattern = made(seed)

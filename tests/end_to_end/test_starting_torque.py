@@ -11,7 +11,7 @@ import pytest
 from model.gear import HarmonicDrive
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.bench.backends.order import AMBIENT, Order, WorldChoice
 from rig.run.start import run_order
 from sim_backend.drawing import draw

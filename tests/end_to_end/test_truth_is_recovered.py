@@ -10,7 +10,7 @@ from experiments.truth import truth_of, truth_rows
 from model.gear_file import shipped_gear
 from model.identify.kinematic_error import KinematicErrorAccumulator, score_kinematic_error
 from model.motor import shipped_motor
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.bench.backends.order import Order
 from rig.run.start import run_order
 from tests.rig.fitting import fit_files

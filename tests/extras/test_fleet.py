@@ -18,8 +18,8 @@ import pytest
 
 import rig
 from experiments import catalogue
-from rig.analysis.fit import Fit
-from rig.analysis.fit_run import FitInputs, fit_run
+from rig.analysis.fit.recorded import Fit
+from rig.analysis.fit.run import FitInputs, fit_run
 from rig.analysis.store import read_analyses
 from rig.errors import ConfigurationError, RigError
 from rig.fleet import survey

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from model.gear import HarmonicDrive
-from rig.analysis.fit import Fit
-from rig.analysis.fit_run import Choices, fit_run
+from rig.analysis.fit.recorded import Fit
+from rig.analysis.fit.run import Choices, fit_run
 
 
 def fit_files(

@@ -17,7 +17,7 @@ from model.channel import Channel
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine, Cause, Estimate
 from model.units import ARCMIN, RPM
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.judging import GearVerdict, judge, not_judged
 from rig.analysis.result_data import quantities_for
 from rig.gears.acceptance import Acceptance, Limit, Use, acceptance_text

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.errors import WordedError
-from rig.analysis.fit_run import Choices
+from rig.analysis.fit.run import Choices
 from rig.analysis.passport.followed import watched_kinds
 from rig.analysis.passport.gather import counted_origin, runs_of
 from rig.analysis.store import read_analyses
@@ -68,7 +68,7 @@ def _lacks_analysis(run: IndexedRun) -> bool:
 def _analyse(
     run: IndexedRun, created: str, tare: Path | None, tell: Callable[[IndexedRun], None] | None
 ) -> Analysed:
-    from rig.analysis.digest import digest
+    from rig.analysis.fit.digest import digest
     from rig.runfile.read import close_recording
 
     if tell is not None:

@@ -17,7 +17,7 @@ from experiments.recording import Origin, Recording, mapping_of
 from model.identify.estimate import Estimate, Ground
 from rig.analysis.alarm.noted import NotedRun
 from rig.analysis.causes import Grounds, grounds_of, simulated_bench, which_mounting
-from rig.analysis.fit import NOT_SEALED
+from rig.analysis.fit.recorded import NOT_SEALED
 from rig.analysis.in_force import in_force_by_kind
 from rig.analysis.number_or_none import known
 from rig.analysis.passport.content import Missing

@@ -11,7 +11,7 @@ from typing import Final
 from experiments.quantity import key_names
 from experiments.result import WORST_FIRST, Verdict
 from model.identify.estimate import Estimate
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.judging import held_against, room_left, whose_limit
 from rig.analysis.rows import coverage
 from rig.content.grid import Grid, Kind, Tone, columns, tone_of

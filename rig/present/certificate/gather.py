@@ -14,7 +14,7 @@ from importlib import resources
 from pathlib import Path
 
 from model.errors import WordedError
-from rig.analysis.fit import Fit, fit_in_force
+from rig.analysis.fit.recorded import Fit, fit_in_force
 from rig.analysis.in_force import InForce, newest_analysed
 from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.passport.gather import counted_origin, runs_of

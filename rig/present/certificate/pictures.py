@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.protocols.friction.quantities import at_reference
 from experiments.result import Plot, Verdict
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.present.certificate.gather import Certified
 from rig.present.certificate.words import Words
 from rig.present.decimate import peak_rows

@@ -15,7 +15,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.in_force import InForce
 from rig.analysis.store import Analysis, json_text
 from rig.content.wording import show

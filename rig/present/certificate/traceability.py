@@ -16,7 +16,7 @@ from experiments.quantity import Quantity
 from experiments.recording import Recording
 from experiments.result import Verdict
 from model.channel import Channel
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.learnt import vouchers
 from rig.content.grid import capital
 from rig.content.wording import named

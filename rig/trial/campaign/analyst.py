@@ -137,8 +137,8 @@ def analyst(
 
 def analyse(run: Path, created: str) -> Analysed:
     """Analyse one run with what its folder knows, and keep what was found beside it."""
-    from rig.analysis.fit import store
-    from rig.analysis.fit_run import fit_run
+    from rig.analysis.fit.recorded import store
+    from rig.analysis.fit.run import fit_run
 
     began = time.monotonic()
     try:

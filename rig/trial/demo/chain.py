@@ -23,7 +23,7 @@ from rig.trial.campaign.walk import WalkedStage, walk
 if TYPE_CHECKING:
     from experiments.truth import TruthRow
     from model.gear import HarmonicDrive
-    from rig.analysis.fit import Fit
+    from rig.analysis.fit.recorded import Fit
     from rig.run.parts import Progress, RunReport
     from rig.run.stop import StopRequest
     from rig.trial.campaign.journal import DoneStage
@@ -304,7 +304,7 @@ def _conclude(
 
 def _fit(path: Path, protocol: str) -> Fit:
     """The analysis in force of a run."""
-    from rig.analysis.fit import stored_fit
+    from rig.analysis.fit.recorded import stored_fit
     from rig.analysis.in_force import in_force
 
     analysis = in_force(path, protocol).analysis

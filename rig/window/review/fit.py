@@ -13,7 +13,7 @@ from PySide6.QtCore import QObject, Signal
 
 from experiments.result import Result
 from model.errors import WordedError
-from rig.analysis.digest import choices_of
+from rig.analysis.fit.digest import choices_of
 from rig.analysis.in_force import InForce
 from rig.analysis.result_data import result_from_mapping
 from rig.analysis.store import Analysis

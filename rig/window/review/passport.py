@@ -17,7 +17,7 @@ from PySide6.QtWidgets import (
 )
 
 from model.errors import WordedError
-from rig.analysis.fit import TARE_DECLINED
+from rig.analysis.fit.recorded import TARE_DECLINED
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.judging import GearVerdict, not_judged
 from rig.analysis.passport.followed import watched_kinds

@@ -17,8 +17,8 @@ from model.gear_file import shipped_gear
 from model.motor import shipped_motor
 from model.units import ARCSEC, REVOLUTION, RPM
 from rig.analysis.compensation import proved_table, table_from
-from rig.analysis.digest import digest
-from rig.analysis.fit_run import evidence_for
+from rig.analysis.fit.digest import digest
+from rig.analysis.fit.run import evidence_for
 from rig.bench.backends.order import Order, WorldChoice
 from rig.errors import ConfigurationError
 from rig.exchange.compensation_forms import FORMS, form_of

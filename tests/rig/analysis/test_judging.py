@@ -14,7 +14,7 @@ from experiments.evidence.conclusion import judged
 from experiments.finding import Finding, Severity
 from experiments.result import Result, Verdict
 from model.identify.estimate import Estimate
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.in_force import in_force
 from rig.analysis.judging import (
     NO_GEAR,

@@ -14,8 +14,8 @@ from model.gear_file import shipped_gear
 from model.identify.encoder_curve import learnt_curve
 from model.motor import shipped_motor
 from model.units import ARCSEC, DEGREE
-from rig.analysis.fit import Fit, store
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import Fit, store
+from rig.analysis.fit.run import fit_run
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import is_known, learnt_files, with_learnt_curve
 from rig.analysis.learnt_encoder import (

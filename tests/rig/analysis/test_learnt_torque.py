@@ -15,8 +15,8 @@ from experiments.protocols.torque_scale.disc import disc_of
 from experiments.tares.motor_heat import motor_heat
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import store
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import store
+from rig.analysis.fit.run import fit_run
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import (
     SCALE_PREFIX,

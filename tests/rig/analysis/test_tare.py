@@ -12,9 +12,9 @@ import pytest
 
 from drivers.channel import Channel
 from experiments.recording import ArraySource, Recording, RunMetadata
-from rig.analysis import fit_run as fitting
-from rig.analysis.fit import TARE_DECLINED
-from rig.analysis.fit_run import Choices
+from rig.analysis.fit import run as fitting
+from rig.analysis.fit.recorded import TARE_DECLINED
+from rig.analysis.fit.run import Choices
 from rig.analysis.tare import FoundTare, find_tare, tare_days_of, tares_beside, tares_wanted
 from rig.library.index import LibraryIndex
 from rig.runfile.layout import Column

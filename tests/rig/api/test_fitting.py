@@ -9,8 +9,8 @@ import pytest
 
 import rig
 from experiments.errors import AnalysisError
-from rig.analysis.fit import fit_recording
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import fit_recording
+from rig.analysis.fit.run import fit_run
 from rig.errors import RigError
 from tests.rig import handmade
 from tests.rig.api.recordings import made, swinging

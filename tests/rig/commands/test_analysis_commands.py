@@ -22,7 +22,7 @@ from experiments.result import Result
 from model.gear_file import load_gear, save_gear, shipped_gear
 from rig.commands import analysis, reporting, validating
 from tests.rig import handmade
-from tests.rig.analysis.test_fit import TARE_RESULT, take_over
+from tests.rig.analysis.fit.test_fit import TARE_RESULT, take_over
 
 Call = Callable[..., Called]
 

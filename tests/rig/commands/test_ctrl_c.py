@@ -20,7 +20,7 @@ PLACES = {
     "table": ("rig.commands.file_tables", "print_runs", "runs FOLDER"),
     "opening": ("rig.runfile.read", "open_run", "show RUN"),
     "judging": ("rig.analysis.judging", "judge_file", "show RUN"),
-    "fit": ("rig.analysis.fit_run", "fit_run", "fit RUN"),
+    "fit": ("rig.analysis.fit.run", "fit_run", "fit RUN"),
     "validating": ("rig.analysis.validate", "validate_runs", "validate RUN"),
     "report": ("rig.present.build", "report_on_files", "report RUN --output PAGE"),
     "page": ("rig.present.report", "report_page", "report RUN --output PAGE"),

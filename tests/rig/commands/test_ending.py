@@ -15,7 +15,7 @@ from experiments.errors import AnalysisError
 from experiments.recording import RunMetadata
 from experiments.result import Result
 from rig import exits
-from rig.analysis.digest import Digest
+from rig.analysis.fit.digest import Digest
 from rig.analysis.in_force import InForce
 from rig.analysis.judging import judge_run, not_judged
 from rig.analysis.tare import FoundTare
@@ -110,13 +110,13 @@ def test_an_analysis_that_crashed_is_told_and_what_to_do() -> None:
 def test_a_refused_analysis_ends_the_command_as_a_fit_of_it_would(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from rig.analysis import fit_run
+    from rig.analysis.fit import run as fit_run
 
     def refuse(*given: object) -> None:
         raise AnalysisError("does not bear it", where="home")
 
     # `digest` takes the name when it is imported: a run that was not analysed before takes it from there.
-    from rig.analysis import digest as digesting
+    from rig.analysis.fit import digest as digesting
 
     monkeypatch.setattr(fit_run, "fit_run", refuse)
     monkeypatch.setattr(digesting, "fit_run", refuse)

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from model.gear_file import shipped_gear
-from rig.analysis import digest as digesting
 from rig.analysis import judging
-from rig.analysis.fit import Fit
+from rig.analysis.fit import digest as digesting
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.in_force import InForce, in_force, kept_by_hand
 from rig.analysis.store import read_analyses
 from rig.main import run as command

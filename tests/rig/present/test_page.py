@@ -20,7 +20,7 @@ from experiments.truth import TruthRow
 from model.gear_file import shipped_gear
 from model.identify.estimate import BudgetLine
 from model.units import ARCMIN
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.judging import GearVerdict
 from rig.analysis.rows import budget_grid
 from rig.analysis.validate import ValidatedRung, Validation

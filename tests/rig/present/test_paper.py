@@ -21,7 +21,7 @@ from matplotlib.image import imread
 from drivers.channel import Calibration, Channel
 from experiments.recording import Origin
 from experiments.result import Table
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.content.page import Page
 from rig.errors import RigError
 from rig.present.paper import paper_content, render_pdf, typeset

@@ -13,7 +13,7 @@ from experiments.errors import AnalysisError
 from experiments.steps.vocabulary import HoldTime, Ramp
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit_run import Choices
+from rig.analysis.fit.run import Choices
 from rig.bench.backends.order import Order
 from rig.errors import RunFileError
 from rig.run.dry_run import plan_run
@@ -140,7 +140,7 @@ def test_the_command_line_passes_the_share_on(monkeypatch: pytest.MonkeyPatch) -
         seen.append(choices.largest_missed_share)
         raise AnalysisError("enough", where="test")
 
-    monkeypatch.setattr("rig.analysis.fit_run.fit_run", fit_nothing)
+    monkeypatch.setattr("rig.analysis.fit.run.fit_run", fit_nothing)
     app = typer.Typer()
     app.command()(analysis.fit)
     runner = CliRunner()

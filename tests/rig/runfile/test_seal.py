@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from rig.analysis.difference import difference
-from rig.analysis.fit import NOT_SEALED
+from rig.analysis.fit.recorded import NOT_SEALED
 from rig.analysis.passport.build import passport
 from rig.bench.backends.order import Order
 from rig.bench.backends.replayed import replayed

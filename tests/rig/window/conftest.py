@@ -25,8 +25,8 @@ from pytestqt.qtbot import QtBot
 import rig.main
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.fit import store
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.recorded import store
+from rig.analysis.fit.run import fit_run
 from rig.bench.backends.order import Order
 from rig.run.start import plan_order, run_order
 from rig.window.main import MainWindow

@@ -12,7 +12,7 @@ from experiments import catalogue
 from experiments.recording import Segment
 from model.gear_file import shipped_gear
 from model.motor import shipped_motor
-from rig.analysis.digest import digest
+from rig.analysis.fit.digest import digest
 from rig.bench.backends.order import Order
 from rig.run.start import run_order
 from rig.run.state import RunState, State

@@ -11,7 +11,7 @@ from PySide6.QtCore import Qt, QUrl
 from pytestqt.qtbot import QtBot
 
 from model.gear_file import load_gear, save_gear, shipped_gear
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.run import fit_run
 from rig.analysis.in_force import in_force
 from rig.analysis.store import json_text, read_analyses
 from rig.analysis.tare import FoundTare

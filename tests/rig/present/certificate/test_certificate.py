@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 import rig.present.certificate as package
 from experiments import catalogue
-from rig.analysis.fit import Fit
+from rig.analysis.fit.recorded import Fit
 from rig.analysis.judging import GearVerdict
 from rig.analysis.learnt import vouchers
 from rig.analysis.store import FORMAT_2

@@ -12,7 +12,7 @@ import pytest
 from experiments.errors import AnalysisError
 from model.identify.estimate import Estimate
 from model.units import ARCSEC, REVOLUTION
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.run import fit_run
 from rig.errors import ConfigurationError
 from rig.runfile.importing.accepting import accepted, good_for, map_text
 from rig.runfile.importing.channel_map import ImportOptions, read_channel_map

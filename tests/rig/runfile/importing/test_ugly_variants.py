@@ -13,7 +13,7 @@ import pytest
 import scipy.io
 
 from experiments.result import Result
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.run import fit_run
 from rig.runfile.importing.channel_map import ImportOptions
 from tests.rig.runfile.importing.ugly import (
     ANGLE,

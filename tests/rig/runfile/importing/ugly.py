@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.result import Result
-from rig.analysis.fit_run import fit_run
+from rig.analysis.fit.run import fit_run
 from rig.commands.import_proposed import settled
 from rig.runfile.importing.accepting import accepted
 from rig.runfile.importing.channel_map import ImportOptions

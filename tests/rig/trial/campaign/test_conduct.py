@@ -248,7 +248,7 @@ def test_an_analysis_that_crashes_is_a_problem_and_ends_nothing(
     def broken(*arguments: object, **named: object) -> None:
         raise ZeroDivisionError("of the program")
 
-    monkeypatch.setattr("rig.analysis.fit_run.fit_run", broken)
+    monkeypatch.setattr("rig.analysis.fit.run.fit_run", broken)
     report = conduct(order(tmp_path), Ran().crew())
     assert report.is_complete
     assert len(report.problems) == 2

@@ -10,10 +10,10 @@ import pytest
 from experiments import catalogue
 from experiments.errors import AnalysisError
 from model.gear_file import gear_to_mapping, shipped_gear
-from rig.analysis import digest as digesting
-from rig.analysis.digest import Digest, choices_of, digest, read_or_digest, renew
-from rig.analysis.fit import TARE_DECLINED, Fit, fit_in_force
-from rig.analysis.fit_run import TARE_AGE_SETTING, Choices
+from rig.analysis.fit import digest as digesting
+from rig.analysis.fit.digest import Digest, choices_of, digest, read_or_digest, renew
+from rig.analysis.fit.recorded import TARE_DECLINED, Fit, fit_in_force
+from rig.analysis.fit.run import TARE_AGE_SETTING, Choices
 from rig.analysis.gear_set import GearSource, card_set, set_sha256
 from rig.analysis.in_force import in_force, keep
 from rig.analysis.judging import judge_run

@@ -15,8 +15,8 @@ from experiments import catalogue
 from experiments.errors import AnalysisError
 from experiments.quantity import key_names
 from model.gear_file import gear_from_mapping
-from rig.analysis.fit import TARE_DECLINED, Fit, fit_in_force, store
-from rig.analysis.fit_run import TARE_AGE_SETTING, Choices, fit_run
+from rig.analysis.fit.recorded import TARE_DECLINED, Fit, fit_in_force, store
+from rig.analysis.fit.run import TARE_AGE_SETTING, Choices, fit_run
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.tare import tare_kind
 from rig.errors import ChangedRunError, RigError, RunFileError

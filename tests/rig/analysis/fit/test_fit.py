@@ -16,9 +16,9 @@ from experiments.recording import Recording
 from experiments.result import Result
 from model.gear import HarmonicDrive, Origin
 from model.gear_file import shipped_gear
-from rig.analysis import fit_run
 from rig.analysis.adopt import adopt, compare_with, pooled
-from rig.analysis.fit import Fit, fit_recording, kind_of, score, store
+from rig.analysis.fit import run as fit_run
+from rig.analysis.fit.recorded import Fit, fit_recording, kind_of, score, store
 from rig.analysis.store import read_analyses
 from rig.analysis.tare import check_tare
 from rig.errors import RigError

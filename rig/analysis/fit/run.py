@@ -15,7 +15,7 @@ from experiments.errors import AnalysisError
 from experiments.tares.same_rig import AGE_LIMIT
 from model.gear_file import shipped_gear
 from rig.analysis.adopt import adopt
-from rig.analysis.fit import (
+from rig.analysis.fit.recorded import (
     TARE_DECLINED,
     Fit,
     OtherTare,
