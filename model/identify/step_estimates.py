@@ -29,12 +29,6 @@ _UNEXPLAINED = 2.0
 """Power that a fit leaves near the mode over what it leaves beside it beyond which the mode is not explained."""
 _UNEXPLAINED_LOSS = 1.2
 """The same for its damping: a frequency stands beside a small ringing that no rung holds, how fast it dies does not."""
-WITHIN = 2.0
-"""Half widths of the mode (its damping ratio) within which an order of the kinematic error keeps it ringing at a step's
-speed: how fast the step's own ringing dies is not seen then, however small the scatter is.
-"""
-_MOST_KEPT = 0.5
-"""Share of the steps that may be kept ringing."""
 ALIKE = 0.1
 """Of their standard error, by which the numbers of two starts may differ that led to one answer."""
 _SHARE_DOUBT = 0.3
@@ -205,14 +199,9 @@ def _rung_answer(
         )
     if model.hysteresis[1] == 0.0:
         lines.append((NO_HYSTERESIS, "not part of this rung", _unfitted_hysteresis(model)))
+    ringing = _ringing_left(problem, solution)
     return _RungAnswer(
-        reading.centre,
-        reading.error,
-        reading.freedom,
-        tuple(lines),
-        _ringing_left(problem, solution),
-        left=reading.left,
-        kept=_kept_ringing(problem, solution, reading.centre),
+        reading.centre, reading.error, reading.freedom, tuple(lines), ringing, reading.left
     )
 
 
@@ -277,8 +266,8 @@ def _reading(
 @dataclass(frozen=True)
 class _RungAnswer:
     """What the steps say of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom,
-    lines of type B, how many times the noise the fit leaves while the steps ring, how many times the power near
-    the mode that it leaves beside it, and which order keeps the mode ringing, in words.
+    lines of type B, how many times the noise the fit leaves while the steps ring, and how many times the power near
+    the mode that it leaves beside it.
     """
 
     centre: Array
@@ -287,7 +276,6 @@ class _RungAnswer:
     lines: tuple[tuple[str, str, Array], ...]
     ringing: float
     left: float = 1.0
-    kept: str = ""
 
     def estimate(self, index: int) -> Estimate:
         """One of the numbers with its budget."""
@@ -332,8 +320,6 @@ class _RungAnswer:
         if self.left > (_UNEXPLAINED_LOSS if name == "damping_ratio" else _UNEXPLAINED):
             note = f"near the mode the model leaves {self.left:.3g} times the power that it leaves beside it"
             return "weakly", note
-        if self.kept and name == "damping_ratio":
-            return "weakly", self.kept
         return "yes", ""
 
 
@@ -377,22 +363,6 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
     if not (early[1] and late[0]):
         return 1.0
     return math.sqrt(early[0] / early[1] / (late[0] / late[1]))
-
-
-def _kept_ringing(problem: Problem, solution: Solution, centre: Array) -> str:
-    """Which orders of the kinematic error keep the mode ringing at the speeds of most steps; "" where none does."""
-    frequency, width = math.exp(centre[FREQUENCY]), WITHIN * math.exp(centre[DAMPING])
-    orders = sorted({n for n, _ in problem.basis if n})
-    kept: dict[int, float] = {}
-    for step, weight in zip(problem.steps, solution.weights, strict=True):
-        turns = abs(step.data.target) / REVOLUTION
-        for order in orders:
-            if abs(order * turns / frequency - 1.0) < width:
-                kept[order] = kept.get(order, 0.0) + float(weight)
-    if sum(kept.values()) < _MOST_KEPT * float(np.sum(solution.weights)):
-        return ""
-    named = " and ".join(map(str, kept))
-    return f"order {named} of the kinematic error keeps the mode ringing at the speed of the steps: take another speed"
 
 
 def _between_answers(

@@ -21,7 +21,6 @@ from model.identify.step_estimates import (
     WANTED,
     WIDEST,
     Reading,
-    _kept_ringing,
     _ringing_left,
     _RungAnswer,
     _weighed_damping,
@@ -29,7 +28,6 @@ from model.identify.step_estimates import (
 )
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
-from model.units import RPM
 
 
 def left_by(ringing: float, last: float = 2.0) -> tuple[Problem, Solution]:
@@ -104,28 +102,6 @@ def test_what_is_left_near_the_mode_leaves_its_damping_open_before_its_frequency
     assert called(1.1) == ["yes", "yes"]
     assert called(1.5) == ["yes", "weakly"]
     assert called(2.5) == ["weakly", "weakly"]
-
-
-def kept_ringing(*speeds_rpm: float, damping: float = 0.02) -> str:
-    """What is said of steps to these speeds, of a gear with orders 1 to 6 whose mode lies at 54 Hz."""
-    steps = [SimpleNamespace(data=SimpleNamespace(target=rpm * RPM)) for rpm in speeds_rpm]
-    problem: Any = SimpleNamespace(steps=steps, basis=[(n, k) for n in range(7) for k in (0, 1)])
-    solution: Any = SimpleNamespace(weights=np.ones(len(steps)))
-    return _kept_ringing(problem, solution, reading(damping, 54.0).centre)
-
-
-def test_an_order_that_keeps_the_mode_ringing_hides_how_fast_the_step_dies() -> None:
-    said = kept_ringing(1640.0, -1640.0)
-    assert "order 2 " in said
-    assert kept_ringing(1640.0, -1300.0, 1500.0) == ""
-    assert kept_ringing(1700.0) == ""
-    assert "order 2 " in kept_ringing(1700.0, damping=0.04)
-    size = len(STATED)
-    centre, many = np.full(size, np.log(0.02)), np.full(size, 50.0)
-    told = _RungAnswer(centre, np.full(size, 0.01), many, (), 1.0, kept=said)
-    assert told.estimate(DAMPING).identifiable == "weakly"
-    assert told.estimate(DAMPING).note == said
-    assert told.estimate(FREQUENCY).identifiable == "yes"
 
 
 RUNGS = ("linear", "hardening", "hysteresis")
