@@ -64,12 +64,15 @@ FAILED = ("ABORTED", "TRIPPED", "ERROR", "INTERRUPTED")
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """What is studied: which gears, which kinds, and the speeds to draw from (none: the ranges above)."""
+    """What is studied: which gears, which kinds, and the speeds to draw from (none: the ranges above); or each protocol
+    as it is, nothing shortened and nothing drawn.
+    """
 
     population: str
     kinds: tuple[str, ...]
     speeds: tuple[float, ...]
     commit: str
+    is_whole: bool = False
 
     @property
     def key(self) -> Line:
@@ -77,7 +80,7 @@ class Study:
         return {
             "commit": self.commit,
             "population": self.population,
-            "speeds": list(self.speeds),
+            "speeds": ["as planned"] if self.is_whole else list(self.speeds),
         }
 
 
@@ -89,13 +92,17 @@ class Setting:
     values: Mapping[str, Any]
 
 
-def settings_of(seed: int, kind: str, speeds: Sequence[float]) -> Iterator[Setting]:
-    """The rate that a seed draws for a kind, with one speed after the other."""
+def settings_of(seed: int, kind: str, study: Study) -> Iterator[Setting]:
+    """The rate that a seed draws for a kind, with one speed after the other; a protocol as it is has one setting."""
     from sim_backend.streams import stream
 
     random = stream(seed, f"study {kind}")
     rate = float(random.choice(RATES.get(kind, OTHER_RATES)))
     name, low, high = SPEEDS[kind]
+    speeds = study.speeds
+    if study.is_whole:
+        yield Setting(rate, {})
+        return
     while True:
         drawn = (
             float(random.choice(speeds)) if speeds else low * (high / low) ** float(random.random())
@@ -143,10 +150,11 @@ def _one_run(
     from rig.run.start import plan_order, run_order
 
     run: Line = {"refusals": []}
-    settings = settings_of(seed, kind, study.speeds)
+    settings = settings_of(seed, kind, study)
     planned = request = None
     while planned is None and len(run["refusals"]) < TRIES:
-        setting = next(settings)
+        if (setting := next(settings, None)) is None:
+            break
         run |= {"rate": setting.rate, "values": dict(setting.values)}
         request = request_of(seed, kind, number, folder, study.population, setting)
         try:
@@ -266,6 +274,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, required=True)
     parser.add_argument("--kinds", default="all", help="all, or names with commas")
     parser.add_argument("--speeds", default="", help="r/min with commas, to draw from")
+    parser.add_argument("--whole", action="store_true", help="each protocol as it is planned")
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--rows", type=Path, help="file of JSON lines to which every seed is added")
     parser.add_argument("--uncommitted", action="store_true")
@@ -280,6 +289,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         kinds=kinds,
         speeds=tuple(float(s) for s in options.speeds.split(",") if s),
         commit=code_commit(uncommitted=options.uncommitted),
+        is_whole=options.whole,
     )
     seeds = range(options.first_seed, options.first_seed + options.seeds)
     lines = [
