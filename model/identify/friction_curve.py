@@ -188,6 +188,10 @@ def _law(points: CurvePoints, law: str, has_errors: bool) -> LawFit:
     )
 
 
+_LEAST_ERROR = 1e-6
+"""Of the largest friction: points that lie on a curve exactly leave nothing that the search could be relative to."""
+
+
 @dataclass(frozen=True)
 class _Solved:
     """Parameters of a law, before it is compared with others."""
@@ -248,6 +252,7 @@ def _stribeck_law(points: CurvePoints, has_errors: bool) -> _Solved:
         # Twice: the search is relative to the errors, which the first one finds.
         for _ in range(2):
             error = error * math.sqrt(max(fit.chi_square, 1e-300) / freedom)
+            error = np.maximum(error, _LEAST_ERROR * float(np.abs(points.friction).max()))
             fit = _stribeck(points, error)
     ends = profile_intervals(fit, points.speed, points.friction, error, common=offset)
     names, values = PARAMETERS["stribeck"], fit.values

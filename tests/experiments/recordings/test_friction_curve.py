@@ -14,6 +14,7 @@ from experiments.recording import ArraySource, Recording, RunMetadata
 from experiments.result import Result
 from model.channel import Calibration, Channel
 from model.gear_file import shipped_gear
+from model.units import RPM
 
 SPEED = np.geomspace(0.05, 60.0, 22)
 BOTH = np.concatenate([SPEED, -SPEED])
@@ -69,6 +70,16 @@ def test_static_friction_may_lie_above_or_below_coulomb_friction(static: float) 
         assert estimate.value == pytest.approx(truth, rel=0.25)
         assert estimate.identifiable == "yes"
     assert any("No Stribeck dip" in w for w in result.warnings) == (static < 1.0)
+
+
+def test_points_without_any_scatter_are_no_defect_of_the_program() -> None:
+    """A table of a data sheet: three digits, the same in both directions."""
+    rpm = np.array([10.0, 50.0, 100.0, 500.0, 1000.0, 2000.0, 3000.0])
+    speed = np.concatenate([rpm, -rpm]) * RPM
+    effort = np.sign(speed) * np.tile([40.1, 40.5, 41.0, 45.0, 50.0, 60.0, 70.0], 2) * 1e-3
+    result = fitted(table(speed, effort))
+    assert law(result) == "coulomb-viscous"
+    assert result.estimates["coulomb"].value == pytest.approx(0.040, rel=1e-9)
 
 
 def test_a_straight_line_stays_one() -> None:
