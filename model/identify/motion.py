@@ -58,12 +58,14 @@ _SCALE_TOLERANCE = 0.05
 class MotionChoice:
     """What is chosen by hand; None leaves it to the data.
 
+    `rigid_hz`: up to where everything that moves is one body; no higher cut-off is taken unless by hand.
     `lag` [s] of the effort where it is known. `load_orders`, `load_turn`: see `Basis`.
     `instrument_is_position`: whether the instrument channel is a position (a set-point).
     """
 
     variant: _Variant = "auto"
     cutoff_hz: float | None = None
+    rigid_hz: float = math.inf
     decimation: int | None = None
     least_speed: float | None = None
     load_orders: tuple[int, ...] = ()
@@ -162,17 +164,24 @@ class _Prepared:
             return False
         return self.shared.share > 0.0 or (self.was_shared and not self.shared.is_told)
 
+    @property
+    def may_share(self) -> bool:
+        """The same, where that is not told yet."""
+        return self.is_shared or (self.shared is not None and self.shared.may_be)
+
 
 def _prepared(source: MotionSource, choice: MotionChoice) -> _Prepared:
     """The motion with a filter that keeps noise out that neighbouring samples share, as far as that goes.
 
     Such noise has a spectrum that falls: its floor is not where that of white noise is looked for,
-    but below the cut-off that was chosen by it.
+    but below the cut-off that was chosen by it. Where there may be such noise, a lower cut-off is
+    taken if there it is told that there is none.
     """
     look = look_at(source)
+    look = replace(look, cutoff_hz=min(look.cutoff_hz, choice.rigid_hz))
     first = found = _with_look(source, choice, look)
     lowered = 0
-    while found.is_shared and choice.cutoff_hz is None and lowered < _MOST_LOWERED:
+    while found.may_share and choice.cutoff_hz is None and lowered < _MOST_LOWERED:
         lowered += 1
         try:
             look = look_at(source, 0.5 * look.cutoff_hz)

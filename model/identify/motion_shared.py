@@ -45,6 +45,11 @@ class SharedNoise:
         return self.standard_uncertainty < LARGEST_DOUBT * abs(self.inertia)
 
     @property
+    def may_be(self) -> bool:
+        """Whether they find much more inertia, and too little of it to be told."""
+        return not self.is_told and self.difference > LARGEST_DOUBT * self.inertia > 0.0
+
+    @property
     def share(self) -> float:
         """Of the inertia that noise which samples share has taken off; 0 where none is seen."""
         is_clear = self.difference > CLEAR * self.standard_uncertainty

@@ -23,6 +23,7 @@ from experiments.budget import STATED, budget_table, scale_line, zero_uncertaint
 from experiments.contract import Evidence
 from experiments.errors import AnalysisError, analysing
 from experiments.evidence import check_recording, check_settings, require_time_base
+from experiments.planning.speeds import first_resonances
 from experiments.recording import Recording
 from experiments.recordings.motion.declaration import NAME, QUANTITIES, SETTINGS
 from experiments.recordings.motion.remedies import load_remedy
@@ -38,6 +39,7 @@ from model.identify.motion import (
     score_source,
 )
 from model.identify.motion_result import MotionFit, MotionScore
+from model.units import REVOLUTION
 
 _MOST_HARMONICS = 40
 
@@ -115,6 +117,7 @@ def choice_of(motion: RecordedMotion, settings: Mapping[str, Any]) -> MotionChoi
     return MotionChoice(
         variant=variant,
         cutoff_hz=by_hand["cutoff_hz"],
+        rigid_hz=_rigid_below(motion.recording),
         decimation=None if decimation is None else int(decimation),
         least_speed=by_hand["least_speed"],
         load_orders=orders,
@@ -122,6 +125,14 @@ def choice_of(motion: RecordedMotion, settings: Mapping[str, Any]) -> MotionChoi
         lag=motion.stated_lag if lag is None else lag,
         instrument_is_position=motion.instrument_is_position,
     )
+
+
+def _rigid_below(recording: Recording) -> float:
+    """Hz below which a gear that is known turns its output with its input: a third of the first mode by its card."""
+    gear = recording.metadata.gear
+    if gear is None or not recording.metadata.gear_mounted:
+        return math.inf
+    return first_resonances(gear)[0] / REVOLUTION / 3.0
 
 
 def _load_orders(settings: Mapping[str, Any]) -> tuple[int, ...]:

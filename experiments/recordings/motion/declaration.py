@@ -134,7 +134,7 @@ EXPERIMENT = Experiment(
     needs=(),
     has_plan=False,
     quantities=QUANTITIES,
-    version=7,
+    version=8,
     cuts_gaps=True,
     settings=SETTINGS,
 )
