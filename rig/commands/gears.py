@@ -66,7 +66,7 @@ def list_(output: Folder = Path("runs"), json: Json = False) -> None:
         if one.card is None:
             rows.append((one.path.name, f"unreadable: {one.problem}", "", "", "", ""))
             continue
-        facts = stated_facts(one.card.facts)
+        facts = {**stated_facts(one.card.facts), "part": one.card.part_name or "-"}
         last = one.card.confirmation
         confirmed = f"{last.by}, {last.at}" if one.card.is_confirmed and last else "NO"
         cells = (str(facts.get(name, "-")) for name in ("part", "mounting", "lubricant", "hours"))
@@ -201,7 +201,7 @@ def _print(card: GearCard) -> None:
     from rig.run.gear import acceptance_checks_of_card
 
     out = console()
-    facts = stated_facts(card.facts)
+    facts = {**stated_facts(card.facts), "part": card.part_name or None}
     units = {field.name: field.unit for field in parameter_fields(GearFacts)}
     rows = []
     for field in dataclasses.fields(GearFacts):

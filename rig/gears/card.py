@@ -33,7 +33,7 @@ from rig.gears.card_history import (
     latest_confirmed,
     value_text,
 )
-from rig.gears.card_places import above, card_path, cards_folder
+from rig.gears.card_places import above, card_path, cards_folder, from_cards
 from rig.gears.facts import GearFacts, make_facts, stated_facts
 
 if TYPE_CHECKING:
@@ -69,6 +69,17 @@ class GearCard:
     def serial(self) -> str:
         """Serial number of the gear."""
         return self.facts.serial
+
+    @property
+    def part_name(self) -> str:
+        """The name in its parameter set; what the card says where that is no file, or cannot be read."""
+        from model.errors import ParameterError
+        from model.gear_file import load_gear
+
+        try:
+            return load_gear(self.facts.part).name
+        except ParameterError:
+            return self.facts.part
 
     @property
     def confirmation(self) -> CardEvent | None:
@@ -108,7 +119,7 @@ class GearCard:
             return "what was confirmed"
         changes = self.history[self.history.index(self.confirmation) :]
         since = {name for event in changes if event.what == "changed" for name in event.values}
-        now = stated_facts(self.facts)
+        now, before = _kept(stated_facts(self.facts)), _kept(before)
         return ", ".join(
             f"{named(name)[0]} {now.get(name, 'unknown')}, confirmed was {before.get(name, 'unknown')}"
             for name in CONFIRMED_FIELDS
@@ -138,7 +149,7 @@ class GearCard:
         """The card as `rig gear show --json` prints it."""
         return {
             "serial": self.serial,
-            "facts": dict(stated_facts(self.facts)),
+            "facts": stated_facts(dataclasses.replace(self.facts, part=self.part_name)),
             "confirmed": self.is_confirmed,
             "warning": self.warning,
             "history": [
@@ -152,6 +163,11 @@ class GearCard:
                 for e in self.history
             ],
         }
+
+
+def _kept(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Facts as a card and its history keep them."""
+    return {n: from_cards(str(value)) if n == "part" else value for n, value in values.items()}
 
 
 def _differ(one: Any, other: Any) -> bool:
@@ -196,7 +212,7 @@ def with_changes(card: GearCard | None, values: Mapping[str, Any], by: str, at: 
     }
     if not changed and card is not None:
         return card
-    return GearCard(facts, (*history, CardEvent(at, by.strip(), "changed", changed)))
+    return GearCard(facts, (*history, CardEvent(at, by.strip(), "changed", _kept(changed))))
 
 
 def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
@@ -211,7 +227,7 @@ def with_confirmation(card: GearCard, by: str, at: str) -> GearCard:
             value=", ".join(missing),
             remedy="Look at the gear and its papers, then fill it in.",
         )
-    facts = stated_facts(card.facts)
+    facts = _kept(stated_facts(card.facts))
     values = {name: facts[name] for name in CONFIRMED_FIELDS if name in facts}
     return GearCard(card.facts, (*card.history, confirmation_of(by.strip(), at, values)))
 
@@ -230,12 +246,19 @@ def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
 
     `otherwise` is taken where the card names no part. Raises `ParameterError` for a set that cannot be read.
     """
+    from model.errors import ParameterError
     from model.gear import Origin
     from model.gear_file import load_gear, shipped_gear
 
     gear = otherwise
     if facts.part:
         if facts.part.lower().endswith(".toml"):
+            if not os.path.exists(facts.part):
+                raise ParameterError(
+                    "the parameter set that the card names is not there",
+                    where=facts.part,
+                    remedy=f"Name its place: rig gear set {facts.serial} --by NAME --part FILE",
+                )
             gear = load_gear(facts.part)
         else:
             gear = shipped_gear(facts.part)
@@ -337,6 +360,9 @@ def load_card(path: Path) -> GearCard:
     facts, events = content.get("facts", {}), content.get("history", [])
     if not isinstance(facts, dict) or not isinstance(events, list):
         raise ConfigurationError("has no table [facts] or no list [[history]]", where=where)
+    part = os.path.join(path.parent.resolve(), str(facts.get("part", "")))
+    if os.path.isfile(part):
+        facts["part"] = part
     try:
         return GearCard(
             make_facts(facts), tuple(event_of(entry, i, where) for i, entry in enumerate(events))
@@ -355,7 +381,7 @@ def save_card(folder: str | Path, card: GearCard) -> Path:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with fresh.open("w", encoding="utf-8", newline="\n") as out:
-            out.write(card_text(card))
+            out.write(card_text(dataclasses.replace(card, facts=_beside(card.facts, path.parent))))
             out.flush()
             os.fsync(out.fileno())
         fresh.replace(path)
@@ -367,6 +393,13 @@ def save_card(folder: str | Path, card: GearCard) -> Path:
             remedy="Name a folder that can be written.",
         ) from error
     return path
+
+
+def _beside(facts: GearFacts, cards: Path) -> GearFacts:
+    """Facts whose parameter set is named by its path from the cards, where it lies with them."""
+    kept = from_cards(facts.part)
+    is_here = (cards / kept).resolve() == Path(facts.part).resolve()
+    return dataclasses.replace(facts, part=kept) if is_here else facts
 
 
 def _refuse_same_letters(path: Path) -> None:

@@ -41,6 +41,13 @@ def card_path(folder: str | Path, serial: str) -> Path:
     return Path(own)
 
 
+def from_cards(part: str) -> str:
+    """A parameter set that lies with the cards by its path from there, which stays when they are moved; any other as
+    it is named.
+    """
+    return Path(part).as_posix().rpartition(f"/{FOLDER}/")[2] if FOLDER in part else part
+
+
 def places(where: str | Path | Iterable[str | Path]) -> list[str | Path]:
     """The folders and files that are named: one alone, or each of several."""
     return [where] if isinstance(where, (str, Path)) else list(where)

@@ -14,6 +14,7 @@ from experiments import catalogue
 from rig.analysis.tare import tare_days_of, tare_kind
 from rig.errors import ConfigurationError, RigError
 from rig.gears.card import card_for
+from rig.gears.card_places import from_cards
 from rig.library.index import LibraryIndex
 from rig.runfile.seal import check_seal
 
@@ -29,7 +30,9 @@ _SECONDS_PER_DAY = 86400.0
 def facts_of(folder: Path, serial: str, bench: str) -> dict[str, Any]:
     """What a campaign must find again when it goes on: its bench, and how its gear is mounted."""
     card = card_for(folder, serial)
-    mounted = {name: str(getattr(card.facts, name)) if card else "" for name in _MOUNTED}
+    mounted = {
+        name: from_cards(str(getattr(card.facts, name))) if card else "" for name in _MOUNTED
+    }
     return {"bench": bench, "mounted": mounted}
 
 
@@ -54,7 +57,7 @@ def outdated(
 ) -> Iterator[tuple[int, str]]:
     """The stages whose run does not count any more, with the reason."""
     begun = journal.begun.get("mounted", {})
-    moved = [name for name in _MOUNTED if begun.get(name) != facts["mounted"][name]]
+    moved = [name for name in _MOUNTED if from_cards(begun.get(name, "")) != facts["mounted"][name]]
     for index in range(len(journal.begun.get("protocols", ()))):
         done = journal.newest(index)
         if done is None or not done.counts:

@@ -16,10 +16,14 @@ from model.motor import load_motor
 from model.units import RPM
 from rig.commands.gear_sets import asked
 from rig.errors import ConfigurationError
-from rig.gears.card import card_for, save_card, with_changes
+from rig.gears.card import GearCard, card_for, card_text, save_card, with_changes
+from rig.gears.card_history import confirmation_of
+from rig.gears.card_places import card_path
+from rig.gears.facts import make_facts
 from rig.gears.making import made_gear, set_path, write_card, write_new_gear
 from rig.gears.stating import declared, read_stated
 from rig.main import run as main
+from rig.trial.campaign.standing import facts_of
 
 KNOWN = declared(SECTIONS)
 
@@ -75,6 +79,47 @@ def test_a_made_gear_is_planned_and_turns_on_the_simulated_rig(
     (file,) = Path("runs").glob("*.h5")
     assert rig("show", str(file), "--json") == 0
     assert product in capsys.readouterr().out
+
+
+def test_a_folder_that_is_moved_takes_the_gears_made_in_it_along(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert made("SHG-32-100-2UH", "SN-1", "--mounting", "circular-spline-fixed") == 0
+    assert rig("gear", "confirm", "SN-1", "--by", "A. Example") == 0
+    mounted = facts_of(Path("runs"), "SN-1", "")
+    Path("runs").rename("moved")
+    moved = ("--runs", "moved")
+    assert rig("gear", "check", "SN-1", *moved) == 0
+    capsys.readouterr()
+    assert rig("gear", "set", "SN-1", "--by", "A. Example", "--hours", "3", *moved, "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["facts"]["part"] == "SHG-32-100-2UH"
+    assert told["confirmed"]
+    assert facts_of(Path("moved"), "SN-1", "") == mounted
+    for command in (("list",), ("show", "SN-1")):
+        assert rig("gear", *command, *moved) == 0
+        assert "SHG-32-100-2UH" in capsys.readouterr().out
+
+
+def test_an_older_card_is_read_where_it_says_and_kept_by_its_place_when_it_is_written(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert made("SHG-32-100-2UH", "SN-1", "--mounting", "circular-spline-fixed") == 0
+    path, whole = card_path("runs", "SN-1"), str(set_path("runs", "SN-1").resolve())
+    facts = {"serial": "SN-1", "part": whole, "mounting": "circular-spline-fixed"}
+    older = GearCard(make_facts(facts), (confirmation_of("A", "then", facts),))
+    path.write_text(card_text(older), encoding="utf-8")
+    Path("runs").rename("moved")
+    assert rig("gear", "check", "SN-1", "--runs", "moved") == 2
+    assert "rig gear set SN-1 --by NAME --part FILE" in capsys.readouterr().err
+    Path("moved").rename("runs")
+    assert rig("gear", "check", "SN-1") == 0
+    assert rig("gear", "set", "SN-1", "--by", "A. Example", "--hours", "3") == 0
+    Path("runs").rename("moved")
+    assert rig("gear", "check", "SN-1", "--runs", "moved") == 0
+    now = card_for("moved", "SN-1")
+    assert now is not None
+    assert now.is_confirmed
 
 
 def test_a_gear_is_not_made_over_another() -> None:
