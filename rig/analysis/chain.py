@@ -202,12 +202,11 @@ def _analysis_named(kind: str, path: Path, naming: Mapping[str, Any], by: Analys
 def _named(kind: str, path: Path, sha256: str, by: Analysis, sealed: Callable[[], str]) -> Link:
     """A file that an analysis names by its hash, beside the one that its own seal has."""
     if not path.is_file():
-        return Link(
-            kind,
-            Severity.WARNS,
-            f"is not here; {by.name} rests on SHA-256 {sha256}",
-            where=str(path),
-        )
+        # One that lay in another place may be out of reach: these files may be a copy.
+        lay_here = path.is_relative_to(by.path.parent.parent)
+        severity = Severity.BLOCKS if lay_here else Severity.WARNS
+        text = f"is not here; {by.name} rests on SHA-256 {sha256}"
+        return Link(kind, severity, text, where=str(path))
     try:
         found = sealed()
     except RigError as error:

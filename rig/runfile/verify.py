@@ -26,6 +26,9 @@ def verify_run(path: str | Path) -> tuple[Finding, ...]:
     with source:
         rows = f"{recording.rows} rows of {len(recording.signals)} channels"
         findings.append(Finding("readable", Severity.PASSED, rows))
+        run_id = recording.metadata.run_id
+        if findings[0].severity is Severity.BLOCKS and not path.name.startswith(run_id):
+            findings.append(Finding("name", Severity.WARNS, f"the run names itself {run_id}"))
         try:
             findings.extend(findings_of(recording, source))
         except RigError as error:
@@ -44,7 +47,7 @@ def _check_hash(path: Path) -> Finding:
         seal = check_seal(path, anew=True)
     except ChangedRunError as error:
         text = f"{error.what}: it is {error.value}, sealed with {error.limit}"
-        return Finding("hash", Severity.BLOCKS, text if error.limit else str(error))
+        return Finding("hash", Severity.BLOCKS, text if error.value else str(error))
     except RigError as error:
         return Finding("hash", Severity.BLOCKS, str(error))
     if not seal.is_whole:

@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments.finding import Severity
 from rig.analysis.chain import Link, broken, links_of_run
+from rig.analysis.store import analysis_folder
 from rig.bench.commissioning import is_sealed_record
 from rig.errors import RigError
 from rig.gears import card as cards
@@ -174,17 +175,23 @@ def _links_of_folder(folder: Path) -> Iterator[Link]:
         path = note.with_name(note.name.removesuffix(HASH_SUFFIX))
         if _is_run(path):
             if not path.exists() and not path.with_name(f"{path.name}.part").exists():
-                yield Link(
-                    "run", Severity.WARNS, "is not there, though its note is", where=str(path)
-                )
+                yield _lost(path, "note is")
         elif is_sealed_record(path):
             yield from links_of_record(path)
         else:
             yield _sealed_link(_kind(path), path)
+    analysed = {analysis_folder(path) for path in folder.iterdir() if _is_run(path)}
+    for path in sorted(folder.glob(f"*{ANALYSES_SUFFIX}")):
+        if path not in analysed and any(path.glob("[0-9]*.json")):
+            yield _lost(path, "analyses are")
     for path in sorted((folder / journals.FOLDER).glob("*.jsonl")):
         yield from _links_of_campaign(path)
     for path in sorted(cards.cards_folder(folder).glob("*.toml")):
         yield _card(path)
+
+
+def _lost(path: Path, left: str) -> Link:
+    return Link("run", Severity.BLOCKS, f"is not there, though its {left}", where=str(path))
 
 
 def _folders(path: Path) -> Iterator[Path]:

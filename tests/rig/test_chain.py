@@ -132,6 +132,44 @@ def test_what_was_changed_is_refused_by_readers_and_named_by_verify(
     assert rig("runs", folder)[0] == 0
 
 
+@pytest.mark.parametrize("left", ["note", "analyses"])
+def test_a_run_that_was_deleted_is_missed_by_what_is_left_of_it(run: Path, left: str) -> None:
+    (run.parent / "empty.analysis").mkdir()
+    assert broken(run.parent) == ""
+    run.unlink()
+    if left == "note":
+        shutil.rmtree(run.with_suffix(".analysis"))
+    else:
+        hash_path(run).unlink()
+    code, output, _ = rig("verify", run.parent, "--json")
+    assert (code, json.loads(output)["trusted"]) == (6, False)
+    assert (
+        broken(run.parent) == f"run {run.name if left == 'note' else '00001-friction-A1.analysis'}"
+    )
+    if left == "note":
+        # What a kill between the note and the name of the run leaves.
+        run.with_name(f"{run.name}.part").touch()
+        assert broken(run.parent) == ""
+
+
+def test_a_tare_that_was_deleted_is_missed_and_one_elsewhere_is_only_told(tmp_path: Path) -> None:
+    folder, elsewhere = tmp_path / "runs", tmp_path / "elsewhere"
+    folder.mkdir()
+    elsewhere.mkdir()
+    run = copied(folder, "00002-motor_tare-SN_010.h5", "00003-friction-SN_010.h5")
+    tare = folder / "00002-motor_tare-SN_010.h5"
+    assert rig("fit", run, "--tare", tare)[0] in (0, 1)
+    assert rig("verify", folder)[0] == 0
+    for path in (tare, hash_path(tare)):
+        path.rename(elsewhere / path.name)
+    assert rig("verify", run)[0] == 6
+    assert broken(folder) == f"tare {tare.name}"
+    assert rig("fit", run, "--tare", elsewhere / tare.name)[0] in (0, 1)
+    for path in (*run.with_suffix(".analysis").glob("0001*"), *elsewhere.iterdir()):
+        path.unlink()
+    assert rig("verify", run)[0] == 0
+
+
 def test_an_analysis_in_the_place_of_another_is_found(run: Path) -> None:
     relabel_the_analysis(run)
     assert broken(run) == "analysis 0001.json"

@@ -21,6 +21,16 @@ def levels(path: Path) -> dict[str, str]:
     return {finding.what: finding.severity for finding in verify_run(path)}
 
 
+def test_a_run_under_another_name_says_which_it_is(tmp_path: Path) -> None:
+    path = write_run(tmp_path)
+    path = path.rename(path.with_name("00001-mine.h5"))
+    found = {f.what: f.found for f in verify_run(path)}
+    assert (
+        "the note of its SHA-256 is missing, allowed a file 00001-mine.h5.sha256" in found["hash"]
+    )
+    assert found["name"] == "the run names itself 00001-friction-A1"
+
+
 def test_a_good_run(tmp_path: Path) -> None:
     found = levels(write_run(tmp_path))
     assert found == {
