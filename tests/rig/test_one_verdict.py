@@ -84,7 +84,7 @@ def random_store(folder: Path, draw: random.Random) -> Path:
 
 def judged(run: Path) -> GearVerdict:
     """What the function that judges says of the analysis in force."""
-    stored = stored_result(in_force(run, "friction"), "simulated", "COMPLETED", "A1")
+    stored = stored_result(in_force(run, "friction"), "simulated", "COMPLETED", "A1", path=run)
     return judge_run(stored, acceptance_for(run.parent, "A1"))
 
 
@@ -107,7 +107,7 @@ def test_every_place_gives_the_same_verdict(
         "difference": told(capsys, "diff", tare, run)["verdicts"][1],
         "report": told(capsys, "report", run, "--output", page),
         "report of the gear": told(capsys, "report", *gear),
-        "certificate": told(capsys, "certificate", *gear),
+        "certificate": told(capsys, "certificate", *gear[:-1], tmp_path / "certificate.html"),
     }
     verdicts = {place: one["verdict"] for place, one in places.items()}
     assert verdicts == dict.fromkeys(places, expected.verdict)

@@ -99,7 +99,7 @@ def write_certificate(
         pages = {output: rendered(sheets, output, paper) for output in outputs}
         record = record_of(gathered, sheets=sheets, created=created, manifest=manifest, pages=pages)
         # The record comes last: it names all others, and without it there is no certificate to verify.
-        _write_sealed({**pages, manifest_file: manifest.as_bytes(), record_file: record})
+        _write_sealed({**pages, manifest_file: manifest.as_bytes(), record_file: record}, serial)
         return Certificate(
             number=sheets.number,
             title=ENGLISH.TITLES[sheets.title.kind],
@@ -116,15 +116,16 @@ def write_certificate(
         )
 
 
-def _write_sealed(files: Mapping[Path, bytes]) -> None:
-    """Write each file with its note, over what this program wrote there before."""
-    for path in files:
-        if path.suffix == ".json" and path.exists() and not certificate_files(path):
-            raise RigError(
-                "the record of the certificate has no place: another file has its name",
-                where=str(path),
-                remedy="Choose another --output, or move that file away.",
-            )
+def _write_sealed(files: Mapping[Path, bytes], serial: str) -> None:
+    """Write each file with its note, the record last, over an earlier certificate of this gear alone."""
+    *_, record = files
+    there = [path for path in files if path.exists()]
+    if there and not certificate_files(record, serial):
+        raise RigError(
+            f"is there already, and no earlier certificate of gear {serial} by its record",
+            where=str(there[-1]),
+            remedy="Choose another --output, or move that file away.",
+        )
     for path, data in files.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

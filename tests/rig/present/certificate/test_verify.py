@@ -218,12 +218,26 @@ def test_a_simulated_gear_cannot_be_relabelled(folder: Path) -> None:
     assert "is simulated" in errors(folder)["origin"]
 
 
-def test_the_record_of_something_else_is_not_written_over(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("name", "text"), [("c.json", "{}"), ("c.html", "of whom?")])
+def test_what_is_no_certificate_is_not_written_over(tmp_path: Path, name: str, text: str) -> None:
     folder = gear(tmp_path)
-    (folder / "c.json").write_text("{}")
-    with pytest.raises(RigError, match="has no place"):
+    (folder / name).write_text(text)
+    with pytest.raises(RigError, match="no earlier certificate of gear A1"):
         write_certificate(folder, "A1", [folder / "c.html"], created=AT)
-    assert (folder / "c.json").read_text() == "{}"
+    assert (folder / name).read_text() == text
+
+
+def test_the_certificate_of_another_gear_is_not_written_over_and_an_earlier_one_is(
+    folder: Path,
+) -> None:
+    edit_record(folder, lambda record: record.update(serial="B2"))
+    before = (folder / "c.html").read_bytes()
+    with pytest.raises(RigError, match="--output"):
+        write_certificate(folder, "A1", [folder / "c.html"], created="2026-03-03")
+    assert (folder / "c.html").read_bytes() == before
+    edit_record(folder, lambda record: record.update(serial="A1"))
+    write_certificate(folder, "A1", [folder / "c.html"], created="2026-03-03")
+    assert (folder / "c.html").read_bytes() != before
 
 
 def test_it_rests_on_nothing_that_came_later_nor_on_itself(folder: Path) -> None:
