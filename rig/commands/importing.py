@@ -11,6 +11,7 @@ import typer
 
 from rig.commands import import_flags as flags
 from rig.commands.terminal import Json, echo, print_json
+from rig.content.phrase import quoted
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -124,7 +125,7 @@ def _carry_out(
     if not way.is_named:
         runs = [_proposed(kind, files, runs[0], way)]
     _import(kind, files, runs, way.folder, json=way.json)
-    if way.json or (way.is_named and not way.opens):
+    if way.json or len(runs) > 1:
         return
     from rig.library.folder import run_files
     from rig.runfile.importing.accepting import good_for
@@ -135,7 +136,7 @@ def _carry_out(
     if way.opens:
         _open_page(good, newest)
     elif good:
-        echo(f"  next  rig fit {good[0]} {newest}")
+        echo(f"  next  rig fit {good[0]} {quoted(newest)}")
 
 
 def _open_page(good: Sequence[str], run: Path) -> None:

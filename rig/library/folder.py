@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -194,4 +195,6 @@ def run_number(name: str) -> int:
 
 
 def _in_name(text: str, otherwise: str) -> str:
-    return _NOT_IN_NAMES.sub("_", text.strip())[:60].strip("._") or otherwise
+    # Full-width letters are letters.
+    plain = unicodedata.normalize("NFKC", text).strip()
+    return _NOT_IN_NAMES.sub("_", plain)[:60].strip("._") or otherwise

@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import os
-import shlex
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from pathlib import Path
 import h5py
 from h5py._objects import phil
 
+from rig.content.phrase import quoted
 from rig.errors import RunFileError
 from rig.runfile.damage import refusing_damage
 from rig.runfile.layout import PART_SUFFIX
@@ -140,7 +140,7 @@ def _examine(file: h5py.File, *, grows: bool, leave_out: str = "") -> None:
 def require_hdf5(path: Path) -> None:
     """Raise `RunFileError` for a folder, and for a file that does not begin as HDF5 does."""
     if path.is_dir():
-        remedy = f"Name a run in it: rig runs {shlex.quote(str(path))} lists them."
+        remedy = f"Name a run in it: rig runs {quoted(path)} lists them."
         raise RunFileError("is a folder, not a run file", where=str(path), remedy=remedy)
     with path.open("rb") as stream:
         head = stream.read(8)

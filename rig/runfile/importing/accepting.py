@@ -12,7 +12,7 @@ from typing import Any
 
 from model.toml_text import toml_value
 from rig.content.grid import Grid, columns
-from rig.content.phrase import phrase
+from rig.content.phrase import counted, phrase, shortened
 from rig.errors import ConfigurationError
 from rig.runfile.importing.channel_map import ImportOptions
 from rig.runfile.importing.channel_source import ChannelSource
@@ -38,7 +38,7 @@ FLAGS = {"serial": "--gear", "mounted": "--no-gear", "load_inertia_kg_m2": "--lo
 
 
 def proposal_grid(proposal: Proposal, *, all_columns: bool = False) -> Grid:
-    """The columns that are used, what they are, and why; the others are counted, or stand behind them."""
+    """The columns that are used, what they are, and why; the others are named, or stand behind them."""
     shown = proposal.used_first if all_columns else proposal.used
     rows = [
         (
@@ -49,8 +49,9 @@ def proposal_grid(proposal: Proposal, *, all_columns: bool = False) -> Grid:
         )
         for one in shown
     ]
-    others = len(proposal.columns) - len(shown)
-    title = f"Proposed{phrase(' ({} other columns are left out)', others)}"
+    others = [one.heading for one in proposal.columns if one not in shown]
+    many = others and counted(len(others), "other column is", "other columns are")
+    title = f"Proposed{phrase(' ({} left out: {})', many, shortened(', '.join(others), 200))}"
     return Grid(title, columns("column", "channel", "unit", "why"), rows)
 
 

@@ -23,6 +23,15 @@ def in_zone(moment: datetime) -> datetime:
     return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
 
 
+def is_date(text: str) -> bool:
+    """Whether a text, in quotes or not, is a date and time in ISO 8601."""
+    try:
+        TextClock(is_filetime=False).read(text.strip("'"))
+    except ValueError:
+        return False
+    return True
+
+
 @dataclass
 class NumberClock:
     """A column of numbers, `factor` seconds each; `modulus` is the range after which the counter wraps (0: never).

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 
 from model.errors import ParameterError
+from model.unit_text import scale_in
 from model.units import COUNT
 from rig.errors import ConfigurationError
 from rig.runfile.importing.adapters.table import split_heading
@@ -20,7 +21,7 @@ _KINDS: dict[str, frozenset[str]] = {
         {"position", "pos", "angle", "q", "theta", "phi", "winkel", "lage", "encoder", "enc"}
     ),
     "speed": frozenset(
-        {"velocity", "vel", "speed", "dq", "qd", "qdot", "omega", "rpm", "drehzahl", "velo"}
+        {"velocity", "vel", "speed", "dq", "qd", "qdot", "dot", "omega", "rpm", "drehzahl", "velo"}
         | {"geschwindigkeit"}
     ),
     "torque": frozenset(
@@ -64,6 +65,8 @@ _CHANNELS: dict[tuple[str, str], str] = {
     ("temperature", ""): "housing_temperature",
 }
 """The channel of a quantity on a side of the gear; where the side makes none of its own, that without one."""
+_UNIT_KINDS = {"torque": "N m", "speed": "rad/s"}
+"""Quantities that are told by their SI unit alone."""
 _LATCHED = frozenset({"input_index", "output_index", "index_seen"})
 """What an index mark latched jumps as an angle does not: it is left out, unless somebody names it."""
 _NEVER_UNITS = frozenset({"m", "l", "i", "q", "t", "in"})
@@ -99,7 +102,7 @@ def _read(heading: str) -> Heading:
     plain, unit = split_heading(heading)
     if not unit and (spoken := _SPOKEN.fullmatch(plain)) and _fits(spoken[2], ""):
         plain, unit = spoken[1], spoken[2]
-    words = [word.lower() for word in _WORD.findall(plain)]
+    words = _words(plain)
     names = [word for word in words if not word.isdigit()]
     member = next((word for word in reversed(words) if word.isdigit()), "")
     said = plain.strip().lower()
@@ -114,17 +117,32 @@ def _read(heading: str) -> Heading:
     return Heading(channel, unit if _fits(unit, channel) else "", member, why)
 
 
+def _words(plain: str) -> list[str]:
+    """The words of a heading, small; `min` of a unit is none."""
+    return [word.lower() for word in _WORD.findall(plain.replace("/min", ""))]
+
+
+def channel_by_unit(heading: str, unit: str) -> tuple[str, str]:
+    """The channel that a unit alone makes of a column, and the unit: that of a torque or a speed; "" for another."""
+    plain = split_heading(heading)[0]
+    for kind, si in _UNIT_KINDS.items():
+        said = unit or _unit_behind(plain, kind)
+        if scale_in(said, si) is not None:
+            return _channel_of(_words(plain), kind), said
+    return "", ""
+
+
 _SIDES = (("input", _INPUT), ("output", _OUTPUT))
 """Words of either side of the gear; where both are there, it is the input's."""
 
 
-def _channel_of(words: list[str]) -> str:
+def _channel_of(words: list[str], by_unit: str = "") -> str:
     there = frozenset(words)
     if there & _OF_THE_GEAR and there & {"error", "fehler"}:
         return TRANSMISSION_ERROR
     if there & (_WANTED | _NOT_A_SIGNAL):
         return ""
-    kind = next((kind for kind in _ORDER if _KINDS[kind] & there), "")
+    kind = next((kind for kind in _ORDER if _KINDS[kind] & there), by_unit)
     if kind == "temperature" and there & _ROOM:
         return "ambient_temperature"
     side = next((name for name, theirs in _SIDES if there & theirs), "")
@@ -133,7 +151,7 @@ def _channel_of(words: list[str]) -> str:
 
 def _unit_behind(plain: str, channel: str) -> str:
     """The unit that stands at the end of a name: `speed_rpm`, `pos deg`, `torque_Nm`, `time_ms`."""
-    parts = re.split(r"[_\s]+", plain.strip())
+    parts = re.split(r"[_\s/]+", plain.strip())
     for size in (2, 1):
         ending = "/".join(parts[-size:])
         is_ending = len(parts) > size and ending.lower() not in _NEVER_UNITS

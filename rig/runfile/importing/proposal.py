@@ -12,9 +12,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from rig.content.phrase import phrase
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.table import Table
 from rig.runfile.importing.answers import factor, only, settle
+from rig.runfile.importing.clocks import is_date
 from rig.runfile.importing.column_evidence import (
     SAME,
     Numbers,
@@ -24,7 +26,7 @@ from rig.runfile.importing.column_evidence import (
     sign_share,
     slope_of,
 )
-from rig.runfile.importing.heading_words import Heading, read_heading
+from rig.runfile.importing.heading_words import Heading, channel_by_unit, read_heading
 from rig.runfile.importing.proposed import (
     ANGLES,
     BY_FILE,
@@ -35,7 +37,7 @@ from rig.runfile.importing.proposed import (
     ProposedColumn,
     Question,
 )
-from rig.runfile.importing.units import TIME_CHANNEL
+from rig.runfile.importing.units import ISO_TIME, TIME_CHANNEL, dimensions_of
 
 LOOKED_AT = 100_000
 """Rows from the beginning that the numbers are judged by."""
@@ -58,6 +60,12 @@ def propose(tables: Sequence[Table], heads: Sequence[Numbers] | None = None) -> 
     if heads is None:
         heads = [head(table) for table in tables]
     for file, table, values in zip(_files(tables), tables, heads, strict=True):
+        if not len(values):
+            raise RunFileError(
+                "has no rows under its headings",
+                where=str(table.path),
+                remedy="Is this the right file?",
+            )
         # What is no size of anything is no number either: its square would overflow.
         values = np.where(np.abs(values) < _LARGEST, values, np.nan)
         for at in range(len(table.headings)):
@@ -65,7 +73,8 @@ def propose(tables: Sequence[Table], heads: Sequence[Numbers] | None = None) -> 
             columns.append(column)
             numbers[column.key] = values[:, at]
     columns = _times(columns, numbers, tables)
-    columns = [replace(one, meant=one.channel) for one in _by_numbers(columns, numbers)]
+    columns = _by_numbers(_by_units(columns), numbers)
+    columns = [replace(one, meant=one.channel) for one in columns]
     chosen, asked = _one_of_several(columns, numbers)
     return _concluded(chosen, numbers, asked, tables)
 
@@ -107,6 +116,8 @@ def _by_heading(table: Table, at: int, values: Numbers) -> ProposedColumn:
     unit = said.unit or "".join(table.units[at : at + 1])
     is_numeric = len(values) > 0 and np.isfinite(values).mean() > 0.5
     shown = heading.strip() or f"column {at + 1}"
+    if said.channel == TIME_CHANNEL and _is_dated(table, at):
+        unit, is_numeric = ISO_TIME, True
     if not is_numeric:
         return ProposedColumn(reference=reference, heading=shown, evidence=(NO_NUMBERS,))
     evidence: list[str] = []
@@ -124,6 +135,12 @@ def _by_heading(table: Table, at: int, values: Numbers) -> ProposedColumn:
     )
 
 
+def _is_dated(table: Table, at: int) -> bool:
+    """Whether the first cell of a column is a date."""
+    batch = next(iter(table.batches([at])), None)
+    return batch is not None and 0 in batch.bad and is_date(batch.bad[0].text)
+
+
 def _times(
     columns: list[ProposedColumn],
     numbers: Mapping[str, Numbers],
@@ -131,12 +148,11 @@ def _times(
 ) -> list[ProposedColumn]:
     """One column of time: the one that the file names, else one that rises evenly; others are left out."""
     by_file = _named_by_file(columns, tables)
-    by_word = [
-        one for one in columns if one.channel == TIME_CHANNEL and never_falls(numbers[one.key])
-    ]
+    called = [one for one in columns if one.channel == TIME_CHANNEL]
+    by_word = [one for one in called if never_falls(numbers[one.key])]
     open_ones = (one for one in columns if not one.channel and not one.unit)
     nameless = (one for one in open_ones if rises_evenly(numbers[one.key]))
-    chosen = next(iter((*by_file, *by_word, *nameless)), None)
+    chosen = next(iter((*by_file, *by_word, *nameless, *called)), None)
     made = []
     for one in columns:
         if one is chosen and one in by_file:
@@ -163,6 +179,8 @@ def _named_by_file(columns: list[ProposedColumn], tables: Sequence[Table]) -> li
 
 def _rising_time(column: ProposedColumn, values: Numbers) -> ProposedColumn:
     """A column that is the time by its numbers, with its unit where the step is usual in one."""
+    if column.unit == ISO_TIME or len(values) < 2:
+        return column
     step = float(np.nanmedian(np.diff(values)))
     evidence = (*column.evidence, f"rises by {step:.4g} from row to row")
     column = replace(column, channel=TIME_CHANNEL, evidence=evidence)
@@ -211,6 +229,20 @@ def _by_numbers(
                 column, channel="torque", member=member, evidence=(*column.evidence, words)
             )
     return [found.get(one.key, one) for one in columns]
+
+
+def _by_units(columns: list[ProposedColumn]) -> list[ProposedColumn]:
+    """Torque and speed of columns whose headings say nothing but the unit, where no other column is one."""
+    known = {si for one in columns for si in dimensions_of(one.channel) or ()}
+    made: list[ProposedColumn] = []
+    for one in columns:
+        channel, unit = channel_by_unit(one.heading, one.unit)
+        is_open = channel and not one.channel and NO_NUMBERS not in one.evidence
+        if is_open and known.isdisjoint(dimensions_of(channel) or ()):
+            words = f"{unit} is a unit of {channel}"
+            one = replace(one, channel=channel, unit=unit, evidence=(*one.evidence, words))
+        made.append(one)
+    return made
 
 
 def _effort(
@@ -297,7 +329,9 @@ def _concluded(
     has_time = any(one.channel == TIME_CHANNEL for one in used) or any(t.period for t in tables)
     is_table = _is_table(used) and not any(map(_is_called_time, columns))
     if not has_time and not is_table and used:
-        asked = [*asked, Question("rate", "", "sample rate in Hz")]
+        called = ", ".join(one.heading for one in columns if _is_called_time(one))
+        text = f"sample rate in Hz{phrase(' ({} is no time that is understood)', called)}"
+        asked = [*asked, Question("rate", "", text)]
     made = Proposal(
         tuple(columns),
         tuple(asked),

@@ -12,10 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 from rig.errors import RunFileError
 from rig.runfile.importing.adapters.table import BadCell, Batch, CellReader, Table
-from rig.runfile.importing.clocks import LATEST_S, NumberClock, TextClock
+from rig.runfile.importing.clocks import LATEST_S, NumberClock, TextClock, is_date
+from rig.runfile.importing.units import ISO_TIME
 from rig.runfile.importing.wraps import wraps
 
 _LISTED_ROWS = 5
@@ -39,16 +40,22 @@ class LeftOut:
         column = phrase(", column {}", bad.column)
         if not self.is_allowed:
             limit = "a finite number"
+            remedy = f"Correct the {word}, or leave such rows out with --drop-bad-rows."
             if "increase" in bad.why:
                 limit = "a later time than the row before"
+                remedy += (
+                    f" Of two recordings make two files, or say --rate in place of {bad.column}."
+                )
             elif bad.why.startswith("no row"):
                 limit = "the same times in all files"
+            elif bad.column and is_date(bad.text):
+                remedy = f"It is a date: -c {quoted(f'time={bad.column}:{ISO_TIME}')}"
             raise RunFileError(
                 bad.why,
                 where=f"{table.path}, {word} {bad.line}{column}",
                 value=bad.text,
                 limit=limit,
-                remedy=f"Correct the {word}, or leave such rows out with --drop-bad-rows.",
+                remedy=remedy,
             )
         self.rows += rows
         if len(self.listed) < _LISTED_ROWS:

@@ -142,6 +142,44 @@ def test_a_script_is_refused_what_stays_open(capsys: pytest.CaptureFixture[str])
     assert not Path("runs").exists()
 
 
+def test_a_time_that_runs_back_is_told_with_its_line(capsys: pytest.CaptureFixture[str]) -> None:
+    path = swinging(units=True)
+    lines = path.read_text().splitlines(keepends=True)
+    path.write_text("".join([*lines, *lines[1:]]))
+    code, _, errors = called(capsys, "import", str(path), "--accept")
+    assert code == 6
+    assert "line 3002, column time [s]: the time does not increase" in " ".join(errors.split())
+    assert "say --rate in place of time [s]" in " ".join(errors.split())
+    assert called(capsys, "import", str(path), "--accept", "--rate", "500")[0] == 0
+
+
+def test_what_is_left_out_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+    path = swinging(units=True)
+    path.write_text(path.read_text().replace("tau [N m]", "status", 1))
+    out = called(capsys, "import", str(path), "--accept")[1]
+    assert "Proposed (1 other column is left out: status)" in " ".join(out.split())
+
+
+def test_a_date_named_in_seconds_is_told_how_to_name_it(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = "".join(f"2026-01-01T00:00:{k:02d},{k}\n" for k in range(40))
+    Path("log.csv").write_text(f"at,pos\n{rows}", encoding="utf-8")
+    words = ("import", "log.csv", "-c", "position=pos:rad", "-c")
+    code, _, errors = called(capsys, *words, "time=at:s")
+    assert code == 6
+    assert "It is a date: -c time=at:iso" in " ".join(errors.split())
+    assert called(capsys, *words, "time=at:iso")[0] == 0
+
+
+def test_what_was_named_is_told_what_it_is_good_for(capsys: pytest.CaptureFixture[str]) -> None:
+    path = swinging(units=True)
+    words = ("import", str(path), "-c", "time=1:s", "-c", "position=2:rad", "-c", "torque=3:N m")
+    out = called(capsys, *words)[1]
+    assert "good for motion" in out
+    (run,) = Path("runs").glob("*.h5")
+    assert f"next  rig fit motion {run}" in out
+    assert "good for" not in called(capsys, *words, "--json")[1]
+
+
 def test_a_look_shows_the_proposal_and_writes_nothing(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

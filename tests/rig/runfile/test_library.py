@@ -30,6 +30,10 @@ def test_numbers_go_up_and_are_never_used_again(tmp_path: Path) -> None:
     assert claim_run(first.path.parent, "home", "A1").number == 3
 
 
+def test_full_width_letters_are_letters_in_the_name_of_a_file(tmp_path: Path) -> None:
+    assert claim_run(tmp_path, "home", "ＳＮ－0815").path.name == "00001-home-SN_0815.h5"
+
+
 @pytest.mark.parametrize(
     "name",
     ["00041-friction-A1.h5.part", "00041-friction-A1.analysis", "00041-x.h5", "00041-y.h5.sha256"],

@@ -58,8 +58,10 @@ HEADINGS: tuple[tuple[str, str, str], ...] = (
     ("Room temperature (C)", "ambient_temperature", "C"),
     ("ambient_temp_C", "ambient_temperature", "C"),
     ("output_angle [rad]", "output_angle", "rad"),
+    ("phi_dot [rad/s]", "speed", "rad/s"),
+    ("speed r/min", "speed", "r/min"),
 )
-"""Forty headings as people write them."""
+"""Some forty headings as people write them."""
 
 
 @pytest.mark.parametrize(("heading", "channel", "unit"), HEADINGS)
@@ -224,6 +226,54 @@ def test_what_is_left_out_at_the_question_for_its_unit_tells_nothing_more(
     )
     (question,) = (one for one in found.questions if one.about == left_out)
     assert left_out not in channels(answered(found, question, ""))
+
+
+def test_a_unit_alone_tells_a_torque_and_a_speed(write: Write) -> None:
+    t, angle, speed = motion()
+    columns = {"Zeit [s]": t, "phi [rad]": angle, "n [U/min]": speed, "M_A/Nm": speed}
+    assert channels(proposed(write(columns))) == {
+        "time": ("Zeit [s]", "s"),
+        "position": ("phi [rad]", "rad"),
+        "speed": ("n [U/min]", "U/min"),
+        "torque": ("M_A/Nm", "Nm"),
+    }
+    table = proposed(write({"n_U/min": speed, "M [mNm]": speed}, name="table"))
+    assert table.is_table
+    assert channels(table) == {"speed": ("n_U/min", "U/min"), "torque": ("M [mNm]", "mNm")}
+
+
+def test_a_unit_alone_tells_nothing_beside_a_name_and_two_of_it_are_asked_for(write: Write) -> None:
+    t, angle, speed = motion()
+    named = {"t [s]": t, "torque [Nm]": speed, "M [Nm]": angle, "Target n [rpm]": angle}
+    assert channels(proposed(write(named))) == {
+        "time": ("t [s]", "s"),
+        "torque": ("torque [Nm]", "Nm"),
+    }
+    several = proposed(write({"t [s]": t, "a [Nm]": speed, "b [Nm]": angle}, name="b"))
+    assert [(one.why, one.usual) for one in several.questions] == [
+        ("channel", ("a [Nm]", "b [Nm]"))
+    ]
+
+
+def test_dates_are_the_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    rows = "".join(f"2026-01-01T00:00:{k:02d}.500,{k}\n" for k in range(40))
+    path.write_text(f"timestamp,pos [rad]\n{rows}", encoding="utf-8")
+    assert channels(proposed(path))["time"] == ("timestamp", "iso")
+
+
+def test_a_time_that_is_not_understood_is_named_where_a_rate_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,pos [rad]\n" + "noon,1\nnoon,2\n" * 20, encoding="utf-8")
+    (question,) = proposed(path).questions
+    assert question.text == "sample rate in Hz (time is no time that is understood)"
+
+
+def test_a_file_without_rows_is_said_to_have_none(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("t [s],pos [rad]\n", encoding="utf-8")
+    with pytest.raises(RunFileError, match="has no rows"):
+        proposed(path)
 
 
 def test_counts_ask_how_many_go_round(write: Write) -> None:
