@@ -14,6 +14,7 @@ from rig.analysis.in_force import InForce, in_force, newest_analysed
 from rig.analysis.judging import GearVerdict, judge_newest, judge_run, stored_result
 from rig.analysis.next_run import Advice, Of, advice, wanted_by
 from rig.analysis.passport.gather import runs_of
+from rig.content.phrase import quoted
 from rig.errors import ConfigurationError, RunFileError
 from rig.gears.acceptance import Acceptance, Part, acceptance_for
 from rig.library.folder import run_named
@@ -81,10 +82,10 @@ def advised(
         serial = metadata.gear_serial
         if found.analysis is None:
             raise RunFileError(
-                "has no analysis to advise from", where=str(path), remedy=f"rig fit {path}"
+                "has no analysis to advise from", where=str(path), remedy=f"rig fit {quoted(path)}"
             )
         stored = stored_result(
-            found, metadata.origin, metadata.outcome, serial, part=Part.of(metadata)
+            found, metadata.origin, metadata.outcome, serial, part=Part.of(metadata), path=path
         )
         verdict = judge_run(stored, acceptance or acceptance_for(path.parent, serial))
         analysed = [_analysed(path, found)]

@@ -23,6 +23,7 @@ from model.identify.kinematic_error import KinematicErrorFit
 from rig.analysis.fit.run import evidence_for
 from rig.analysis.in_force import in_force
 from rig.analysis.learnt import bench_of
+from rig.content.phrase import quoted
 from rig.errors import ConfigurationError
 from rig.runfile.header import gear_name
 from rig.runfile.read import close_recording, open_run
@@ -255,7 +256,7 @@ def proved_table(run: Path) -> CompensationTable:
     found = in_force(run, PROOF_KIND)
     if found.analysis is None or found.stale:
         raise ConfigurationError(
-            "has no analysis in force", where=str(run), remedy=f"Analyse it: rig fit {run}"
+            "has no analysis in force", where=str(run), remedy=f"Analyse it: rig fit {quoted(run)}"
         )
     result = found.analysis.whole_result()
     table = compensation_from(str(metadata.parameters["table"]), run.name)

@@ -23,6 +23,7 @@ from rig.analysis.gear_set import card_set, mapping_sha256, names_of_set, set_sh
 from rig.analysis.learnt import learnt_name, learnt_paths
 from rig.analysis.store import Analysis, analysis_folder, json_ready, json_text, read_analyses
 from rig.analysis.tare import tare_days_of, tare_kind
+from rig.content.phrase import phrase, quoted
 from rig.errors import ChangedRunError, ConfigurationError, RunFileError, UnsealedError
 from rig.library.listed import COUNTED_OUTCOMES, IndexedRun
 from rig.runfile.seal import (
@@ -182,7 +183,7 @@ def _newest(
             continue
         why = f"ended {run.outcome} and does not stand here."
         if run.outcome in COUNTED_OUTCOMES:
-            why = f"is not analysed: rig fit {run.path}"
+            why = f"is not analysed: rig fit {quoted(run.path)}"
         passed_over.append(f"Run {run.run_id} ({kind}) {why}")
     return None
 
@@ -234,13 +235,12 @@ def _why(
 
 def _renewing(run: Path, analysis: Analysis, *, kept_by_hand: bool, things: _Things) -> str:
     """The command that makes an analysis anew, with what was chosen by hand when it was made."""
-    words = ["rig fit", str(run)]
-    if analysis.kind != things.protocol:
-        words.insert(1, analysis.kind)
+    kind = phrase("{} ", analysis.kind != things.protocol and analysis.kind)
+    words = [f"rig fit {kind}{quoted(run)}"]
     if analysis.tare.get("chosen") == "by hand":
-        words.append(f"--tare {things.tare_path(analysis)}")
-    chosen = ", then rig fit RUN --keep NUMBER --by NAME" if kept_by_hand else ""
-    return f"{' '.join(words)}{chosen}"
+        words.append(f"--tare {quoted(things.tare_path(analysis))}")
+    chosen = phrase(", then rig fit RUN --keep NUMBER --by NAME", kept_by_hand)
+    return " ".join(words) + chosen
 
 
 class _Things:

@@ -32,7 +32,7 @@ from rig.analysis.in_force import InForce, Newest, in_force
 from rig.analysis.next_run import next_step_of
 from rig.analysis.store import Analysis
 from rig.analysis.tare import takes_tare
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 from rig.gears.acceptance import Acceptance, Limit, Part, Subject, acceptance_for
 from rig.gears.card import UNNAMED
 from rig.library.listed import IndexedRun
@@ -41,9 +41,8 @@ if TYPE_CHECKING:
     from experiments.recording import RunMetadata
     from rig.analysis.fit.recorded import Fit
 
-NO_ACCEPTANCE = "no acceptance file is named for this gear: rig gear set {serial} --acceptance FILE"
 NO_GEAR = "the recording names no gear, so there is no limit to hold it against"
-"""What is missing where nobody has said what the gear must show."""
+"""What is missing where no gear is named."""
 _BROUGHT_TO_THE_END = ("COMPLETED", "")
 """Outcomes of runs whose recording is whole; "" is that of an imported one."""
 
@@ -68,6 +67,7 @@ class StoredResult:
     stale: tuple[str, ...] = ()
     renewed_by: str = ""
     not_in_force: str = ""
+    path: Path | None = None
 
 
 if TYPE_CHECKING:
@@ -83,11 +83,12 @@ def stored_result(
     *,
     part: Part | None = None,
     other: Analysis | None = None,
+    path: Path | None = None,
 ) -> StoredResult:
     """The analysis in force of a run, ready to be judged; or another one of its analyses, which is told to be aside."""
     analysis = other or found.analysis
     assert analysis is not None
-    stored = StoredResult(analysis.result, origin, outcome, serial, part or Part())
+    stored = StoredResult(analysis.result, origin, outcome, serial, part or Part(), path=path)
     if analysis.number != found.number:
         return replace(stored, not_in_force=found.words_for_another(analysis.number))
     return replace(stored, stale=found.stale, renewed_by=found.renewed_by)
@@ -192,9 +193,9 @@ def judge_stored(
         if outcome not in _BROUGHT_TO_THE_END:
             because = f"the run ended as {outcome}"
         elif found.analysis is None or not found.of_this_run:
-            because = f"the run is not analysed: rig fit {run}"
+            because = f"the run is not analysed: rig fit {quoted(run)}"
         else:
-            stored = stored_result(found, origin, outcome, serial, part=part)
+            stored = stored_result(found, origin, outcome, serial, part=part, path=run)
             return JudgedRun(found, judge_run(stored, accepted(run.parent, serial)))
     except (WordedError, KeyError, TypeError, ValueError) as error:
         because = f"analysis or acceptance file cannot be read: {error}"
@@ -236,6 +237,7 @@ def judge_newest(newest: Newest, acceptance: Acceptance | None) -> GearVerdict:
             run.outcome,
             run.gear_serial,
             part=Part(run.gear, run.ratio),
+            path=run.path,
         )
         for run, analysis in newest.runs
     ]
@@ -252,6 +254,13 @@ def not_judged(*because: str) -> GearVerdict:
     return GearVerdict(verdict="NOT JUDGED", because=because)
 
 
+def no_acceptance(serial: str, run: Path | None = None) -> str:
+    """That nobody has said what a gear must show, and the command that says it of a gear with such a run."""
+    folder = "" if run is None or run.parent == Path("runs") else quoted(run.parent)
+    command = f"rig gear set {quoted(serial)} --by NAME --acceptance FILE"
+    return f"no acceptance file is named for this gear: {command}{phrase(' --runs {}', folder)}"
+
+
 def worst_of(verdicts: Sequence[VerdictOutcome]) -> VerdictOutcome:
     """The worst of several verdicts; NOT JUDGED for none."""
     for word in WORST_FIRST:
@@ -265,7 +274,8 @@ def _without_limits(found: Sequence[Analysed], acceptance: Acceptance | None) ->
     if acceptance is not None:
         nothing = f"{acceptance.path} lists no limit"
     else:
-        nothing = NO_GEAR if serial in UNNAMED else NO_ACCEPTANCE.format(serial=serial)
+        run = next((one.path for one in found if one.path), None)
+        nothing = NO_GEAR if serial in UNNAMED else no_acceptance(serial, run)
     return replace(not_judged(nothing), stale=_stale(found))
 
 

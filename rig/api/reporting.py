@@ -13,6 +13,7 @@ from rig.api.results import Result
 from rig.api.runs import Run, file_of
 from rig.gears.acceptance import acceptance_named
 from rig.present.build import report_on_files
+from rig.present.page import suffix_of
 from rig.present.report import write_report
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ def report(
 
     Raises `RigError` for nothing to report, a run that does not bear its analysis, a file that cannot be written.
     """
+    suffix_of(Path(path))
     asked = acceptance_named(str(acceptance)) if acceptance is not None else None
     items = [what] if isinstance(what, (Result, Run, str, Path)) else list(what)
     files = [_file_of(item) for item in items]

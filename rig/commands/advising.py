@@ -9,7 +9,7 @@ import typer
 
 from rig.commands.judgement import AcceptanceFile, acceptance_said
 from rig.commands.terminal import Json, echo, print_json
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 
 if TYPE_CHECKING:
     from rig.analysis.advised import Advised
@@ -66,7 +66,7 @@ def next_(
     for sentence, protocol in found.open:
         echo(sentence)
         if protocol:
-            echo(f"  rig run {protocol} --gear {found.serial}")
+            echo(f"  rig run {protocol} --gear {quoted(found.serial)}")
     for one, row in zip(found.advice, rows, strict=True):
         echo(one.sentence)
         if row["command"]:
@@ -76,7 +76,7 @@ def next_(
 
 def _row(one: Advice, found: Advised, folder: Path) -> dict[str, Any]:
     """The command of an advice, and its minutes by the planner; "" and null where no run helps."""
-    gear = phrase(" --gear {}", found.serial)
+    gear = phrase(" --gear {}", found.serial and quoted(found.serial))
     if one.helps == "visits" and one.parameters:
         (name, value), *_ = one.parameters.items()
         command = f"rig run {one.kind}{gear} --{name.replace('_', '-')} {value}"

@@ -13,7 +13,13 @@ import typer
 from rig.commands.judgement import RequireVerdict, acceptance_of
 from rig.commands.ordering import OF_MANY_RUNS, NoCard, Said, with_order
 from rig.commands.running import ORDERED, Events, Json, StdinControl
-from rig.commands.terminal import console, outliving_the_terminal, painted, print_json
+from rig.commands.terminal import (
+    console,
+    outliving_the_terminal,
+    painted,
+    print_json,
+    tell_if_deaf,
+)
 
 if TYPE_CHECKING:
     from rig.analysis.passport.content import Alarm
@@ -84,6 +90,7 @@ def campaign(
         return
     order = _order_of(walked, pattern, anew=anew)
     _warn_of_what_was_never_tried(pattern)
+    tell_if_deaf()
     if events or stdin_control:
         report = _conducted_for_a_program(order, pattern, events, stdin_control)
     else:

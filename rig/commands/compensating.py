@@ -13,7 +13,7 @@ import typer
 from model.units import ARCSEC, RPM
 from rig.commands.naming import RUNS, RunsFolder, runs_meant
 from rig.commands.terminal import Json, console, echo, fact_table, painted, print_json
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 
 if TYPE_CHECKING:
     from model.compensation import CompensationTable, Proof
@@ -87,10 +87,8 @@ def compensate(
     if path is not None:
         echo(f"written  {path}")
     if table.proof is None:
-        named = path or "FILE"
-        echo(
-            f"not proved: prove it by  rig run compensated-error --gear {table.gear} --table {named}"
-        )
+        words = f"--gear {quoted(table.gear)} --table {quoted(path or 'FILE')}"
+        echo(f"not proved: prove it by  rig run compensated-error {words}")
 
 
 def _table_of(sources: Sequence[Path]) -> CompensationTable:

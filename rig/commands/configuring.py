@@ -100,9 +100,8 @@ def new(
         raise ConfigurationError(
             f"cannot be written: {error.strerror or error}", where=str(file)
         ) from error
-    echo(
-        f"{file}: fill in the numbers of your rig, then `rig config check {file}` and `rig doctor --config {file}`."
-    )
+    doctor = f"rig doctor --backend hardware --config {file}"
+    echo(f"{file}: fill in the numbers of your rig, then `rig config check {file}` and `{doctor}`.")
 
 
 @config.command("check")

@@ -11,6 +11,7 @@ from experiments import catalogue
 from rig.commands.judgement import acceptance_of
 from rig.commands.terminal import toned
 from rig.commands.visible import Text
+from rig.content.phrase import quoted
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -86,10 +87,14 @@ def print_ending(out: Console, ending: Ending, path: Path, *, everything: bool) 
     """The values that matter, the tare, and what to do next; with `everything` the whole result."""
     if ending.crash:
         out.print(Text(f"The analysis failed: {ending.crash}", style="red"), soft_wrap=True)
-        out.print(f"The run is sealed; analyse it anew with: rig fit {path}", soft_wrap=True)
+        out.print(
+            f"The run is sealed; analyse it anew with: rig fit {quoted(path)}", soft_wrap=True
+        )
     if ending.refusal:
         # Its words stand with the verdict.
-        out.print(f"The run is sealed; its analysis is refused: rig fit {path}", soft_wrap=True)
+        out.print(
+            f"The run is sealed; its analysis is refused: rig fit {quoted(path)}", soft_wrap=True
+        )
     made = ending.digest
     if made is None or made.fit is None:
         return

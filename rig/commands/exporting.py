@@ -42,7 +42,7 @@ _Source = Annotated[
     str,
     typer.Argument(
         metavar="GEAR|RUN",
-        help="Serial number of a gear with analysed runs, an analysed run file, or a parameter set (TOML, name).",
+        help="Serial number of a gear with analysed runs, an analysed run (file, number), a parameter set (TOML).",
     ),
 ]
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from rig.commands.terminal import Json, console, echo, painted, print_json
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 
 if TYPE_CHECKING:
     from model.catalogue.contradictions import Contradiction
@@ -277,7 +277,7 @@ def _print_made(made: NewGear) -> None:
         )
         for path in made.open_questions:
             out.print(f"  {path}: {gear.value(path).description}", soft_wrap=True)
-    serial, facts = made.card.serial, made.card.facts
+    serial, facts = quoted(made.card.serial), made.card.facts
     missing = [
         words
         for words, is_said in (

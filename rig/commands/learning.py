@@ -12,6 +12,7 @@ import typer
 
 from rig.commands.lessons import LESSONS
 from rig.commands.terminal import Json, console, echo, painted, print_json
+from rig.content.phrase import quoted
 
 bench = typer.Typer(
     name="bench",
@@ -128,7 +129,7 @@ def show(
         raise ConfigurationError(
             "holds nothing that a bench learnt, and no tare",
             where=str(folder),
-            remedy=f"Learn its instruments: rig bench learn --runs {folder}",
+            remedy=f"Learn its instruments: rig bench learn --runs {quoted(folder)}",
         )
     golden = _golden(folder, config)
     if json:

@@ -20,6 +20,7 @@ from rig.bench.backends.order import (
 from rig.commands.judgement import refuse_unknown_acceptance
 from rig.commands.signature import Command, with_options
 from rig.commands.terminal import echo
+from rig.content.phrase import quoted
 
 if TYPE_CHECKING:
     from rig.bench.backends.order import Order, WorldChoice
@@ -120,7 +121,8 @@ def order_of(
     from rig.bench.backends.registry import refuse_unknown
 
     serial = str(said.get("serial", ""))
-    _refuse_path(serial)
+    if "serial" in said:
+        _check_serial(serial)
     order = ordering.order_of(protocol, values, said, warn)
     # Before anything turns: a run of an hour would end in this refusal.
     refuse_unknown(order.backend)
@@ -145,14 +147,17 @@ def _warn_of_acceptance(order: Order, warn: Callable[[str], None]) -> None:
             warn(f"{check.found}. {check.remedy}")
 
 
-def _refuse_path(serial: str) -> None:
+def _check_serial(serial: str) -> None:
+    """Refuse a path, and what is no serial number: two gears would differ by a blank that nobody sees."""
     from rig.errors import ConfigurationError
 
-    if "/" in serial or "\\" in serial or (serial and not serial.strip(". ")):
+    is_path = "/" in serial or "\\" in serial
+    if is_path or serial != serial.strip() or not serial.strip("."):
         raise ConfigurationError(
-            "is a path, and no serial number",
+            "is a path, and no serial number" if is_path else "is no serial number",
             where="--gear",
-            value=serial,
+            value=repr(serial),
+            limit="a text that neither begins nor ends with a blank",
             remedy="Give the serial number that stands on the gear; the folder of runs is --runs.",
         )
 
@@ -172,7 +177,7 @@ def _require_card(order: Order, serial: str, warn: Callable[[str], None]) -> Non
         "there is no card of this gear",
         where=str(order.folder),
         value=serial,
-        remedy=f"{nearest(serial, serials)} A new gear: rig gear new PART --serial {serial}; "
+        remedy=f"{nearest(serial, serials)} A new gear: rig gear new PART --serial {quoted(serial)}; "
         "one that is to have none: --no-card.",
     )
 

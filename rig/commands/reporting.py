@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from rig.present.build import Reports
 
 
-_SUFFIXES = (".html", ".htm", ".pdf")
 _DEMONSTRATION = Path("rig-demo")
 """Where a demonstration goes, unless somebody says otherwise."""
 
@@ -224,7 +223,9 @@ def _places_per_run(
     """Each run with the files of its report. Raises `BadParameter` for a folder that is named as a file, and
     for runs whose reports would have one name.
     """
-    if folder.suffix.lower() in _SUFFIXES:
+    from rig.present.page import SUFFIXES
+
+    if folder.suffix.lower() in SUFFIXES:
         raise typer.BadParameter(
             f"{folder}: with --per-run it is a folder; --format chooses html, pdf or both",
             param_hint="--output",
@@ -280,14 +281,14 @@ def _reports_object(report: Reports) -> dict[str, Any]:
 
 
 def suffixes_of(output: Path, format_: ReportFormat | None) -> tuple[str, ...]:
-    """The suffixes of what is to be written. Raises `BadParameter` for one that no report has."""
+    """The suffixes of what is to be written. Raises `ConfigurationError` for one that no report has."""
+    from rig.present.page import suffix_of
+
     if format_ is ReportFormat.both:
         return (".html", ".pdf")
     if format_ is not None:
         return (f".{format_.value}",)
-    if output.suffix.lower() not in _SUFFIXES:
-        raise typer.BadParameter(f"{output}: a report is .html or .pdf", param_hint="--output")
-    return (output.suffix,)
+    return (suffix_of(output),)
 
 
 @with_order(

@@ -86,7 +86,9 @@ def _facts(planned: PlannedRun) -> Iterator[tuple[str, str]]:
     yield "peak speed", f"{peak:.4g} r/min"
     aim = next((one for one in experiment.quantities if one.target_text), None)
     if aim is not None:
-        yield "of use where", f"U of {aim.family_title} {aim.target_text}"
+        members = ", ".join(aim.watched_members)
+        title = aim.titled(aim.named(members)) if members else aim.family_title
+        yield "of use where", f"U of {title} {aim.target_text}"
 
 
 def print_plan(planned: PlannedRun) -> None:

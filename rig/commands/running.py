@@ -14,7 +14,7 @@ import typer
 
 from rig.commands.judgement import RequireVerdict
 from rig.commands.ordering import NoCard, Said, with_order
-from rig.commands.terminal import Json, echo, outliving_the_terminal, print_json
+from rig.commands.terminal import Json, echo, outliving_the_terminal, print_json, tell_if_deaf
 from rig.errors import nearest
 
 if TYPE_CHECKING:
@@ -145,6 +145,7 @@ def run(
         order = _repeated(context, repeat, order)
     planned = plan_order(order)
     confirmation = confirmed(order, planned, confirm, not (json or events or stdin_control))
+    tell_if_deaf()
     from rig.commands.ending import ending_of
     from rig.exits import ERROR, code_of_run
 

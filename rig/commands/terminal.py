@@ -223,6 +223,15 @@ class _LastingStream:
             os.close(nowhere)
 
 
+def tell_if_deaf() -> None:
+    """Say how a run is stopped that was started in the background, where a shell has Ctrl-C ignored."""
+    import signal
+
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        how = f"stop it by `kill {os.getpid()}` (SIGTERM)"
+        echo(f"SIGINT is ignored in this process (started in the background): {how}", errors=True)
+
+
 @contextlib.contextmanager
 def outliving_the_terminal() -> Iterator[None]:
     """Standard output and error that may end (a closed terminal, a reader that has gone) and raise nothing:

@@ -1,5 +1,12 @@
 """Parts of a sentence: what stands only where there is something to say, words by their number, texts cut to fit."""
 
+import shlex
+
+
+def quoted(word: object) -> str:
+    """A path or a serial number as it stands in a command: in quotes where a shell would part it."""
+    return shlex.quote(str(word))
+
 
 def phrase(form: str, *parts: object) -> str:
     """A form with these parts in it, as `str.format` sets them; "" where the first of them is empty, None or zero."""

@@ -27,7 +27,9 @@ from rig.analysis.fit.recorded import Fit, fit_in_force
 from rig.analysis.in_force import InForce, in_force, newest_analysed
 from rig.analysis.passport.followed import order_of
 from rig.analysis.passport.gather import runs_of
+from rig.content.phrase import quoted
 from rig.errors import ConfigurationError, RunFileError
+from rig.library.folder import run_named
 from rig.runfile.header import ORIGIN_WORDS
 from rig.runfile.read import close_recording, open_run
 
@@ -129,7 +131,8 @@ class IdentifiedGear:
 def identified_gear(
     source: str | Path | HarmonicDrive, folder: str | Path = "runs"
 ) -> IdentifiedGear:
-    """An identified gear by a run file, a serial number with analysed runs in `folder`, a parameter set, or its name.
+    """An identified gear by a run (its file, or number in `folder`), a serial number with analysed runs in `folder`, a
+    parameter set, or its name.
 
     Raises `RigError` for a run without an analysis and for a name that is none of these, `ParameterError` for a set
     that cannot be read.
@@ -148,6 +151,8 @@ def identified_gear(
         if not fits:
             raise _nothing_identified(text, newest.passed_over)
         return _of_fits(fits, [found for _, found in newest.runs])
+    if text[:1].isdigit() and Path(folder).is_dir():
+        return _of_run(run_named(folder, text))
     return of_set(_shipped(text, folder))
 
 
@@ -184,7 +189,7 @@ def _of_run(path: Path) -> IdentifiedGear:
     close_recording(open_run(path))
     found = in_force(path)
     if found.analysis is None or not found.of_this_run:
-        raise _nothing_identified(path.name, (f"rig fit {path}",))
+        raise _nothing_identified(path.name, (f"rig fit {quoted(path)}",))
     return _of_fits([fit_in_force(path, found)], [found])
 
 

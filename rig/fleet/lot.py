@@ -17,7 +17,7 @@ import numpy as np
 from experiments.result import WORST_FIRST, VerdictOutcome
 from rig.analysis.alarm.laboratory import watching_in_force
 from rig.analysis.alarm.promise import Watching
-from rig.analysis.judging import NO_ACCEPTANCE, worst_of
+from rig.analysis.judging import no_acceptance, worst_of
 from rig.analysis.passport.build import alarms_of
 from rig.errors import RigError
 from rig.fleet.lot_quantity import LotQuantity, is_on, lot_quantity, quantity_as_json
@@ -243,7 +243,7 @@ def _missing(
     """Why a gear is judged by less than its acceptance file asks."""
     names = sorted({row.acceptance for row in rows if row.acceptance})
     if not names:
-        return [NO_ACCEPTANCE.format(serial="SERIAL")] if rows else ["no run of it is analysed"]
+        return [no_acceptance("SERIAL")] if rows else ["no run of it is analysed"]
     missing = []
     for name in names:
         acceptance = accepted.get(name)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from experiments import catalogue
-from rig.content.phrase import counted
+from rig.content.phrase import counted, quoted
 from rig.errors import RigError
 from rig.gears.acceptance import acceptance_for
 
@@ -187,7 +187,7 @@ def _fit_in_force(path: Path, created: str, choices: Choices | None) -> tuple[Fi
         because = made.because if made is not None else ()
         remedy = ""
         if protocol_of(path) not in catalogue.kinds():
-            remedy = f"A recording of another rig is analysed first: rig fit KIND {path}."
+            remedy = f"A recording of another rig is analysed first: rig fit KIND {quoted(path)}."
         raise RigError(
             "this run does not bear its analysis",
             where=str(path),

@@ -12,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 from rig.content.grid import capital, tone_of
 from rig.content.page import Page
 from rig.content.wording import printable, unbroken
-from rig.errors import RigError
+from rig.errors import ConfigurationError, RigError
 
 if TYPE_CHECKING:
     import jinja2
 
 TEMPLATE, STYLE = "page.html", "page.css"
+SUFFIXES = (".html", ".htm", ".pdf")
 
 
 def write_page(page: Page, path: str | Path) -> Path:
@@ -38,9 +39,16 @@ def write_page(page: Page, path: str | Path) -> Path:
     return path
 
 
+def suffix_of(path: Path) -> str:
+    """The suffix of the file of a report. Raises `ConfigurationError` for one that no report has."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise ConfigurationError("a report is .html or .pdf", where=str(path))
+    return path.suffix
+
+
 def rendered(page: Page, path: Path) -> bytes:
     """A report as PDF or HTML, by the suffix of its path. Raises `RigError`."""
-    if path.suffix.lower() != ".pdf":
+    if suffix_of(path).lower() != ".pdf":
         return render_page(page).encode("utf-8")
     from rig.present.paper import render_pdf
 

@@ -74,7 +74,7 @@ def acceptance_checks(named: str, part: Part) -> tuple[Finding, ...]:
     if foreign := acceptance.foreign(part):
         text, remedy = (
             f"{foreign}: the verdict will be NOT JUDGED",
-            "Name the file of this part: rig gear set SERIAL --acceptance FILE",
+            "Name the file of this part: rig gear set SERIAL --by NAME --acceptance FILE",
         )
         return (Finding("acceptance", Severity.WARNS, text, remedy),)
     if acceptance.remark:

@@ -9,6 +9,7 @@ from typing import Any
 from model.gear_file import load_gear
 from rig.bench.backends.order import Order
 from rig.bench.backends.registry import HARDWARE, REPLAY
+from rig.content.phrase import quoted
 from rig.errors import ConfigurationError
 from rig.gears.card import card_for
 from rig.run.gear import with_card
@@ -81,7 +82,8 @@ def _carded(
             where="--mounting",
             value=mounting,
             limit=noted,
-            remedy=f"If it was mounted anew: rig gear set {card.serial} --mounting {mounting}.",
+            remedy=f"If it was mounted anew: "
+            f"rig gear set {quoted(card.serial)} --by NAME --mounting {mounting}.",
         )
     if card.warning:
         warn(card.warning)

@@ -19,6 +19,7 @@ from rig.analysis.fit.recorded import TARE_DECLINED, Fit, fit_in_force, store
 from rig.analysis.fit.run import TARE_AGE_SETTING, Choices, fit_run
 from rig.analysis.in_force import InForce, in_force
 from rig.analysis.tare import tare_kind
+from rig.content.phrase import quoted
 from rig.errors import ChangedRunError, RigError, RunFileError
 
 if TYPE_CHECKING:
@@ -56,15 +57,17 @@ class Digest:
         if self.fit is None:
             return ()
         metadata, steps = self.fit.recording.metadata, []
+        path = quoted(self.path)
         if self.fit.lacks_tare:
-            steps.append(f"rig run {tare_kind()}, then rig fit {self.path}")
+            steps.append(f"rig run {tare_kind()}, then rig fit {path}")
         experiment = catalogue.declared(metadata.experiment)
         if experiment is not None and experiment.goes_on:
-            steps.append(experiment.goes_on.format(run=self.path))
+            steps.append(experiment.goes_on.format(run=path))
         if metadata.gear_serial and metadata.gear_mounted:
-            steps.append(f"rig report --gear {metadata.gear_serial} --runs {self.path.parent}")
+            gear, folder = quoted(metadata.gear_serial), quoted(self.path.parent)
+            steps.append(f"rig report --gear {gear} --runs {folder}")
         else:
-            steps.append(f"rig report {self.path}")
+            steps.append(f"rig report {path}")
         return tuple(steps)
 
     def as_json(self) -> dict[str, Any]:
@@ -156,7 +159,7 @@ def renew(path: Path, created: str, kind: str = "") -> Digest:
         raise RigError(
             "there is no analysis that could be renewed",
             where=str(path),
-            remedy=f"Make one: rig fit {path}.",
+            remedy=f"Make one: rig fit {quoted(path)}.",
         )
     return digest(path, created, found.kind, choices_of(path, found))
 

@@ -18,6 +18,7 @@ from rig.analysis.passport.gather import AnalysedRun, Gathered, gather, runs_of
 from rig.analysis.passport.series import groups_of, series_of, usable
 from rig.analysis.passport.watch import Group, alarmed, days_between, watched
 from rig.analysis.tare import takes_tare, tare_kind
+from rig.content.phrase import counted, quoted
 from rig.errors import RigError
 from rig.gears.acceptance import acceptance_of_places
 from rig.gears.card_places import places
@@ -164,15 +165,17 @@ def _without_tare(one: AnalysedRun) -> Missing:
     return Missing(
         f"its running torque is that of motor and gear together: {why}",
         one.run.run_id,
-        f"rig run {tare_kind()}, then rig fit {one.run.path}",
+        f"rig run {tare_kind()}, then rig fit {quoted(one.run.path)}",
     )
 
 
 def _nothing_of(quantity: FollowedQuantity, gathered: Gathered) -> Missing:
     analysed = [one for one in gathered.analysed if one.analysis.kind == quantity.kind]
     if analysed:
+        kind = quantity.kind
+        many = counted(len(analysed), f"{kind} analysis", f"{kind} analyses")
         return Missing(
-            f"{quantity.title}: not among what its {len(analysed)} {quantity.kind} analyses found",
+            f"{quantity.title}: not among what its {many} found",
             "",
             quantity.step,
         )

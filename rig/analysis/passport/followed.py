@@ -12,6 +12,8 @@ from experiments.quantity import Quantity
 
 LARGEST = 6
 """Members of a family without members of its own that get a chart each: the largest ones."""
+_ABOVE_RPM = 100.0
+"""r/min by which a plan goes beyond a speed that is followed, for a resonance just there."""
 _NOMINAL_RATIO = 100.0
 """Ratio by which labels such as 2+2/N are put in order, whatever the gear."""
 
@@ -38,8 +40,12 @@ class FollowedQuantity:
 
     @property
     def step(self) -> str:
-        """What is to be run where there is nothing of it."""
-        return f"rig run {self.kind}"
+        """What is to be run where there is nothing of it: up to its own speed where the plan ends below that."""
+        highest = getattr(catalogue.load(self.kind).parameters, "highest_rpm", math.inf)
+        member = self.quantity.member(self.key)
+        if not member.isdigit() or float(member) <= highest:
+            return f"rig run {self.kind}"
+        return f"rig run {self.kind} --highest-rpm {float(member) + _ABOVE_RPM:g}"
 
 
 def watched() -> tuple[tuple[str, Quantity], ...]:

@@ -23,6 +23,7 @@ from rig.analysis.number_or_none import known
 from rig.analysis.passport.content import Missing
 from rig.analysis.passport.followed import FACTS, facts_of, watched, watched_kinds
 from rig.analysis.store import Analysis, unsealed_words
+from rig.content.phrase import quoted
 from rig.errors import ChangedRunError, RigError, RunFileError
 from rig.gears.card_places import places
 from rig.library.index import IndexedRun, LibraryIndex
@@ -155,7 +156,7 @@ def _does_not_count(run: IndexedRun, origin: str) -> str:
 
 def _read(run: IndexedRun) -> tuple[list[AnalysedRun], list[Missing]]:
     """The analyses in force of a run of the kinds that are followed, and what it lacks."""
-    command, kinds = f"rig fit {run.path}", watched_kinds()
+    command, kinds = f"rig fit {quoted(run.path)}", watched_kinds()
     try:
         stored = {
             kind: found for kind, found in in_force_by_kind(run.path).items() if kind in kinds

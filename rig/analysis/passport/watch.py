@@ -24,7 +24,7 @@ from rig.analysis.causes import common_grounds, own_uncertainty
 from rig.analysis.passport.content import Alarm, Wear
 from rig.analysis.passport.followed import FollowedQuantity
 from rig.analysis.passport.gather import AnalysedRun, moment
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 from rig.content.wording import decimals_of, fixed, laboratory_unit, number
 
 _ABOUT = 1
@@ -173,7 +173,7 @@ def _decides(group: Group, watching: Watching, newest: AnalysedRun) -> tuple[str
     if golden and golden != newest.run.gear_serial:
         return (
             f"One run of the golden gear {golden} on {where} decides: if it has changed as well, the bench has.",
-            f"rig run {kind} --gear {golden}",
+            f"rig run {kind} --gear {quoted(golden)}",
         )
     if golden:
         return (

@@ -20,6 +20,7 @@ from rig.analysis.judging import GearVerdict, judge
 from rig.analysis.passport.gather import counted_origin, runs_of
 from rig.analysis.recompute import recompute
 from rig.analysis.store import unsealed_words
+from rig.content.phrase import quoted
 from rig.errors import RigError
 from rig.gears.acceptance import Acceptance, acceptance_for
 from rig.library.index import IndexedRun
@@ -147,7 +148,7 @@ def _nothing(folder: Path, serial: str, runs: Sequence[IndexedRun]) -> RigError:
         "no run of this gear is analysed",
         where=str(folder),
         value=f"{len(runs)} runs of {serial}",
-        remedy=f"Analyse them: rig fit {runs[-1].path}",
+        remedy=f"Analyse them: rig fit {quoted(runs[-1].path)}",
     )
 
 

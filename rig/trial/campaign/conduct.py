@@ -291,4 +291,5 @@ def _analyses_in_force(journal: Journal, order: CampaignOrder) -> Iterator[Store
                 metadata.outcome,
                 metadata.gear_serial,
                 part=Part.of(metadata),
+                path=path,
             )

@@ -8,6 +8,7 @@ from textwrap import wrap
 
 from experiments.quantity import key_names
 from experiments.result import Result, Verdict
+from rig.content.phrase import quoted
 from rig.content.wording import Shown, fixed, number, show
 from rig.trial.demo.chain import Demonstration
 
@@ -42,7 +43,7 @@ def first_screen(demonstration: Demonstration, width: int = 80) -> list[str]:
     said = f"{verdict.verdict}  {passed} of {len(verdict.lines)} limits"
     told = _spread(_merged(_rows(demonstration))[:ROWS], width)
     files = [("certificate", str(path)) for path in demonstration.certificate[-1:]]
-    files += [("next", f"rig live --runs {demonstration.order.folder}")]
+    files += [("next", f"rig live --runs {quoted(demonstration.order.folder)}")]
     ends = [f"{label:<{_LABEL}}{what}" for label, what in files]
     left = HEIGHT - 2 - len(told) - len(ends)
     return [

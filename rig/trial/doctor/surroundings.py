@@ -42,7 +42,7 @@ from rig.analysis.passport.gather import moment
 from rig.bench.backends.order import Order
 from rig.bench.limits import Limits
 from rig.bench.state import VARIABLE, Scope
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 from rig.errors import ConfigurationError, LimitError
 from rig.library.index import LibraryIndex
 from rig.run.latch import latch_of
@@ -165,7 +165,7 @@ def golden_gear(order: Order, clock: Clock) -> Iterable[Finding]:
         f"golden gear {watching.golden_gear}",
         age <= watching.golden_days,
         found,
-        f"Measure it: rig run friction --gear {watching.golden_gear}, then rig bench check.",
+        f"Measure it: rig run friction --gear {quoted(watching.golden_gear)}, then rig bench check.",
         where="bench",
         allowed=f"every {watching.golden_days:g} days",
         otherwise=Severity.WARNS,

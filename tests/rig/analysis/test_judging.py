@@ -249,8 +249,11 @@ def test_what_is_no_torque_has_no_subject() -> None:
 def test_nothing_listed_and_nothing_named_is_not_judged() -> None:
     one = found("friction")
     assert judge([one], None).because == (
-        "no acceptance file is named for this gear: rig gear set SN-1 --acceptance FILE",
+        "no acceptance file is named for this gear: rig gear set SN-1 --by NAME --acceptance FILE",
     )
+    elsewhere = replace(one, serial="SN 1", path=Path("own runs/00001.h5"))
+    (because,) = judge([elsewhere], None).because
+    assert because.endswith("rig gear set 'SN 1' --by NAME --acceptance FILE --runs 'own runs'")
     assert judge([one], asked()).verdict == "NOT JUDGED"
     other = judge_run(one, asked(limit("kinematic-error")))
     assert other.because == ("no limit of spec applies to what this run measures",)

@@ -186,6 +186,19 @@ def test_a_damaged_analysis_and_a_copied_run_are_named(folder: Path, tmp_path: P
     assert [one.what.startswith("is a copy of") for one in found.left_out] == [True]
 
 
+def test_a_speed_above_the_plan_is_asked_for_by_a_run_that_reaches_it(folder: Path) -> None:
+    analysed(folder, VALUES[:1])
+    found = {one.what: one.remedy for one in passport(folder, "A1").missing if not one.run}
+    remedies = [
+        remedy
+        for rpm in (2000, 3500)
+        for what, remedy in found.items()
+        if f"at {rpm} r/min: not among what its" in what
+    ]
+    assert remedies == ["rig run friction", "rig run friction --highest-rpm 3600"]
+    assert not any("1 friction analyses" in what for what in found)
+
+
 def test_a_number_that_the_data_cannot_tell_is_missing_not_drawn(folder: Path) -> None:
     first, second = runs_in(folder)[:2]
     analyse(first, estimate(RUNNING, 0.08, identifiable="no", note="the sweep stops at 900 r/min"))

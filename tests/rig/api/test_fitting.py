@@ -87,6 +87,12 @@ def test_a_result_in_memory_has_no_store(swing: rig.Result) -> None:
         swing.store()
 
 
+def test_a_report_is_refused_in_a_form_that_it_has_not(swing: rig.Result, tmp_path: Path) -> None:
+    with pytest.raises(RigError, match=r"a report is \.html or \.pdf"):
+        rig.report(swing, tmp_path / "x.docx")
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_tare_that_is_none_is_refused() -> None:
     bare = made({"torque": ("N m", np.zeros(50))}, experiment="friction")
     with pytest.raises(rig.WordedError):

@@ -87,7 +87,11 @@ def test_a_new_description_has_an_identity_of_its_own(tmp_path: Path) -> None:
     found = set()
     for name in ("one.toml", "two.toml"):
         path = tmp_path / name
-        assert CliRunner().invoke(app, ["config", "new", str(path)]).exit_code == 0
+        made = CliRunner().invoke(app, ["config", "new", str(path)])
+        assert made.exit_code == 0
+        for told in (made.output, path.read_text(encoding="utf-8")):
+            # Without the backend the doctor asks the simulated rig.
+            assert "`rig doctor --backend hardware --config" in told
         found.add(load_configuration(path).bench.id)
     assert len(found) == 2
     assert all(re.fullmatch(f"[{ALPHABET}-]{{9}}", identity) for identity in found)

@@ -134,8 +134,12 @@ def test_a_signal_that_was_to_be_ignored_stays_ignored(tmp_path: Path) -> None:
         for number in unheard:
             paced.process.send_signal(number)
         paced.process.send_signal(signal.SIGTERM)
-        out, _ = paced.process.communicate(timeout=DEADLINE)
+        out, errors = paced.process.communicate(timeout=DEADLINE)
         assert json.loads(out)["outcome"] == "ABORTED"
+        assert (
+            f"SIGINT is ignored in this process (started in the background): stop it by `kill {paced.process.pid}`"
+            in errors
+        )
     assert_stopped_by_a_ramp(tmp_path)
 
 

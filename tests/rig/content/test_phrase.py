@@ -1,8 +1,10 @@
 """Parts of sentences: what has nothing to say is not there."""
 
+from pathlib import Path
+
 import pytest
 
-from rig.content.phrase import counted, phrase, shortened, yes_or_no
+from rig.content.phrase import counted, phrase, quoted, shortened, yes_or_no
 
 
 @pytest.mark.parametrize("nothing", ["", None, 0, 0.0, ()])
@@ -15,6 +17,14 @@ def test_a_phrase_takes_its_parts_as_they_are_told() -> None:
     assert phrase(", gear {}", "SN-1") == ", gear SN-1"
     assert phrase("{1}: {0:.1f}", 2.25, "left") == "left: 2.2"
     assert phrase("[{}]", "{0}") == "[{0}]"
+
+
+def test_a_word_with_a_blank_stands_in_quotes() -> None:
+    assert [quoted("SN-7"), quoted("SN 7"), quoted(Path("my runs"))] == [
+        "SN-7",
+        "'SN 7'",
+        "'my runs'",
+    ]
 
 
 def test_a_number_has_the_word_for_one_and_for_several() -> None:

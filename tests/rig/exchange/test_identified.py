@@ -71,7 +71,9 @@ def test_the_python_call_writes_what_the_command_does(folder: Path, tmp_path: Pa
         app,
         [
             "export-model",
-            str(next(folder.glob("*friction*.h5"))),
+            "2",
+            "--runs",
+            str(folder),
             "--to",
             "urdf",
             "-o",

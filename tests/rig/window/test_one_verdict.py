@@ -24,7 +24,7 @@ from tests.rig.window.reviewing import LONGEST, shown
 
 def judged_by_analysis(run: Path) -> GearVerdict:
     found = in_force(run, "friction")
-    stored = stored_result(found, "simulated", "COMPLETED", "A1")
+    stored = stored_result(found, "simulated", "COMPLETED", "A1", path=run)
     return judge_run(stored, acceptance_for(run.parent, "A1"))
 
 

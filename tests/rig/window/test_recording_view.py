@@ -134,9 +134,6 @@ def test_a_column_can_be_said_to_be_another(
     assert "is no unit of it" in view.says.text()
     view.correction.unit.setText("rad")
     qtbot.mouseClick(view.correction.take, Qt.MouseButton.LeftButton)
-    view.columns.selectRow([one.heading for one in view.proposal.used_first].index("bar [N m]"))
-    view.correction.channel.setCurrentText("torque")
-    qtbot.mouseClick(view.correction.take, Qt.MouseButton.LeftButton)
     imported(view, qtbot)
     made = open_run(run_files(session.folder)[0], rows=False)
     assert set(made.signals) == {"position", "torque"}

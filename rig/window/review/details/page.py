@@ -311,7 +311,13 @@ class RunDetails(QWidget):
             return not_judged(f"the acceptance file cannot be read: {error}")
         found = in_force(self.path, analysis.kind)
         stored = stored_result(
-            found, m.origin, m.outcome, m.gear_serial, part=Part.of(m), other=analysis
+            found,
+            m.origin,
+            m.outcome,
+            m.gear_serial,
+            part=Part.of(m),
+            other=analysis,
+            path=self.path,
         )
         return judge_run(stored, acceptance)
 

@@ -123,6 +123,9 @@ def test_what_is_to_be_done_next_names_the_tare_that_is_missing(
         f"rig report --gear A1 --runs {run.parent}",
     )
     assert made.fit is not None
+    named = replace(made.fit.recording.metadata, gear_serial="A 1")
+    blank = replace(made.fit, recording=replace(made.fit.recording, metadata=named))
+    assert "--gear 'A 1' " in Digest(path=run, fit=blank, in_force=made.in_force).next_steps[1]
     by_hand = replace(made.fit, found_tare=FoundTare(None, (TARE_DECLINED,)))
     assert Digest(path=run, fit=by_hand, in_force=made.in_force).next_steps == made.next_steps[1:]
 
