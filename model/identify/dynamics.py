@@ -285,7 +285,10 @@ def _fit_of_rung(
     quantum = steps[0].output_quantum
     if float(np.max(largest)) < SEEN * quantum:
         _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
-    estimates = estimates_of(steps, problem, answers, chosen, _others(chosen, best), expected)
+    swung = _swung(model, largest)
+    estimates = estimates_of(
+        steps, problem, answers, chosen, _others(chosen, best), expected, swung
+    )
     return LadderFit(
         estimates=estimates,
         warnings=tuple(_warnings(steps, solution, largest, quantum)),
@@ -306,6 +309,14 @@ def _fit_of_rung(
         beside=beside and _described(steps, problem, beside, expected),
         answer=lambda step: _response(problem, solution, step).angle,
     )
+
+
+def _swung(model: TorsionModel, transient: Array) -> float:
+    """The torque over J_o [rad/s2] at which steps ring that begin with these torsions, each by the energy that it has:
+    of a ringing that dies as exp(-t) two thirds of its first swing.
+    """
+    carried = np.array([model.carried(float(torsion)) for torsion in transient])
+    return 2.0 / 3.0 * float(np.sum(carried**3) / np.sum(carried**2))
 
 
 @dataclass(frozen=True)

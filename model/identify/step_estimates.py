@@ -29,13 +29,17 @@ _UNEXPLAINED = 2.0
 """Power that a fit leaves near the mode over what it leaves beside it beyond which the mode is not explained."""
 _UNEXPLAINED_LOSS = 1.2
 """The same for its damping: a frequency stands beside a small ringing that no rung holds, how fast it dies does not."""
+LEAST_SPEEDS = 3
+"""Speeds whose steps are left out in turn: with two, each would be held against the other alone."""
 ALIKE = 0.1
 """Of their standard error, by which the numbers of two starts may differ that led to one answer."""
 _SHARE_DOUBT = 0.3
 """Relative standard uncertainty of the share of the compliance that is damped."""
 
-BY_RUNG, NO_HYSTERESIS = "choice of the rung", "hysteresis"
-"""Sources of two lines of the budget."""
+BY_RUNG, NO_HYSTERESIS, BY_LAW = "choice of the rung", "hysteresis", "law of the hysteresis"
+"""Sources of lines of the budget."""
+ASTRAY = 10.0
+"""Squares of the noise by which a richer rung is no worse that was searched well: so much its prior may pull."""
 TO_RICHER, FROM_BELOW = "to the next richer rung", "what the richest rung changed, rectangular"
 STATED = (
     ("stiffness_over_inertia", "1/s2"),
@@ -78,11 +82,13 @@ def estimates_of(
     chosen: str,
     others: Sequence[tuple[str, str]],
     expected: Expected,
+    swung: float,
 ) -> dict[str, Estimate]:
     """The stated numbers with their budgets, and those of which a direction alone has something to say.
 
-    `answers` of every rung, the best first; `others`: rungs by what they are to the chosen one. What these lead to is
-    a line of the budget, but for the damping ratio, which is that of all rungs by their evidence.
+    `swung`: the torque over J_o [rad/s2] at which the steps ring. `answers` of every rung, the best first; `others`:
+    rungs by what they are to the chosen one. What these lead to is a line of the budget, but for the damping ratio,
+    which is that of all rungs by their evidence.
     """
     amplitude = expected.amplitude / expected.inertia
     solution = answers[chosen][0]
@@ -91,7 +97,7 @@ def estimates_of(
     if not np.all(np.isfinite(reading.centre)):
         raise IdentificationError("the steps lead to no mode that rings", where="velocity steps")
     told = _weighed_damping(
-        _rung_answer(problem, solution, readings, chosen, others), problem, answers, readings
+        _rung_answer(problem, solution, readings, chosen, others), problem, answers, readings, swung
     )
     estimates = {name: told.estimate(index) for index, (name, _) in enumerate(STATED)}
     direction = np.array([math.copysign(1.0, s.target) for s in steps])
@@ -152,7 +158,7 @@ def read_rung(problem: Problem, answers: Sequence[Solution], amplitude: float) -
     left = left_in_band(problem, solution)
     louder = max(louder_in_band(problem, solution), left)
     slopes = _slopes(numbers, solution.vector, len(solution.shape.names))
-    error, freedom = _standard_error(solution, slopes, louder)
+    error, freedom = _standard_error(problem, solution, slopes, louder)
     return Reading(
         centre=numbers(solution.vector),
         error=np.hypot(error, _between_answers(answers, numbers, louder, error)),
@@ -210,15 +216,23 @@ def _weighed_damping(
     problem: Problem,
     answers: Mapping[str, Sequence[Solution]],
     readings: Mapping[str, Reading],
+    swung: float,
 ) -> _RungAnswer:
     """The same with the damping ratio of all rungs by their evidence; that of the chosen one where hysteresis is none
-    of them, or where the best of them leaves more than the noise of counting: then they may all be wrong.
+    of them or explains less than the spring that it holds, so that its search ran astray, or where the best of them
+    leaves more than the noise of counting: then they may all be wrong.
+
+    A hysteresis damps by its swing. The steps ring by a larger one than that at which it is stated, and between the two
+    there is nothing but the law of the element: the damping may have all of that, or none.
     """
     names = [name for name in readings if np.all(np.isfinite(readings[name].centre))]
     best = min(names, key=lambda name: answers[name][0].robust_cost())
     solution = answers[best][0]
     power = solution.robust_cost() / solution.samples
     if "hysteresis" not in names or power > EXPLAINED**2:
+        return told
+    richest = answers["hysteresis"][0]
+    if richest.robust_cost() > solution.robust_cost() + ASTRAY:
         return told
     likely = _likely([answers[name][0] for name in names], readings[best].louder * max(1.0, power))
     values = np.array([readings[name].centre[DAMPING] for name in names])
@@ -235,6 +249,11 @@ def _weighed_damping(
         for source, note, share in told.lines
     ]
     lines.append((BY_RUNG, "scatter of the rungs, weighed by their evidence", rungs))
+    law = np.zeros(len(STATED))
+    there = math.log(problem.model(richest.values).mode(swung)[1])
+    weight = float(likely[names.index("hysteresis")])
+    law[DAMPING] = weight * abs(there - readings["hysteresis"].centre[DAMPING]) / math.sqrt(3.0)
+    lines.append((BY_LAW, "from the swing of the steps to the one that is stated", law))
     return replace(told, centre=centre, error=error, freedom=freedom, lines=tuple(lines))
 
 
@@ -405,18 +424,40 @@ def _slopes(numbers: Callable[[Array], Array], here: Array, size: int) -> Array:
     return slopes
 
 
-def _standard_error(solution: Solution, slopes: Array, louder: float) -> tuple[Array, Array]:
+def _standard_error(
+    problem: Problem, solution: Solution, slopes: Array, louder: float
+) -> tuple[Array, Array]:
     """Standard error of each number, and its degrees of freedom.
 
     What the noise of the samples gives, so many times `louder` near the mode than over all, and what the steps pull
     each their own way, as a root sum of squares: the second holds the first once more, which stands for what the few
-    steps of a run share.
+    steps of a run share. Steps of one speed share what the model lacks there: where they pull further together, that
+    counts.
     """
     covariance = louder * solution.covariance()
     white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
-    pulls = solution.influence() @ slopes.T
+    between, effective = _spread(solution.influence() @ slopes.T)
+    without = [slopes @ solution.left_out(group) for group in _by_speed(problem)]
+    if len(without) >= LEAST_SPEEDS:
+        # Left out as a whole: the speed that says most would hide behind its own weight.
+        apart, independent = _spread(np.array(without) - np.mean(without, axis=0))
+        apart = apart * (len(without) - 1) / len(without)
+        effective = np.where(apart > between, independent, effective)
+        between = np.maximum(between, apart)
+    return np.hypot(white, between), effective
+
+
+def _spread(pulls: Array) -> tuple[Array, Array]:
+    """Standard error of a sum of pulls (n, numbers) that are independent, and its degrees of freedom."""
     count = len(pulls)
     square = (pulls**2).sum(axis=0)
-    between = np.sqrt(square * count / (count - 1))
     effective = square**2 / np.maximum((pulls**4).sum(axis=0), 1e-300)
-    return np.hypot(white, between), np.clip(effective, 3.0, count - 1.0)
+    return np.sqrt(square * count / (count - 1)), np.clip(effective, 3.0, max(count - 1.0, 3.0))
+
+
+def _by_speed(problem: Problem) -> list[list[int]]:
+    """The steps of each speed, whatever their direction."""
+    groups: dict[float, list[int]] = {}
+    for index, step in enumerate(problem.steps):
+        groups.setdefault(round(abs(step.data.target), 3), []).append(index)
+    return list(groups.values())

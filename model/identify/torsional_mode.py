@@ -120,13 +120,16 @@ class TorsionModel:
 
         Between reversals at +-phi the Dahl element carries H tanh(phi s/H).
         """
-        soft, limit = self.hysteresis
-        torsion = acceleration / (self.stiffness + soft)
+        torsion = acceleration / (self.stiffness + self.hysteresis[0])
         for _ in range(40):
-            pull = limit * math.tanh(torsion * soft / limit) if limit > 0.0 else 0.0
-            carried = self.elastic(torsion) + pull
-            torsion *= acceleration / carried
+            torsion *= acceleration / self.carried(torsion)
         return acceleration / torsion
+
+    def carried(self, torsion: float) -> float:
+        """Torque over J_o [rad/s2] at the end of a swing to a torsion > 0, spring and Dahl element."""
+        soft, limit = self.hysteresis
+        pull = limit * math.tanh(torsion * soft / limit) if limit > 0.0 else 0.0
+        return self.elastic(torsion) + pull
 
     def elastic(self, torsion: float) -> float:
         """Torque of the hardening spring over J_o at a torsion >= 0 [rad/s2]."""

@@ -12,6 +12,7 @@ from experiments.protocols.velocity_steps.quantities import ESTIMATES
 from model.errors import IdentificationError
 from model.identify import dynamics
 from model.identify.step_estimates import (
+    BY_LAW,
     BY_RUNG,
     DAMPING,
     FREQUENCY,
@@ -117,12 +118,17 @@ def reading(damping: float = 0.02, frequency: float = 40.0, error: float = 0.01)
 
 
 def weighed(
-    costs: tuple[float, ...], dampings: tuple[float, ...], samples: int = 1000
+    costs: tuple[float, ...],
+    dampings: tuple[float, ...],
+    samples: int = 1000,
+    where_it_rings: float = 1.0,
 ) -> tuple[_RungAnswer, _RungAnswer]:
-    """The chosen rung (the first) with the worst neighbour as its line, and the same with all rungs by their cost."""
+    """The chosen rung (the first) with the worst neighbour as its line, and the same with all rungs by their cost; so
+    many times the damping of the last where the steps ring.
+    """
     readings = {name: reading(z) for name, z in zip(RUNGS, dampings, strict=False)}
     answers: Any = {
-        name: [SimpleNamespace(robust_cost=lambda cost=cost: cost, samples=samples)]
+        name: [SimpleNamespace(robust_cost=lambda cost=cost: cost, samples=samples, values={})]
         for name, cost in zip(readings, costs, strict=True)
     }
     first = readings[RUNGS[0]]
@@ -130,7 +136,9 @@ def weighed(
         (source, "of the chosen rung", np.ones(len(STATED))) for source in (BY_RUNG, NO_HYSTERESIS)
     )
     told = _RungAnswer(first.centre, first.error, first.freedom, lines, 1.0)
-    return told, _weighed_damping(told, cast(Problem, None), answers, readings)
+    mode = SimpleNamespace(mode=lambda swung: (40.0, where_it_rings * dampings[-1]))
+    problem: Any = SimpleNamespace(model=lambda values: mode)
+    return told, _weighed_damping(told, problem, answers, readings, 1.0)
 
 
 def test_the_damping_is_that_of_all_rungs_and_a_refused_one_says_nothing_of_it() -> None:
@@ -145,6 +153,22 @@ def test_the_damping_is_that_of_all_rungs_and_a_refused_one_says_nothing_of_it()
     _, refused = weighed((980.0, 900.0, 900.0), (0.08, 0.02, 0.02))
     assert refused.estimate(DAMPING).value == pytest.approx(0.02)
     assert refused.estimate(DAMPING).expanded_uncertainty < 0.0005
+
+
+def test_between_the_swing_of_the_steps_and_the_one_that_is_stated_there_is_only_the_law() -> None:
+    _, far = weighed((900.0, 900.0, 900.0), (0.02, 0.02, 0.02), where_it_rings=np.exp(0.3))
+    damping = far.estimate(DAMPING)
+    (line,) = [b for b in damping.budget if b.source == BY_LAW]
+    # A third of the evidence is that of the hysteresis.
+    assert line.standard_uncertainty / damping.value == pytest.approx(0.1 / np.sqrt(3.0))
+    assert BY_LAW not in {b.source for b in far.estimate(FREQUENCY).budget}
+
+
+def test_a_hysteresis_that_explains_less_than_the_spring_it_holds_was_searched_in_vain() -> None:
+    told, same = weighed((900.0, 880.0, 900.0), (0.02, 0.03, 0.04))
+    assert same is told
+    _, well = weighed((900.0, 895.0, 900.0), (0.02, 0.03, 0.04))
+    assert well is not told
 
 
 def test_frequency_and_stiffness_keep_the_worst_neighbour() -> None:
