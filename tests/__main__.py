@@ -29,6 +29,7 @@ NOT_COLLECTED = TESTS / "benchmarks"
 ALONE = (
     "rig/trial/test_drill.py",
     "rig/trial/test_drill_proofs.py",
+    "docs/test_howto_commands.py",
     "rig/trial/test_demo.py",
     "rig/window/test_fleet.py",
 )

@@ -287,7 +287,7 @@ def _fit_of_rung(
         _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
     swung = _swung(model, largest)
     estimates = estimates_of(
-        steps, problem, answers, chosen, _others(chosen, best), expected, swung
+        steps, problem, answers, chosen, _others(chosen, best), expected, swung=swung
     )
     return LadderFit(
         estimates=estimates,

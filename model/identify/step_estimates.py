@@ -82,6 +82,7 @@ def estimates_of(
     chosen: str,
     others: Sequence[tuple[str, str]],
     expected: Expected,
+    *,
     swung: float,
 ) -> dict[str, Estimate]:
     """The stated numbers with their budgets, and those of which a direction alone has something to say.
@@ -437,9 +438,10 @@ def _standard_error(
     covariance = louder * solution.covariance()
     white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
     between, effective = _spread(solution.influence() @ slopes.T)
-    without = [slopes @ solution.left_out(group) for group in _by_speed(problem)]
-    if len(without) >= LEAST_SPEEDS:
+    groups = _by_speed(problem)
+    if len(groups) >= LEAST_SPEEDS:
         # Left out as a whole: the speed that says most would hide behind its own weight.
+        without = [slopes @ solution.left_out(group) for group in groups]
         apart, independent = _spread(np.array(without) - np.mean(without, axis=0))
         apart = apart * (len(without) - 1) / len(without)
         effective = np.where(apart > between, independent, effective)

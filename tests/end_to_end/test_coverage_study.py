@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -166,13 +167,21 @@ def test_the_jitter_of_the_stamps_is_no_motion_that_tells_a_mode() -> None:
 
 
 def test_a_seed_draws_for_each_kind_by_itself() -> None:
-    first = [next(settings_of(9000, "kinematic-error", ())) for _ in range(2)]
+    first = [next(settings_of(9000, "kinematic-error", STUDY)) for _ in range(2)]
     assert first[0] == first[1]
-    assert next(settings_of(9001, "kinematic-error", ())) != first[0]
-    drawn = [next(settings_of(seed, "velocity-steps", ())) for seed in range(40)]
+    assert next(settings_of(9001, "kinematic-error", STUDY)) != first[0]
+    drawn = [next(settings_of(seed, "velocity-steps", STUDY)) for seed in range(40)]
     assert {s.rate for s in drawn} == {1000.0, 625.0}
     assert all(60.0 <= s.values["speeds_rpm"][0] <= 3000.0 for s in drawn)
-    assert next(settings_of(1, "friction", (1800.0,))).values["highest_rpm"] == 1800.0
+    at = replace(STUDY, speeds=(1800.0,))
+    assert next(settings_of(1, "friction", at)).values["highest_rpm"] == 1800.0
+
+
+def test_a_protocol_as_it_is_planned_has_one_setting_and_rows_of_its_own() -> None:
+    whole = replace(STUDY, is_whole=True)
+    (setting,) = settings_of(9000, "velocity-steps", whole)
+    assert setting.values == {}
+    assert whole.key != STUDY.key
 
 
 def test_rows_are_taken_up_again_by_the_same_study_alone(tmp_path: Path) -> None:

@@ -24,11 +24,13 @@ from model.identify.step_estimates import (
     Reading,
     _ringing_left,
     _RungAnswer,
+    _standard_error,
     _weighed_damping,
     ran_away,
 )
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
+from model.units import RPM
 
 
 def left_by(ringing: float, last: float = 2.0) -> tuple[Problem, Solution]:
@@ -169,6 +171,26 @@ def test_a_hysteresis_that_explains_less_than_the_spring_it_holds_was_searched_i
     assert same is told
     _, well = weighed((900.0, 895.0, 900.0), (0.02, 0.03, 0.04))
     assert well is not told
+
+
+@pytest.mark.parametrize(
+    ("speeds", "counts"), [((60.0, 120.0, 250.0), True), ((60.0, 120.0), False)]
+)
+def test_a_speed_that_says_most_does_not_hide_behind_its_own_weight(
+    speeds: tuple[float, ...], counts: bool
+) -> None:
+    """Its steps pull nothing where all agree with it; without them the others lead elsewhere."""
+    targets = [sign * rpm * RPM for rpm in speeds for sign in (1.0, -1.0)]
+    steps = [SimpleNamespace(data=SimpleNamespace(target=target)) for target in targets]
+    solution: Any = SimpleNamespace(
+        covariance=lambda: np.array([[1e-8]]),
+        influence=lambda: np.zeros((len(steps), 1)),
+        left_out=lambda group: np.array([0.3 if 0 in group else 0.0]),
+    )
+    problem: Any = SimpleNamespace(steps=steps)
+    error, _ = _standard_error(problem, solution, np.array([[1.0]]), 1.0)
+    # 0.3 of three speeds: sqrt(2/3 (0.2^2 + 2 0.1^2)).
+    assert error[0] == pytest.approx(0.2 if counts else 1e-4, rel=1e-3)
 
 
 def test_frequency_and_stiffness_keep_the_worst_neighbour() -> None:
