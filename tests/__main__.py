@@ -23,6 +23,8 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.extras.conftest import collect_ignore as WITHOUT_EXTRA
+
 TESTS = Path(__file__).parent
 NOT_COLLECTED = TESTS / "benchmarks"
 """Run by hand: they need packages of their own."""
@@ -73,6 +75,8 @@ class Outcome:
 def files_below(places: Iterable[Path]) -> list[Path]:
     """The files of tests that lie in these folders, or are named themselves."""
     found = {f for p in places for f in ([p] if p.is_file() else p.rglob("test_*.py"))}
+    # What a file is named by, pytest collects, whatever a conftest says.
+    found -= {TESTS / "extras" / name for name in WITHOUT_EXTRA}
     return sorted(f for f in found if NOT_COLLECTED not in f.parents)
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests import __main__ as rooms_of
 from tests.__main__ import (
     ALONE,
     FAILED,
@@ -51,6 +52,14 @@ def test_a_small_room_is_whole_and_shares_its_process() -> None:
 def test_what_is_run_by_hand_is_no_part_of_it() -> None:
     assert list((TESTS / "benchmarks").glob("test_*.py"))
     assert [f for f in files_below([TESTS]) if "benchmarks" in f.parts] == []
+
+
+def test_what_needs_an_extra_that_is_missing_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """pytest itself would collect a file that is named, and fail at its imports."""
+    monkeypatch.setattr(rooms_of, "WITHOUT_EXTRA", ["test_fleet.py"])
+    extras = [f.name for f in files_below([TESTS / "extras"])]
+    assert "test_fleet.py" not in extras
+    assert "test_fleet_parts.py" in extras
 
 
 def test_a_place_is_a_folder_or_a_file() -> None:
