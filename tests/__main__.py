@@ -89,7 +89,7 @@ def processes_of(files: Sequence[Path]) -> list[list[Path]]:
             rooms.setdefault(file.parent, []).append(file)
     parts: list[list[Path]] = [[]]
     for room in sorted(rooms.values(), key=len):
-        if len(parts[-1]) + len(room) <= MOST_FILES:
+        if len(room) <= _most(room) and len(parts[-1]) + len(room) <= MOST_FILES:
             parts[-1] += room
         else:
             parts += _parts(room)
@@ -98,9 +98,14 @@ def processes_of(files: Sequence[Path]) -> list[list[Path]]:
 
 def _parts(room: Sequence[Path]) -> Iterator[list[Path]]:
     """A room in as few parts as need be, every n-th file: neighbours are often alike."""
-    number = -(-len(room) // FEWER_FILES.get(name_of(room[:1]).rpartition("/")[0], MOST_FILES))
+    number = -(-len(room) // _most(room))
     for k in range(number):
         yield list(room[k::number])
+
+
+def _most(room: Sequence[Path]) -> int:
+    """How many files of a room one process takes."""
+    return FEWER_FILES.get(name_of(room[:1]).rpartition("/")[0], MOST_FILES)
 
 
 def run(files: Sequence[Path], more: Sequence[str]) -> Outcome:
