@@ -207,7 +207,7 @@ def _unused(root: Path, named: dict[str, list[str]]) -> list[str]:
         root / "pyproject.toml",
         root / "README.md",
     ]:
-        if not {".venv", "build", ".git"} & set(path.relative_to(root).parts):
+        if not {".venv", "build", ".git", "generated"} & set(path.relative_to(root).parts):
             words[str(path.relative_to(root))] = Counter(
                 re.findall(r"\w+", path.read_text(errors="replace"))
             )

@@ -14,7 +14,7 @@ from rig.commands.sealing import Unsealed
 from rig.commands.terminal import Json, console, echo, print_json
 
 
-class PaperSize(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
+class _PaperSize(str, Enum):  # noqa: UP042  StrEnum has another str() that shows in the help
     """What the two pages are printed on."""
 
     a4 = "a4"
@@ -43,7 +43,7 @@ _Config = Annotated[
     ),
 ]
 
-_Paper = Annotated[PaperSize, typer.Option("--paper", help="Size of the two pages.")]
+_Paper = Annotated[_PaperSize, typer.Option("--paper", help="Size of the two pages.")]
 
 
 def certificate(
@@ -55,7 +55,7 @@ def certificate(
     ),
     acceptance: AcceptanceFile = "",
     config: _Config = None,
-    paper: _Paper = PaperSize.a4,
+    paper: _Paper = _PaperSize.a4,
     require_verdict: RequireVerdict = False,
     unsealed: Unsealed = False,
     json: Json = False,

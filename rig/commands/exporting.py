@@ -23,7 +23,7 @@ class _TargetWord(str, Enum):  # noqa: UP042  StrEnum has another str() that sho
     urdf = "urdf"
 
 
-class SideWord(str, Enum):  # noqa: UP042
+class _SideWord(str, Enum):  # noqa: UP042
     """From which side of the gear."""
 
     motor = "motor"
@@ -47,7 +47,7 @@ _Source = Annotated[
 ]
 
 _Side = Annotated[
-    SideWord, typer.Option("--side", help="Friction and inertia at the motor or at the joint.")
+    _SideWord, typer.Option("--side", help="Friction and inertia at the motor or at the joint.")
 ]
 
 _Form = Annotated[
@@ -85,7 +85,7 @@ _Output = Annotated[
 def export_model(
     source: _Source,
     to: Annotated[_TargetWord, typer.Option("--to", help="The tool.")],
-    side: _Side = SideWord.joint,
+    side: _Side = _SideWord.joint,
     form: _Form = FormWord.lugre,
     samples: _Samples = 0,
     seed: Annotated[int, typer.Option("--seed", help="Of the draws.")] = 0,
