@@ -37,7 +37,7 @@ from model.identify.step_estimates import (
 from model.identify.step_fit import BAD_STEP, Solution, bounded, fit_all
 from model.identify.step_problem import BASIS, Problem, step_arrays
 from model.identify.step_rungs import FITTED, Expected, models_of
-from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, climb
+from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, climb, without_unexplained
 from model.identify.torsional_mode import TorsionModel
 from model.units import ARCSEC, REVOLUTION, RPM
 
@@ -138,7 +138,7 @@ def fit_ladder(
     """
     _refuse_rung(richest)
     problem, noise, period = _problem(steps, expected, error_given=error_given)
-    answers = climb(problem, expected, noise, richest, period)
+    answers = without_unexplained(problem, climb(problem, expected, noise, richest, period))
     solutions = {name: found[0] for name, found in answers.items()}
     rungs = _null_rungs(steps, solutions["linear"].values["skew"], paper)
     rungs += [_rung(name, solution) for name, solution in solutions.items()]
@@ -285,9 +285,9 @@ def _fit_of_rung(
     quantum = steps[0].output_quantum
     if float(np.max(largest)) < SEEN * quantum:
         _refuse_unseen(steps, problem, solution, float(np.max(largest)) / quantum)
-    swung = _swung(model, largest)
+    swings = np.array([model.carried(float(torsion)) for torsion in largest])
     estimates = estimates_of(
-        steps, problem, answers, chosen, _others(chosen, best), expected, swung=swung
+        steps, problem, answers, chosen, _others(chosen, best), expected, swings=swings
     )
     return LadderFit(
         estimates=estimates,
@@ -309,14 +309,6 @@ def _fit_of_rung(
         beside=beside and _described(steps, problem, beside, expected),
         answer=lambda step: _response(problem, solution, step).angle,
     )
-
-
-def _swung(model: TorsionModel, transient: Array) -> float:
-    """The torque over J_o [rad/s2] at which steps ring that begin with these torsions, each by the energy that it has:
-    of a ringing that dies as exp(-t) two thirds of its first swing.
-    """
-    carried = np.array([model.carried(float(torsion)) for torsion in transient])
-    return 2.0 / 3.0 * float(np.sum(carried**3) / np.sum(carried**2))
 
 
 @dataclass(frozen=True)
@@ -429,7 +421,7 @@ def _warnings(
         )
     rms = np.array([n.rms for n in solution.normals])
     for step, left, weight in zip(steps, rms, solution.weights, strict=True):
-        if left > BAD_STEP * float(np.median(rms)):
+        if left > BAD_STEP * float(np.median(rms)) or not weight:
             way = "forward" if step.target > 0 else "reverse"
             warnings.append(
                 f"{abs(step.target) / RPM:.0f} r/min {way}: leaves {left / ARCSEC:.2g} arcsec, the median step "

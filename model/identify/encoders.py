@@ -33,8 +33,9 @@ class Encoders:
     the scale included. The curve cannot be told from the gear's own output orders and input orders,
     so it enters the budget (type B): with a rectangular distribution as a whole (u = a/sqrt 3),
     and at single orders with equal shares of that variance, output encoder orders 1 to 8, motor
-    encoder orders 1, 2 and 4; the output encoder's orders 9 to 64 share a fifth of its class. Where its
-    certificate's curve was taken out, the certificate's standard uncertainty (0: it was not) stands in place of the
+    encoder orders 1, 2 and 4, but for the output encoder's order 1, which may have all of the class;
+    the output encoder's orders 9 to 64 share a fifth of its class. Where its certificate's curve
+    was taken out, the certificate's standard uncertainty (0: it was not) stands in place of the
     class of orders 1 to 8: any one order may carry all of it.
     Eccentricities are of the gear's seat, amplitudes at the output once per output and once per input
     revolution. A class that is assumed, because nobody stated one, has the words of its line in `..._unsaid`.
@@ -79,14 +80,23 @@ class Encoders:
         u = max(raised, 0.0) / math.sqrt(3.0)
         return BudgetLine("peak-to-peak raised by encoders", "B", u, note, assumed=kind)
 
-    def at_order(self, order: float, ratio: float) -> tuple[BudgetLine, ...]:
-        """What they may add to one order of the kinematic error, per component of the vector [rad at the output]."""
+    def at_order(
+        self, order: float, ratio: float, *, together: bool = False
+    ) -> tuple[BudgetLine, ...]:
+        """What they may add to one order of the kinematic error, per component of the vector [rad at the output].
+
+        `together`: of all orders at once, which have no more than the whole curve has; else any one order may have all
+        of a certificate's uncertainty, and the first, which an eccentric scale makes, all of the output's class.
+        """
+        part = 1.0 / math.sqrt(len(CERTIFIED_ORDERS)) if together else 1.0
         lines = [
-            *_certified("output encoder", self.output_certified, order * ratio),
-            *_certified("motor encoder", self.input_certified / ratio, order),
+            *_certified("output encoder", part * self.output_certified, order * ratio),
+            *_certified("motor encoder", part * self.input_certified / ratio, order),
         ]
-        if not self.output_certified:
-            own = order * ratio
+        own = order * ratio
+        if not self.output_certified and abs(own - 1.0) < 1e-6 and not together:
+            lines += _eccentric_scale(self.output_accuracy, self.output_unsaid)
+        elif not self.output_certified:
             lines += _share(
                 "output encoder",
                 self.output_accuracy,
@@ -135,26 +145,16 @@ class Encoders:
         orders = [k / ratio for k in OUTPUT_ENCODER_ORDERS] + [float(k) for k in motor]
         return {
             order: math.hypot(
-                *(line.standard_uncertainty for line in self._shared.at_order(order, ratio))
+                *(one.standard_uncertainty for one in self.at_order(order, ratio, together=True))
             )
             for order in orders
         }
-
-    @property
-    def _shared(self) -> Encoders:
-        """All orders at once: together they have no more than what a certificate says of the curve."""
-        share = 1.0 / math.sqrt(len(CERTIFIED_ORDERS))
-        return replace(
-            self,
-            output_certified=share * self.output_certified,
-            input_certified=share * self.input_certified,
-        )
 
     def output_wave(self, order: float, ratio: float) -> float:
         """Standard uncertainty of a cosine or sine of one order by the output encoder, where all orders are taken
         together [rad].
         """
-        lines = self._shared.at_order(order, ratio)
+        lines = self.at_order(order, ratio, together=True)
         return math.hypot(
             *(one.standard_uncertainty for one in lines if one.cause is Cause.OUTPUT_ENCODER)
         )
@@ -235,6 +235,17 @@ def _certified(what: str, standard_uncertainty: float, order: float) -> list[Bud
         return []
     note = "its certificate, whose curve is taken out; all of its uncertainty may be at one order"
     return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, _CAUSES[what])]
+
+
+def _eccentric_scale(half_width: float, unsaid: str) -> list[BudgetLine]:
+    """What the output encoder may have once per turn: an amplitude of 0 to its class, any phase; none for class 0."""
+    if not half_width > 0.0:
+        return []
+    what = "output encoder"
+    note = "its class: an eccentric scale may have all of it here; cannot be told from the gear"
+    u = half_width / math.sqrt(6.0)
+    line = BudgetLine(f"{what} at this order", "B", u, note, _CAUSES[what])
+    return [replace(line, note=unsaid, assumed=what) if unsaid else line]
 
 
 def _share(

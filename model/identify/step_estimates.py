@@ -83,13 +83,13 @@ def estimates_of(
     others: Sequence[tuple[str, str]],
     expected: Expected,
     *,
-    swung: float,
+    swings: Array,
 ) -> dict[str, Estimate]:
     """The stated numbers with their budgets, and those of which a direction alone has something to say.
 
-    `swung`: the torque over J_o [rad/s2] at which the steps ring. `answers` of every rung, the best first; `others`:
-    rungs by what they are to the chosen one. What these lead to is a line of the budget, but for the damping ratio,
-    which is that of all rungs by their evidence.
+    `swings`: the torque over J_o [rad/s2] with which each step begins to ring (steps,). `answers` of every rung, the
+    best first; `others`: rungs by what they are to the chosen one. What these lead to is a line of the budget, but for
+    the damping ratio, which is that of all rungs by their evidence.
     """
     amplitude = expected.amplitude / expected.inertia
     solution = answers[chosen][0]
@@ -97,6 +97,8 @@ def estimates_of(
     reading = readings[chosen]
     if not np.all(np.isfinite(reading.centre)):
         raise IdentificationError("the steps lead to no mode that rings", where="velocity steps")
+    richest = list(answers)[-1]
+    swung = damped_at(answers[richest][0], readings[richest], swings)
     told = _weighed_damping(
         _rung_answer(problem, solution, readings, chosen, others), problem, answers, readings, swung
     )
@@ -107,10 +109,11 @@ def estimates_of(
         if not 0 < len(opposite) < len(steps):
             continue
         alone = reading.numbers(solution.vector + solution.left_out(opposite.tolist()))
-        if not np.all(np.isfinite(alone)):
-            # The other direction carries it all.
+        moved = alone - reading.centre
+        if not np.all(np.isfinite(alone)) or abs(moved[FREQUENCY]) > WIDEST:
+            # The other direction carries it all: to first order this one leads anywhere.
             continue
-        estimates |= _one_way(told, alone - reading.centre, way)
+        estimates |= _one_way(told, moved, way)
     return estimates
 
 
@@ -223,8 +226,9 @@ def _weighed_damping(
     of them or explains less than the spring that it holds, so that its search ran astray, or where the best of them
     leaves more than the noise of counting: then they may all be wrong.
 
-    A hysteresis damps by its swing. The steps ring by a larger one than that at which it is stated, and between the two
-    there is nothing but the law of the element: the damping may have all of that, or none.
+    A hysteresis damps by its swing. Where even the calmest steps that tell it ring by more than the swing at which it
+    is stated (`swung`), there is nothing but the law of the element between the two: the damping may have all of that,
+    or none.
     """
     names = [name for name in readings if np.all(np.isfinite(readings[name].centre))]
     best = min(names, key=lambda name: answers[name][0].robust_cost())
@@ -254,8 +258,34 @@ def _weighed_damping(
     there = math.log(problem.model(richest.values).mode(swung)[1])
     weight = float(likely[names.index("hysteresis")])
     law[DAMPING] = weight * abs(there - readings["hysteresis"].centre[DAMPING]) / math.sqrt(3.0)
-    lines.append((BY_LAW, "from the swing of the steps to the one that is stated", law))
+    lines.append(
+        (BY_LAW, "from the swing of the calmest steps that tell it to the one that is stated", law)
+    )
     return replace(told, centre=centre, error=error, freedom=freedom, lines=tuple(lines))
+
+
+def ringing(swings: Array) -> float:
+    """The swing at which steps ring that begin with these (steps,), each by the energy that it has: of a ringing that
+    dies as exp(-t) two thirds of its first.
+    """
+    return 2.0 / 3.0 * float(np.sum(swings**3) / np.sum(swings**2))
+
+
+def damped_at(solution: Solution, reading: Reading, swings: Array) -> float:
+    """The swing [rad/s2] of the calmest steps that by themselves tell the damping as well as it is asked for; of all
+    steps where no fewer do.
+
+    The other steps only have to agree with them: what the law says between their swings and these was looked at.
+    """
+    slopes = _slopes(reading.numbers, solution.vector, len(solution.shape.names))[DAMPING]
+    damping = math.exp(float(reading.centre[DAMPING]))
+    calmest = np.argsort(swings)
+    for count in range(1, len(calmest)):
+        covariance = solution.covariance(without=calmest[count:].tolist())
+        error = math.sqrt(reading.louder * float(slopes @ covariance @ slopes))
+        if NORMAL_COVERAGE_FACTOR * error * damping <= WANTED["damping_ratio"]:
+            return ringing(swings[calmest[:count]])
+    return ringing(swings)
 
 
 def _reading(

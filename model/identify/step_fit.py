@@ -25,8 +25,8 @@ TRIALS, LEAST_DAMPED, STIFFER = 6, 1e-3, 8.0
 """Steps that are tried in a round, least damping of one (Marquardt's, as a share of the diagonal), and its factor."""
 BAD_STEP = 1.5
 """How many times the median residual of the steps makes one count less."""
-CONVERGED = 3e-5
-"""Relative gain of the sum of squares below which a fit has converged."""
+CONVERGED, ROUGHLY = 3e-6, 3e-5
+"""Relative gain of the sum of squares below which a fit has converged, and below which one of several starts has."""
 _RUNAWAY = 200.0
 """Logarithm of a number of the spring, in SI, beyond which it is none."""
 _LARGEST: Mapping[str, float] = {"stiffness": 0.1, "damping": 1.0, "skew": 5e-4, "second": 0.2}
@@ -82,19 +82,25 @@ class Solution:
         pulls = [w * n.gradient for w, n in zip(self.weights, self.normals, strict=True)]
         return np.array(pulls) @ inverse
 
-    def covariance(self) -> Array:
-        """Covariance (p, p) of the numbers for the noise that the fit leaves, independent from sample to sample."""
+    def covariance(self, without: Sequence[int] = ()) -> Array:
+        """Covariance (p, p) of the numbers for the noise that the fit leaves, independent from sample to sample; of all
+        steps or without some.
+        """
         count = sum(w * n.count for w, n in zip(self.weights, self.normals, strict=True))
-        return self.inverse() * self.square / count
+        return self.inverse(without) * self.square / count
 
     @property
     def samples(self) -> int:
-        return sum(n.count for n in self.normals)
+        """Of the steps that were not set aside."""
+        return sum(n.count for w, n in zip(self.weights, self.normals, strict=True) if w)
 
     def robust_cost(self) -> float:
-        """Squares over the noise's, a bad step as its weight has it, and the prior's pull."""
-        squares = np.array([n.square / n.count for n in self.normals])
-        counts = np.array([n.count for n in self.normals])
+        """Squares over the noise's, a bad step as its weight has it and one set aside not at all, and the prior's
+        pull.
+        """
+        counting = [n for w, n in zip(self.weights, self.normals, strict=True) if w]
+        squares = np.array([n.square / n.count for n in counting])
+        counts = np.array([n.count for n in counting])
         return float(counts @ bounded(squares)) / self.noise**2 + self.pull
 
     @property
@@ -151,6 +157,7 @@ def fit_all(
     noise: float,
     weights: Array | None = None,
     rounds: int = ROUNDS,
+    converged: float = CONVERGED,
 ) -> Solution:
     """Levenberg-Marquardt from a start; numbers with a prior are drawn to it."""
     size = len(shape.names)
@@ -172,7 +179,7 @@ def fit_all(
         near = normals if wandered < _NEARBY else ()
         normals = problem.normals(shape, here.values, here.vector[size:], near=near)
         wandered *= bool(near)
-        if gained < CONVERGED * here.cost:
+        if gained < converged * here.cost:
             break
     else:
         is_converged = False

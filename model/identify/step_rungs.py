@@ -52,8 +52,10 @@ def models_of(expected: Expected) -> Callable[[Mapping[str, float]], TorsionMode
         later = math.exp(values.get("kink", 0.0))
         stiffer = math.exp(values.get("second", 0.0))
         frequency, damping = math.exp(0.5 * values["stiffness"]), math.exp(values["damping"])
+        # A gear that is softer than its card by its share of the compliance has a softer bearing: C_b/K_b goes as 1/K.
+        relaxation = expected.relaxation * expected.stiffness / frequency**2
         # The bearing damps by no more than its card says; the rest is lost beside the springs and stiffens nothing.
-        bearing = 0.5 * expected.share * max(expected.relaxation, LEAST_RELAXATION) * frequency
+        bearing = 0.5 * expected.share * max(relaxation, LEAST_RELAXATION) * frequency
         soft = (0.0, 0.0)
         if "soft" in values:
             soft = (math.exp(values["soft"]), math.exp(values["limit"]))

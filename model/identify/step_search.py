@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from model.identify.checks import Array
-from model.identify.step_fit import BAD_STEP, Solution, fit_all, reweighted
+from model.identify.step_fit import BAD_STEP, ROUGHLY, Solution, fit_all, reweighted
 from model.identify.step_problem import Problem, Shape, StepArrays
 from model.identify.step_rungs import BEARING_TORQUE, FITTED, Expected, shapes_of
 from model.units import REVOLUTION
@@ -26,13 +26,20 @@ EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
 _AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
+ASIDE, MOST_ASIDE = 1.15, 0.5
+"""Times the median mean square beyond which the richest rung does not explain a step, and share of the steps of which
+that may be so: with more of them it is the rung that is wrong."""
 LEAST_SEARCHES, SEARCHED = 2, 30_000
 """Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
-SLIDING = ((0.05, 0.0), (0.2, -1.0))
+SLIDING = ((0.05, 0.0), (0.2, -0.3))
 """Where a hysteresis element begins: its stiffness over K/J_o, by which the spring is softer, and what is taken off
-the logarithm of the damping."""
+the logarithm of the damping. Either leads to the better answer on some gears: both are always tried."""
+LIMITS = (-0.7, 0.0)
+"""Logarithms of its limit there over that of the card's loss. One that slides late is hardly told from a damper, and
+the search stays in that valley; one that slides early mostly leads out of it."""
 OTHERS, LOOKS = 30.0, 3
-"""Cost beyond the least within which another frequency of the first look is searched from, too."""
+"""Cost beyond the least within which another frequency of the first look is searched from, and an answer is fitted to
+the end, too; and how many frequencies at most."""
 BENT = 0.02
 """Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
 PASSES, ROUNDS_PER_PASS = 4, 8
@@ -63,9 +70,46 @@ def climb(
             least = few
         else:
             starts = _slides(answers["hardening"][0], added, expected)
-            least = min(len(starts), few)
+            least = min(len(starts), max(few, len(SLIDING)))
         answers[rung] = _answers(problem, shapes[rung], starts, noise, least)
+    if richest == "hysteresis":
+        one = _without_element(problem, shapes["hardening"], answers[richest][0], noise)
+        answers["hardening"] = sorted([*answers["hardening"], one], key=lambda s: s.robust_cost())
     return answers
+
+
+def without_unexplained(
+    problem: Problem, answers: Mapping[str, Sequence[Solution]]
+) -> Mapping[str, Sequence[Solution]]:
+    """All rungs again without the steps that the richest one does not explain, where that is the hysteresis.
+
+    Where an order passes near the mode of a hardening spring a step has two states, and by a hair it is in one or the
+    other: it says nothing of the mode, and would tie it down by that hair.
+    """
+    if "hysteresis" not in answers:
+        return answers
+    squares = np.array([n.square / n.count for n in answers["hysteresis"][0].normals])
+    aside = squares > ASIDE * float(np.median(squares))
+    if not 0.0 < float(np.mean(aside)) <= MOST_ASIDE:
+        return answers
+    again: dict[str, Sequence[Solution]] = {}
+    for rung, found in answers.items():
+        best = found[0]
+        weights = np.where(aside, 0.0, best.weights)
+        again[rung] = [
+            fit_all(problem, best.shape, best.values, best.error, noise=best.noise, weights=weights)
+        ]
+    return again
+
+
+def _without_element(problem: Problem, shape: Shape, above: Solution, noise: float) -> Solution:
+    """The hardening rung begun where the one above it ended: what the element was worth is held against the best spring
+    without it, not against one that was searched from below in vain.
+    """
+    share = math.exp(above.values["soft"] - above.values["stiffness"])
+    values = {name: above.values[name] for name in shape.names}
+    values["stiffness"] += math.log1p(share)
+    return _settled(problem, shape, values, above.error, noise)
 
 
 def _slides(
@@ -73,8 +117,8 @@ def _slides(
 ) -> list[tuple[dict[str, float], Array]]:
     """Starts of the hysteresis rung beside a hardening spring: an element that takes over some or most of its loss.
 
-    A hardening spring alone bends by too little, or not at all, where a hysteresis softens it: it is begun again as
-    bent as the card says.
+    A hardening spring alone bends by too little, or not at all, where a hysteresis softens it: it is begun as bent as
+    the card says, and then as the rung below left it.
     """
     as_below: Mapping[str, float] = {}
     return [
@@ -84,12 +128,14 @@ def _slides(
                 **bent,
                 **added["hysteresis"],
                 "soft": math.log(share * expected.stiffness),
+                "limit": added["hysteresis"]["limit"] + limit,
                 "stiffness": below.values["stiffness"] - share,
                 "damping": below.values["damping"] + less,
             },
             below.error,
         )
-        for bent in (as_below, added["hardening"])
+        for bent in (added["hardening"], as_below)
+        for limit in LIMITS
         for share, less in SLIDING
     ]
 
@@ -116,9 +162,11 @@ def _answers(
     """
     found: list[Solution] = []
     samples = sum(len(step.stamps) for step in problem.steps)
-    # The linear rung of a gear that hardens is never explained: the next rung searches on.
+    # The linear rung of a gear that hardens is never explained: the next rung searches on, and the richest to the end.
     fewest = LEAST_SEARCHES if "second" in shape.names else 1
     most = max(fewest, least_starts, SEARCHED // samples)
+    if "soft" in shape.names:
+        most = len(starts)
     for tried, (values, error) in enumerate(starts[:most], start=1):
         one = _settled(problem, shape, values, error, noise)
         found.append(one)
@@ -142,7 +190,13 @@ def _answers(
             break
         if len(found) > 1 and found[1].robust_cost() < SAME * least:
             break
-    return found
+    near = found[0].robust_cost() + OTHERS
+    ended = [
+        fit_all(problem, shape, one.values, one.error, noise=noise, weights=one.weights)
+        for one in found
+        if one.robust_cost() <= near
+    ]
+    return sorted([*ended, *found[len(ended) :]], key=lambda s: s.robust_cost())
 
 
 def _settled(
@@ -161,14 +215,23 @@ def _settled(
     left = PASSES
     while True:
         solution = fit_all(
-            problem, shape, values, error, noise=noise, weights=weights, rounds=ROUNDS_PER_PASS
+            problem,
+            shape,
+            values,
+            error,
+            noise=noise,
+            weights=weights,
+            rounds=ROUNDS_PER_PASS,
+            converged=ROUGHLY,
         )
         values, error, left = solution.values, solution.error, left - 1
         wanted = reweighted(solution)
         if not left or float(np.max(np.abs(wanted - weights))) < 0.05:
             if solution.is_converged:
                 return solution
-            return fit_all(problem, shape, values, error, noise=noise, weights=weights)
+            return fit_all(
+                problem, shape, values, error, noise=noise, weights=weights, converged=ROUGHLY
+            )
         weights = wanted
 
 

@@ -92,7 +92,7 @@ EXPERIMENT = Experiment(
     compare=Deferred("experiments.protocols.kinematic_error.analysis:compare"),
     identified=Deferred("experiments.protocols.kinematic_error.analysis:identified"),
     quantities=QUANTITIES,
-    version=7,
+    version=8,
     live=("speed", "wave", "torque", "output"),
     terms=(
         KINEMATIC_ERROR,

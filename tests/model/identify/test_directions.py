@@ -51,8 +51,9 @@ def test_what_the_encoders_add_is_not_lessened_by_the_mean_of_both_directions() 
         name: [line.standard_uncertainty for line in e.budget if line.kind == "B"]
         for name, e in both.estimates.items()
     }
-    # A class of +-2 arcsec: a rectangle of that half width has the variance of eight orders in equal shares.
-    of_output, of_motor = 2.0 * ARCSEC / math.sqrt(24.0), 20.0 * ARCSEC / RATIO / math.sqrt(9.0)
+    # A class of +-2 arcsec: an eccentric scale may have all of it once per turn, 0 to 2 arcsec at any phase. Of the
+    # motor's a rectangle of that half width has the variance of three orders in equal shares.
+    of_output, of_motor = 2.0 * ARCSEC / math.sqrt(6.0), 20.0 * ARCSEC / RATIO / math.sqrt(9.0)
     assert systematic["amplitude_1/N"] == [pytest.approx(of_output)]
     assert systematic["amplitude_2"] == systematic["amplitude_4"] == [pytest.approx(of_motor)]
     turned = of_motor / both.estimates["amplitude_2"].value

@@ -334,7 +334,7 @@ def test_a_direction_alone_is_in_doubt_by_as_much_as_it_leads_away(run, ladder: 
 
     late = [
         dataclasses.replace(
-            data, output_angle=np.interp(data.time, data.time + 3e-3, data.output_angle)
+            data, output_angle=np.interp(data.time, data.time + 8e-3, data.output_angle)
         )
         if data.target < 0.0
         else data

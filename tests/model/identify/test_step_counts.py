@@ -87,7 +87,7 @@ def test_least_squares_take_the_counts_of_the_input_for_damping_and_that_is_take
     )
 
 
-@pytest.mark.parametrize("away", [1e4, -1e4, math.inf])
+@pytest.mark.parametrize("away", [1e4, -1e4, 4.0, math.inf])
 def test_a_direction_that_leads_out_of_all_springs_is_left_out(
     monkeypatch: pytest.MonkeyPatch, away: float
 ) -> None:

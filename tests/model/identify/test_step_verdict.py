@@ -26,7 +26,9 @@ from model.identify.step_estimates import (
     _RungAnswer,
     _standard_error,
     _weighed_damping,
+    damped_at,
     ran_away,
+    ringing,
 )
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
@@ -164,6 +166,32 @@ def test_between_the_swing_of_the_steps_and_the_one_that_is_stated_there_is_only
     # A third of the evidence is that of the hysteresis.
     assert line.standard_uncertainty / damping.value == pytest.approx(0.1 / np.sqrt(3.0))
     assert BY_LAW not in {b.source for b in far.estimate(FREQUENCY).budget}
+
+
+@pytest.mark.parametrize(
+    ("errors", "calmest"), [((0.1, 0.5, 0.5, 0.5), 1), ((2.0, 2.0, 0.1, 0.1), 3), ((2.0,) * 4, 4)]
+)
+def test_the_law_is_asked_for_from_the_calmest_steps_on_that_tell_the_damping(
+    errors: tuple[float, ...], calmest: int
+) -> None:
+    """They swing by 1, 2, 4 and 8; of a damping of 0.02 within 0.01 a relative error of a quarter is enough."""
+    swings = np.array([8.0, 1.0, 4.0, 2.0])
+
+    def covariance(without: tuple[int, ...] = ()) -> np.ndarray:
+        told = sum(
+            error**-2.0
+            for error, place in zip(errors, (1, 3, 2, 0), strict=True)
+            if place not in without
+        )
+        return np.eye(len(STATED)) / told
+
+    size = len(STATED)
+    solution: Any = SimpleNamespace(
+        covariance=covariance, vector=np.zeros(size), shape=SimpleNamespace(names=("",) * size)
+    )
+    assert damped_at(solution, reading(damping=0.02), swings) == pytest.approx(
+        ringing(np.sort(swings)[:calmest])
+    )
 
 
 def test_a_hysteresis_that_explains_less_than_the_spring_it_holds_was_searched_in_vain() -> None:
