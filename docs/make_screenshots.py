@@ -479,7 +479,8 @@ def _play(stage: Stage, kind: str, *arguments: str, end: bool = True) -> None:
     run._start_process = lambda _: RunProcess(
         [kind, *arguments], program=(sys.executable, str(script))
     )
-    run.start_command([], "Friction, gear SN-0815, A. Example")
+    run._title = "Friction, gear SN-0815, A. Example"
+    run._begin(run._start_process([]), None, None)
     stage.window.show_page("run")
     if end:
         stage.finish()

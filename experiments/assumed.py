@@ -35,7 +35,7 @@ class Assumed:
     bounds: str
     standard_uncertainty: float
     unit: str
-    distribution: Literal["rectangular", "normal"]
+    distribution: Literal["rectangular", "normal"] = "rectangular"
     source: str
     reason: str
     replaced_by: str
@@ -61,13 +61,17 @@ class Assumed:
         return replace(line, note=self.note, assumed=self.kind, distribution=shape)
 
 
+def _within(half_width: float) -> float:
+    """Standard uncertainty of what lies anywhere within half a width."""
+    return half_width / math.sqrt(3.0)
+
+
 OUTPUT_ENCODER = Assumed(
     kind="output encoder",
     what="half-width of its whole curve of errors over one revolution",
     bounds="its whole curve within 60 arcsec",
-    standard_uncertainty=60.0 * ARCSEC / math.sqrt(3.0),
+    standard_uncertainty=_within(60.0 * ARCSEC),
     unit="rad",
-    distribution="rectangular",
     source="data sheets of ring encoders and of encoders with a bearing of their own: 2 to 60 arcsec",
     reason="10 um of eccentricity on a scale of 110 mm are 37 arcsec alone; coarser ones are seldom put on an output",
     replaced_by="rig import --accuracy output_angle=5arcsec; [counter.calibration] accuracy in rig.toml",
@@ -76,9 +80,8 @@ MOTOR_ENCODER = Assumed(
     kind="motor encoder",
     what="half-width of its whole curve of errors over one revolution",
     bounds="its whole curve within 10 arcmin",
-    standard_uncertainty=10.0 * ARCMIN / math.sqrt(3.0),
+    standard_uncertainty=_within(10.0 * ARCMIN),
     unit="rad",
-    distribution="rectangular",
     source="data sheets of resolvers: 10 arcmin; of servo motors' encoders: 0.3 to 2 arcmin",
     reason="the coarsest that servo motors commonly have; the ratio divides it",
     replaced_by="rig import --accuracy input_angle=1arcmin; [motor_encoder.calibration] accuracy in rig.toml",
@@ -89,7 +92,6 @@ TORQUE_SCALE = Assumed(
     bounds="within 5 %",
     standard_uncertainty=0.03,
     unit="1",
-    distribution="rectangular",
     source="motors' data sheets: tolerance of the torque constant 5 %, less when warm",
     reason="a torque that nobody calibrated is a current times that constant",
     replaced_by="scale_uncertainty in the map of an import; scale_relative_uncertainty in rig.toml",
@@ -100,7 +102,6 @@ CURRENT = Assumed(
     bounds="within 5 %",
     standard_uncertainty=0.03,
     unit="1",
-    distribution="rectangular",
     source="data sheets of servo amplifiers: 1 to 5 % of the current that they report",
     reason="without a shunt of its own nobody looked at it",
     replaced_by="scale_uncertainty in the map of an import",
@@ -109,9 +110,8 @@ TORQUE_ZERO = Assumed(
     kind="torque zero",
     what="offset of a torque, a force or a current, as a share of its largest value",
     bounds="within 2 % of the largest value",
-    standard_uncertainty=0.02 / math.sqrt(3.0),
+    standard_uncertainty=_within(0.02),
     unit="1",
-    distribution="rectangular",
     source="analogue ports of servo amplifiers: 20 mV of some volts",
     reason="a zero that was never read with the servo off has drifted since it was set",
     replaced_by="segments with the servo off; offset_uncertainty in the map of an import or in rig.toml",
@@ -120,9 +120,8 @@ THERMOMETER = Assumed(
     kind="thermometer",
     what="error of a thermometer",
     bounds="within 1.5 K",
-    standard_uncertainty=1.5 / math.sqrt(3.0),
+    standard_uncertainty=_within(1.5),
     unit="K",
-    distribution="rectangular",
     source="IEC 60584: thermocouples of class 1; resistors of class B are within 0.5 K",
     reason="a recording does not show of what kind it was, nor how it touched the housing",
     replaced_by="offset_uncertainty of housing_temperature in the map of an import or in rig.toml",
@@ -142,9 +141,8 @@ TIME_BASE = Assumed(
     kind="time base",
     what="relative error of a rate that the computer or the user says",
     bounds="rate within 0.5 %",
-    standard_uncertainty=0.005 / math.sqrt(3.0),
+    standard_uncertainty=_within(0.005),
     unit="1",
-    distribution="rectangular",
     source="loops of computers without a real-time clock: 0.1 to 1 % beside the rate that was set",
     reason="rows were counted, not timed; a quartz would be within 1e-4",
     replaced_by="import the column of time stamps: --channel time=COLUMN:s",
@@ -153,9 +151,8 @@ ROTOR = Assumed(
     kind="rotor inertia",
     what="relative error of a rotor's inertia by its data sheet",
     bounds="its data sheet, within 10 %",
-    standard_uncertainty=0.10 / math.sqrt(3.0),
+    standard_uncertainty=_within(0.10),
     unit="1",
-    distribution="rectangular",
     source="motors' data sheets: 10 %",
     reason="couplings and brakes are seldom counted",
     replaced_by="runs of torque-scale with a disc and without, which fit it: rig bench learn",
@@ -177,9 +174,8 @@ OUTPUT_INERTIA = Assumed(
     kind="output inertia",
     what="square of the first torsional mode, inverse: from none to that of the lowest mode",
     bounds="first mode at 8 Hz or above",
-    standard_uncertainty=0.5 / LOWEST_MODE**2 / math.sqrt(3.0),
+    standard_uncertainty=_within(0.5 / LOWEST_MODE**2),
     unit="s2/rad2",
-    distribution="rectangular",
     source="arms of robots: 8 to 30 Hz; benches with a disc: 30 to 200 Hz",
     reason="another gear's load says nothing; what turns too fast for it is not judged",
     replaced_by="rig gear set SERIAL --load-inertia-kg-m2 VALUE; rig import --resonance-hz HZ",
@@ -191,7 +187,6 @@ BEARING = Assumed(
     # Root mean square of 0.1 to 1 N m: what is not subtracted stands in the budget in full.
     standard_uncertainty=math.sqrt((1.0 - 0.1**3) / (3.0 * 0.9)),
     unit="N m",
-    distribution="rectangular",
     source="bearing makers' formulas for sealed bearings of 60 to 120 mm",
     reason="no run with a gear can tell it from the gear's dry friction",
     replaced_by="[output_bearing] in rig.toml; --set output_bearing=VALUE,U of rig fit",
@@ -200,9 +195,8 @@ ONE_WAY = Assumed(
     kind="offset of a motion in one direction",
     what="what moves the axis both ways alike (gravity, a zero), as a share of the Coulomb friction beside it",
     bounds="within a fifth of the Coulomb friction",
-    standard_uncertainty=0.2 / math.sqrt(3.0),
+    standard_uncertainty=_within(0.2),
     unit="1",
-    distribution="rectangular",
     source="recordings that reverse: EMPS 16 %, TIAGo arm, joint 1: 6 %",
     reason="in one direction it cannot be told from the friction",
     replaced_by="record a motion that reverses",

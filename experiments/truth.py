@@ -64,11 +64,6 @@ class TruthRow:
         """Whether value +- U, type B included, holds the measurand."""
         return abs(self.error) <= self.estimate.expanded_uncertainty
 
-    @property
-    def is_split(self) -> bool:
-        """Whether this bench sees something else than the measurand."""
-        return not math.isclose(self.difference, self.error, rel_tol=1e-9, abs_tol=1e-30)
-
     def _from(self, truth: float) -> float:
         away = self.estimate.value - truth
         name = self.estimate.name

@@ -265,14 +265,6 @@ class ClosedLoop:
         )
         return rows
 
-    @property
-    def stiffness_over_inertia(self) -> float:
-        """(2 pi f_1)^2 of theta_i -> theta_o for small windings: K_HDf (1 + Dahl's share)/J_o [1/s2]."""
-        share = (
-            self.deviations.hysteresis_stiffness if self.deviations.hysteresis_torque > 0.0 else 0.0
-        )
-        return self.parameters.combined_stiffness * (1.0 + share) / self.parameters.output_inertia
-
     def _make_physics(self) -> FloatArray:
         """The scalar constants of the kernel."""
         p = np.zeros(at.PHYSICS_SIZE)

@@ -139,11 +139,6 @@ def learnt_curve(mounted: Sequence[Mounted], seat: float = 0.0) -> LearntCurve |
     return LearntCurve(orders=orders, gears=gears, mountings=len(used))
 
 
-def singular_orders(angles: Sequence[float]) -> tuple[int, ...]:
-    """The orders that these angles [rad] do not part."""
-    return tuple(k for k in CERTIFIED_ORDERS if _resultant(k, angles) > SINGULAR)
-
-
 def is_parted(order: int, mounted: Sequence[Mounted]) -> bool:
     """Whether stated angles part an order of the encoder from what the gears share."""
     angles = [one.angle for one in mounted if one.angle is not None]

@@ -13,6 +13,8 @@ SLOWEST_SIDEBAND = 0.5
 OUTPUT_ENCODER_ORDERS, MOTOR_ENCODER_ORDERS = (1, 2, 3, 4, 5, 6, 7, 8), (1, 2, 4)
 """Orders of an encoder's own revolution over which the variance of its curve is spread in equal shares: a scale's
 eccentricity and waviness; a motor encoder's eccentricity, ovality and four-fold error."""
+_ECCENTRIC = (1,)
+"""The order that an eccentric scale makes: its amplitude may be anything from nothing to the class."""
 MOTOR_REST, MOTOR_REST_SHARE = (3, 5, 6, 7, 8), 0.2
 """Other orders of a motor encoder, and the share of its class that they have together: a class bounds the whole curve,
 and no encoder has three orders only."""
@@ -94,16 +96,10 @@ class Encoders:
             *_certified("motor encoder", part * self.input_certified / ratio, order),
         ]
         own = order * ratio
-        if not self.output_certified and abs(own - 1.0) < 1e-6 and not together:
-            lines += _eccentric_scale(self.output_accuracy, self.output_unsaid)
-        elif not self.output_certified:
-            lines += _share(
-                "output encoder",
-                self.output_accuracy,
-                own,
-                OUTPUT_ENCODER_ORDERS,
-                self.output_unsaid,
-            )
+        slow = OUTPUT_ENCODER_ORDERS if together or abs(own - 1.0) > 1e-6 else _ECCENTRIC
+        if not self.output_certified:
+            unsaid = self.output_unsaid
+            lines += _share("output encoder", self.output_accuracy, own, slow, unsaid)
         if not self.input_certified:
             lines += _share(
                 "motor encoder",
@@ -116,9 +112,7 @@ class Encoders:
             rest = MOTOR_REST_SHARE * self.input_accuracy / ratio
             lines += _share("motor encoder", rest, order, MOTOR_REST, "")
         finely = FINE_SHARE * self.output_accuracy
-        lines += _share(
-            "output encoder", finely, order * ratio, tuple(FINE_ORDERS), self.output_unsaid
-        )
+        lines += _share("output encoder", finely, own, tuple(FINE_ORDERS), self.output_unsaid)
         for once, eccentricity in (
             (1.0 / ratio, self.output_eccentricity),
             (1.0, self.input_eccentricity),
@@ -237,17 +231,6 @@ def _certified(what: str, standard_uncertainty: float, order: float) -> list[Bud
     return [BudgetLine(f"{what} at this order", "B", standard_uncertainty, note, _CAUSES[what])]
 
 
-def _eccentric_scale(half_width: float, unsaid: str) -> list[BudgetLine]:
-    """What the output encoder may have once per turn: an amplitude of 0 to its class, any phase; none for class 0."""
-    if not half_width > 0.0:
-        return []
-    what = "output encoder"
-    note = "its class: an eccentric scale may have all of it here; cannot be told from the gear"
-    u = half_width / math.sqrt(6.0)
-    line = BudgetLine(f"{what} at this order", "B", u, note, _CAUSES[what])
-    return [replace(line, note=unsaid, assumed=what) if unsaid else line]
-
-
 def _share(
     what: str, half_width: float, order: float, orders: tuple[int, ...], unsaid: str
 ) -> list[BudgetLine]:
@@ -262,7 +245,9 @@ def _share(
         note = f"{FINE_SHARE:g} of its class, equal shares of its orders 9 to 64"
     if orders == MOTOR_REST:
         note = f"{MOTOR_REST_SHARE:g} of its class, equal shares of its orders 3 and 5 to 8"
+    if orders == _ECCENTRIC:
+        note = "its class: an eccentric scale may have all of it here, from none to the whole"
     note += "; cannot be told from the gear"
-    u = half_width / math.sqrt(3.0 * len(orders))
+    u = half_width / math.sqrt(3.0 * max(len(orders), 2))
     line = BudgetLine(f"{what} at this order", "B", u, note, _CAUSES[what])
     return [replace(line, note=unsaid, assumed=what) if unsaid else line]

@@ -18,10 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
-from model.identify.checks import Array, increasing, sampling_period, series
+from model.identify.checks import Array
 from model.identify.least_squares import student_quantile
 from model.identify.motion_columns import Basis, MotionFilter
 from model.identify.motion_ladder import (
@@ -29,13 +28,12 @@ from model.identify.motion_ladder import (
     STRIBECK_SPEEDS,
     Fitted,
     Ladder,
-    gathered,
 )
 from model.identify.motion_lag import Alignment, LagEstimate, lag_sensitivity
 from model.identify.motion_look import Look, SpeedChannel, compare_speed, look_at
-from model.identify.motion_result import MotionFit, MotionScore, reported
+from model.identify.motion_result import MotionFit, reported
 from model.identify.motion_shared import SharedNoise, shared_noise
-from model.identify.motion_source import ArrayMotion, MotionSource
+from model.identify.motion_source import MotionSource
 
 _Variant = Literal["auto", "symmetric", "asymmetric", "stribeck"]
 VARIANTS: tuple[_Variant, ...] = ("auto", "symmetric", "asymmetric", "stribeck")
@@ -82,29 +80,6 @@ class MotionChoice:
             least_speed=look.least_speed(cutoff) if self.least_speed is None else self.least_speed,
             keeps_passages=self.least_speed is None,
         )
-
-
-def fit_motion(
-    time: ArrayLike,
-    position: ArrayLike,
-    force: ArrayLike,
-    *,
-    variant: _Variant = "symmetric",
-    recipe: MotionFilter | None = None,
-    rotary: bool = False,
-) -> MotionFit:
-    """Inertia, viscous and Coulomb friction (and offset) of one axis by a recipe that is given, not chosen.
-
-    time [s], position [m or rad], force [N or N m]: shape (n,), evenly sampled. Intervals are 95 %
-    with an error that respects the autocorrelation of the residual. Raises `IdentificationError`
-    for data that cannot carry the fit. `identify_motion` lets the data choose the recipe.
-    """
-    recipe = recipe or MotionFilter()
-    source = _array_source(time, position, force)
-    recipe.check(source.period)
-    ladder = Ladder(source, recipe, Basis(), False, ())
-    chosen = ladder.chosen(variant if variant == "asymmetric" else "symmetric")
-    return reported(chosen, rotary)
 
 
 def identify_motion(
@@ -237,49 +212,6 @@ def _with_shared_noise(fit: MotionFit, prepared: _Prepared) -> MotionFit:
             for name, e in fit.estimates.items()
         },
     )
-
-
-def score_motion(
-    fit: MotionFit,
-    time: ArrayLike,
-    position: ArrayLike,
-    force: ArrayLike,
-    *,
-    recipe: MotionFilter | None = None,
-) -> MotionScore:
-    """Cross-validation on arrays: how well a fitted set predicts the force of another recording."""
-    return score_source(fit, _array_source(time, position, force), recipe=recipe)
-
-
-def score_source(
-    fit: MotionFit, source: MotionSource, *, recipe: MotionFilter | None = None
-) -> MotionScore:
-    """How well a fitted set predicts the effort of another recording, |F - X b|/|F| in per cent."""
-    recipe = recipe or fit.recipe
-    moments = gathered(source, recipe, fit.basis)
-    x, y = moments.places(fit.regressors), moments.names.index("effort")
-    total, b = moments.sums.sum(axis=0), fit.coefficients
-    residual = total[y, y] - 2.0 * b @ total[x, y] + b @ total[np.ix_(x, x)] @ b
-    norm = math.sqrt(max(float(residual), 0.0))
-    measured = moments.shown[:, y]
-    predicted = moments.shown[:, x] @ b
-    percent = 100.0 * norm / math.sqrt(float(total[y, y]))
-    return MotionScore(percent, norm, moments.shown_time, measured, predicted)
-
-
-def _array_source(time: ArrayLike, position: ArrayLike, force: ArrayLike) -> ArrayMotion:
-    """Arrays of an evenly sampled motion, checked."""
-    clock = increasing("time", time, minimum=_MINIMUM_SAMPLES)
-    sampling_period("time", clock)
-    place = series("position", position, minimum=_MINIMUM_SAMPLES)
-    if np.ptp(place) <= 0.0:
-        raise IdentificationError(
-            "does not move",
-            where="position",
-            value=place[0],
-            remedy="Choose a part of the run with motion.",
-        )
-    return ArrayMotion.of(clock, force, position=place)
 
 
 def _instrument(

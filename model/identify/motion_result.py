@@ -62,17 +62,6 @@ class MotionFit:
         return np.array([e.value for e in self.estimates.values()])
 
 
-@dataclass(frozen=True)
-class MotionScore:
-    """A fitted set on data it was not fitted to: relative error [%], norm of the residual, and the curves."""
-
-    relative_error_percent: float
-    residual_norm: float
-    time: Array
-    measured: Array
-    predicted: Array
-
-
 def reported(chosen: Fitted, rotary: bool, rungs: tuple[Rung, ...] = ()) -> MotionFit:
     """A fitted rung as estimates with intervals, metrics and curves."""
     fit, moments = chosen.fit, chosen.moments

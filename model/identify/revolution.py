@@ -15,10 +15,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from model.errors import IdentificationError
-from model.identify.checks import Array, channels, positive
+from model.identify.checks import Array, positive
 from model.identify.estimate import BudgetLine, Estimate
 from model.identify.orders.fit import Order, OrdersFit, Wave, fit_samples, interval
 from model.identify.orders.samples import (
@@ -26,10 +25,8 @@ from model.identify.orders.samples import (
     OrderSamples,
     Piece,
     Source,
-    in_memory,
 )
 from model.identify.orders.search import Search, searched_to
-from model.identify.orders.turning import DeadZone, runs_of
 from model.identify.polar import RESIDUAL, polar
 from model.units import REVOLUTION
 
@@ -75,24 +72,14 @@ class RevolutionFit:
     fit: OrdersFit
 
 
-def fit_revolution(
-    angle: ArrayLike, value: ArrayLike, *, highest_order: int = HIGHEST_ORDER, unit: str = "1"
-) -> RevolutionFit:
-    """The Fourier series of `value` (n,) over one revolution of `angle` [rad], orders chosen automatically.
-
-    Each direction of travel must cover a whole revolution. `unit` names the unit of the value in the estimates.
-    """
-    theta, y = channels(LEAST_SAMPLES, angle=angle, value=value)
-    zone = DeadZone.of([theta])
-    runs = runs_of([zone.ways(theta)], zone.blink)
-    source = in_memory([(way, theta[a:b], y[a:b]) for a, b, way in runs])
-    return fit_series(source, highest_order=highest_order, unit=unit)
-
-
 def fit_series(
     source: Source, *, highest_order: int = HIGHEST_ORDER, unit: str, has_line: bool = True
 ) -> RevolutionFit:
-    """The same of what a source yields, whatever its length; `has_line`: whether its trend may have a slope."""
+    """The Fourier series of what a source yields over one revolution of an angle, orders chosen automatically.
+
+    Each direction of travel must cover a whole revolution. `unit` is that of the values; `has_line`: whether the trend
+    may have a slope.
+    """
     highest = positive("highest_order", float(highest_order))
     samples = OrderSamples.gathered(source, highest, has_line=has_line)
     warnings: list[str] = []

@@ -38,7 +38,7 @@ _SHARE_DOUBT = 0.3
 
 BY_RUNG, NO_HYSTERESIS, BY_LAW = "choice of the rung", "hysteresis", "law of the hysteresis"
 """Sources of lines of the budget."""
-ASTRAY = 10.0
+_ASTRAY = 10.0
 """Squares of the noise by which a richer rung is no worse that was searched well: so much its prior may pull."""
 TO_RICHER, FROM_BELOW = "to the next richer rung", "what the richest rung changed, rectangular"
 STATED = (
@@ -237,7 +237,7 @@ def _weighed_damping(
     if "hysteresis" not in names or power > EXPLAINED**2:
         return told
     richest = answers["hysteresis"][0]
-    if richest.robust_cost() > solution.robust_cost() + ASTRAY:
+    if richest.robust_cost() > solution.robust_cost() + _ASTRAY:
         return told
     likely = _likely([answers[name][0] for name in names], readings[best].louder * max(1.0, power))
     values = np.array([readings[name].centre[DAMPING] for name in names])

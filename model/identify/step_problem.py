@@ -25,7 +25,7 @@ LARGEST_SKEW = 2.5e-3
 """s by which the output may be latched beside the input."""
 LONGEST = 3.0
 """s of a step that are fitted: its ring-down and a few revolutions."""
-SMOOTH = 11
+_SMOOTH = 11
 """Degree of the spline between the input's samples. The input rings with the output, by a quarter of it and more: a
 cubic spline takes 6 % off an oscillation of a third of the sampling rate (11 % at 0.37), and the mode comes out 2 %
 too high; this one takes less than 1 % off up to 0.4 of it.
@@ -110,15 +110,15 @@ def step_arrays(
 
 
 def _between_samples(time: Array, values: Array, fine: Array) -> Array:
-    """Values (m,) at fine times, by a spline of degree `SMOOTH` through the samples (n,), turned about the first and
+    """Values (m,) at fine times, by a spline of degree `_SMOOTH` through the samples (n,), turned about the first and
     the last of them: at an end of its own such a spline makes sixty of one count.
     """
-    first, last = slice(SMOOTH, 0, -1), slice(-2, -SMOOTH - 2, -1)
+    first, last = slice(_SMOOTH, 0, -1), slice(-2, -_SMOOTH - 2, -1)
 
     def longer(row: Array) -> Array:
         return np.concatenate([2.0 * row[0] - row[first], row, 2.0 * row[-1] - row[last]])
 
-    spline = scipy.interpolate.make_interp_spline(longer(time), longer(values), k=SMOOTH)
+    spline = scipy.interpolate.make_interp_spline(longer(time), longer(values), k=_SMOOTH)
     return np.asarray(spline(fine), dtype=float)
 
 
@@ -264,9 +264,9 @@ class Problem:
         for name in shape.names:
             h = STEPS.get(name, 1e-3)
             if name == "bearing" and name in shape.prior:
-                h = BEARING_STEP * shape.prior[name][1]
+                h = _BEARING_STEP * shape.prior[name][1]
             ahead = self._at({**values, name: values[name] + h})
-            behind = self._at({**values, name: values[name] - h}) if name in BOTH_SIDES else None
+            behind = self._at({**values, name: values[name] - h}) if name in _BOTH_SIDES else None
             moved.append(_Moved(name, h if behind is None else 2.0 * h, behind, ahead))
         return moved
 
@@ -423,9 +423,9 @@ STEPS: Mapping[str, float] = {
     "limit": 1e-2,
 }
 """Steps of differentiation; 1e-3 for the rest."""
-BEARING_STEP = 0.02
+_BEARING_STEP = 0.02
 """The same of the bearing's friction, as a share of how large it is believed to be."""
-BOTH_SIDES = ("soft", "limit", "bearing")
+_BOTH_SIDES = ("soft", "limit", "bearing")
 """Differentiated to both sides: an output that sticks, or an element that slides, a sample earlier is a jump, and of
 one that a small step meets a search makes a slope that leads nowhere.
 """

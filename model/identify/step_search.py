@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -26,7 +27,7 @@ EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
 _AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
-ASIDE, MOST_ASIDE = 1.15, 0.5
+_ASIDE, _MOST_ASIDE = 1.15, 0.5
 """Times the median mean square beyond which the richest rung does not explain a step, and share of the steps of which
 that may be so: with more of them it is the rung that is wrong."""
 LEAST_SEARCHES, SEARCHED = 2, 30_000
@@ -89,8 +90,8 @@ def without_unexplained(
     if "hysteresis" not in answers:
         return answers
     squares = np.array([n.square / n.count for n in answers["hysteresis"][0].normals])
-    aside = squares > ASIDE * float(np.median(squares))
-    if not 0.0 < float(np.mean(aside)) <= MOST_ASIDE:
+    aside = squares > _ASIDE * float(np.median(squares))
+    if not 0.0 < float(np.mean(aside)) <= _MOST_ASIDE:
         return answers
     again: dict[str, Sequence[Solution]] = {}
     for rung, found in answers.items():
@@ -213,25 +214,13 @@ def _settled(
         rms = np.array([n.rms for n in at_start])
         weights = np.asarray(np.minimum(1.0, (BAD_STEP * np.median(rms) / rms) ** 4), dtype=float)
     left = PASSES
+    fit = partial(fit_all, problem, shape, noise=noise, converged=ROUGHLY)
     while True:
-        solution = fit_all(
-            problem,
-            shape,
-            values,
-            error,
-            noise=noise,
-            weights=weights,
-            rounds=ROUNDS_PER_PASS,
-            converged=ROUGHLY,
-        )
+        solution = fit(values, error, weights=weights, rounds=ROUNDS_PER_PASS)
         values, error, left = solution.values, solution.error, left - 1
         wanted = reweighted(solution)
         if not left or float(np.max(np.abs(wanted - weights))) < 0.05:
-            if solution.is_converged:
-                return solution
-            return fit_all(
-                problem, shape, values, error, noise=noise, weights=weights, converged=ROUGHLY
-            )
+            return solution if solution.is_converged else fit(values, error, weights=weights)
         weights = wanted
 
 

@@ -20,8 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.arrays import FloatArray
-from model.gear import Harmonic, HarmonicDrive
-from model.gear_file import harmonic_path
 from rig.errors import ConfigurationError
 from rig.exchange.identified import IdentifiedGear
 
@@ -120,25 +118,6 @@ def _root(identified: IdentifiedGear, spread: FloatArray) -> FloatArray:
             remedy="Identify the gear again: two numbers err together by more than either.",
         )
     return np.asarray(size[:, np.newaxis] * vectors * np.sqrt(np.maximum(values, 0.0)))
-
-
-def gear_of_row(gear: HarmonicDrive, names: tuple[str, ...], row: FloatArray) -> HarmonicDrive:
-    """The gear with one row of drawn numbers in it."""
-    from dataclasses import replace
-
-    numbers = dict(zip(names, row.tolist(), strict=True))
-    series = tuple(
-        Harmonic(
-            one.order,
-            numbers.get(f"{harmonic_path(one.order)}.cosine", one.cosine),
-            numbers.get(f"{harmonic_path(one.order)}.sine", one.sine),
-        )
-        for one in gear.kinematic_error
-    )
-    plain = {
-        path: value for path, value in numbers.items() if not path.startswith("kinematic_error.")
-    }
-    return replace(gear.with_values(plain), kinematic_error=series)
 
 
 def table_text(samples: Samples) -> str:

@@ -58,11 +58,6 @@ class Hub:
         self._visitors = Visitors()
         self._server: asyncio.Server | None = None
 
-    @property
-    def clients(self) -> int:
-        """How many have joined the bus."""
-        return len(self._clients)
-
     async def start(self, host: str, port: int) -> int:
         """Listen; returns the port (port 0 takes a free one)."""
         self._server = await asyncio.start_server(self._serve, host, port)

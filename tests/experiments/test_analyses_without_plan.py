@@ -72,9 +72,6 @@ def test_inertia_and_friction_of_a_linear_axis(gear: HarmonicDrive) -> None:
         estimate = result.estimates[name]
         assert estimate.unit == unit
         assert estimate.value == pytest.approx(truth, rel=0.01, abs=0.1)
-    assert motion.cross_validate(run, run, Evidence(gear)).relative_error_percent == pytest.approx(
-        result.metrics["relative_error_percent"], rel=1e-6
-    )
 
 
 def test_units_follow_the_channels(gear: HarmonicDrive) -> None:
@@ -229,7 +226,6 @@ def test_emps_as_a_recording(gear: HarmonicDrive) -> None:
     assert result.estimates["coulomb"].value == pytest.approx(20.3935, rel=0.01)
     assert result.estimates["offset"].value == pytest.approx(-3.1648, abs=0.05)
     assert 3.8 <= result.metrics["relative_error_percent"] <= 4.2
-    assert motion.cross_validate(runs[0], runs[1], Evidence(gear)).relative_error_percent < 6.0
 
 
 @pytest.mark.skipif(

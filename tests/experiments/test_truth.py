@@ -246,7 +246,7 @@ def test_the_interval_is_held_against_what_is_seen_and_u_against_the_measurand()
     )
     assert [seen.covered, seen.within] == [True, False]
     assert [measurand.covered, measurand.within] == [False, True]
-    assert [both.covered, both.within, both.is_split] == [True, True, False]
+    assert [both.covered, both.within] == [True, True]
     assert [neither.covered, neither.within] == [False, False]
     phase = TruthRow(estimate("phase_2", 3.1), -3.1, 3.0)
     assert phase.difference == pytest.approx(6.2 - 2.0 * math.pi)

@@ -36,9 +36,8 @@ from model.identify.motion import (
     VARIANTS,
     MotionChoice,
     identify_motion,
-    score_source,
 )
-from model.identify.motion_result import MotionFit, MotionScore
+from model.identify.motion_result import MotionFit
 from model.units import REVOLUTION
 
 _MOST_HARMONICS = 40
@@ -74,17 +73,6 @@ def analyse(recording: Recording, evidence: Evidence) -> Result:
         options=_options(motion, fit, choice),
         covariance=Covariance(tuple(fit.estimates), fit.covariance),
     )
-
-
-def cross_validate(fitted: Recording, other: Recording, evidence: Evidence) -> MotionScore:
-    """Fit one recording and predict the effort of another one with it: relative error in per cent."""
-    settings = evidence.settings
-    check_settings(settings, names_of(SETTINGS), NAME)
-    first, _ = channels_of(fitted, settings, evidence.maximum_missed_share)
-    second, _ = channels_of(other, settings, evidence.maximum_missed_share)
-    with analysing(other.metadata.run_id):
-        fit = identify_motion(first, choice_of(first, settings))
-        return score_source(fit, second)
 
 
 def channels_of(

@@ -4,7 +4,7 @@
 
 Trend, all orders and both directions are estimated together, at the angles where the samples are;
 nothing is put onto a grid of angle first and nothing is subtracted. Start reading in `fit`:
-`fit_orders` finds the orders (`search`, on the spectra of `comb`), solves them (`regression`), takes
+`fit_samples` finds the orders (`search`, on the spectra of `comb`), solves them (`regression`), takes
 the noise of each from what is left beside it, and `aliases` says which of them the samples cannot
 tell apart. `samples` holds the data, `turning` says where an angle turns one way.
 """

@@ -10,11 +10,11 @@ import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
 
 from model.arrays import quotient
-from model.identify.checks import Array, positive
+from model.identify.checks import Array
 from model.identify.least_squares import student_quantile
 from model.identify.orders.comb import Comb, Weighted, median_floor
 from model.identify.orders.regression import Solved, between_stretches, residuals, solve
-from model.identify.orders.samples import OrderSamples, Piece, Source
+from model.identify.orders.samples import OrderSamples, Piece
 from model.identify.orders.search import (
     PADDING,
     Line,
@@ -109,12 +109,6 @@ class OrdersFit:
     def order(self, order: float) -> Order | None:
         """The order found there; None where there is none."""
         return next((o for o in self.orders if abs(o.order - order) < 1e-9), None)
-
-
-def fit_orders(source: Source, search: Search) -> OrdersFit:
-    """The orders of what the source yields. Raises `IdentificationError` where it does not turn or cannot be solved."""
-    positive("highest_order", search.highest)
-    return fit_samples(OrderSamples.gathered(source, search.highest), search)
 
 
 def fit_samples(samples: OrderSamples, search: Search) -> OrdersFit:

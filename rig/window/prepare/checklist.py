@@ -60,11 +60,6 @@ class Checklist(QWidget):
             c for c in self._checks if c.severity is not Severity.BLOCKS and c not in self._ticked
         )
 
-    @property
-    def is_signed(self) -> bool:
-        """Whether there are items, none failed, all ticked."""
-        return bool(self._checks) and not self.failed and not self.open
-
     def set_checks(self, checks: Sequence[Finding]) -> None:
         """Show other items; ticks stay on those whose result and evidence are the same."""
         fresh = tuple(dict.fromkeys(checks))

@@ -146,11 +146,6 @@ class RunPage(QWidget):
         """The stages that are missing."""
         self.stages.expect([StageRow(str(one["protocol"]), 0.0) for one in told["stages"]])
 
-    def start_command(self, arguments: list[str], title: str = "") -> None:
-        """Start `rig run` with these arguments and watch it, without a plan to compare with."""
-        self._title = title
-        self._begin(self._start_process(arguments), None, None)
-
     def stop(self) -> None:
         """STOP: controlled ramp. Sent whatever the state is, as long as there is a process to hear it."""
         if self.process is not None and self.is_active:

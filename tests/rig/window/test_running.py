@@ -25,7 +25,7 @@ from rig.window.main import MainWindow
 from rig.window.run.points_view import StartingPoints, TorquePoints
 from rig.window.shell.session import WindowSession
 from rig.window.work.child import RunProcess
-from tests.rig.window.conftest import LONGEST, MakePrepared, child
+from tests.rig.window.conftest import LONGEST, MakePrepared, begin, child
 
 SIZES = ((1366, 768), (1920, 1080))
 SHORT = {
@@ -166,7 +166,7 @@ def test_a_trip_names_cause_and_remedy(window: MainWindow, qtbot: QtBot) -> None
     window.resize(*SIZES[1])
     page = window.run
     page._start_process = lambda _: child("trip", str(window.session.folder))
-    page.start_command([], "drill")
+    begin(page, "drill")
     wait_for_end(window, qtbot)
     assert page.banner.word == "TRIPPED"
     assert page.state.cause in ("over_speed", "following_error", "over_torque")
@@ -278,7 +278,7 @@ def test_a_sealed_run_beside_the_growing_one_reads_the_same(
 def test_a_question_of_the_run(window: MainWindow, qtbot: QtBot) -> None:
     page = window.run
     page._start_process = lambda _: child("ask")
-    page.start_command([], "asking")
+    begin(page, "asking")
     qtbot.waitUntil(lambda: page.prompt.isVisible(), timeout=LONGEST)
     assert "hand thermometer [°C]?" in page.prompt.question.text()
     qtbot.waitUntil(lambda: check_layout(window))
@@ -300,7 +300,7 @@ def test_standstill_that_was_not_verified_is_the_loudest_thing(
 ) -> None:
     page = window.run
     page._start_process = lambda _: child("unsafe")
-    page.start_command([])
+    begin(page)
     wait_for_end(window, qtbot)
     assert page.banner.word == "TRIPPED"
     assert "press the emergency stop" in page.outcome.headline.text()
@@ -311,7 +311,7 @@ def test_standstill_that_was_not_verified_is_the_loudest_thing(
 def test_a_run_that_is_refused_says_why(window: MainWindow, qtbot: QtBot) -> None:
     page = window.run
     page._start_process = lambda _: child("mute")
-    page.start_command([])
+    begin(page)
     wait_for_end(window, qtbot)
     assert page.banner.word == "NOT STARTED"
     assert "no such motor" in page.outcome.text.text()

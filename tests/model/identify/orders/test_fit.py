@@ -10,7 +10,7 @@ import pytest
 
 from model.errors import IdentificationError
 from model.identify.orders import samples as samples_module
-from model.identify.orders.fit import OrdersFit, fit_orders, fit_samples
+from model.identify.orders.fit import OrdersFit, fit_samples
 from model.identify.orders.near_two import near_two
 from model.identify.orders.samples import OrderSamples, Piece, in_memory
 from model.identify.orders.search import Search
@@ -37,7 +37,7 @@ def fitted(
     zone = DeadZone.of([angle])
     runs = runs_of([zone.ways(angle)], zone.blink)
     source = in_memory([(way, angle[a:b], value[a:b]) for a, b, way in runs])
-    return fit_orders(source, Search(highest, **search))  # type: ignore[arg-type]
+    return fit_samples(OrderSamples.gathered(source, highest), Search(highest, **search))  # type: ignore[arg-type]
 
 
 def test_a_trend_without_a_slope_knows_the_slow_orders_better() -> None:
@@ -181,7 +181,7 @@ def test_a_long_recording_is_fitted_whole_from_a_held_middle(
             value = 0.05 * np.cos(4.0 * angle) + 0.03 * np.cos(2.71828 * angle)
             yield Piece.of(0, 1, angle, value + noise(angle, 0.05, k))
 
-    fit = fit_orders(source, Search(14.0))
+    fit = fit_samples(OrderSamples.gathered(source, 14.0), Search(14.0))
     assert not fit.samples.is_whole
     assert fit.samples.held_samples < 0.2 * fit.samples.samples == 0.2 * pieces * 8192
     assert holds(fit, 4.0, 0.05)
