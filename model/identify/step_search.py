@@ -27,9 +27,8 @@ EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
 _AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
-_ASIDE, _MOST_ASIDE = 1.15, 0.5
-"""Times the median mean square beyond which the richest rung does not explain a step, and share of the steps of which
-that may be so: with more of them it is the rung that is wrong."""
+_ASIDE = 1.15
+"""Times the median mean square beyond which the richest rung does not explain a step."""
 LEAST_SEARCHES, SEARCHED = 2, 30_000
 """Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
 SLIDING = ((0.05, 0.0), (0.2, -0.3))
@@ -91,7 +90,7 @@ def without_unexplained(
         return answers
     squares = np.array([n.square / n.count for n in answers["hysteresis"][0].normals])
     aside = squares > _ASIDE * float(np.median(squares))
-    if not 0.0 < float(np.mean(aside)) <= _MOST_ASIDE:
+    if not aside.any():
         return answers
     again: dict[str, Sequence[Solution]] = {}
     for rung, found in answers.items():

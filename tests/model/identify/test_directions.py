@@ -55,6 +55,8 @@ def test_what_the_encoders_add_is_not_lessened_by_the_mean_of_both_directions() 
     # motor's a rectangle of that half width has the variance of three orders in equal shares.
     of_output, of_motor = 2.0 * ARCSEC / math.sqrt(6.0), 20.0 * ARCSEC / RATIO / math.sqrt(9.0)
     assert systematic["amplitude_1/N"] == [pytest.approx(of_output)]
+    # All orders at once have no more than the whole curve.
+    assert encoders.waves(RATIO)[1.0 / RATIO] == pytest.approx(2.0 * ARCSEC / math.sqrt(24.0))
     assert systematic["amplitude_2"] == systematic["amplitude_4"] == [pytest.approx(of_motor)]
     turned = of_motor / both.estimates["amplitude_2"].value
     assert systematic["phase_2"] == [pytest.approx(turned)]

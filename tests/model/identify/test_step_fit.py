@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.identify import step_fit
+from model.identify import dynamics, step_estimates, step_fit
+from model.identify.dynamics import fit_ladder
 from model.identify.step_data import step_data
 from model.identify.step_problem import BASIS, LARGEST_SKEW, Problem, Shape, step_arrays
 from model.identify.step_rungs import models_of, shapes_of
@@ -19,7 +21,7 @@ from model.identify.step_search import (
     climb,
     without_unexplained,
 )
-from tests.model.identify.test_dynamics import EXPECTED
+from tests.model.identify.test_dynamics import EXPECTED, step
 
 
 def test_a_skew_at_its_bound_is_pulled_by_what_is_looked_at() -> None:
@@ -163,7 +165,7 @@ def test_a_hysteresis_that_is_not_explained_is_searched_to_the_last_start(
 
     def settled(problem: Any, shape: Shape, values: dict[str, float], *rest: Any) -> Any:
         begun.append(values)
-        return one_of(values, 1e6 / len(begun))
+        return one_of(values, 1e6 / min(len(begun), 7) - len(begun))
 
     monkeypatch.setattr(step_search, "_settled", settled)
     monkeypatch.setattr(
@@ -175,8 +177,8 @@ def test_a_hysteresis_that_is_not_explained_is_searched_to_the_last_start(
     found = step_search._answers(long, shape, starts, 1.0, 2)
     assert [values["soft"] for values in begun] == list(range(8))
     # The best of them, and those that cost hardly more, are fitted to the end.
-    assert found[0].values == begun[-1]
-    assert [one.robust_cost() for one in found] == [1e5, *(1e6 / k for k in range(7, 0, -1))]
+    assert [one.values["soft"] for one in found] == [7.0, 6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0]
+    assert [one.robust_cost() == 1e5 for one in found] == [True, True] + 6 * [False]
 
 
 @pytest.mark.parametrize(
@@ -184,8 +186,9 @@ def test_a_hysteresis_that_is_not_explained_is_searched_to_the_last_start(
     [
         ((1.0, 1.1, 1.0, 1.0), ()),
         ((1.0, 1.0, 1.3, 1.0), (2,)),
-        # Where most are not explained it is the rung that is wrong.
         ((1.0, 1.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0, 1.0), (2, 3, 4, 5)),
+        # Where most leave more it is the rung that is wrong.
+        ((1.0, 9.0, 9.0, 9.0, 9.0), ()),
     ],
 )
 def test_steps_that_the_richest_rung_does_not_explain_are_set_aside_in_all_rungs(
@@ -233,3 +236,26 @@ def test_a_step_that_is_set_aside_costs_nothing() -> None:
     )
     assert one.robust_cost() == pytest.approx(30.0)
     assert one.samples == 30
+
+
+def test_the_ladder_sets_steps_aside_says_so_and_asks_the_law_from_the_calmest_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    steps = [step(v, seed)[0] for seed, v in enumerate((1200.0, 2400.0, -1200.0, -2400.0))]
+    asked: list[np.ndarray] = []
+
+    def without(problem: Problem, answers: Any) -> Any:
+        (best, *_) = answers["linear"]
+        return {"linear": [dataclasses.replace(best, weights=np.array([1.0, 0.0, 1.0, 1.0]))]}
+
+    def calmest(solution: Any, reading: Any, swings: np.ndarray) -> float:
+        asked.append(swings)
+        return 1.0
+
+    monkeypatch.setattr(dynamics, "without_unexplained", without)
+    monkeypatch.setattr(step_estimates, "damped_at", calmest)
+    fit = fit_ladder(steps, EXPECTED, error_given=True, richest="linear")
+    (said,) = [warning for warning in fit.warnings if "counts 0 % in the fit" in warning]
+    assert said.startswith("2400 r/min forward")
+    (swings,) = asked
+    assert swings == pytest.approx([fit.model.carried(float(one)) for one in fit.transient])
