@@ -27,8 +27,9 @@ EXPLAINED, SAME = 1.1, 1.001
 """How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
 _AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
-_ASIDE = 1.15
-"""Times the median mean square beyond which the richest rung does not explain a step."""
+_ASIDE, _DISPUTED = 1.15, 0.1
+"""Times the median mean square beyond which the richest rung does not explain a step, and share of it by which another
+rung must leave more or less of it: what all leave alike is noise."""
 LEAST_SEARCHES, SEARCHED = 2, 30_000
 """Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
 SLIDING = ((0.05, 0.0), (0.2, -0.3))
@@ -88,16 +89,17 @@ def without_unexplained(
     """
     if "hysteresis" not in answers:
         return answers
-    squares = np.array([n.square / n.count for n in answers["hysteresis"][0].normals])
-    aside = squares > _ASIDE * float(np.median(squares))
+    left = [[n.square / n.count for n in found[0].normals] for found in answers.values()]
+    squares = np.array(left[-1])
+    disputed = np.max(np.abs(left / squares - 1.0), axis=0) > _DISPUTED
+    aside = disputed & (squares > _ASIDE * float(np.median(squares)))
     if not aside.any():
         return answers
     again: dict[str, Sequence[Solution]] = {}
-    for rung, found in answers.items():
-        best = found[0]
-        weights = np.where(aside, 0.0, best.weights)
+    for rung, (one, *_) in answers.items():
+        weights = np.where(aside, 0.0, one.weights)
         again[rung] = [
-            fit_all(problem, best.shape, best.values, best.error, noise=best.noise, weights=weights)
+            fit_all(problem, one.shape, one.values, one.error, noise=one.noise, weights=weights)
         ]
     return again
 
