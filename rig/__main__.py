@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 
 from rig.floors import foreign_floor
 
 ABORTED, ERROR = 4, 6
 """Exit codes of `rig.exits`, which cannot be imported where a package under it is not ours, or while it is imported."""
+gc.set_threshold(20_000, 20, 50)
+# What a command imports lives as long as it does: at the interpreter's thresholds a tenth of a short command goes by
+# looking through it again and again for what nobody holds.
 _STOPPED = "Stopped by the operator; no rig was moving."
 
 

@@ -67,10 +67,9 @@ def incommensurate(
 
     A speed whose leak is already below 2 % is kept.
     """
-    if alias_leak(speed, sample_rate, seconds) < 0.02:
+    best, least = speed, alias_leak(speed, sample_rate, seconds)
+    if least < 0.02:
         return speed
-    best = speed
-    least = alias_leak(speed, sample_rate, seconds)
     for step in range(1, _CANDIDATES):
         for sign in (-1.0, 1.0):
             candidate = speed * (1.0 + sign * within * step / (_CANDIDATES - 1))

@@ -16,6 +16,7 @@ The drive holds motor torque (0x6072), speed (0x6080) and ramps (0x6083-0x6085) 
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -111,7 +112,12 @@ class Limits:
 
     def value(self, quantity: str) -> float:
         """The value that holds; infinite where the quantity is not limited."""
-        return min((limit.value for limit in self.of(quantity)), default=math.inf)
+        return self._held.get(quantity, math.inf)
+
+    @functools.cached_property
+    def _held(self) -> dict[str, float]:
+        """The values that hold, by quantity: they are asked for in every turn of a run."""
+        return {entry.quantity: self.of(entry.quantity)[0].value for entry in self.entries}
 
     @property
     def of_the_rig(self) -> Limits:

@@ -7,6 +7,8 @@ balance). A plan that would break a limit is refused here, before a file is made
 
 from __future__ import annotations
 
+import functools
+import itertools
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -146,9 +148,11 @@ class PlannedRun:
             lowest, highest = min(lowest, low), max(highest, high)
         return lowest - _TRAVEL_ROOM, highest + _TRAVEL_ROOM
 
-    def remaining(self, index: int) -> float:
-        """Nominal time of the steps after `index` [s]."""
-        return sum(step.nominal for step in self.steps[index + 1 :])
+    @functools.cached_property
+    def remaining(self) -> tuple[float, ...]:
+        """Nominal time of the steps after each of them [s]; asked for in every turn of a run."""
+        after = itertools.accumulate((step.nominal for step in self.steps[:0:-1]), initial=0.0)
+        return tuple(after)[::-1]
 
     @property
     def remarks(self) -> tuple[str, ...]:

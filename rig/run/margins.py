@@ -191,13 +191,6 @@ class MarginWatch:
     def report(self, peaks: Peaks, following_patience: float) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
         values: dict[str, dict[str, float]] = {}
-        for name, peak in sorted(peaks.values.items()):
-            limit = self._limit(name, following_patience)
-            if math.isfinite(limit) and limit > 0.0:
-                values[name] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
-        return values
-
-    def _limit(self, name: str, following_patience: float) -> float:
         own = {
             FOLLOWING: following_patience,
             MISSED: self.watch.missed_share,
@@ -205,8 +198,13 @@ class MarginWatch:
             DIFFERENCE: 1.0,
             TRAVEL: 1.0,
         }
-        if name in own:
-            return own[name]
+        for name, peak in sorted(peaks.values.items()):
+            limit = own[name] if name in own else self._limit(name)
+            if math.isfinite(limit) and limit > 0.0:
+                values[name] = {"peak": peak, "limit": limit, "margin": 1.0 - peak / limit}
+        return values
+
+    def _limit(self, name: str) -> float:
         cause = {OUTPUT_SPEED: OVER_SPEED_OUTPUT, lim.TORSION_TORQUE: TORSION_TORQUE}.get(name)
         if cause is None:
             return self.limits.value(name)

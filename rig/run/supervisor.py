@@ -442,11 +442,3 @@ class Supervisor:
     def margins(self) -> dict[str, dict[str, float]]:
         """Peak, limit and what was left of it (share) for every quantity that was watched."""
         return self._margins.report(self.state.peaks, self._following_review.patience)
-
-    def smallest_margin(self) -> tuple[str, float]:
-        """The limit that the run came nearest to, and the share of it that was left."""
-        margins = self.margins()
-        if not margins:
-            return "", 1.0
-        name = min(margins, key=lambda n: margins[n]["margin"])
-        return name, margins[name]["margin"]

@@ -29,10 +29,11 @@ class ProgressTeller:
         left = 0.0
         if engine_leads and engine.begun and engine.index < len(planned.steps):
             in_step = (machine.rows - engine.begun[-1]) * machine.period
-            left = planned.remaining(engine.index) + max(
+            left = planned.remaining[engine.index] + max(
                 planned.steps[engine.index].nominal - in_step, 0.0
             )
-        nearest, margin = self._supervisor.smallest_margin()
+        margins = self._supervisor.margins()
+        nearest = min(margins, key=lambda name: margins[name]["margin"], default="")
         return Progress(
             step=min(engine.index + 1, len(planned.plan)),
             steps=len(planned.plan),
@@ -42,8 +43,8 @@ class ProgressTeller:
             speed=machine.speed(cycles=50),
             events=events,
             nearest=nearest,
-            margin=margin,
-            margins=self._supervisor.margins(),
+            margin=margins[nearest]["margin"] if nearest else 1.0,
+            margins=margins,
             file=self._file,
             begun=[row * machine.period for row in engine.begun],
         )
