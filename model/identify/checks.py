@@ -78,24 +78,6 @@ def increasing(name: str, time: ArrayLike, *, minimum: int = 2) -> Array:
     return times
 
 
-def sampling_period(name: str, time: Array, *, tolerance: float = 0.01) -> float:
-    """The sampling period [s] of an evenly sampled time axis; refused if a step differs by more
-    than `tolerance` of it.
-    """
-    steps = np.diff(time)
-    period = float(np.median(steps))
-    worst = float(np.max(np.abs(steps - period))) / period
-    if worst > tolerance:
-        raise IdentificationError(
-            "is not evenly sampled, which this filter needs",
-            where=name,
-            value=f"step off by {100 * worst:.3g} %",
-            limit=f"<= {100 * tolerance:g} %",
-            remedy="Resample on an even time axis first, or choose a method for uneven sampling.",
-        )
-    return period
-
-
 def positive(name: str, value: float) -> float:
     """A number that must be finite and above zero."""
     if not np.isfinite(value) or value <= 0.0:

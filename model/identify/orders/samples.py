@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -80,19 +80,6 @@ class Piece:
 
 Source = Callable[[], Iterator[Piece]]
 """Pieces of single samples in the order they were recorded; may be asked for again."""
-
-
-def in_memory(stretches: Iterable[tuple[int, Array, Array]]) -> Source:
-    """A source of (direction, angle, value) per stretch."""
-    parts = list(stretches)
-
-    def pieces() -> Iterator[Piece]:
-        for number, (direction, angle, value) in enumerate(parts):
-            for at in range(0, len(angle), CHUNK):
-                rows = slice(at, at + CHUNK)
-                yield Piece.of(number, direction, angle[rows], value[rows])
-
-    return pieces
 
 
 @dataclass(frozen=True)

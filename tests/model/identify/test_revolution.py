@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from model.errors import IdentificationError
-from model.identify.orders.samples import in_memory
 from model.identify.orders.turning import DeadZone, runs_of
 from model.identify.revolution import RevolutionFit, fit_series
 from model.units import REVOLUTION
+from tests.model.identify.orders.sources import in_memory
 
 DATA = (
     Path(

@@ -12,10 +12,11 @@ from model.errors import IdentificationError
 from model.identify.orders import samples as samples_module
 from model.identify.orders.fit import OrdersFit, fit_samples
 from model.identify.orders.near_two import near_two
-from model.identify.orders.samples import OrderSamples, Piece, in_memory
+from model.identify.orders.samples import OrderSamples, Piece
 from model.identify.orders.search import Search
 from model.identify.orders.turning import DeadZone, runs_of
 from model.units import REVOLUTION
+from tests.model.identify.orders.sources import in_memory
 
 DATA = Path(
     os.environ.get("HARMONIC_RIG_DATA", Path(__file__).resolve().parents[5] / "shared" / "data")
