@@ -8,7 +8,7 @@
 
 Every fitted rung has the kinematic error as part of its input, so that an order which passes at a step's speed is
 never taken for the mode. A richer rung is chosen only where its cost on all steps, priors counted, is
-lower by more than `_WORTH`; what each rung leaves of a step that was left out is shown and chooses
+lower by more than `WORTH`; what each rung leaves of a step that was left out is shown and chooses
 nothing. The richer rung that moves a number most makes a line of its budget. Stated is the secant
 stiffness over inertia at a torque amplitude, beside it the mode's own frequency, which damping raises.
 """
@@ -35,14 +35,12 @@ from model.identify.step_estimates import (
     read_rung,
 )
 from model.identify.step_fit import BAD_STEP, Solution, bounded, fit_all
-from model.identify.step_problem import BASIS, Problem, step_arrays
+from model.identify.step_problem import BASIS, LONGEST, Problem, step_arrays
 from model.identify.step_rungs import FITTED, Expected, models_of
-from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, climb, without_unexplained
+from model.identify.step_search import HIGHEST_SHARE, LOWEST_HZ, WORTH, climb, without_unexplained
 from model.identify.torsional_mode import TorsionModel
 from model.units import ARCSEC, REVOLUTION, RPM
 
-_WORTH = 12.0
-"""By how much a richer rung must lower the cost (in squares of the noise, its priors counted) to be chosen."""
 SHOWN, LEAST_COUNTS, SEEN = 30.0, 0.5, 4.0
 """How much cost a mode must save against a rigid gear; counts of transient below which none is told, and beyond
 which it surely is."""
@@ -263,9 +261,9 @@ def _rung(name: str, solution: Solution) -> Rung:
 
 
 def _chosen(solutions: Mapping[str, Solution]) -> str:
-    """The lowest rung that no higher one explains the steps better than by `_WORTH`."""
+    """The lowest rung that no higher one explains the steps better than by `WORTH`."""
     best = min(s.robust_cost() for s in solutions.values())
-    return next(name for name, s in solutions.items() if s.robust_cost() <= best + _WORTH)
+    return next(name for name, s in solutions.items() if s.robust_cost() <= best + WORTH)
 
 
 def _fit_of_rung(
@@ -325,7 +323,10 @@ class _Response:
 
 def _response(problem: Problem, solution: Solution, step: StepData) -> _Response:
     """The response to the end of the step: more than its fit looks at, where it is long."""
-    arrays = step_arrays(step, problem.interval, problem.basis, longest=math.inf)
+    kept = (one for one in problem.steps if one.data is step and step.time[-1] <= LONGEST)
+    arrays = next(kept, None) or step_arrays(
+        step, problem.interval, problem.basis, longest=math.inf
+    )
     ideal = problem.ideal(arrays, solution.error)
     tables = problem.model(solution.values).step(problem.interval)
     angle, speed, _, _ = problem.response(arrays, solution.values, ideal, tables)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # pyright: ignore[reportMissingTypeStubs]
 from numpy.typing import ArrayLike
 
 from model.arrays import quotient
@@ -112,34 +111,6 @@ class StepScore:
     predicted_deviation: Array
 
 
-@dataclass(frozen=True)
-class Driven:
-    """The prescribed motion on a fine even grid, and how to come back to the stamps."""
-
-    fine: Array
-    ideal: Array
-    moving: Array
-    stamps: Array
-    interval: float
-    onset: int
-
-
-def drive_of(data: StepData) -> Driven:
-    motion = speed_from_counts(data.time, data.input_angle, data.input_quantum, longest=0.03)
-    period = float(np.median(np.diff(data.time)))
-    highest = max((h.order for h in data.kinematic_error), default=2.0)
-    fastest = max(highest * float(np.max(np.abs(motion.speed))), 2.0 * math.pi * 100.0)
-    substeps = int(np.clip(math.ceil(period * fastest * 8.0 / math.pi), 2, 12))
-    interval = period / substeps
-    fine = np.arange(data.time[0], data.time[-1] + 0.5 * interval, interval)
-    # Unsmoothed: a count is 1/N of one at the output.
-    angle: Array = scipy.interpolate.CubicSpline(data.time, data.input_angle)(fine)
-    speed = np.interp(fine, motion.time, motion.speed)
-    ideal = angle / data.ratio + series_value(data.kinematic_error, angle)
-    onset = max(int(np.argmax(np.abs(speed) > 0.02 * np.max(np.abs(speed)))) - 1, 0)
-    return Driven(fine, ideal, np.tanh(speed / SPEED_SMOOTHING), data.time, interval, onset)
-
-
 def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = None) -> StepScore:
     """Score a predicted output angle (n,) [rad] of one step against the null models; offsets are free.
 
@@ -147,8 +118,8 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
     """
     (output,) = channels(64, predicted=predicted)
     if ideal is None:
-        drive = drive_of(data)
-        ideal = np.interp(drive.stamps, drive.fine, drive.ideal)
+        angle = data.input_angle
+        ideal = angle / data.ratio + series_value(data.kinematic_error, angle)
     quantum = data.output_quantum
     window = speed_from_counts(data.time, data.output_angle, quantum, longest=0.06).window
 

@@ -17,7 +17,7 @@ from model.identify.step_data import StepData
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
 from model.identify.step_rungs import LEAST_RELAXATION, Expected
-from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ
+from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ, OTHERS
 from model.identify.torsional_mode import TorsionModel
 from model.units import REVOLUTION
 
@@ -261,7 +261,15 @@ def _weighed_damping(
     lines.append(
         (BY_LAW, "from the swing of the calmest steps that tell it to the one that is stated", law)
     )
-    return replace(told, centre=centre, error=error, freedom=freedom, lines=tuple(lines))
+    again = [one.robust_cost() for one in answers["hysteresis"][1:]]
+    return replace(
+        told,
+        centre=centre,
+        error=error,
+        freedom=freedom,
+        lines=tuple(lines),
+        is_found_again=not again or min(again) < richest.robust_cost() + OTHERS,
+    )
 
 
 def ringing(swings: Array) -> float:
@@ -317,7 +325,7 @@ def _reading(
 class _RungAnswer:
     """What the steps say of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom,
     lines of type B, how many times the noise the fit leaves while the steps ring, and how many times the power near
-    the mode that it leaves beside it.
+    the mode that it leaves beside it; whether two starts of the search led to its damping.
     """
 
     centre: Array
@@ -326,6 +334,7 @@ class _RungAnswer:
     lines: tuple[tuple[str, str, Array], ...]
     ringing: float
     left: float = 1.0
+    is_found_again: bool = True
 
     def estimate(self, index: int) -> Estimate:
         """One of the numbers with its budget."""
@@ -358,6 +367,8 @@ class _RungAnswer:
 
     def _verdict(self, name: str, relative: float, half: float) -> tuple[Identifiable, str]:
         if name in WANTED:
+            if not self.is_found_again:
+                return "weakly", "each start of the search led to another answer"
             if half > WANTED[name]:
                 note = f"the steps tell it within {half:.2g}, and {WANTED[name]:g} is asked for"
                 return ("weakly" if half <= 4.0 * WANTED[name] else "no"), note

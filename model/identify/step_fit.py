@@ -158,14 +158,15 @@ def fit_all(
     weights: Array | None = None,
     rounds: int = ROUNDS,
     converged: float = CONVERGED,
+    known: Sequence[Normal] = (),
 ) -> Solution:
-    """Levenberg-Marquardt from a start; numbers with a prior are drawn to it."""
+    """Levenberg-Marquardt from a start; numbers with a prior are drawn to it. `known`: the normal equations there."""
     size = len(shape.names)
     weights = np.ones(len(problem.steps)) if weights is None else weights
     centre, penalty = _prior(shape, len(error), problem.error_width)
     goal = _Goal(problem, shape, noise, weights, centre, penalty)
     is_converged = True
-    normals = problem.normals(shape, start, error)
+    normals = known or problem.normals(shape, start, error)
     vector: Array = np.concatenate([[start[n] for n in shape.names], error])
     here = _Place(vector, dict(start), goal.cost(vector, normals))
     wandered = damped = 0.0

@@ -58,7 +58,7 @@ class Shape:
 class StepArrays:
     """One step on a fine even grid (m,), and the samples (n,) that are fitted.
 
-    `rigid`: theta_i/N with the kinematic error that is taken as given; `own`: what friction winds up.
+    `rigid`: theta_i/N with the kinematic error that is taken as given; `own` (3, m): what friction winds up.
     """
 
     data: StepData
@@ -94,8 +94,6 @@ def step_arrays(
     inside = (data.time >= fine[0] + LARGEST_SKEW) & (data.time <= fine[-1] - LARGEST_SKEW)
     moving = np.tanh(speed / SPEED_SMOOTHING)
     falling = moving * np.exp(-np.abs(speed) / FALLING)
-    stamps = data.time[inside]
-    own = np.column_stack([np.interp(stamps, fine, wound) for wound in (moving, falling, speed)])
     return StepArrays(
         data=data,
         fine=fine,
@@ -103,9 +101,9 @@ def step_arrays(
         rigid=np.asarray(rigid - rigid[0]),
         whole=_waves(angle, max(n for n, _ in basis)),
         slow=_waves(angle / data.ratio, max(abs(k) for _, k in basis)),
-        stamps=stamps,
+        stamps=data.time[inside],
         measured=data.output_angle[inside] - rigid[0],
-        own=own,
+        own=np.array([moving, falling, speed]),
     )
 
 
@@ -265,9 +263,10 @@ class Problem:
             h = STEPS.get(name, 1e-3)
             if name == "bearing" and name in shape.prior:
                 h = _BEARING_STEP * shape.prior[name][1]
-            ahead = self._at({**values, name: values[name] + h})
-            behind = self._at({**values, name: values[name] - h}) if name in _BOTH_SIDES else None
-            moved.append(_Moved(name, h if behind is None else 2.0 * h, behind, ahead))
+            here = values[name]
+            back = min(h, here - _BOTH_SIDES_DOWN_TO.get(name, here))
+            behind = self._at({**values, name: here - back}) if back else None
+            moved.append(_Moved(name, h + back, behind, self._at({**values, name: here + h})))
         return moved
 
     def _at(self, values: dict[str, float]) -> tuple[dict[str, float], Array]:
@@ -404,7 +403,12 @@ class Problem:
         """What belongs to one step alone: offset, wind-up, and a ring-down from before it began."""
         from model.kernels import steps as kernel
 
-        own = [np.ones(len(place)), *step.own.T]
+        # Wound up as the output is latched, which is later than the stamps.
+        at = step.fine[place] + share * step.interval
+        own: list[Array] = [
+            np.ones(len(at)),
+            *(np.interp(at, step.fine, wound) for wound in step.own),
+        ]
         for angle, speed in rings:
             values = np.empty(len(place))
             kernel.sampled(angle, speed, step.interval, place, share, values)
@@ -425,7 +429,7 @@ STEPS: Mapping[str, float] = {
 """Steps of differentiation; 1e-3 for the rest."""
 _BEARING_STEP = 0.02
 """The same of the bearing's friction, as a share of how large it is believed to be."""
-_BOTH_SIDES = ("soft", "limit", "bearing")
-"""Differentiated to both sides: an output that sticks, or an element that slides, a sample earlier is a jump, and of
-one that a small step meets a search makes a slope that leads nowhere.
+_BOTH_SIDES_DOWN_TO = {"soft": -math.inf, "limit": -math.inf, "bearing": 0.0}
+"""Differentiated to both sides, where there are two (a bearing drives nothing): an output that sticks, or an element
+that slides, a sample earlier is a jump, and of one that a small step meets a search makes a slope that leads nowhere.
 """

@@ -14,7 +14,7 @@ import numpy as np
 
 from model.identify.checks import Array
 from model.identify.step_fit import BAD_STEP, ROUGHLY, Solution, fit_all, reweighted
-from model.identify.step_problem import Problem, Shape, StepArrays
+from model.identify.step_problem import Normal, Problem, Shape, StepArrays
 from model.identify.step_rungs import BEARING_TORQUE, FITTED, Expected, shapes_of
 from model.units import REVOLUTION
 
@@ -23,8 +23,10 @@ SCANNED, SCAN_TIME = 6, 0.5
 _KNOWN_WITHIN = 1.7
 """Factor to either side of an expected frequency within which the mode is looked for."""
 LOWEST_HZ, HIGHEST_SHARE = 4.0, 0.4
-EXPLAINED, SAME = 1.1, 1.001
-"""How many times the noise of counting a fit may leave that is no longer doubted; ratio of the costs of one answer."""
+EXPLAINED, WORTH = 1.1, 12.0
+"""How many times the noise of counting a fit may leave that is no longer doubted, and by how much a richer rung must
+lower the cost (in squares of the noise, its priors counted) to be chosen.
+"""
 _AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
 _ASIDE, _DISPUTED = 1.15, 0.1
@@ -39,8 +41,8 @@ LIMITS = (-0.7, 0.0)
 """Logarithms of its limit there over that of the card's loss. One that slides late is hardly told from a damper, and
 the search stays in that valley; one that slides early mostly leads out of it."""
 OTHERS, LOOKS = 30.0, 3
-"""Cost beyond the least within which another frequency of the first look is searched from, and an answer is fitted to
-the end, too; and how many frequencies at most."""
+"""Cost beyond the least within which another frequency of the first look is searched from, and an answer is the same
+and is fitted to the end, too; and how many frequencies at most."""
 BENT = 0.02
 """Logarithms of K2/K1 and K3/K2 with which the hardening rung begins."""
 PASSES, ROUNDS_PER_PASS = 4, 8
@@ -59,6 +61,7 @@ def climb(
     few = max(1, SEARCHED // sum(len(step.stamps) for step in problem.steps))
     for rung in FITTED[: FITTED.index(richest) + 1]:
         card |= added[rung] if rung != "linear" else {}
+        least = few
         around = [({**card, "stiffness": card["stiffness"] + away}, still) for away in _AWAY]
         if rung == "linear":
             looks = [
@@ -68,11 +71,10 @@ def climb(
             least = max(len(looks), min(few, len(starts)))
         elif rung == "hardening":
             starts = [*_bends(answers["linear"][0], added[rung]), (card, still), *around]
-            least = few
         else:
             starts = _slides(answers["hardening"][0], added, expected)
-            least = min(len(starts), max(few, len(SLIDING)))
-        answers[rung] = _answers(problem, shapes[rung], starts, noise, least)
+        below = answers["hardening"][0].robust_cost() if rung == "hysteresis" else math.inf
+        answers[rung] = _answers(problem, shapes[rung], starts, noise, least, below)
     if richest == "hysteresis":
         one = _without_element(problem, shapes["hardening"], answers[richest][0], noise)
         answers["hardening"] = sorted([*answers["hardening"], one], key=lambda s: s.robust_cost())
@@ -98,9 +100,7 @@ def without_unexplained(
     again: dict[str, Sequence[Solution]] = {}
     for rung, (one, *_) in answers.items():
         weights = np.where(aside, 0.0, one.weights)
-        again[rung] = [
-            fit_all(problem, one.shape, one.values, one.error, noise=one.noise, weights=weights)
-        ]
+        again[rung] = [_on(problem, one, weights)]
     return again
 
 
@@ -155,28 +155,25 @@ def _answers(
     starts: Sequence[tuple[dict[str, float], Array]],
     noise: float,
     least_starts: int,
+    below: float,
 ) -> list[Solution]:
     """The fits from several starts, the best first.
 
     Where an order of the kinematic error passes near the mode, a spring has several answers, and each start leads
-    to one of them. After `least_starts` the search ends with an answer that leaves what counting does, or that two
-    starts lead to. The many speeds of a long run leave one answer: it is searched from fewer starts.
+    to one of them. After `least_starts` the search ends with an answer that two starts lead to, below the richest rung
+    also with one that leaves what counting does. The many speeds of a long run leave one answer: it is searched from
+    fewer starts. Where the rung `below` (its cost) explains the steps and the first start adds nothing to it, no other
+    is tried.
     """
     found: list[Solution] = []
-    samples = sum(len(step.stamps) for step in problem.steps)
     # The linear rung of a gear that hardens is never explained: the next rung searches on, and the richest to the end.
     fewest = LEAST_SEARCHES if "second" in shape.names else 1
-    most = max(fewest, least_starts, SEARCHED // samples)
-    if "soft" in shape.names:
-        most = len(starts)
+    is_richest = "soft" in shape.names
+    most = len(starts) if is_richest else max(fewest, least_starts)
     for tried, (values, error) in enumerate(starts[:most], start=1):
         one = _settled(problem, shape, values, error, noise)
         found.append(one)
-        if (
-            "second" in shape.names
-            and "soft" not in shape.names
-            and float(np.min(one.weights)) < 0.9
-        ):
+        if "second" in shape.names and not is_richest and float(np.min(one.weights)) < 0.9:
             # Steps that were left aside may fit, once the others have found the spring.
             ones = np.ones(len(problem.steps))
             held = replace(shape, names=("bearing", "skew"))
@@ -186,19 +183,28 @@ def _answers(
             )
         found.sort(key=lambda s: s.robust_cost())
         least = found[0].robust_cost()
-        if tried < least_starts:
-            continue
-        if least < EXPLAINED**2 * found[0].samples:
+        is_explained = least < EXPLAINED**2 * found[0].samples
+        if is_explained and abs(least - below) < WORTH:
             break
-        if len(found) > 1 and found[1].robust_cost() < SAME * least:
+        is_found_again = len(found) > 1 and found[1].robust_cost() < least + OTHERS
+        if tried >= least_starts and (is_found_again or (is_explained and not is_richest)):
             break
     near = found[0].robust_cost() + OTHERS
-    ended = [
-        fit_all(problem, shape, one.values, one.error, noise=noise, weights=one.weights)
-        for one in found
-        if one.robust_cost() <= near
-    ]
+    ended = [_on(problem, one, one.weights) for one in found if one.robust_cost() <= near]
     return sorted([*ended, *found[len(ended) :]], key=lambda s: s.robust_cost())
+
+
+def _on(problem: Problem, one: Solution, weights: Array) -> Solution:
+    """The fit that goes on from one that ended, to its end and with these weights of the steps."""
+    return fit_all(
+        problem,
+        one.shape,
+        one.values,
+        one.error,
+        noise=one.noise,
+        weights=weights,
+        known=one.normals,
+    )
 
 
 def _settled(
@@ -216,12 +222,15 @@ def _settled(
         weights = np.asarray(np.minimum(1.0, (BAD_STEP * np.median(rms) / rms) ** 4), dtype=float)
     left = PASSES
     fit = partial(fit_all, problem, shape, noise=noise, converged=ROUGHLY)
+    known: Sequence[Normal] = ()
     while True:
-        solution = fit(values, error, weights=weights, rounds=ROUNDS_PER_PASS)
-        values, error, left = solution.values, solution.error, left - 1
+        solution = fit(values, error, weights=weights, rounds=ROUNDS_PER_PASS, known=known)
+        values, error, known, left = solution.values, solution.error, solution.normals, left - 1
         wanted = reweighted(solution)
         if not left or float(np.max(np.abs(wanted - weights))) < 0.05:
-            return solution if solution.is_converged else fit(values, error, weights=weights)
+            if solution.is_converged:
+                return solution
+            return fit(values, error, weights=weights, known=known)
         weights = wanted
 
 
@@ -282,5 +291,5 @@ def _shortened(step: StepArrays) -> StepArrays:
         slow=np.ascontiguousarray(step.slow[:, :, :rows]),
         stamps=step.stamps[:samples],
         measured=step.measured[:samples],
-        own=step.own[:samples],
+        own=step.own[:, :rows],
     )

@@ -54,9 +54,6 @@ WIND_UP_AND_SKEW = (
     "skew times speed is part of what is meant; one speed cannot tell it from the wind-up: weakly"
 )
 A_WHOLE_ROW = "moved by a whole row, twice as far as the torque may be late: there the fitted lag takes up less"
-ABOUT_THE_FIT_OF_BOTH = (
-    "one direction alone is told to first order about the fit of both, a point that a delay moves"
-)
 SENT = "the program knows at which SYNC a set-point that it sent acts; what the drive makes of it is in the numbers"
 EXCEPTIONS: dict[tuple[str, str, str, Part], str] = {
     ("compensated-error", "proof_ratio", "target_speed", Part.DELAY): SENT,
@@ -81,7 +78,6 @@ EXCEPTIONS: dict[tuple[str, str, str, Part], str] = {
         ("velocity-steps", name, "torque", Part.DELAY): A_WHOLE_ROW
         for name in ("output_inertia", "output_stiffness")
     },
-    ("velocity-steps", "damping_ratio_{way}", "output_angle", Part.DELAY): ABOUT_THE_FIT_OF_BOTH,
     ("kinematic-error", "lost_motion", "output_angle", Part.DELAY): WIND_UP_AND_SKEW,
 }
 """Kind, quantity, channel and way of being wrong of every line that is not the change, with the physical reason."""

@@ -309,7 +309,8 @@ def test_friction_of_the_bearing_ends_at_nothing_and_takes_no_other_number_with_
 
     def fitted(*names: str, bearing: float) -> step_fit.Solution:
         start = {"stiffness": math.log(0.99 * STATIC), "skew": 0.0, "bearing": bearing}
-        return step_fit.fit_all(problem, Shape(names=names), start, still, noise=1e-5)
+        shape = Shape(names=names)
+        return step_fit.fit_all(problem, shape, start, still, noise=1e-5, converged=1e-10)
 
     without = fitted("stiffness", "skew", bearing=0.0)
     for bearing in (0.5, 5.0):
