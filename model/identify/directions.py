@@ -231,7 +231,7 @@ class PhaseRelation:
     """Figure 16: does the friction torque have its extremes where the kinematic error has them?
 
     estimates: phase_difference [rad, torque minus error at `order`, in (-pi, pi]], friction_amplitude and
-    conservative_amplitude [N m], error_amplitude [rad]. input_angle with friction_torque, conservative_torque and
+    conservative_amplitude [N m], error_amplitude [rad]. input_angle with friction_torque and
     kinematic_error: curves over one input revolution without their means.
     """
 
@@ -241,7 +241,6 @@ class PhaseRelation:
     estimates: dict[str, Estimate]
     input_angle: Array
     friction_torque: Array
-    conservative_torque: Array
     kinematic_error: Array
 
 
@@ -291,7 +290,6 @@ def phase_relation(
         },
         input_angle=angle,
         friction_torque=0.5 * (curves[0] - curves[1]),
-        conservative_torque=0.5 * (curves[0] + curves[1]),
         kinematic_error=error.mean,
     )
 

@@ -73,8 +73,8 @@ class KinematicErrorFit:
     raised_by_bench, repeatability, input_revolutions, output_revolutions, samples,
     samples_per_revolution, condition. Arrays: input_angle (c,) over
     one input revolution with measured_curve and fitted_curve; output_curve over one output
-    revolution at output_curve_angle [input angle, rad]; block_angle, block_residual: mean residual
-    per input revolution. delay [s]: output behind input, corrected; speed: of the input [rad/s].
+    revolution at output_curve_angle [input angle, rad]. delay [s]: output behind input, corrected; speed: of the
+    input [rad/s].
     """
 
     ratio: float
@@ -90,8 +90,6 @@ class KinematicErrorFit:
     fitted_curve: Array
     output_curve_angle: Array
     output_curve: Array
-    block_angle: Array
-    block_residual: Array
     regression: AngleFit
     torsion: BudgetLine = torsion.BY_SET
     speed: float = 0.0
@@ -304,9 +302,6 @@ def _finish(
         fitted_curve=fitted,
         output_curve_angle=angle,
         output_curve=curve,
-        block_angle=cells.first_angle
-        + cells.direction * (np.arange(cells.rows, dtype=np.float64) + 0.5) * REVOLUTION,
-        block_residual=fit.row_residual,
         regression=fit,
         torsion=amplified,
         speed=raw.speed,

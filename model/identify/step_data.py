@@ -108,7 +108,6 @@ class StepScore:
     predicted_speed: Array
     rigid_speed: Array
     measured_deviation: Array
-    predicted_deviation: Array
 
 
 def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = None) -> StepScore:
@@ -159,7 +158,6 @@ def score_step(data: StepData, predicted: ArrayLike, *, ideal: Array | None = No
         predicted_speed=speeds["predicted"],
         rigid_speed=speeds["rigid"],
         measured_deviation=x,
-        predicted_deviation=x_hat,
     )
 
 

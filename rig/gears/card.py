@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.errors import PlanError
 from experiments.parameters import parameter_fields
-from rig.content.phrase import phrase
+from rig.content.phrase import phrase, quoted
 from rig.content.wording import named
 from rig.errors import ConfigurationError, RigError, misstated
 from rig.gears.card_history import (
@@ -257,7 +257,7 @@ def gear_of(facts: GearFacts, otherwise: HarmonicDrive) -> HarmonicDrive:
                 raise ParameterError(
                     "the parameter set that the card names is not there",
                     where=facts.part,
-                    remedy=f"Name its place: rig gear set {facts.serial} --by NAME --part FILE",
+                    remedy=f"Name its place: rig gear set {quoted(facts.serial)} --by NAME --part FILE",
                 )
             gear = load_gear(facts.part)
         else:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from drivers.bus.network import RawBus
 from drivers.clock import Clock
 from drivers.port import RigPort
 from experiments.extensions import Extension
@@ -14,6 +13,7 @@ from sim_backend.world import OLDEST
 
 if TYPE_CHECKING:
     from drivers.bus.listening import ListeningBus
+    from drivers.bus.network import RawBus
     from drivers.bus.rig_config import CanRigConfig
     from drivers.bus.rig_nodes import RigNodes
 
