@@ -54,8 +54,6 @@ class CombinedKinematicError:
     cosine: Array
     sine: Array
     covariance: Array
-    half_cosine: Array
-    half_sine: Array
     freedom: float
     estimates: dict[str, Estimate]
     metrics: dict[str, float]
@@ -92,8 +90,6 @@ def combine(forward: KinematicErrorFit, reverse: KinematicErrorFit) -> CombinedK
         cosine=mean[2::2],
         sine=mean[3::2],
         covariance=covariance,
-        half_cosine=half[2::2],
-        half_sine=half[3::2],
         freedom=ahead.freedom + back.freedom,
         estimates=estimates,
         metrics={"agreement": float(np.sqrt(0.5 * np.sum(half[2:] ** 2)))},

@@ -55,12 +55,10 @@ LONGEST_LAG = 0.5
 class Look:
     """What a first look shows: cut-off [Hz] by the data, noise floor [unit^2/Hz] of what is differentiated, top speed.
 
-    `slow_cutoff_hz` is the lowest one that still passes the motion, a wide window for what is to be found in it.
     `of_position` says whether that is a position; otherwise it is a speed.
     """
 
     cutoff_hz: float
-    slow_cutoff_hz: float
     floor: float
     top_speed: float
     of_position: bool
@@ -123,8 +121,7 @@ def look_at(source: MotionSource, highest_hz: float = math.inf) -> Look:
     fastest = _ABOVE_MOTION * float(frequency[int(np.searchsorted(share, 0.99))])
     limits = float(frequency[5]), min(_HIGHEST_CUTOFF * rate, float(frequency[-1]))
     cutoff = float(np.clip(max(float(frequency[end]), fastest), *limits))
-    slow = float(np.clip(fastest, limits[0], cutoff))
-    return Look(cutoff, slow, floor, _top_speed(source, pieces, cutoff), of_position)
+    return Look(cutoff, floor, _top_speed(source, pieces, cutoff), of_position)
 
 
 def _spectrum(pieces: list[Array], rate: float) -> tuple[Array, Array]:

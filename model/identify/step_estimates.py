@@ -479,7 +479,7 @@ def _standard_error(
     covariance = louder * solution.covariance()
     white = np.sqrt(np.einsum("ij,jk,ik->i", slopes, covariance, slopes))
     between, effective = _spread(solution.influence() @ slopes.T)
-    groups = _by_speed(problem)
+    groups = problem.by_speed()
     if len(groups) >= LEAST_SPEEDS:
         # Left out as a whole: the speed that says most would hide behind its own weight.
         without = [slopes @ solution.left_out(group) for group in groups]
@@ -496,11 +496,3 @@ def _spread(pulls: Array) -> tuple[Array, Array]:
     square = (pulls**2).sum(axis=0)
     effective = square**2 / np.maximum((pulls**4).sum(axis=0), 1e-300)
     return np.sqrt(square * count / (count - 1)), np.clip(effective, 3.0, max(count - 1.0, 3.0))
-
-
-def _by_speed(problem: Problem) -> list[list[int]]:
-    """The steps of each speed, whatever their direction."""
-    groups: dict[float, list[int]] = {}
-    for index, step in enumerate(problem.steps):
-        groups.setdefault(round(abs(step.data.target), 3), []).append(index)
-    return list(groups.values())

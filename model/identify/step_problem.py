@@ -177,6 +177,13 @@ class Problem:
     def interval(self) -> float:
         return self.steps[0].interval
 
+    def by_speed(self) -> list[list[int]]:
+        """The places of the steps of each speed, whatever their direction."""
+        groups: dict[float, list[int]] = {}
+        for index, step in enumerate(self.steps):
+            groups.setdefault(round(abs(step.data.target), 3), []).append(index)
+        return list(groups.values())
+
     def ideal(self, step: StepArrays, error: Array) -> Array:
         """theta_i/N + ke on the fine grid, from its first value."""
         from model.kernels import steps as kernel

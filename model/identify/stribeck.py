@@ -75,7 +75,6 @@ class StribeckFit:
     scale: float
     covariance: Array
     fitted: Array
-    jacobian: Array
     gain: Array
     common: Array
     common_gain: Array
@@ -190,7 +189,6 @@ def fit_stribeck(
         scale=float(scale),
         covariance=scale * inverse,
         fitted=fitted,
-        jacobian=jacobian,
         gain=gain,
         common=common_gain @ (f - fitted),
         common_gain=common_gain - common_gain @ jacobian @ gain,

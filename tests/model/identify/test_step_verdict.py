@@ -233,7 +233,7 @@ def test_a_speed_that_says_most_does_not_hide_behind_its_own_weight(
         influence=lambda: np.zeros((len(steps), 1)),
         left_out=lambda group: np.array([0.3 if 0 in group else 0.0]),
     )
-    problem: Any = SimpleNamespace(steps=steps)
+    problem = Problem(steps=cast(Any, steps), basis=(), error_width=1.0, model=cast(Any, None))
     error, _ = _standard_error(problem, solution, np.array([[1.0]]), 1.0)
     # 0.3 of three speeds: sqrt(2/3 (0.2^2 + 2 0.1^2)).
     assert error[0] == pytest.approx(0.2 if counts else 1e-4, rel=1e-3)
