@@ -288,6 +288,8 @@ def _print_made(made: NewGear) -> None:
     ]
     begin = "Next:"
     if missing:
-        out.print(f"Next: rig gear set {quoted(serial)} --by NAME {' '.join(missing)}", soft_wrap=True)
+        out.print(
+            f"Next: rig gear set {quoted(serial)} --by NAME {' '.join(missing)}", soft_wrap=True
+        )
         begin = "then"
     out.print(f"{begin} look at the gear, and rig gear confirm {serial} --by NAME", soft_wrap=True)
