@@ -292,4 +292,6 @@ def _print_made(made: NewGear) -> None:
             f"Next: rig gear set {quoted(serial)} --by NAME {' '.join(missing)}", soft_wrap=True
         )
         begin = "then"
-    out.print(f"{begin} look at the gear, and rig gear confirm {serial} --by NAME", soft_wrap=True)
+    out.print(
+        f"{begin} look at the gear, and rig gear confirm {quoted(serial)} --by NAME", soft_wrap=True
+    )
