@@ -261,15 +261,7 @@ def _weighed_damping(
     lines.append(
         (BY_LAW, "from the swing of the calmest steps that tell it to the one that is stated", law)
     )
-    again = [one.robust_cost() for one in answers["hysteresis"][1:]]
-    return replace(
-        told,
-        centre=centre,
-        error=error,
-        freedom=freedom,
-        lines=tuple(lines),
-        is_found_again=not again or min(again) < richest.robust_cost() + OTHERS,
-    )
+    return replace(told, centre=centre, error=error, freedom=freedom, lines=tuple(lines))
 
 
 def ringing(swings: Array) -> float:
@@ -325,7 +317,7 @@ def _reading(
 class _RungAnswer:
     """What the steps say of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom,
     lines of type B, how many times the noise the fit leaves while the steps ring, and how many times the power near
-    the mode that it leaves beside it; whether two starts of the search led to its damping.
+    the mode that it leaves beside it.
     """
 
     centre: Array
@@ -334,7 +326,6 @@ class _RungAnswer:
     lines: tuple[tuple[str, str, Array], ...]
     ringing: float
     left: float = 1.0
-    is_found_again: bool = True
 
     def estimate(self, index: int) -> Estimate:
         """One of the numbers with its budget."""
@@ -367,8 +358,6 @@ class _RungAnswer:
 
     def _verdict(self, name: str, relative: float, half: float) -> tuple[Identifiable, str]:
         if name in WANTED:
-            if not self.is_found_again:
-                return "weakly", "each start of the search led to another answer"
             if half > WANTED[name]:
                 note = f"the steps tell it within {half:.2g}, and {WANTED[name]:g} is asked for"
                 return ("weakly" if half <= 4.0 * WANTED[name] else "no"), note
@@ -441,6 +430,10 @@ def _between_answers(
             apart.append(answer)
             stated.append(its)
     likely = _likely(apart, louder)
+    if len(answers) > 1 and answers[1].robust_cost() > answers[0].robust_cost() + OTHERS:
+        # Each start led to another one: the cost is full of small valleys, and how deep one is says little.
+        likely = np.array([one.robust_cost() < EXPLAINED**2 * one.samples for one in apart])
+        likely = likely / max(likely.sum(), 1)
     values = np.array(stated)
     return np.sqrt(likely @ (values - likely @ values) ** 2)
 

@@ -103,6 +103,10 @@ def test_a_slope_is_that_of_both_sides_where_a_number_makes_jumps() -> None:
         assert one.by == (1.0 if one.behind is None else 2.0) * step_size
         if one.behind is not None:
             assert one.behind[0][name] == pytest.approx(here - step_size)
+    # A bearing that drives the output is no neighbour of one without friction.
+    (free, *_) = Problem._moved(problem, shape, {"bearing": 0.0, "soft": 10.0, "damping": -3.0})
+    assert free.behind is None
+    assert free.by == free.ahead[0]["bearing"] == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize(("below", "starts"), [(1000.0, len(SLIDING)), (1.0 + WORTH / 2.0, 1)])
