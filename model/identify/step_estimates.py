@@ -418,7 +418,8 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
 def _between_answers(
     answers: Sequence[Solution], numbers: Callable[[Array], Array], louder: float, error: Array
 ) -> Array:
-    """Standard deviation of the numbers (n,) over several answers, each as likely as its cost has it.
+    """Standard deviation of the numbers (n,) over several answers, each as likely as its cost has it; where no two
+    starts agree, all that explain the steps are as likely.
 
     Starts that led to one answer count once: no number of theirs is apart by more than a share of its `error` (n,).
     """
@@ -431,7 +432,7 @@ def _between_answers(
             stated.append(its)
     likely = _likely(apart, louder)
     if len(answers) > 1 and answers[1].robust_cost() > answers[0].robust_cost() + OTHERS:
-        # Each start led to another one: the cost is full of small valleys, and how deep one is says little.
+        # The cost is full of small valleys then, and how deep one is says little.
         likely = np.array([one.robust_cost() < EXPLAINED**2 * one.samples for one in apart])
         likely = likely / max(likely.sum(), 1)
     values = np.array(stated)
