@@ -16,7 +16,7 @@ from model.identify.step_counts import led_away, left_in_band, louder_in_band
 from model.identify.step_data import StepData
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
-from model.identify.step_rungs import LEAST_RELAXATION, Expected
+from model.identify.step_rungs import LEAST_RELAXATION
 from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ, OTHERS
 from model.identify.torsional_mode import TorsionModel
 from model.units import REVOLUTION
@@ -79,21 +79,19 @@ def estimates_of(
     steps: Sequence[StepData],
     problem: Problem,
     answers: Mapping[str, Sequence[Solution]],
+    readings: Mapping[str, Reading],
+    *,
     chosen: str,
     others: Sequence[tuple[str, str]],
-    expected: Expected,
-    *,
     swings: Array,
 ) -> dict[str, Estimate]:
     """The stated numbers with their budgets, and those of which a direction alone has something to say.
 
     `swings`: the torque over J_o [rad/s2] with which each step begins to ring (steps,). `answers` of every rung, the
-    best first; `others`: rungs by what they are to the chosen one. What these lead to is a line of the budget, but for
-    the damping ratio, which is that of all rungs by their evidence.
+    best first, and how each is read; `others`: rungs by what they are to the chosen one. What these lead to is a line
+    of the budget, but for the damping ratio, which is that of all rungs by their evidence.
     """
-    amplitude = expected.amplitude / expected.inertia
     solution = answers[chosen][0]
-    readings = {name: read_rung(problem, found, amplitude) for name, found in answers.items()}
     reading = readings[chosen]
     if not np.all(np.isfinite(reading.centre)):
         raise IdentificationError("the steps lead to no mode that rings", where="velocity steps")
@@ -142,8 +140,8 @@ def _one_way(told: _RungAnswer, moved: Array, way: str) -> dict[str, Estimate]:
 @dataclass(frozen=True)
 class Reading:
     """What one rung says of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom, how
-    far the counts of the input led them, how many times louder than over all the noise is near the mode, how many
-    times the power is there that is beside it, and the numbers as a function of those of the fit.
+    far counts had led them, which is taken off, how many times louder than over all the noise is near the mode, how
+    many times the power is there that is beside it, and the numbers as a function of those of the fit.
     """
 
     centre: Array
@@ -158,16 +156,25 @@ class Reading:
 def read_rung(problem: Problem, answers: Sequence[Solution], amplitude: float) -> Reading:
     """A rung of these answers, the best first, at a torque amplitude over J_o [rad/s2]."""
     solution = answers[0]
-    numbers, counts = _reading(problem, solution, amplitude)
+    plain = _stated(problem, solution, amplitude)
     left = left_in_band(problem, solution)
     louder = max(louder_in_band(problem, solution), left)
-    slopes = _slopes(numbers, solution.vector, len(solution.shape.names))
+    slopes = _slopes(plain, solution.vector, len(solution.shape.names))
+    led = led_away(problem, solution) @ slopes.T
+    led = np.where(np.isfinite(led), led, 0.0)
+    off, chance = led.mean(axis=0), led.std(axis=0, ddof=1) / math.sqrt(len(led))
+
+    def numbers(vector: Array) -> Array:
+        return plain(vector) - off
+
     error, freedom = _standard_error(problem, solution, slopes, louder)
     return Reading(
         centre=numbers(solution.vector),
-        error=np.hypot(error, _between_answers(answers, numbers, louder, error)),
+        error=np.sqrt(
+            error**2 + chance**2 + _between_answers(answers, numbers, louder, error) ** 2
+        ),
         freedom=freedom,
-        counts=counts,
+        counts=np.abs(off),
         louder=louder,
         left=left,
         numbers=numbers,
@@ -197,7 +204,7 @@ def _rung_answer(
     counts = reading.counts / math.sqrt(3.0)
     lines = [
         *_lines(model, reading.centre),
-        ("counts of the input", "what they ring up, to first order", counts),
+        ("counts of both encoders", "what they lead to, which is taken off", counts),
     ]
     if others:
         note = others[0][0]
@@ -288,17 +295,11 @@ def damped_at(solution: Solution, reading: Reading, swings: Array) -> float:
     return ringing(swings)
 
 
-def _reading(
-    problem: Problem, solution: Solution, amplitude: float
-) -> tuple[Callable[[Array], Array], Array]:
-    """The stated numbers as a function of those of a fit (p,), NaN where these are no spring, and how far the counts of
-    the input led them.
+def _stated(problem: Problem, solution: Solution, amplitude: float) -> Callable[[Array], Array]:
+    """The stated numbers as a function of those of a fit (p,), NaN where these are no spring."""
+    names = solution.shape.names
 
-    Squares take what is rung up for damping: that is put right, the others are in doubt by it.
-    """
-    names, led = solution.shape.names, led_away(problem, solution)
-
-    def plain(vector: Array) -> Array:
+    def stated(vector: Array) -> Array:
         there = {**solution.values, **dict(zip(names, vector[: len(names)].tolist(), strict=True))}
         try:
             return _numbers(problem.model(there), there["skew"], amplitude)
@@ -306,11 +307,7 @@ def _reading(
             # Numbers to first order can lead out of all springs.
             return np.full(len(STATED), math.nan)
 
-    off = plain(solution.vector - led) - plain(solution.vector)
-    off = np.where(np.isfinite(off), off, 0.0)
-    right = np.zeros_like(off)
-    right[DAMPING] = off[DAMPING]
-    return (lambda vector: plain(vector) + right), np.abs(off)
+    return stated
 
 
 @dataclass(frozen=True)

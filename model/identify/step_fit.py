@@ -91,16 +91,12 @@ class Solution:
 
     @property
     def samples(self) -> int:
-        """Of the steps that were not set aside."""
-        return sum(n.count for w, n in zip(self.weights, self.normals, strict=True) if w)
+        return sum(normal.count for normal in self.normals)
 
     def robust_cost(self) -> float:
-        """Squares over the noise's, a bad step as its weight has it and one set aside not at all, and the prior's
-        pull.
-        """
-        counting = [n for w, n in zip(self.weights, self.normals, strict=True) if w]
-        squares = np.array([n.square / n.count for n in counting])
-        counts = np.array([n.count for n in counting])
+        """Squares over the noise's, a bad step as its weight has it, and the prior's pull."""
+        squares = np.array([normal.square / normal.count for normal in self.normals])
+        counts = np.array([normal.count for normal in self.normals])
         return float(counts @ bounded(squares)) / self.noise**2 + self.pull
 
     @property
@@ -136,7 +132,7 @@ def _prior(shape: Shape, errors: int, error_width: float) -> tuple[Array, Array]
     return centre, penalty
 
 
-def _normal_equations(
+def normal_equations(
     weights: Array, normals: Sequence[Normal], penalty: Array, beyond: Array
 ) -> tuple[Array, Array]:
     """Matrix (p, p) and right-hand side (p,) of all steps and of the prior, from which the numbers are `beyond`."""
@@ -230,7 +226,7 @@ class _Goal:
     ) -> tuple[_Place | None, float, float]:
         """The first place that costs no more, None without one; how large the step to it is, and its damping."""
         names, size = self.shape.names, len(self.shape.names)
-        total, pull = _normal_equations(
+        total, pull = normal_equations(
             self.weights, normals, self.penalty * self.noise**2, here.vector - self.centre
         )
         for _ in range(TRIALS):

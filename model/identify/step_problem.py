@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy  # pyright: ignore[reportMissingTypeStubs]
@@ -58,7 +58,8 @@ class Shape:
 class StepArrays:
     """One step on a fine even grid (m,), and the samples (n,) that are fitted.
 
-    `rigid`: theta_i/N with the kinematic error that is taken as given; `own` (3, m): what friction winds up.
+    `rigid`: theta_i/N with the kinematic error that is taken as given; `own` (3, m): what friction winds up; `seen`
+    (m,): the measured speed of the output by its stamps.
     """
 
     data: StepData
@@ -70,6 +71,7 @@ class StepArrays:
     stamps: Array
     measured: Array
     own: Array
+    seen: Array
 
 
 def step_arrays(
@@ -86,7 +88,7 @@ def step_arrays(
     last = min(float(data.time[-1]), longest)
     fine = np.arange(data.time[0], last + 0.5 * interval, interval)
     fine = fine[fine <= data.time[-1]]
-    angle = _between_samples(data.time, data.input_angle, fine)
+    angle = between_samples(data.time, data.input_angle, fine)
     # Friction winds the gear up from the first count on, its viscous part as the speed grows: by a smoothed speed it
     # would begin before the step does.
     speed = np.interp(fine, data.time, np.gradient(data.input_angle, data.time))
@@ -104,12 +106,13 @@ def step_arrays(
         stamps=data.time[inside],
         measured=data.output_angle[inside] - rigid[0],
         own=np.array([moving, falling, speed]),
+        seen=between_samples(data.time, data.output_angle, fine, derivative=1),
     )
 
 
-def _between_samples(time: Array, values: Array, fine: Array) -> Array:
-    """Values (m,) at fine times, by a spline of degree `_SMOOTH` through the samples (n,), turned about the first and
-    the last of them: at an end of its own such a spline makes sixty of one count.
+def between_samples(time: Array, values: Array, fine: Array, *, derivative: int = 0) -> Array:
+    """Values (m,) at fine times or their derivative, by a spline of degree `_SMOOTH` through the samples (n,), turned
+    about the first and the last of them: at an end of its own such a spline makes sixty of one count.
     """
     first, last = slice(_SMOOTH, 0, -1), slice(-2, -_SMOOTH - 2, -1)
 
@@ -117,7 +120,7 @@ def _between_samples(time: Array, values: Array, fine: Array) -> Array:
         return np.concatenate([2.0 * row[0] - row[first], row, 2.0 * row[-1] - row[last]])
 
     spline = scipy.interpolate.make_interp_spline(longer(time), longer(values), k=_SMOOTH)
-    return np.asarray(spline(fine), dtype=float)
+    return np.asarray(spline(fine, derivative), dtype=float)
 
 
 def _waves(angle: Array, highest: int) -> Array:
@@ -163,7 +166,8 @@ class Problem:
     """All steps, the basis of the kinematic error and how wide its coefficients are believed to lie [rad].
 
     `input_density`: power density of the error of the input's counts, at the output [rad2 s]; `swing`: torque
-    amplitude over J_o at which the mode is stated [rad/s2].
+    amplitude over J_o at which the mode is stated [rad/s2]; `observer`: gain [1/s] with which the response follows the
+    measured speed of the output, 0 where it runs alone.
     """
 
     steps: tuple[StepArrays, ...]
@@ -172,6 +176,16 @@ class Problem:
     model: Callable[[Mapping[str, float]], TorsionModel]
     input_density: float = 0.0
     swing: float = 0.0
+    observer: float = 0.0
+
+    @property
+    def alone(self) -> Problem:
+        """The same without an observer."""
+        return replace(self, observer=0.0)
+
+    def tables(self, values: Mapping[str, float]) -> Array:
+        """The step matrices of these numbers (pieces, 3, 6)."""
+        return self.model(values).step(self.interval, self.observer)
 
     @property
     def interval(self) -> float:
@@ -224,6 +238,9 @@ class Problem:
             speed,
             piece,
             yielding,
+            step.seen,
+            self.observer,
+            values.get("skew", 0.0) / step.interval,
         )
         return angle, speed, piece, yielding
 
@@ -254,7 +271,7 @@ class Problem:
         `near`: those of numbers nearby, whose derivatives by the kinematic error are used again; without `gradient`
         only the sums of squares.
         """
-        tables = self.model(values).step(self.interval)
+        tables = self.tables(values)
         moved = self._moved(shape, values) if gradient else []
         again = near or (None,) * len(self.steps)
         rings = self._rings(tables)
@@ -267,17 +284,18 @@ class Problem:
         """Each number of the shape moved by its step of differentiation."""
         moved: list[_Moved] = []
         for name in shape.names:
-            h = STEPS.get(name, 1e-3)
+            h = STEPS[name]
             if name == "bearing" and name in shape.prior:
                 h = _BEARING_STEP * shape.prior[name][1]
             here = values[name]
-            back = min(h, here - _BOTH_SIDES_DOWN_TO.get(name, here))
+            # A bearing drives nothing.
+            back = min(h, here) if name == "bearing" else h
             behind = self._at({**values, name: here - back}) if back else None
             moved.append(_Moved(name, h + back, behind, self._at({**values, name: here + h})))
         return moved
 
     def _at(self, values: dict[str, float]) -> tuple[dict[str, float], Array]:
-        return values, self.model(values).step(self.interval)
+        return values, self.tables(values)
 
     def _normal(
         self,
@@ -298,10 +316,7 @@ class Problem:
         residual = (step.measured - predicted)[:, np.newaxis]
         columns = np.empty((len(place), len(moved)))
         for j, one in enumerate(moved):
-            if one.name == "skew":
-                columns[:, j] = np.interp(step.stamps + values["skew"], step.fine, speed)
-            else:
-                columns[:, j] = self._change(step, values["skew"], ideal, predicted, one)
+            columns[:, j] = self._change(step, ideal, predicted, one)
         own = products.orthonormal(self._own(step, rings, place, share))
         products.take_out(own, residual)
         products.take_out(own, columns)
@@ -330,14 +345,12 @@ class Problem:
             residual=residual[:, 0],
         )
 
-    def _change(
-        self, step: StepArrays, skew: float, ideal: Array, predicted: Array, moved: _Moved
-    ) -> Array:
+    def _change(self, step: StepArrays, ideal: Array, predicted: Array, moved: _Moved) -> Array:
         """What a number that is moved changes of the response at the samples (n,), per unit of it."""
 
         def there(values: dict[str, float], tables: Array) -> Array:
             angle, speed, _, _ = self.response(step, values, ideal, tables)
-            return self.at_samples(step, skew, angle, speed)[0]
+            return self.at_samples(step, values["skew"], angle, speed)[0]
 
         before = predicted if moved.behind is None else there(*moved.behind)
         return (there(*moved.ahead) - before) / moved.by
@@ -396,6 +409,9 @@ class Problem:
                 speed,
                 piece,
                 np.zeros((0, 2)),
+                still,
+                0.0,
+                0.0,
             )
             rings.append((angle, speed))
         return rings
@@ -424,19 +440,19 @@ class Problem:
 
 
 STEPS: Mapping[str, float] = {
-    "stiffness": 1e-4,
-    "damping": 1e-2,
+    "stiffness": 2e-3,
+    "damping": 4e-2,
     "bearing": 1e-2,
     "skew": 1e-6,
-    "second": 1e-4,
-    "kink": 1e-4,
-    "soft": 1e-2,
-    "limit": 1e-2,
+    "second": 5e-3,
+    "third": 5e-3,
+    "kink": 5e-3,
+    "soft": 4e-2,
+    "limit": 4e-2,
 }
-"""Steps of differentiation; 1e-3 for the rest."""
+"""Steps of differentiation to either side, about as far as a run tells each. A spring that bends, an element that
+slides and an output that sticks do so a sample earlier or later: the squares are jagged, and a search that met a small
+step of them stopped 10 % beside the damping.
+"""
 _BEARING_STEP = 0.02
 """The same of the bearing's friction, as a share of how large it is believed to be."""
-_BOTH_SIDES_DOWN_TO = {"soft": -math.inf, "limit": -math.inf, "bearing": 0.0}
-"""Differentiated to both sides, where there are two (a bearing drives nothing): an output that sticks, or an element
-that slides, a sample earlier is a jump, and of one that a small step meets a search makes a slope that leads nowhere.
-"""

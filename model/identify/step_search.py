@@ -29,9 +29,6 @@ lower the cost (in squares of the noise, its priors counted) to be chosen.
 """
 _AWAY = (0.2, -0.2, 0.4, -0.4)
 """Logarithms of the stiffness from the card's at which further searches begin."""
-_ASIDE, _DISPUTED = 1.15, 0.1
-"""Times the median mean square beyond which the richest rung does not explain a step, and share of it by which another
-rung must leave more or less of it: what all leave alike is noise."""
 LEAST_SEARCHES, SEARCHED = 2, 30_000
 """Starts of the rungs above the linear one that are tried at least, and samples to fit in all starts of a rung."""
 SLIDING = ((0.05, 0.0), (0.2, -0.3))
@@ -79,29 +76,6 @@ def climb(
         one = _without_element(problem, shapes["hardening"], answers[richest][0], noise)
         answers["hardening"] = sorted([*answers["hardening"], one], key=lambda s: s.robust_cost())
     return answers
-
-
-def without_unexplained(
-    problem: Problem, answers: Mapping[str, Sequence[Solution]]
-) -> Mapping[str, Sequence[Solution]]:
-    """All rungs again without the steps that the richest one does not explain, where that is the hysteresis.
-
-    Where an order passes near the mode of a hardening spring a step has two states, and by a hair it is in one or the
-    other: it says nothing of the mode, and would tie it down by that hair.
-    """
-    if "hysteresis" not in answers:
-        return answers
-    left = [[n.square / n.count for n in found[0].normals] for found in answers.values()]
-    squares = np.array(left[-1])
-    disputed = np.max(np.abs(left / squares - 1.0), axis=0) > _DISPUTED
-    aside = disputed & (squares > _ASIDE * float(np.median(squares)))
-    if not aside.any():
-        return answers
-    again: dict[str, Sequence[Solution]] = {}
-    for rung, (one, *_) in answers.items():
-        weights = np.where(aside, 0.0, one.weights)
-        again[rung] = [_on(problem, one, weights)]
-    return again
 
 
 def _without_element(problem: Problem, shape: Shape, above: Solution, noise: float) -> Solution:
@@ -171,16 +145,7 @@ def _answers(
     is_richest = "soft" in shape.names
     most = len(starts) if is_richest else max(fewest, least_starts)
     for tried, (values, error) in enumerate(starts[:most], start=1):
-        one = _settled(problem, shape, values, error, noise)
-        found.append(one)
-        if "second" in shape.names and not is_richest and float(np.min(one.weights)) < 0.9:
-            # Steps that were left aside may fit, once the others have found the spring.
-            ones = np.ones(len(problem.steps))
-            held = replace(shape, names=("bearing", "skew"))
-            only = fit_all(problem, held, one.values, one.error, noise=noise, weights=ones)
-            found.append(
-                fit_all(problem, shape, only.values, only.error, noise=noise, weights=ones)
-            )
+        found.append(_settled(problem, shape, values, error, noise))
         found.sort(key=lambda s: s.robust_cost())
         least = found[0].robust_cost()
         is_explained = least < EXPLAINED**2 * found[0].samples
@@ -190,21 +155,20 @@ def _answers(
         if tried >= least_starts and (is_found_again or (is_explained and not is_richest)):
             break
     near = found[0].robust_cost() + OTHERS
-    ended = [_on(problem, one, one.weights) for one in found if one.robust_cost() <= near]
+    ended = [
+        fit_all(
+            problem,
+            shape,
+            one.values,
+            one.error,
+            noise=noise,
+            weights=one.weights,
+            known=one.normals,
+        )
+        for one in found
+        if one.robust_cost() <= near
+    ]
     return sorted([*ended, *found[len(ended) :]], key=lambda s: s.robust_cost())
-
-
-def _on(problem: Problem, one: Solution, weights: Array) -> Solution:
-    """The fit that goes on from one that ended, to its end and with these weights of the steps."""
-    return fit_all(
-        problem,
-        one.shape,
-        one.values,
-        one.error,
-        noise=one.noise,
-        weights=weights,
-        known=one.normals,
-    )
 
 
 def _settled(
@@ -292,4 +256,5 @@ def _shortened(step: StepArrays) -> StepArrays:
         stamps=step.stamps[:samples],
         measured=step.measured[:samples],
         own=step.own[:, :rows],
+        seen=step.seen[:rows],
     )

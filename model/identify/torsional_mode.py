@@ -54,14 +54,17 @@ class TorsionModel:
         bend = (1.0 - self.second) * self.stiffness * first
         return np.array([0.0, bend, bend + (self.second - self.third) * self.stiffness * second])
 
-    def step(self, interval: float) -> Array:
-        """Exact steps (3, 3, 6) of the pieces of the spring: states, u at start and end, constant acceleration."""
+    def step(self, interval: float, observer: float = 0.0) -> Array:
+        """Exact steps (3, 3, 6) of the pieces of the spring: states, u at start and end, constant acceleration.
+
+        `observer` [1/s]: how strongly a measured speed is followed, which is part of that acceleration.
+        """
         tables = np.empty((3, 3, 6))
         for piece, factor in enumerate((1.0, self.second, self.third)):
             if piece and factor == 1.0:
                 tables[piece] = tables[0]
             else:
-                tables[piece] = self._step(interval, (factor - 1.0) * self.stiffness)
+                tables[piece] = self._step(interval, (factor - 1.0) * self.stiffness, observer)
         return tables
 
     def system(self, extra: float = 0.0) -> Array:
@@ -76,12 +79,13 @@ class TorsionModel:
             ]
         )
 
-    def _step(self, interval: float, extra: float) -> Array:
+    def _step(self, interval: float, extra: float, observer: float) -> Array:
         from model.kernels.steps import exponential
 
         whole = np.zeros((6, 6))
         system = self.system(extra)
         whole[:3, :3] = system
+        whole[1, 1] -= observer
         whole[:3, 3] = -system[:, 0]
         whole[3, 4] = 1.0
         whole[1, 4] = self.loss

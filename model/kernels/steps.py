@@ -1,13 +1,15 @@
 """Compiled response of the torsional mode to a prescribed input, for the fit of velocity steps.
 
-    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + g phi' - d + h ,   u = theta_i/N + ke
+    theta_o'' = k_s (u - theta_o - b) + stiffening(phi) + g phi' - d + h + k_o (omega_m - theta_o')
+    u = theta_i/N + ke
     b' = (p (u - theta_o) - q b) ,   h' = s (1 - h sgn(phi')/H) phi' ,   phi = u - theta_o
 
 b is the torsion of the wave-generator bearing, the only element with damping; stiffening is piecewise
 linear in the torsion phi (K1, K2, K3), so that within a piece the step is a matrix exponential with
 first-order hold on u. Rows of a step matrix are the states (theta_o, theta_o', b); its columns the states,
 u at the start and the end of the step, and a constant acceleration. d is the dry friction of the output's
-bearing, which holds an output at rest. h is a Dahl element, taken in the middle of the step.
+bearing, which holds an output at rest. h is a Dahl element, taken in the middle of the step. k_o is the gain of
+an observer that follows the measured speed omega_m; without it the response runs alone.
 """
 
 from __future__ import annotations
@@ -114,6 +116,9 @@ def respond(
     speed: FloatArray,
     piece: IntArray,
     yielding: FloatArray,
+    seen: FloatArray,
+    observer: float,
+    late: float,
 ) -> None:
     """Output angle and speed on the fine grid (m,), and the piece of the spring in each step.
 
@@ -121,7 +126,8 @@ def respond(
     acceleration at zero torsion; `drag`: most that the output's bearing takes, over the inertia; `dahl` (2):
     stiffness over inertia and limit over inertia, 0 for none; `start` theta_o and theta_o' at the first sample.
     `yielding` (m, 2) gets what the Dahl element's force changes by in each step per torsion moved, and what share is
-    kept of a force before it.
+    kept of a force before it. An `observer` above 0 pulls the speed to the measured one, `seen` (m,), which belongs to
+    a place `late` steps before: the step matrices know it as well.
     """
     theta, omega, bearing = start[0], start[1], 0.0
     last_kink = kinks.size
@@ -136,14 +142,19 @@ def respond(
             r += 1
         piece[i] = r
         force = offsets[r] if middle > 0.0 else -offsets[r]
+        if observer > 0.0:
+            place = min(max(i + 0.5 - late, 0.0), ideal.size - 1.001)
+            j = int(place)
+            force += observer * (seen[j] + (place - j) * (seen[j + 1] - seen[j]))
         if dahl[1] > 0.0:
             moved = middle - torsion
-            pull = 1.0 - math.copysign(memory / dahl[1], memory * moved)
-            pulled = memory + dahl[0] * moved * pull
-            if abs(pulled) < dahl[1]:
-                yielding[i, 0] = dahl[0] * pull
-                yielding[i, 1] = max(1.0 - dahl[0] * abs(moved) / dahl[1], 0.0)
-            memory = min(max(pulled, -dahl[1]), dahl[1])
+            end = math.copysign(dahl[1], moved)
+            x = dahl[0] * abs(moved) / dahl[1]
+            # exp(-x) of its first terms: less than 1e-3 off up to x = 0.4, and never beyond the limit.
+            kept = 1.0 / (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0))))
+            yielding[i, 0] = dahl[0] * kept * math.copysign(1.0, moved) * (end - memory) / dahl[1]
+            yielding[i, 1] = kept
+            memory = end + (memory - end) * kept
             torsion = middle
             force += memory
         m = step[r]

@@ -23,7 +23,6 @@ from model.identify.step_inertia import InertiaFit, fit_inertia
 from model.identify.step_problem import BASIS, Problem, Shape, StepArrays, step_arrays
 from model.identify.step_rungs import Expected
 from model.identify.torsional_mode import TorsionModel
-from model.kernels.steps import respond
 from model.linear import dynamic_parameters, modes
 from model.units import ARCSEC, RPM
 from tests.model.identify.rigs import INPUT_QUANTUM, OUTPUT_QUANTUM, counted
@@ -166,34 +165,6 @@ def test_the_exact_step_is_the_exponential_of_the_system(relaxation: float) -> N
     assert model.step(5e-4)[0, :, :3] == pytest.approx(exact, rel=1e-9, abs=1e-12)
 
 
-def test_a_bearing_holds_an_output_that_cannot_pull_free() -> None:
-    model = TorsionModel(stiffness=STATIC, relaxation=1e-5, share=0.4)
-    ideal = np.concatenate([np.zeros(20), np.full(180, 1e-5)])
-
-    def end(drag: float) -> float:
-        angle, speed, piece = np.empty(200), np.empty(200), np.zeros(200, dtype=np.int64)
-        rest, none, yielding = np.zeros(2), np.zeros(0), np.zeros((0, 2))
-        tables = model.step(5e-4)
-        respond(
-            ideal,
-            drag,
-            5e-4,
-            tables,
-            none,
-            np.zeros(1),
-            rest,
-            rest,
-            angle,
-            speed,
-            piece,
-            yielding,
-        )
-        return float(np.max(np.abs(angle)))
-
-    assert end(1.1 * STATIC * 1e-5) < 0.02 * 1e-5
-    assert end(0.0) > 1.5e-5
-
-
 def test_a_rigid_prediction_has_no_skill() -> None:
     data, _, _ = step(1200.0, 5)
     rigid = score_step(data, data.input_angle / GEAR.ratio)
@@ -228,8 +199,10 @@ def test_a_long_step_is_predicted_to_its_end() -> None:
         assert np.ptp(away[measured.time > 3.0]) < 8.0 * OUTPUT_QUANTUM
 
 
-@pytest.mark.parametrize("soft", [0.0, 0.2])
-def test_the_derivatives_by_the_kinematic_error_are_those_of_the_response(soft: float) -> None:
+@pytest.mark.parametrize(("soft", "observer"), [(0.0, 0.0), (0.2, 0.0), (0.2, 30.0)])
+def test_the_derivatives_by_the_kinematic_error_are_those_of_the_response(
+    soft: float, observer: float
+) -> None:
     """Through a hardening spring and a sliding Dahl element as well: else a fit stops before its answer."""
     data, _, _ = step(1800.0, 3)
     arrays = step_arrays(data, 5e-4, BASIS)
@@ -242,7 +215,9 @@ def test_the_derivatives_by_the_kinematic_error_are_those_of_the_response(soft: 
             hysteresis=(soft * STATIC, 0.2 * soft * STATIC * 1e-4),
         )
 
-    problem = Problem(steps=(arrays,), basis=BASIS, error_width=1e-4, model=model)
+    problem = Problem(
+        steps=(arrays,), basis=BASIS, error_width=1e-4, model=model, observer=observer
+    )
     values, error = {"skew": 0.0}, np.zeros(2 * len(BASIS))
     shape = Shape(names=("skew",))
 

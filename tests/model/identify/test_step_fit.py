@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from types import SimpleNamespace
 from typing import Any
@@ -10,18 +9,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from model.identify import dynamics, step_estimates, step_fit
+from model.identify import step_estimates, step_fit
 from model.identify.dynamics import fit_ladder
 from model.identify.step_data import step_data
-from model.identify.step_problem import BASIS, LARGEST_SKEW, Problem, Shape, step_arrays
-from model.identify.step_rungs import models_of, shapes_of
-from model.identify.step_search import (
-    LIMITS,
-    SLIDING,
-    WORTH,
-    climb,
-    without_unexplained,
+from model.identify.step_problem import (
+    BASIS,
+    LARGEST_SKEW,
+    STEPS,
+    Problem,
+    Shape,
+    step_arrays,
 )
+from model.identify.step_rungs import models_of, shapes_of
+from model.identify.step_search import LIMITS, SLIDING, WORTH, climb
 from tests.model.identify.test_dynamics import EXPECTED, step
 
 
@@ -90,21 +90,19 @@ def test_a_gear_softer_than_its_card_has_a_softer_bearing() -> None:
     assert soft.relaxation == pytest.approx(2.0 * EXPECTED.relaxation)
 
 
-def test_a_slope_is_that_of_both_sides_where_a_number_makes_jumps() -> None:
+def test_a_slope_is_that_of_both_sides() -> None:
     """A sample that sticks on one side of where the search stands is half a jump, not one over the step."""
     shape = Shape(names=("bearing", "soft", "damping"), prior={"bearing": (0.0, 5.0)})
     problem: Any = SimpleNamespace(interval=1e-4, _at=lambda values: (values, np.empty(0)))
-    moved = Problem._moved(problem, shape, {"bearing": 1.0, "soft": 10.0, "damping": -3.0})
-    for one, step_size in zip(moved, (0.1, 1e-2, 1e-2), strict=True):
-        values, name = one.ahead[0], one.name
-        here = {"bearing": 1.0, "soft": 10.0, "damping": -3.0}[name]
-        assert values[name] == pytest.approx(here + step_size)
-        assert (one.behind is None) == (name == "damping")
-        assert one.by == (1.0 if one.behind is None else 2.0) * step_size
-        if one.behind is not None:
-            assert one.behind[0][name] == pytest.approx(here - step_size)
+    here = {"bearing": 1.0, "soft": 10.0, "damping": -3.0}
+    moved = Problem._moved(problem, shape, here)
+    for one, step_size in zip(moved, (0.1, STEPS["soft"], STEPS["damping"]), strict=True):
+        assert one.behind is not None
+        assert one.ahead[0][one.name] == pytest.approx(here[one.name] + step_size)
+        assert one.behind[0][one.name] == pytest.approx(here[one.name] - step_size)
+        assert one.by == 2.0 * step_size
     # A bearing that drives the output is no neighbour of one without friction.
-    (free, *_) = Problem._moved(problem, shape, {"bearing": 0.0, "soft": 10.0, "damping": -3.0})
+    (free, *_) = Problem._moved(problem, shape, {**here, "bearing": 0.0})
     assert free.behind is None
     assert free.by == free.ahead[0]["bearing"] == pytest.approx(0.1)
 
@@ -206,89 +204,15 @@ def test_a_hysteresis_that_is_not_explained_is_searched_to_the_last_start(
     assert [one.robust_cost() == 1e5 for one in found] == [True, True] + 6 * [False]
 
 
-@pytest.mark.parametrize(
-    ("squares", "aside"),
-    [
-        ((1.0, 1.1, 1.0, 1.0), ()),
-        ((1.0, 1.0, 1.3, 1.0), (2,)),
-        ((1.0, 1.0, 9.0, 9.0, 9.0, 9.0, 1.0, 1.0, 1.0), (2, 3, 4, 5)),
-        # Where most leave more it is the rung that is wrong.
-        ((1.0, 9.0, 9.0, 9.0, 9.0), ()),
-    ],
-)
-def test_steps_that_the_richest_rung_does_not_explain_are_set_aside_in_all_rungs(
-    monkeypatch: pytest.MonkeyPatch, squares: tuple[float, ...], aside: tuple[int, ...]
-) -> None:
-    from model.identify import step_search
-
-    monkeypatch.setattr(
-        step_search, "fit_all", lambda problem, shape, values, error, **how: (shape, how["weights"])
-    )
-
-    def leaving(factor: float) -> Any:
-        normals = [SimpleNamespace(square=100.0 * factor * square, count=100) for square in squares]
-        return SimpleNamespace(
-            normals=normals,
-            weights=np.full(len(squares), 0.7),
-            shape="shape",
-            values={},
-            error=np.empty(0),
-            noise=1.0,
-        )
-
-    best = leaving(1.0)
-    problem: Any = SimpleNamespace()
-    # What all rungs leave alike is noise: of a clock that trembles, say, at the fast steps.
-    alike: Any = {"linear": [leaving(1.02)], "hysteresis": [best]}
-    assert without_unexplained(problem, alike) is alike
-    answers: Any = {"linear": [leaving(1.5), best], "hysteresis": [best]}
-    again: Any = without_unexplained(problem, answers)
-    if not aside:
-        assert again is answers
-        return
-    for rung in answers:
-        ((_, weights),) = again[rung]
-        assert tuple(np.flatnonzero(weights == 0.0)) == aside
-        assert set(weights) == {0.0, 0.7}
-    # A poorer rung leaves whole orders: of it no step can be said to be beside the others.
-    poorer: Any = {"linear": [best], "hardening": [best]}
-    assert without_unexplained(problem, poorer) is poorer
-
-
-def test_a_step_that_is_set_aside_costs_nothing() -> None:
-    normals: Any = tuple(SimpleNamespace(square=s, count=10) for s in (10.0, 10.0, 10.0, 5000.0))
-    one = step_fit.Solution(
-        shape=Shape(names=()),
-        values={},
-        error=np.empty(0),
-        normals=normals,
-        weights=np.array([1.0, 1.0, 1.0, 0.0]),
-        noise=1.0,
-        penalty=np.empty(0),
-        centre=np.empty(0),
-    )
-    assert one.robust_cost() == pytest.approx(30.0)
-    assert one.samples == 30
-
-
-def test_the_ladder_sets_steps_aside_says_so_and_asks_the_law_from_the_calmest_on(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_law_is_asked_from_the_calmest_steps_on(monkeypatch: pytest.MonkeyPatch) -> None:
     steps = [step(v, seed)[0] for seed, v in enumerate((1200.0, 2400.0, -1200.0, -2400.0))]
     asked: list[np.ndarray] = []
-
-    def without(problem: Problem, answers: Any) -> Any:
-        (best, *_) = answers["linear"]
-        return {"linear": [dataclasses.replace(best, weights=np.array([1.0, 0.0, 1.0, 1.0]))]}
 
     def calmest(solution: Any, reading: Any, swings: np.ndarray) -> float:
         asked.append(swings)
         return 1.0
 
-    monkeypatch.setattr(dynamics, "without_unexplained", without)
     monkeypatch.setattr(step_estimates, "damped_at", calmest)
     fit = fit_ladder(steps, EXPECTED, error_given=True, richest="linear")
-    (said,) = [warning for warning in fit.warnings if "counts 0 % in the fit" in warning]
-    assert said.startswith("2400 r/min forward")
     (swings,) = asked
     assert swings == pytest.approx([fit.model.carried(float(one)) for one in fit.transient])
