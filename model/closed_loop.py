@@ -102,6 +102,7 @@ class Deviations:
     hardening            stiffness grows beyond T1 and T2 in the catalogue's proportions K2/K1, K3/K1
     hysteresis_torque, hysteresis_stiffness   a Dahl element parallel to the gear: its limit [N m] and its stiffness
                          as a fraction of K_HDf
+    hysteresis_by_slope  the element is stepped by its slope, as the worlds of versions 1 and 2 have it
     backlash             torsion from end to end within which the spring gives no torque [rad]
     output_coulomb, output_viscous            friction of the bench's output bearing [N m], [N m s/rad]
     output_per_kelvin    share by which both fall per kelvin of the housing above the thermal reference
@@ -119,6 +120,7 @@ class Deviations:
     hardening: bool = False
     hysteresis_torque: float = 0.0
     hysteresis_stiffness: float = 0.0
+    hysteresis_by_slope: bool = False
     backlash: float = 0.0
     output_coulomb: float = 0.0
     output_viscous: float = 0.0
@@ -322,6 +324,7 @@ class ClosedLoop:
             p[at.KINK_2] = p[at.KINK_1] + (ratings.torque_2 - ratings.torque_1) / second
             p[at.EXTRA_2], p[at.EXTRA_3] = second - stiffness, third - second
         p[at.HYSTERESIS_LIMIT] = extra.hysteresis_torque
+        p[at.HYSTERESIS_BY_SLOPE] = extra.hysteresis_by_slope
         p[at.HYSTERESIS_STIFFNESS] = extra.hysteresis_stiffness * stiffness
         p[at.PLAY], p[at.SPRING] = 0.5 * extra.backlash, stiffness
         parallel = extra.hardening or extra.hysteresis_torque > 0.0 or extra.backlash > 0.0

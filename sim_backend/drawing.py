@@ -51,7 +51,7 @@ def draw(
     wear = Wear.of(world) if on.wear else None
     thermometer = bounded(stream(bench, "thermometer"))
     condition = Condition(
-        deviations=_deviations(on, ratio, bench, world.gear_seed),
+        deviations=_deviations(on, ratio, world),
         input_encoder=_encoder(on, "input", world),
         output_encoder=_encoder(on, "output", world),
         torque_port=_torque_port(on, days),
@@ -201,21 +201,22 @@ def _switched(encoder: EncoderErrors, on: Imperfections) -> EncoderErrors:
     )
 
 
-def _deviations(on: Imperfections, ratio: float, bench_seed: int, gear_seed: int) -> Deviations:
+def _deviations(on: Imperfections, ratio: float, world: World) -> Deviations:
     """What the plant has and equation 2 has not."""
-    sizes = on.sizes
+    sizes, bench_seed = on.sizes, world.bench_seed
     constant = sizes.torque_constant * bounded(stream(bench_seed, "torque constant"))
     coulomb = viscous = 0.0
     if on.output_bearing_friction:
         bearing = stream(bench_seed, "output bearing").uniform(0.8, 1.2, 2)
         coulomb, viscous = float(bearing[0]), float(bearing[1])
     return Deviations(
-        kinematic_error=_added_orders(on, ratio, gear_seed),
+        kinematic_error=_added_orders(on, ratio, world.gear_seed),
         friction_windup=on.friction_windup,
         mesh_depth=_size(on.mesh_depth_friction, sizes.mesh_depth),
         hardening=on.hardening,
         hysteresis_torque=_size(on.hysteresis, sizes.hysteresis_torque),
         hysteresis_stiffness=_size(on.hysteresis, sizes.hysteresis_stiffness),
+        hysteresis_by_slope=world.version < 3,
         output_coulomb=sizes.output_coulomb * coulomb,
         output_viscous=sizes.output_viscous * viscous,
         motor_friction=on.motor_friction,

@@ -24,10 +24,11 @@ Population = Literal["narrow", "wide"]
 """Gears and benches like the nominal one, or as different as the analysis has to bear."""
 LARGEST = 2**63 - 1
 """The largest seed or number: what a run file's integers hold."""
-VERSION = 2
+VERSION = 3
 """Of the draws. 1 is that of program version 0.2.0, whose runs name none: output encoders of orders 1 and 2 (narrow) or
 1 to 8 (wide), rotor and clock exact, no output orders of a wide gear, days without memory, and a gear that was turned
-on its flange from wherever its mounting had put it."""
+on its flange from wherever its mounting had put it. In 1 and 2 the hysteresis element is stepped by its slope, and
+damps a swing in which it slides by 5 % more than its law."""
 OLDEST = 1
 LONGEST_WEAR = 4000.0
 """h; rates of wear are straight lines, and further on one of them would leave nothing."""

@@ -17,7 +17,7 @@ from model.identify.step_data import StepData
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
 from model.identify.step_rungs import LEAST_RELAXATION
-from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ, OTHERS
+from model.identify.step_search import EXPLAINED, HIGHEST_SHARE, LOWEST_HZ
 from model.identify.torsional_mode import TorsionModel
 from model.units import REVOLUTION
 
@@ -415,8 +415,7 @@ def _ringing_left(problem: Problem, solution: Solution) -> float:
 def _between_answers(
     answers: Sequence[Solution], numbers: Callable[[Array], Array], louder: float, error: Array
 ) -> Array:
-    """Standard deviation of the numbers (n,) over several answers, each as likely as its cost has it; where no two
-    starts agree, all that explain the steps are as likely.
+    """Standard deviation of the numbers (n,) over several answers, each as likely as its cost has it.
 
     Starts that led to one answer count once: no number of theirs is apart by more than a share of its `error` (n,).
     """
@@ -428,10 +427,6 @@ def _between_answers(
             apart.append(answer)
             stated.append(its)
     likely = _likely(apart, louder)
-    if len(answers) > 1 and answers[1].robust_cost() > answers[0].robust_cost() + OTHERS:
-        # The cost is full of small valleys then, and how deep one is says little.
-        likely = np.array([one.robust_cost() < EXPLAINED**2 * one.samples for one in apart])
-        likely = likely / max(likely.sum(), 1)
     values = np.array(stated)
     return np.sqrt(likely @ (values - likely @ values) ** 2)
 

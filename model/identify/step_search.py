@@ -94,14 +94,13 @@ def _slides(
     """Starts of the hysteresis rung beside a hardening spring: an element that takes over some or most of its loss.
 
     A hardening spring alone bends by too little, or not at all, where a hysteresis softens it: it is begun as bent as
-    the card says, and then as the rung below left it.
+    the card says.
     """
-    as_below: Mapping[str, float] = {}
     return [
         (
             {
                 **below.values,
-                **bent,
+                **added["hardening"],
                 **added["hysteresis"],
                 "soft": math.log(share * expected.stiffness),
                 "limit": added["hysteresis"]["limit"] + limit,
@@ -110,7 +109,6 @@ def _slides(
             },
             below.error,
         )
-        for bent in (added["hardening"], as_below)
         for limit in LIMITS
         for share, less in SLIDING
     ]

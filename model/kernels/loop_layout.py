@@ -65,6 +65,7 @@ STATE_SIZE = 34
     EXTRA_3,
     HYSTERESIS_STIFFNESS,
     HYSTERESIS_LIMIT,
+    HYSTERESIS_BY_SLOPE,
     OUTPUT_COULOMB,
     OUTPUT_VISCOUS,
     PORT_STEP,
@@ -91,8 +92,8 @@ STATE_SIZE = 34
     LATCH,
     PLAY,
     SPRING,
-) = range(47)
-PHYSICS_SIZE = 47
+) = range(48)
+PHYSICS_SIZE = 48
 
 # Servo: gains and limits that a drive can be told; rates are per servo period.
 (

@@ -1,4 +1,6 @@
-"""Compiled look-up in what `model.loop_tables` makes: the wedge's error, the cogging torque and the friction."""
+"""Compiled look-up in what `model.loop_tables` makes: the wedge's error, the cogging torque and the friction; and how
+a hysteresis element slides.
+"""
 
 from __future__ import annotations
 
@@ -54,6 +56,14 @@ def cogging_at(table: FloatArray, points: float, angle: float) -> float:
     place = (place - math.floor(place)) * points
     index = int(place)
     return table[index] + (place - index) * (table[index + 1] - table[index])
+
+
+@compiled
+def slid(x: float) -> float:
+    """What is left of how far a Dahl element is from its limit, moved by x of the travel in which it slides: exp(-x) of
+    its first terms, less than 1e-3 off up to 0.4, and never beyond the limit.
+    """
+    return 1.0 / (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0))))
 
 
 @compiled

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 
 from model.arrays import FloatArray, IntArray
+from model.kernels.loop_tables import slid
 
 _exact = njit(cache=True, nogil=True, error_model="numpy")
 _fast = njit(
@@ -149,9 +150,7 @@ def respond(
         if dahl[1] > 0.0:
             moved = middle - torsion
             end = math.copysign(dahl[1], moved)
-            x = dahl[0] * abs(moved) / dahl[1]
-            # exp(-x) of its first terms: less than 1e-3 off up to x = 0.4, and never beyond the limit.
-            kept = 1.0 / (1.0 + x * (1.0 + x * (0.5 + x * (1.0 / 6.0))))
+            kept = slid(dahl[0] * abs(moved) / dahl[1])
             yielding[i, 0] = dahl[0] * kept * math.copysign(1.0, moved) * (end - memory) / dahl[1]
             yielding[i, 1] = kept
             memory = end + (memory - end) * kept

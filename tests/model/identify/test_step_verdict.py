@@ -22,7 +22,6 @@ from model.identify.step_estimates import (
     WANTED,
     WIDEST,
     Reading,
-    _between_answers,
     _ringing_left,
     _RungAnswer,
     _standard_error,
@@ -158,24 +157,6 @@ def test_the_damping_is_that_of_all_rungs_and_a_refused_one_says_nothing_of_it()
     _, refused = weighed((980.0, 900.0, 900.0), (0.08, 0.02, 0.02))
     assert refused.estimate(DAMPING).value == pytest.approx(0.02)
     assert refused.estimate(DAMPING).expanded_uncertainty < 0.0005
-
-
-@pytest.mark.parametrize(("beyond", "spread"), [(20.0, 0.0), (50.0, 0.1)])
-def test_answers_of_which_no_two_agree_are_as_likely_as_one_another(
-    beyond: float, spread: float
-) -> None:
-    """Their cost is full of small valleys then, of which the depth of one says little; what explains nothing is left
-    out.
-    """
-
-    def answer(cost: float, damping: float) -> Any:
-        return SimpleNamespace(
-            robust_cost=lambda: cost, samples=1000, vector=np.full(len(STATED), damping)
-        )
-
-    answers = [answer(900.0, 0.0), answer(900.0 + beyond, 0.2), answer(1300.0, 5.0)]
-    found = _between_answers(answers, lambda vector: vector, 1.0, np.full(len(STATED), 0.01))
-    assert found[DAMPING] == pytest.approx(spread, abs=2e-3)
 
 
 def test_between_the_swing_of_the_steps_and_the_one_that_is_stated_there_is_only_the_law() -> None:
