@@ -204,7 +204,6 @@ def _problem(
         basis=BASIS,
         error_width=GIVEN_ERROR if error_given else UNKNOWN_ERROR,
         model=models_of(expected),
-        input_density=period * (steps[0].input_quantum / steps[0].ratio) ** 2 / 12.0,
         swing=expected.amplitude / expected.inertia,
         observer=2.0 * gain * REVOLUTION * expected.frequency,
     )

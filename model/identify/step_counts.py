@@ -7,6 +7,7 @@ much damping.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -74,31 +75,24 @@ def _counted(
     )
 
 
-def louder_in_band(problem: Problem, solution: Solution) -> float:
-    """How many times the noise that a fit leaves the noise is at the peak of the mode, by the counts of the input."""
-    frequency, damping = problem.model(solution.values).mode(problem.swing)
-    damping += 0.5 * problem.observer / frequency
-    count = sum(w * n.count for w, n in zip(solution.weights, solution.normals, strict=True))
-    period = float(np.median(np.diff(problem.steps[0].stamps)))
-    peak = 1.0 + 0.25 / damping**2 if damping > 0.0 else 1.0
-    return 1.0 + problem.input_density / period * peak * float(count) / solution.square
-
-
-def left_in_band(problem: Problem, solution: Solution) -> float:
-    """Mean power density of what a fit leaves within `_BAND` of the mode over that of the rest, 1 at least; each over
-    what an observer leaves of counts there, |(1 - x^2 + 2i zeta x)/(1 - x^2 + 2i (zeta + zeta_o) x)|^2.
+def left_in_band(problem: Problem, solution: Solution) -> tuple[float, float]:
+    """Mean power density of what a fit leaves within `_BAND` of the mode over that of the rest, 1 at least, each over
+    what an observer leaves of counts there, |(1 - x^2 + 2i zeta x)/(1 - x^2 + 2i (zeta + zeta_o) x)|^2; and the squares
+    of the noise that may be left there beyond it: what is, and twice the standard deviation by which chance hides more.
     """
     frequency, damping = problem.model(solution.values).mode(problem.swing)
     followed = damping + 0.5 * problem.observer / frequency
-    inside, outside = np.zeros(2), np.zeros(2)
+    inside, outside = np.zeros(3), np.zeros(3)
     for step, normal, weight in zip(problem.steps, solution.normals, solution.weights, strict=True):
         count, period = len(normal.residual), float(np.median(np.diff(step.stamps)))
-        power = np.abs(np.fft.rfft(normal.residual))[1:] ** 2 / count
+        power = 2.0 * np.abs(np.fft.rfft(normal.residual))[1:] ** 2 / count
         x = np.asarray(np.fft.rfftfreq(count, period)[1:] * REVOLUTION / frequency, dtype=float)
         quiet = np.abs((1.0 - x**2 + 2j * damping * x) / (1.0 - x**2 + 2j * followed * x)) ** 2
         near = np.abs(x - 1.0) < _BAND
         for sums, part in ((inside, near), (outside, ~near)):
-            sums += float(weight) * np.array([power[part].sum(), quiet[part].sum()])
+            sums += float(weight) * np.array([power[part].sum(), quiet[part].sum(), part.sum()])
     if not (inside[1] and outside[0]):
-        return 1.0
-    return max(1.0, float(inside[0] / inside[1] / (outside[0] / outside[1])))
+        return 1.0, math.inf
+    counting = inside[1] * outside[0] / outside[1]
+    more = max(0.0, inside[0] - counting) + 2.0 * counting / math.sqrt(inside[2])
+    return max(1.0, float(inside[0] / counting)), float(more) / solution.noise**2

@@ -12,7 +12,7 @@ from model.errors import IdentificationError
 from model.identify.checks import Array
 from model.identify.estimate import NORMAL_COVERAGE_FACTOR, BudgetLine, Estimate, Identifiable
 from model.identify.least_squares import student_quantile
-from model.identify.step_counts import led_away, left_in_band, louder_in_band
+from model.identify.step_counts import led_away, left_in_band
 from model.identify.step_data import StepData
 from model.identify.step_fit import Solution
 from model.identify.step_problem import Problem
@@ -40,7 +40,10 @@ BY_RUNG, NO_HYSTERESIS, BY_LAW = "choice of the rung", "hysteresis", "law of the
 """Sources of lines of the budget."""
 _ASTRAY = 10.0
 """Squares of the noise by which a richer rung is no worse that was searched well: so much its prior may pull."""
-TO_RICHER, FROM_BELOW = "to the next richer rung", "what the richest rung changed, rectangular"
+TO_RICHER, FROM_BELOW = (
+    "to the next richer rung",
+    "what the richest rung changed, as far as more of it may be hidden, rectangular",
+)
 STATED = (
     ("stiffness_over_inertia", "1/s2"),
     ("mode_squared", "1/s2"),
@@ -140,16 +143,17 @@ def _one_way(told: _RungAnswer, moved: Array, way: str) -> dict[str, Estimate]:
 @dataclass(frozen=True)
 class Reading:
     """What one rung says of the numbers of `STATED` (n,): values, standard errors with their degrees of freedom, how
-    far counts had led them, which is taken off, how many times louder than over all the noise is near the mode, how
-    many times the power is there that is beside it, and the numbers as a function of those of the fit.
+    far counts had led them, which is taken off, how many times the power is near the mode that is beside it, how many
+    squares of the noise may be hidden there, its cost, and the numbers as a function of those of the fit.
     """
 
     centre: Array
     error: Array
     freedom: Array
     counts: Array
-    louder: float
     left: float
+    hidden: float
+    cost: float
     numbers: Callable[[Array], Array]
 
 
@@ -157,26 +161,28 @@ def read_rung(problem: Problem, answers: Sequence[Solution], amplitude: float) -
     """A rung of these answers, the best first, at a torque amplitude over J_o [rad/s2]."""
     solution = answers[0]
     plain = _stated(problem, solution, amplitude)
-    left = left_in_band(problem, solution)
-    louder = max(louder_in_band(problem, solution), left)
+    left, hidden = left_in_band(problem, solution)
     slopes = _slopes(plain, solution.vector, len(solution.shape.names))
     led = led_away(problem, solution) @ slopes.T
     led = np.where(np.isfinite(led), led, 0.0)
-    off, chance = led.mean(axis=0), led.std(axis=0, ddof=1) / math.sqrt(len(led))
+    off, drawn = led.mean(axis=0), led.std(axis=0, ddof=1)
 
     def numbers(vector: Array) -> Array:
         return plain(vector) - off
 
-    error, freedom = _standard_error(problem, solution, slopes, louder)
+    error, freedom = _standard_error(problem, solution, slopes, left)
     return Reading(
         centre=numbers(solution.vector),
         error=np.sqrt(
-            error**2 + chance**2 + _between_answers(answers, numbers, louder, error) ** 2
+            np.maximum(error, drawn) ** 2
+            + drawn**2 / len(led)
+            + _between_answers(answers, numbers, left, error) ** 2
         ),
         freedom=freedom,
         counts=np.abs(off),
-        louder=louder,
         left=left,
+        hidden=hidden,
+        cost=solution.robust_cost(),
         numbers=numbers,
     )
 
@@ -199,7 +205,12 @@ def _rung_answer(
     chosen: str,
     others: Sequence[tuple[str, str]],
 ) -> _RungAnswer:
-    """What the chosen rung says, with the other rungs as a line of the budget."""
+    """What the chosen rung says, with the other rungs as a line of the budget.
+
+    Beyond the richest rung stands a law that is none of them. What it would change is what the last one did, by the
+    root of the squares that may be hidden over those that the last one gained: a change is as large as what it
+    explains, squares go as its square.
+    """
     reading, model = readings[chosen], problem.model(solution.values)
     counts = reading.counts / math.sqrt(3.0)
     lines = [
@@ -207,13 +218,14 @@ def _rung_answer(
         ("counts of both encoders", "what they lead to, which is taken off", counts),
     ]
     if others:
-        note = others[0][0]
+        note, neighbour = others[0]
         found = [readings[name].centre - reading.centre for _, name in others]
         # A rung that leads to no mode says nothing of this one.
         moved = np.max([np.abs(np.nan_to_num(f)) for f in found], axis=0)
-        lines.append(
-            (BY_RUNG, note, moved if note == TO_RICHER else moved / math.sqrt(3.0)),
-        )
+        if note == FROM_BELOW:
+            gained = readings[neighbour].cost - reading.cost
+            moved *= math.sqrt(min(1.0, reading.hidden / gained) / 3.0)
+        lines.append((BY_RUNG, note, moved))
     if model.hysteresis[1] == 0.0:
         lines.append((NO_HYSTERESIS, "not part of this rung", _unfitted_hysteresis(model)))
     ringing = _ringing_left(problem, solution)
@@ -246,7 +258,7 @@ def _weighed_damping(
     richest = answers["hysteresis"][0]
     if richest.robust_cost() > solution.robust_cost() + _ASTRAY:
         return told
-    likely = _likely([answers[name][0] for name in names], readings[best].louder * max(1.0, power))
+    likely = _likely([answers[name][0] for name in names], readings[best].left * max(1.0, power))
     values = np.array([readings[name].centre[DAMPING] for name in names])
     errors = np.array([readings[name].error[DAMPING] for name in names])
     centre, error, freedom = told.centre.copy(), told.error.copy(), told.freedom.copy()
@@ -289,7 +301,7 @@ def damped_at(solution: Solution, reading: Reading, swings: Array) -> float:
     calmest = np.argsort(swings)
     for count in range(1, len(calmest)):
         covariance = solution.covariance(without=calmest[count:].tolist())
-        error = math.sqrt(reading.louder * float(slopes @ covariance @ slopes))
+        error = math.sqrt(reading.left * float(slopes @ covariance @ slopes))
         if NORMAL_COVERAGE_FACTOR * error * damping <= WANTED["damping_ratio"]:
             return ringing(swings[calmest[:count]])
     return ringing(swings)

@@ -165,16 +165,14 @@ class _Moved:
 class Problem:
     """All steps, the basis of the kinematic error and how wide its coefficients are believed to lie [rad].
 
-    `input_density`: power density of the error of the input's counts, at the output [rad2 s]; `swing`: torque
-    amplitude over J_o at which the mode is stated [rad/s2]; `observer`: gain [1/s] with which the response follows the
-    measured speed of the output, 0 where it runs alone.
+    `swing`: torque amplitude over J_o at which the mode is stated [rad/s2]; `observer`: gain [1/s] with which the
+    response follows the measured speed of the output, 0 where it runs alone.
     """
 
     steps: tuple[StepArrays, ...]
     basis: tuple[tuple[int, int], ...]
     error_width: float
     model: Callable[[Mapping[str, float]], TorsionModel]
-    input_density: float = 0.0
     swing: float = 0.0
     observer: float = 0.0
 

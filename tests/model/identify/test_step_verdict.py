@@ -10,12 +10,13 @@ import pytest
 
 from experiments.protocols.velocity_steps.quantities import ESTIMATES
 from model.errors import IdentificationError
-from model.identify import dynamics
+from model.identify import dynamics, step_estimates
 from model.identify.step_estimates import (
     BY_LAW,
     BY_RUNG,
     DAMPING,
     FREQUENCY,
+    FROM_BELOW,
     NO_HYSTERESIS,
     RINGS_ON,
     STATED,
@@ -23,6 +24,7 @@ from model.identify.step_estimates import (
     WIDEST,
     Reading,
     _ringing_left,
+    _rung_answer,
     _RungAnswer,
     _standard_error,
     _weighed_damping,
@@ -112,13 +114,28 @@ def test_what_is_left_near_the_mode_leaves_its_damping_open_before_its_frequency
 RUNGS = ("linear", "hardening", "hysteresis")
 
 
-def reading(damping: float = 0.02, frequency: float = 40.0, error: float = 0.01) -> Reading:
+def reading(
+    damping: float = 0.02,
+    frequency: float = 40.0,
+    error: float = 0.01,
+    hidden: float = 1e9,
+    cost: float = 900.0,
+) -> Reading:
     """What a rung says, everything known to the same share."""
     size = len(STATED)
     centre = np.zeros(size)
     centre[DAMPING], centre[FREQUENCY] = np.log(damping), np.log(frequency)
     errors, many = np.full(size, error), np.full(size, 1000.0)
-    return Reading(centre, errors, many, np.zeros(size), 1.0, 1.0, lambda vector: vector)
+    return Reading(
+        centre=centre,
+        error=errors,
+        freedom=many,
+        counts=np.zeros(size),
+        left=1.0,
+        hidden=hidden,
+        cost=cost,
+        numbers=lambda vector: vector,
+    )
 
 
 def weighed(
@@ -143,6 +160,25 @@ def weighed(
     mode = SimpleNamespace(mode=lambda swung: (40.0, where_it_rings * dampings[-1]))
     problem: Any = SimpleNamespace(model=lambda values: mode)
     return told, _weighed_damping(told, problem, answers, readings, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("hidden", "share"), [(10.0, 0.1), (250.0, 0.5), (1000.0, 1.0), (5000.0, 1.0)]
+)
+def test_beyond_the_richest_rung_stands_what_may_be_hidden(hidden: float, share: float) -> None:
+    """What the last rung changed by gaining 1000 squares, another one changes by the root of those that it may gain."""
+    readings = {
+        "hardening": reading(frequency=40.0, cost=1900.0),
+        "hysteresis": reading(frequency=40.0 * np.exp(0.02), hidden=hidden),
+    }
+    model = SimpleNamespace(hysteresis=(1.0, 1.0))
+    problem: Any = SimpleNamespace(model=lambda values: model, steps=())
+    solution: Any = SimpleNamespace(values={}, normals=(), weights=())
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(step_estimates, "_lines", lambda model, centre: [])
+        said = _rung_answer(problem, solution, readings, "hysteresis", [(FROM_BELOW, "hardening")])
+    (moved,) = [line for source, _, line in said.lines if source == BY_RUNG]
+    assert moved[FREQUENCY] == pytest.approx(share * 0.02 / np.sqrt(3.0))
 
 
 def test_the_damping_is_that_of_all_rungs_and_a_refused_one_says_nothing_of_it() -> None:
