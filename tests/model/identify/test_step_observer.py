@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from model.identify.dynamics import OBSERVER, _problem
+from model.identify.dynamics import OBSERVER, _problem, _response, _rung
+from model.identify.step_fit import fit_all
+from model.identify.step_problem import Shape
 from model.identify.torsional_mode import TorsionModel
 from model.kernels.steps import respond
 from tests.model.identify.test_dynamics import EXPECTED, STATIC, step
@@ -89,3 +91,20 @@ def test_a_speed_that_is_a_staircase_is_not_followed() -> None:
     )
     assert quick.observer == pytest.approx(2.0 * OBSERVER * math.sqrt(EXPECTED.stiffness))
     assert slow.observer == quick.alone.observer == 0.0
+
+
+def test_what_a_rung_predicts_it_predicts_alone() -> None:
+    """A damping that is far off hides behind the measured speed while it is fitted, and nowhere else."""
+    data = step(1800.0, 3)[0]
+    problem, noise, _ = _problem([data], EXPECTED, error_given=True)
+    start = {"stiffness": math.log(STATIC), "damping": math.log(0.002), "skew": 3e-4}
+    held = Shape(names=("skew",))
+    found = fit_all(problem, held, start, np.zeros(2 * len(problem.basis)), noise=noise)
+    row = _rung("linear", problem, found)
+    (alone,) = problem.alone.normals(held, found.values, found.error)
+    assert row.rms[0] == pytest.approx(alone.rms, rel=1e-9)
+    assert row.rms[0] > 1.2 * found.normals[0].rms
+    told, by_itself = (_response(one, found, data) for one in (problem, problem.alone))
+    assert np.array_equal(told.angle, by_itself.angle)
+    # The torque in the gear is that of the motion that was measured.
+    assert np.std(told.acceleration) < 0.9 * np.std(by_itself.acceleration)
