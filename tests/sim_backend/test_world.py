@@ -161,6 +161,16 @@ def test_a_world_of_the_older_draws_is_as_it_was(digests: tuple[str, str]) -> No
     assert (made(1), made(2)) == digests
 
 
+def test_hysteresis_follows_its_law_from_version_3_on() -> None:
+    by_slope = [
+        draw(
+            Imperfections(), RATIO, dataclasses.replace(WORLD, version=version)
+        ).deviations.hysteresis_by_slope
+        for version in (1, 2, 3)
+    ]
+    assert by_slope == [True, True, False]
+
+
 def test_a_gear_that_is_turned_by_180_degrees_shows_its_odd_output_orders_with_another_sign() -> (
     None
 ):
